@@ -1,0 +1,185 @@
+//! The features of one level, and the wave of changes through its blocks.
+//!
+//! Enters: rows whose neighbourhood changed, rows whose input changed. Leaves: features equal, bit for bit, to those
+//! computed from scratch, and for each feature the rows that changed. A row is recomputed whole or not at all; a
+//! recomputed row with the same bits ends the wave there.
+
+use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, is_nan, same_bits};
+
+use crate::counters::LayerCounters;
+use crate::graph::Adjacency;
+use crate::network::{Block, Level};
+use crate::rows::RowSet;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Activations {
+    /// What enters the level, then what each block wrote.
+    features: Vec<Matrix>,
+    /// For each feature, rows that changed since `finish`.
+    changed: Vec<RowSet>,
+    /// Rows whose neighbourhood changed since `finish`.
+    rewired: RowSet,
+    /// For each feature, rows that hold NaN.
+    nan: Vec<RowSet>,
+    dirty: RowSet,
+    scratch: SplineScratch,
+    row: Vec<Lanes>,
+}
+
+impl Activations {
+    pub(crate) fn new(rows: usize, channels: &[usize]) -> Self {
+        let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
+        Self {
+            features: channels.iter().map(|&c| Matrix::zeros(rows, c)).collect(),
+            changed: vec![RowSet::new(rows); channels.len()],
+            rewired: RowSet::new(rows),
+            nan: vec![RowSet::new(rows); channels.len()],
+            dirty: RowSet::new(rows),
+            scratch: SplineScratch::default(),
+            row: vec![Lanes::ZERO; widest],
+        }
+    }
+
+    pub(crate) fn bytes(rows: usize, channels: &[usize]) -> usize {
+        let lanes: usize = channels.iter().map(|&c| Lanes::count(c)).sum();
+        rows * (lanes * size_of::<Lanes>() + (2 * channels.len() + 2) * 2 * size_of::<u32>())
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.nan.iter_mut().for_each(RowSet::clear);
+        self.finish();
+    }
+
+    pub(crate) fn feature(&self, index: usize) -> &Matrix {
+        &self.features[index]
+    }
+
+    /// What enters the level, and the set of its rows that changed, to write.
+    pub(crate) fn input_mut(&mut self) -> (&mut Matrix, &mut RowSet) {
+        (&mut self.features[0], &mut self.changed[0])
+    }
+
+    /// Rows of a feature that changed since `finish`.
+    pub(crate) fn changed(&self, index: usize) -> &RowSet {
+        &self.changed[index]
+    }
+
+    /// Notes that the neighbourhood of `row` changed.
+    #[inline]
+    pub(crate) fn rewire(&mut self, row: u32) {
+        self.rewired.insert(row);
+    }
+
+    /// Forgets `row`, and with `poison` leaves NaN where it was.
+    pub(crate) fn leave(&mut self, row: u32, poison: bool) {
+        self.rewired.remove(row);
+        for (feature, (changed, nan)) in
+            self.features.iter_mut().zip(self.changed.iter_mut().zip(&mut self.nan))
+        {
+            changed.remove(row);
+            nan.remove(row);
+            if poison {
+                feature.row_mut(row as usize).fill(Lanes::splat(f32::NAN));
+            }
+        }
+    }
+
+    /// Recomputes what the changes noted so far affect.
+    pub(crate) fn run(
+        &mut self,
+        level: &Level,
+        graph: &impl Adjacency,
+        isa: Isa,
+        counters: &mut [LayerCounters],
+    ) {
+        for ((b, block), counters) in level.blocks.iter().enumerate().zip(counters) {
+            self.collect(block, graph);
+            for i in 0..self.dirty.len() {
+                let row = self.dirty.as_slice()[i];
+                self.compute(block, b + 1, row, graph, isa, counters);
+            }
+        }
+    }
+
+    /// Computes every block of one row, which reads rows that are final.
+    pub(crate) fn run_row(
+        &mut self,
+        level: &Level,
+        row: u32,
+        graph: &impl Adjacency,
+        isa: Isa,
+        counters: &mut [LayerCounters],
+    ) {
+        for ((b, block), counters) in level.blocks.iter().enumerate().zip(counters) {
+            self.compute(block, b + 1, row, graph, isa, counters);
+        }
+    }
+
+    /// Rows of `block` that a change reaches.
+    fn collect(&mut self, block: &Block, graph: &impl Adjacency) {
+        let Self { dirty, rewired, changed, .. } = self;
+        dirty.clear();
+        rewired.as_slice().iter().for_each(|&row| dirty.insert(row));
+        for &row in changed[block.input].as_slice() {
+            graph.readers(row).iter().for_each(|&reader| dirty.insert(reader));
+            if block.conv.has_root() {
+                dirty.insert(row);
+            }
+        }
+        if let Some(skip) = block.skip {
+            changed[skip].as_slice().iter().for_each(|&row| dirty.insert(row));
+        }
+    }
+
+    /// Recomputes one row of feature `to`.
+    #[inline]
+    fn compute(
+        &mut self,
+        block: &Block,
+        to: usize,
+        row: u32,
+        graph: &impl Adjacency,
+        isa: Isa,
+        counters: &mut LayerCounters,
+    ) {
+        let (read, written) = self.features.split_at_mut(to);
+        let input = &read[block.input];
+        let out = &mut self.row[..Lanes::count(block.conv.outputs())];
+        block.conv.row(
+            isa,
+            SplineRow {
+                neighbours: graph.neighbours(row),
+                features: input,
+                own: input.row(row as usize),
+                skip: block.skip.map(|skip| read[skip].row(row as usize)),
+                scratch: &mut self.scratch,
+                out,
+            },
+        );
+        counters.recomputed += 1;
+        if is_nan(out) {
+            self.nan[to].insert(row);
+        } else if !self.nan[to].is_empty() {
+            self.nan[to].remove(row);
+        }
+        let stored = written[0].row_mut(row as usize);
+        if same_bits(out, stored) {
+            counters.unchanged += 1;
+        } else {
+            stored.copy_from_slice(out);
+            self.changed[to].insert(row);
+        }
+    }
+
+    /// The first block with rows that hold NaN, and how many.
+    pub(crate) fn not_a_number(&self) -> Option<(usize, usize)> {
+        let nan = self.nan.iter().enumerate().skip(1).find(|(_, nan)| !nan.is_empty());
+        nan.map(|(feature, nan)| (feature - 1, nan.len()))
+    }
+
+    /// Everything downstream has seen the changes.
+    pub(crate) fn finish(&mut self) {
+        self.changed.iter_mut().for_each(RowSet::clear);
+        self.rewired.clear();
+    }
+}

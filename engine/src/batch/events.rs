@@ -1,0 +1,138 @@
+//! The event level from scratch.
+
+use std::ops::Range;
+
+use meissner_kernels::{Matrix, Neighbour, attribute};
+
+use super::{Batch, Edges, LevelTrace, Search, Stream};
+use crate::Event;
+use crate::graph::{Candidate, take};
+use crate::grid::{Grid, Times};
+use crate::metric::{Metric, Node};
+use crate::network::Candidates;
+
+/// Rows, edges and input of the event level.
+pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
+    let parts = batch.network.parts();
+    let oldest = stream.now_us.saturating_sub(parts.span_us);
+    let in_time = stream.events.partition_point(|e| e.t_us < oldest);
+    let first = in_time.max(stream.events.len().saturating_sub(parts.capacity));
+    // What has left the window still feeds the rows that read it on arrival.
+    let start = if parts.graph.is_frozen() { 0 } else { first };
+    let events = &stream.events[start..];
+    let extents = [f64::from(batch.sensor.width), f64::from(batch.sensor.height), parts.span_us as f64];
+    let lists = match batch.search {
+        Search::Exhaustive => exhaustive(batch, events, extents),
+        Search::Grid => with_grid(batch, events),
+    };
+    let difference = |source: usize, reader: usize| {
+        let (a, b) = (events[source], events[reader]);
+        let integers = [i64::from(a.x) - i64::from(b.x), i64::from(a.y) - i64::from(b.y), a.t_us - b.t_us];
+        [0, 1, 2].map(|d| integers[d] as f64 / extents[d])
+    };
+    let pairs = || lists.iter().enumerate().flat_map(|(i, list)| list.iter().map(move |&j| (j, i)));
+    let scale = batch.scale(parts.events.scale, pairs().map(|(j, i)| difference(j, i)));
+    let mut edges = Edges::default();
+    for (i, list) in lists.iter().enumerate() {
+        let neighbour =
+            |&j: &usize| Neighbour { row: j as u32, u: difference(j, i).map(|d| attribute(d, scale)) };
+        edges.push(list.iter().map(neighbour));
+    }
+    let signs: Vec<f32> = events.iter().map(|e| if e.on { 1.0 } else { -1.0 }).collect();
+    let position = |e: &Event| {
+        [
+            f64::from(e.x) / extents[0],
+            f64::from(e.y) / extents[1],
+            (e.t_us - stream.epoch_us) as f64 / extents[2],
+        ]
+    };
+    LevelTrace {
+        edges,
+        features: vec![Matrix::from_rows(1, &signs)],
+        positions: events.iter().map(position).collect(),
+        cells: Vec::new(),
+        first: first - start,
+    }
+}
+
+/// Indices that event `i` may read from, itself not excluded.
+fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usize> {
+    let parts = batch.network.parts();
+    match parts.graph.candidates {
+        Candidates::All => 0..events.len(),
+        Candidates::Past(_) if !parts.graph.is_frozen() => 0..i,
+        Candidates::Past(_) => {
+            // The window as it was on arrival, after it had made room.
+            let oldest = events[i].t_us.saturating_sub(parts.span_us);
+            let in_time = events[..i].partition_point(|e| e.t_us < oldest);
+            in_time.max((i + 1).saturating_sub(parts.capacity))..i
+        }
+    }
+}
+
+/// Neighbour indices of each event, by comparing it with every candidate.
+fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Vec<Vec<usize>> {
+    let reach = batch.network.parts().graph.reach;
+    let neighbours = |i: usize| {
+        let a = events[i];
+        let mut found: Vec<(f64, usize)> = candidates(batch, events, i)
+            .filter(|&j| j != i)
+            .map(|j| {
+                let b = events[j];
+                let [x, y, t] = [
+                    f64::from(a.x.abs_diff(b.x)) / extents[0],
+                    f64::from(a.y.abs_diff(b.y)) / extents[1],
+                    (a.t_us - b.t_us) as f64 / extents[2],
+                ];
+                (x * x + y * y + t * t, j)
+            })
+            .filter(|&(d2, _)| d2 <= reach.limit())
+            .collect();
+        let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
+        if found.len() > reach.most() {
+            found.select_nth_unstable_by(reach.most(), order);
+            found.truncate(reach.most());
+        }
+        found.sort_unstable_by(order);
+        found.into_iter().map(|(_, j)| j).collect()
+    };
+    (0..events.len()).map(neighbours).collect()
+}
+
+/// The same, by the engine's search grid.
+fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
+    let parts = batch.network.parts();
+    let (rule, origin) = (parts.graph, events.first().map_or(0, |e| e.t_us));
+    let metric = Metric::new(batch.sensor, parts.span_us, parts.events.scale);
+    let mut grid = Grid::new(batch.sensor);
+    let nodes: Vec<Node> = events.iter().map(|&e| Node::new(e, e.t_us - origin)).collect();
+    let times = if rule.candidates == Candidates::All {
+        nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
+        Times::All
+    } else {
+        Times::Past
+    };
+    let (most, limit) = (rule.reach.most(), rule.reach.limit());
+    let mut oldest = 0;
+    let mut found = Vec::with_capacity(most + 1);
+    let mut lists = Vec::with_capacity(nodes.len());
+    for (i, &node) in nodes.iter().enumerate() {
+        if times == Times::Past {
+            let first = candidates(batch, events, i).start;
+            (oldest..first).for_each(|gone| grid.pop(gone as u32, nodes[gone]));
+            oldest = first;
+        }
+        found.clear();
+        grid.search(&metric, node, times, limit, |d2, j| {
+            if j as usize != i {
+                take(&mut found, most, Candidate { d2, arrival: j, slot: j });
+            }
+            if found.len() == most { found[most - 1].d2 } else { limit }
+        });
+        lists.push(found.iter().map(|c| c.slot as usize).collect());
+        if times == Times::Past {
+            grid.push(i as u32, node);
+        }
+    }
+    lists
+}

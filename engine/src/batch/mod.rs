@@ -1,0 +1,277 @@
+//! The same network from scratch: the oracle of the incremental engine, and the way to run data sets.
+//!
+//! Nothing is shared with the engine but the kernels (and, where asked for, the search grid): neighbourhoods by
+//! comparing all pairs, poolings through ordered maps, plain loops over all rows.
+
+mod events;
+mod pool;
+
+use std::sync::Arc;
+
+use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch};
+use meissner_kernels::{is_nan, maximum, settle};
+use rayon::prelude::*;
+
+use crate::network::{Level, Network, Normalisation};
+use crate::{EngineError, Event, Sensor};
+
+/// How the neighbourhoods of a batch are found. Both give the same graph.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Search {
+    /// All pairs: O(n^2), obviously right.
+    Exhaustive,
+    /// The engine's grid of pixels: O(n k) or so.
+    #[default]
+    Grid,
+}
+
+/// A network with a sensor, to run from scratch on any number of streams.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    network: Arc<Network>,
+    sensor: Sensor,
+    search: Search,
+    isa: Isa,
+    parallel: bool,
+}
+
+/// What a batch runs on.
+#[derive(Clone, Copy, Debug)]
+pub struct Stream<'a> {
+    /// Accepted events in order of arrival, times not descending: for `frozen` in-edges all since the last reset, else
+    /// at least those in the window.
+    pub events: &'a [Event],
+    /// Time of the first event since the reset.
+    pub epoch_us: i64,
+    /// The newest time: the last event's, or of a later `advance`.
+    pub now_us: i64,
+}
+
+impl<'a> Stream<'a> {
+    /// All events since a reset.
+    pub fn new(events: &'a [Event]) -> Self {
+        let time = |event: Option<&Event>| event.map_or(0, |e| e.t_us);
+        Self { events, epoch_us: time(events.first()), now_us: time(events.last()) }
+    }
+}
+
+/// In-edges of consecutive rows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Edges {
+    start: Vec<usize>,
+    list: Vec<Neighbour>,
+}
+
+impl Edges {
+    fn push(&mut self, row: impl IntoIterator<Item = Neighbour>) {
+        self.start.push(self.list.len());
+        self.list.extend(row);
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.start.len()
+    }
+
+    /// In-edges of `row`, in neighbourhood order.
+    pub fn row(&self, row: usize) -> &[Neighbour] {
+        let end = self.start.get(row + 1).copied().unwrap_or(self.list.len());
+        &self.list[self.start[row]..end]
+    }
+}
+
+/// One level, computed from scratch.
+#[derive(Clone, Debug)]
+pub struct LevelTrace {
+    /// Neighbourhood of each row.
+    pub edges: Edges,
+    /// What enters the level, then what each block wrote.
+    pub features: Vec<Matrix>,
+    /// Position of each row, in shares of sensor and span, time from the epoch.
+    pub positions: Vec<[f64; 3]>,
+    /// Index of each row's cell along x, y and t; empty at the event level.
+    pub cells: Vec<[i64; 3]>,
+    /// First row that is in the window; rows before it are there for `frozen` in-edges.
+    pub first: usize,
+}
+
+/// Everything that a batch computed.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// The event level, then one per pooling.
+    pub levels: Vec<LevelTrace>,
+    /// (cells, channels).
+    pub readout: Matrix,
+    /// The last dense layer's outputs.
+    pub prediction: Vec<f32>,
+}
+
+impl Batch {
+    /// `network` over the events of `sensor`.
+    ///
+    /// # Errors
+    /// [`EngineError::Sensor`] for a sensor without pixels.
+    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
+        if sensor.width == 0 || sensor.height == 0 {
+            return Err(EngineError::Sensor(sensor));
+        }
+        let network = network.into();
+        Ok(Self { network, sensor, search: Search::default(), isa: Isa::best(), parallel: false })
+    }
+
+    /// The same with another search.
+    #[must_use]
+    pub fn with_search(self, search: Search) -> Self {
+        Self { search, ..self }
+    }
+
+    /// The same with another instruction set.
+    #[must_use]
+    pub fn with_isa(self, isa: Isa) -> Self {
+        Self { isa, ..self }
+    }
+
+    /// Whether the rows of one forward pass are shared among rayon's threads.
+    #[must_use]
+    pub fn with_parallel_rows(self, parallel: bool) -> Self {
+        Self { parallel, ..self }
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Arc<Network> {
+        &self.network
+    }
+
+    /// The prediction for each of `streams`, on all of rayon's threads.
+    pub fn predict_all(&self, streams: &[Stream<'_>]) -> Vec<Result<Vec<f32>, EngineError>> {
+        streams.par_iter().map(|stream| self.forward(*stream).map(|trace| trace.prediction)).collect()
+    }
+
+    /// Computes every row of every layer.
+    ///
+    /// Cost: n rows a layer, and the search.
+    ///
+    /// # Errors
+    /// [`EngineError::NotANumber`] where a row of the window, or the prediction, holds NaN.
+    ///
+    /// # Panics
+    /// If an event of the stream is outside the sensor, before the epoch, or before its predecessor.
+    pub fn forward(&self, stream: Stream<'_>) -> Result<Trace, EngineError> {
+        let parts = self.network.parts();
+        let mut levels = vec![events::level(self, stream)];
+        self.run_blocks(&parts.events, &mut levels[0])?;
+        let mut below_pooling = None;
+        for (pooling, level) in &parts.pooled {
+            let below = &levels[levels.len() - 1];
+            let mut trace = pool::level(self, (pooling, level.scale), below, below_pooling, stream);
+            self.run_blocks(level, &mut trace)?;
+            levels.push(trace);
+            below_pooling = Some(pooling);
+        }
+        let readout = self.readout(&levels[levels.len() - 1], levels.len() == 1, stream);
+        let mut values = readout.clone();
+        for layer in &parts.dense {
+            let mut out = Matrix::zeros(1, layer.dense.outputs());
+            layer.dense.run(self.isa, values.lanes(), out.row_mut(0));
+            if is_nan(out.lanes()) {
+                return Err(EngineError::NotANumber { layer: layer.name.clone(), rows: 1 });
+            }
+            values = out;
+        }
+        Ok(Trace { prediction: values.values(0).collect(), levels, readout })
+    }
+
+    /// Computes the blocks of a level whose input and edges are there.
+    fn run_blocks(&self, level: &Level, trace: &mut LevelTrace) -> Result<(), EngineError> {
+        for block in &level.blocks {
+            let input = &trace.features[block.input];
+            let skip = block.skip.map(|skip| &trace.features[skip]);
+            let mut out = Matrix::zeros(input.rows(), block.conv.outputs());
+            let stride = Lanes::count(block.conv.outputs());
+            let compute = |scratch: &mut SplineScratch, row: usize, out: &mut [Lanes]| {
+                block.conv.row(
+                    self.isa,
+                    SplineRow {
+                        neighbours: trace.edges.row(row),
+                        features: input,
+                        own: input.row(row),
+                        skip: skip.map(|skip| skip.row(row)),
+                        scratch,
+                        out,
+                    },
+                );
+            };
+            if self.parallel {
+                let rows = out.lanes_mut().par_chunks_mut(stride).enumerate();
+                rows.for_each_init(SplineScratch::default, |scratch, (row, out)| compute(scratch, row, out));
+            } else {
+                let mut scratch = SplineScratch::default();
+                let rows = out.lanes_mut().chunks_mut(stride).enumerate();
+                rows.for_each(|(row, out)| compute(&mut scratch, row, out));
+            }
+            let rows = (trace.first..out.rows()).filter(|&row| is_nan(out.row(row))).count();
+            if rows > 0 {
+                return Err(EngineError::NotANumber { layer: block.name.clone(), rows });
+            }
+            trace.features.push(out);
+        }
+        Ok(())
+    }
+
+    /// Maximum over the readout's grid.
+    fn readout(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Matrix {
+        let readout = self.network.parts().readout;
+        let features = &top.features[readout.from];
+        let mut out = Matrix::zeros(readout.columns * readout.rows, features.columns());
+        let mut members = vec![Vec::new(); out.rows()];
+        let origin = self.origin(top);
+        for row in top.first..features.rows() {
+            let [column, row_] = if events && self.network.parts().normalisation == Normalisation::Fixed {
+                let event = stream.events[stream.events.len() - features.rows() + row];
+                let axis = |p: u16, cells: usize, extent: u16| usize::from(p) * cells / usize::from(extent);
+                [
+                    axis(event.x, readout.columns, self.sensor.width),
+                    axis(event.y, readout.rows, self.sensor.height),
+                ]
+            } else {
+                let axis = |d: usize, cells: usize| {
+                    let cell = ((top.positions[row][d] - origin[d]) * cells as f64).floor();
+                    (cell.max(0.0) as usize).min(cells - 1)
+                };
+                [axis(0, readout.columns), axis(1, readout.rows)]
+            };
+            members[row_ * readout.columns + column].push(row);
+        }
+        for (cell, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
+            maximum_of(features, members, out.row_mut(cell));
+        }
+        out
+    }
+
+    /// Where grids start: 0, or the smallest position of the level's nodes.
+    fn origin(&self, level: &LevelTrace) -> [f64; 2] {
+        match self.network.parts().normalisation {
+            Normalisation::Fixed => [0.0; 2],
+            Normalisation::PerGraph => [0, 1]
+                .map(|d| level.positions[level.first..].iter().map(|p| p[d]).fold(f64::INFINITY, f64::min)),
+        }
+    }
+
+    /// Scale of the edge attributes: the description's, or the largest coordinate difference over the edges.
+    fn scale(&self, fixed: f32, differences: impl Iterator<Item = [f64; 3]>) -> f32 {
+        match self.network.parts().normalisation {
+            Normalisation::Fixed => fixed,
+            Normalisation::PerGraph => {
+                let largest = differences.flatten().map(|d| (d as f32).abs()).fold(0.0, f32::max);
+                if largest > 0.0 { largest } else { 1.0 }
+            }
+        }
+    }
+}
+
+/// Channel-wise maximum over some rows.
+fn maximum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
+    out.fill(Lanes::splat(f32::NEG_INFINITY));
+    rows.iter().for_each(|&row| maximum(out, features.row(row)));
+    settle(out);
+}

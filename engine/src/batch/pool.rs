@@ -1,0 +1,146 @@
+//! A pooled level from scratch.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use meissner_kernels::{Matrix, Neighbour, attribute};
+
+use super::{Batch, Edges, LevelTrace, Stream, maximum_of};
+use crate::network::{Normalisation, Pooling, Position};
+use crate::{Event, Fraction};
+
+/// A cell's index with t first: the order of cells.
+type Key = [i64; 3];
+
+/// Rows, edges and input of the level that `pooling` makes from `below`, itself made by `below_pooling` unless it is
+/// the event level.
+pub(super) fn level(
+    batch: &Batch,
+    (pooling, scale): (&Pooling, f32),
+    below: &LevelTrace,
+    below_pooling: Option<&Pooling>,
+    stream: Stream<'_>,
+) -> LevelTrace {
+    let features = &below.features[pooling.from];
+    let rows = below.first..features.rows();
+    let events = match below_pooling {
+        None => &stream.events[stream.events.len() - features.rows()..],
+        Some(_) => &[],
+    };
+    let keys: Vec<Key> = match (batch.network.parts().normalisation, below_pooling) {
+        (Normalisation::Fixed, None) => {
+            events[below.first..].iter().map(|e| key_of_event(batch, pooling, e, [0, 0], stream)).collect()
+        }
+        (Normalisation::PerGraph, None) => {
+            let events = &events[below.first..];
+            let x = events.iter().map(|e| e.x).min().unwrap_or(0);
+            let y = events.iter().map(|e| e.y).min().unwrap_or(0);
+            events.iter().map(|e| key_of_event(batch, pooling, e, [x, y], stream)).collect()
+        }
+        (Normalisation::Fixed, Some(inner)) => {
+            below.cells.iter().map(|&c| key_of_cell(pooling, inner, c)).collect()
+        }
+        (Normalisation::PerGraph, Some(_)) => {
+            let origin = batch.origin(below);
+            let axis = |p: f64, size: Fraction| {
+                (p * f64::from(size.denominator()) / f64::from(size.numerator())).floor() as i64
+            };
+            let [width, height] = pooling.cell;
+            let key = |p: &[f64; 3]| [0, axis(p[1] - origin[1], height), axis(p[0] - origin[0], width)];
+            below.positions.iter().map(key).collect()
+        }
+    };
+    let key_of = |row: usize| keys[row - below.first];
+    let mut members: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
+    for row in rows.clone() {
+        members.entry(key_of(row)).or_default().push(row);
+    }
+    let index: BTreeMap<Key, usize> = members.keys().enumerate().map(|(i, &key)| (key, i)).collect();
+    let mut sources = vec![BTreeSet::new(); members.len()];
+    for reader in rows {
+        for edge in below.edges.row(reader).iter().filter(|edge| edge.row as usize >= below.first) {
+            let (from, to) = (index[&key_of(edge.row as usize)], index[&key_of(reader)]);
+            if from != to {
+                sources[to].insert(from);
+            }
+        }
+    }
+    let mut pooled = Matrix::zeros(members.len(), features.columns());
+    let mut positions = Vec::with_capacity(members.len());
+    for (i, (&key, members)) in members.iter().enumerate() {
+        maximum_of(features, members, pooled.row_mut(i));
+        positions.push(match pooling.position {
+            Position::Centre => centre(pooling, key),
+            Position::Mean if below_pooling.is_none() => mean_of_events(batch, events, members, stream),
+            Position::Mean => {
+                let sum = members
+                    .iter()
+                    .fold([0.0; 3], |sum, &m| [0, 1, 2].map(|d| sum[d] + below.positions[m][d]));
+                sum.map(|s| s / members.len() as f64)
+            }
+        });
+    }
+    let difference = |source: usize, reader: usize| -> [f64; 3] {
+        [0, 1, 2].map(|d| positions[source][d] - positions[reader][d])
+    };
+    let pairs = sources.iter().enumerate().flat_map(|(to, from)| from.iter().map(move |&from| (from, to)));
+    let scale = batch.scale(scale, pairs.map(|(from, to)| difference(from, to)));
+    let mut edges = Edges::default();
+    for (to, from) in sources.iter().enumerate() {
+        let neighbour = |&from: &usize| Neighbour {
+            row: from as u32,
+            u: difference(from, to).map(|d| attribute(d, scale)),
+        };
+        edges.push(from.iter().map(neighbour));
+    }
+    let cells = members.keys().map(|&[t, y, x]| [x, y, t]).collect();
+    LevelTrace { edges, features: vec![pooled], positions, cells, first: 0 }
+}
+
+/// Cell of an event, in integers, on a grid that starts at pixel `origin`.
+fn key_of_event(
+    batch: &Batch,
+    pooling: &Pooling,
+    event: &Event,
+    origin: [u16; 2],
+    stream: Stream<'_>,
+) -> Key {
+    let [width, height] = pooling.cell;
+    let axis = |p: i64, extent: i64, size: Fraction| size.cell(p.into(), extent.into()) as i64;
+    let span_us = batch.network.parts().span_us;
+    [
+        pooling.time.map_or(0, |size| axis(event.t_us - stream.epoch_us, span_us, size)),
+        axis((event.y - origin[1]).into(), batch.sensor.height.into(), height),
+        axis((event.x - origin[0]).into(), batch.sensor.width.into(), width),
+    ]
+}
+
+/// Cell that holds the centre of a cell of `inner`, in integers; the last one where the centre is beyond the image.
+fn key_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i64; 3]) -> Key {
+    let axis = |index: i64, inner: Fraction, outer: Fraction| {
+        let twice_centre = (2 * i128::from(index) + 1) * i128::from(inner.numerator());
+        outer.cell(twice_centre, 2 * i128::from(inner.denominator())) as i64
+    };
+    let [width, height] = pooling.cell;
+    let last = |size: Fraction| size.cells() as i64 - 1;
+    [
+        inner.time.zip(pooling.time).map_or(0, |(inner, outer)| axis(t, inner, outer)),
+        axis(y, inner.cell[1], height).min(last(height)),
+        axis(x, inner.cell[0], width).min(last(width)),
+    ]
+}
+
+fn centre(pooling: &Pooling, [t, y, x]: Key) -> [f64; 3] {
+    let [width, height] = pooling.cell;
+    [width.centre(x), height.centre(y), pooling.time.map_or(0.5, |size| size.centre(t))]
+}
+
+/// Mean position of some events, from exact sums.
+fn mean_of_events(batch: &Batch, events: &[Event], members: &[usize], stream: Stream<'_>) -> [f64; 3] {
+    let sum = |p: &dyn Fn(&Event) -> i128| members.iter().map(|&m| p(&events[m])).sum::<i128>() as f64;
+    let share = |sum: f64, extent: i64| sum / (members.len() as i128 * i128::from(extent)) as f64;
+    [
+        share(sum(&|e| e.x.into()), batch.sensor.width.into()),
+        share(sum(&|e| e.y.into()), batch.sensor.height.into()),
+        share(sum(&|e| i128::from(e.t_us) - i128::from(stream.epoch_us)), batch.network.parts().span_us),
+    ]
+}

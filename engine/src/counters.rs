@@ -1,0 +1,95 @@
+//! What the engine did and what it did not need to do.
+
+/// Why an event did not enter the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DropReason {
+    /// Its pixel is not on the sensor.
+    OutsideSensor,
+    /// It is earlier than the newest event or the last `advance`, and the policy is to drop such events.
+    Late,
+    /// Its time lies so far from the epoch that the difference cannot be represented.
+    TimeOutOfRange,
+}
+
+impl DropReason {
+    /// A short name, as in the program's reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OutsideSensor => "outside_sensor",
+            Self::Late => "late",
+            Self::TimeOutOfRange => "time_out_of_range",
+        }
+    }
+}
+
+/// Counts of events since the engine was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EventCounters {
+    /// Events pushed.
+    pub pushed: u64,
+    /// Events that entered the window.
+    pub accepted: u64,
+    /// Dropped: not on the sensor.
+    pub outside_sensor: u64,
+    /// Dropped: late.
+    pub late: u64,
+    /// Dropped: time out of range.
+    pub time_out_of_range: u64,
+    /// Late events that were accepted at the newest time, where the policy says so.
+    pub clamped: u64,
+    /// Events that left because they had become older than the span.
+    pub expired: u64,
+    /// Events that left before that, because the window was full.
+    pub evicted: u64,
+}
+
+impl EventCounters {
+    /// Dropped events by reason.
+    pub fn dropped(&self) -> [(DropReason, u64); 3] {
+        [
+            (DropReason::OutsideSensor, self.outside_sensor),
+            (DropReason::Late, self.late),
+            (DropReason::TimeOutOfRange, self.time_out_of_range),
+        ]
+    }
+}
+
+/// What one layer did since the engine was made. A layer is a spline block or a pooling.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerCounters {
+    /// Rows computed.
+    pub recomputed: u64,
+    /// Of these, rows that came out with the bits they had: the wave stopped there.
+    pub unchanged: u64,
+    /// Rows of the window that a prediction used without computing them again.
+    pub kept: u64,
+}
+
+/// What predictions did since the engine was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PredictionCounters {
+    /// Predictions read.
+    pub read: u64,
+    /// Of these, predictions for which no value of the readout had changed.
+    pub reused: u64,
+    /// Readout cells computed again.
+    pub cells_recomputed: u64,
+    /// Of these, cells whose maxima did not move.
+    pub cells_unchanged: u64,
+    /// Pooled neighbourhoods looked at because an edge or a position near them changed.
+    pub neighbourhoods_checked: u64,
+    /// Of these, neighbourhoods whose edges and attributes came out the same.
+    pub neighbourhoods_unchanged: u64,
+}
+
+/// All counters. They go on over `reset`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Events.
+    pub events: EventCounters,
+    /// Layers, in the order of [`crate::Network::layers`].
+    pub layers: Vec<LayerCounters>,
+    /// Predictions.
+    pub predictions: PredictionCounters,
+}

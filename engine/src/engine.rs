@@ -1,0 +1,280 @@
+//! The engine: events in, predictions out.
+
+use std::sync::Arc;
+
+use meissner_kernels::{Isa, Neighbour};
+
+use crate::admission::{Admission, LatePolicy, Outcome};
+use crate::counters::{Counters, LayerCounters};
+use crate::graph::Adjacency;
+use crate::network::{Network, Normalisation};
+use crate::step::Step;
+use crate::{EngineError, Event, Sensor};
+
+/// What a user may choose about an engine beside network and sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// What becomes of late events.
+    pub late: LatePolicy,
+    /// Instruction set of the kernels; results do not depend on it.
+    pub isa: Isa,
+    /// Fill what leaves with NaN, so that a stale read shows as [`EngineError::NotANumber`]: a check for tests.
+    pub poison: bool,
+    /// Most bytes of state.
+    pub memory_limit: u128,
+}
+
+impl Default for Options {
+    /// Late events are dropped, the best instruction set is used, nothing is poisoned, state is below 4 GiB.
+    fn default() -> Self {
+        Self { late: LatePolicy::default(), isa: Isa::best(), poison: false, memory_limit: 1 << 32 }
+    }
+}
+
+/// A prediction, and what it cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction<'a> {
+    /// The last dense layer's outputs.
+    pub values: &'a [f32],
+    /// Time of the newest event that it covers; `None` before the first one.
+    pub t_us: Option<i64>,
+    /// Events in the window.
+    pub nodes: usize,
+    /// Rows computed per layer since the last prediction, in the order of [`Network::layers`].
+    pub rows: &'a [u64],
+}
+
+/// Keeps the event graph of a sliding window and, of a network over it, every activation; recomputes what a change
+/// affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit.
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use meissner_engine::{Engine, EngineError, Event, Network, Sensor};
+/// fn watch(network: Arc<Network>, events: &[Event]) -> Result<Vec<f32>, EngineError> {
+///     let mut engine = Engine::new(network, Sensor::new(240, 180))?;
+///     engine.push_slice(events);
+///     Ok(engine.predict()?.values.to_vec())
+/// }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Engine {
+    network: Arc<Network>,
+    sensor: Sensor,
+    admission: Admission,
+    step: Step,
+    counters: Counters,
+    /// Time of the newest event.
+    newest_us: Option<i64>,
+    rows: Vec<u64>,
+    recomputed: Vec<u64>,
+}
+
+/// The whole state of an engine at one moment; see [`Engine::snapshot`].
+#[derive(Clone, Debug)]
+pub struct Snapshot(Engine);
+
+impl Engine {
+    /// An engine with the default [`Options`].
+    ///
+    /// # Errors
+    /// As [`Engine::with_options`].
+    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
+        Self::with_options(network, sensor, Options::default())
+    }
+
+    /// An engine for `network` over the events of `sensor`. All memory whose size is known is taken now.
+    ///
+    /// # Errors
+    /// [`EngineError::NotIncremental`] for a network that is normalised per graph, [`EngineError::Sensor`] for a
+    /// sensor without pixels, [`EngineError::Memory`] beyond the memory limit.
+    pub fn with_options(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        options: Options,
+    ) -> Result<Self, EngineError> {
+        let network = network.into();
+        if network.parts().normalisation == Normalisation::PerGraph {
+            return Err(EngineError::NotIncremental(network.name().to_owned()));
+        }
+        if sensor.width == 0 || sensor.height == 0 {
+            return Err(EngineError::Sensor(sensor));
+        }
+        let bytes = Step::bytes(&network, sensor);
+        if bytes > options.memory_limit {
+            return Err(EngineError::Memory {
+                network: network.name().to_owned(),
+                sensor,
+                capacity: network.parts().capacity,
+                bytes,
+                limit: options.memory_limit,
+            });
+        }
+        let layers = network.layers().len();
+        Ok(Self {
+            step: Step::new(Arc::clone(&network), sensor, options.isa, options.poison),
+            admission: Admission::new(sensor, options.late),
+            counters: Counters { layers: vec![LayerCounters::default(); layers], ..Counters::default() },
+            newest_us: None,
+            rows: vec![0; layers],
+            recomputed: vec![0; layers],
+            network,
+            sensor,
+        })
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Arc<Network> {
+        &self.network
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
+    }
+
+    /// Takes an event. An event that cannot enter is counted and changes nothing else: one outside the sensor, a late
+    /// one (unless the policy clamps it), one whose distance from the epoch does not fit 64 bits. Equal stamps are
+    /// fine; among them, arrival is the order. What has become older than the span leaves first; where the window is
+    /// full, so does the oldest event.
+    ///
+    /// Cost: with k neighbours, O(k) rows for `frozen`; else the graph alone, and rows when a prediction is read.
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let node = match self.admission.admit_node(event) {
+            Ok(node) => node,
+            Err(reason) => return Outcome::Dropped(reason),
+        };
+        self.expire();
+        if self.step.window.is_full() {
+            self.step.leave();
+            self.admission.counters_mut().evicted += 1;
+        }
+        self.step.enter(node, &mut self.counters);
+        self.newest_us = self.admission.now_us();
+        Outcome::Accepted
+    }
+
+    /// Takes events one after the other; how many were accepted.
+    pub fn push_slice(&mut self, events: &[Event]) -> usize {
+        events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
+    }
+
+    /// Moves time on to `t_us`, on the events' clock, without an event: what has become older than the span leaves.
+    /// Earlier times, and any time before the first event, change nothing.
+    pub fn advance(&mut self, t_us: i64) {
+        self.admission.advance(t_us);
+        self.expire();
+    }
+
+    fn expire(&mut self) {
+        let oldest_kept = self.admission.now() - self.network.parts().span_us;
+        while self.step.window.oldest().is_some_and(|(_, node)| node.t < oldest_kept) {
+            self.step.leave();
+            self.admission.counters_mut().expired += 1;
+        }
+    }
+
+    /// The prediction for the window as it is, computing what has changed since the last one.
+    ///
+    /// # Errors
+    /// [`EngineError::NotANumber`] where a layer computed NaN; the engine goes on, and predicts again once the rows
+    /// that hold NaN have left.
+    pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        self.step.settle(&mut self.counters);
+        self.count_rows();
+        let (t_us, nodes) = (self.newest_us, self.step.window.len());
+        let values = self.step.prediction()?;
+        Ok(Prediction { values, t_us, nodes, rows: &self.rows })
+    }
+
+    /// Rows since the last prediction, and those it found computed already.
+    fn count_rows(&mut self) {
+        let mut counters = self.counters.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
+        for level in 0..self.network.levels() {
+            let layers = self.network.level(level).blocks.len() + usize::from(level > 0);
+            for ((layer, rows), before) in counters.by_ref().take(layers) {
+                *rows = layer.recomputed - *before;
+                *before = layer.recomputed;
+                layer.kept += (self.step.nodes(level) as u64).saturating_sub(*rows);
+            }
+        }
+    }
+
+    /// Forgets all events; the next one sets a new epoch. Counters go on.
+    pub fn reset(&mut self) {
+        self.step.clear();
+        self.admission.reset();
+        self.newest_us = None;
+    }
+
+    /// The state as it is, to return to.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(self.clone())
+    }
+
+    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between.
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] where it was taken with another network or sensor; the engine stays as it is.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
+        let other = &snapshot.0;
+        let refuse =
+            |what, expected: String, found: String| Err(EngineError::Snapshot { what, expected, found });
+        if !Arc::ptr_eq(&self.network, &other.network) {
+            return refuse("network", self.network.name().to_owned(), other.network.name().to_owned());
+        }
+        if self.sensor != other.sensor {
+            return refuse("sensor", self.sensor.to_string(), other.sensor.to_string());
+        }
+        self.clone_from(other);
+        Ok(())
+    }
+
+    /// Counts of what was done and of what was not needed.
+    pub fn counters(&self) -> Counters {
+        Counters { events: *self.admission.counters(), ..self.counters.clone() }
+    }
+
+    /// Number of events in the window.
+    pub fn nodes(&self) -> usize {
+        self.step.window.len()
+    }
+
+    /// The newest time: of the newest event, or of a later `advance`. `None` before the first event.
+    pub fn now_us(&self) -> Option<i64> {
+        self.admission.now_us()
+    }
+
+    /// Events of the window from the oldest to the newest, with times as they were accepted.
+    pub fn events(&self) -> Vec<Event> {
+        let epoch = self.admission.epoch_us().unwrap_or(0);
+        let nodes = self.step.window.slots().map(|slot| self.step.window.node(slot));
+        nodes.map(|n| Event::new(epoch + n.t, n.x, n.y, n.on)).collect()
+    }
+
+    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in the order in which a batch has them:
+    /// events by arrival, cells by (t, y, x).
+    ///
+    /// # Panics
+    /// If there is no such level or feature.
+    pub fn feature(&self, level: usize, feature: usize) -> Vec<Vec<f32>> {
+        let matrix = self.step.activations[level].feature(feature);
+        self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
+    }
+
+    /// Neighbourhood of the `index`th oldest event: places in the window, and attributes, in order. With `frozen`
+    /// in-edges a neighbour may have left the window and is then missing here.
+    ///
+    /// # Panics
+    /// If there is no such event.
+    pub fn neighbourhood(&self, index: usize) -> Vec<Neighbour> {
+        let window = &self.step.window;
+        let slot = window.slots().nth(index).expect("the window has that many events");
+        // Slots that frozen in-edges name and that have left are ranked behind the reader, or beyond the window.
+        let end = if self.network.parts().graph.is_frozen() { index } else { window.len() };
+        let edges = self.step.graph.neighbours(slot).iter();
+        edges
+            .map(|n| Neighbour { row: window.age_rank(n.row), u: n.u })
+            .filter(|n| (n.row as usize) < end)
+            .collect()
+    }
+}

@@ -1,0 +1,291 @@
+//! The event graph: every node's neighbourhood, kept as the window moves.
+//!
+//! Enters: insertions and expiries. Leaves: the [`Delta`] of each. Invariant, after every step: the neighbourhood of
+//! a node is the first `most` candidates of the rule in the order (d2 ascending, then later arrival) with d2 at most
+//! the rule's limit; with `frozen`, as they were when the node arrived.
+//!
+//! An insertion finds the rows it enters by a reverse search, pruned by the largest d2 at which any node of a grid
+//! cell still takes a neighbour. An expiry finds the rows that lose it in the reverse lists, and the replacement as
+//! the first candidate after the last of the old list: all before it are members already.
+
+use meissner_kernels::Neighbour;
+use smallvec::SmallVec;
+
+use crate::Sensor;
+use crate::delta::Delta;
+use crate::grid::{Grid, Reader, Times};
+use crate::metric::{Metric, Node};
+use crate::network::{Candidates, GraphRule, Lifetime};
+use crate::window::Window;
+
+/// A level's graph as its layers read it.
+pub(crate) trait Adjacency {
+    /// In-edges of `row`, in neighbourhood order.
+    fn neighbours(&self, row: u32) -> &[Neighbour];
+    /// Rows that have an in-edge from `row`, in any order.
+    fn readers(&self, row: u32) -> &[u32];
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct EventGraph {
+    rule: GraphRule,
+    metric: Metric,
+    grid: Grid,
+    most: usize,
+    /// Neighbours of each slot.
+    count: Vec<u16>,
+    /// `most` in-edges of each slot, the first `count` valid.
+    edges: Vec<Neighbour>,
+    /// Their d2.
+    d2: Vec<f64>,
+    /// For each grid cell, at least the largest [`Self::bound`] of its nodes.
+    reach: Vec<f64>,
+    /// Rows that read each slot; kept where someone asks for them.
+    readers: Vec<SmallVec<[u32; 20]>>,
+    keeps_readers: bool,
+    found: Vec<Candidate>,
+}
+
+/// A node that a search came across.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) d2: f64,
+    /// Larger is later.
+    pub(crate) arrival: u32,
+    pub(crate) slot: u32,
+}
+
+impl Candidate {
+    /// Whether `self` comes before `other` in every neighbourhood.
+    #[inline]
+    pub(crate) fn precedes(&self, other: &Self) -> bool {
+        self.d2 < other.d2 || (self.d2 == other.d2 && self.arrival > other.arrival)
+    }
+}
+
+/// Takes `candidate` into `list`, which holds the first `most` so far, in order.
+#[inline]
+pub(crate) fn take(list: &mut Vec<Candidate>, most: usize, candidate: Candidate) {
+    if list.len() == most {
+        if !candidate.precedes(&list[most - 1]) {
+            return;
+        }
+        list.pop();
+    }
+    let at = list.iter().rposition(|c| c.precedes(&candidate)).map_or(0, |i| i + 1);
+    list.insert(at, candidate);
+}
+
+impl EventGraph {
+    /// An empty graph. Reverse lists are kept where expiries change rows or `pooled` levels follow edges.
+    pub(crate) fn new(
+        rule: GraphRule,
+        sensor: Sensor,
+        span_us: i64,
+        scale: f32,
+        capacity: usize,
+        pooled: bool,
+    ) -> Self {
+        let grid = Grid::new(sensor);
+        let most = rule.reach.most();
+        let keeps_readers = pooled || !rule.is_frozen();
+        Self {
+            rule,
+            metric: Metric::new(sensor, span_us, scale),
+            reach: vec![0.0; grid.cells()],
+            grid,
+            most,
+            count: vec![0; capacity],
+            edges: vec![Neighbour { row: 0, u: [0.5; 3] }; capacity * most],
+            d2: vec![0.0; capacity * most],
+            readers: vec![SmallVec::new(); if keeps_readers { capacity } else { 0 }],
+            keeps_readers,
+            found: Vec::with_capacity(most + 1),
+        }
+    }
+
+    pub(crate) fn bytes(rule: GraphRule, sensor: Sensor, capacity: usize) -> usize {
+        let edges = capacity * rule.reach.most() * (size_of::<Neighbour>() + size_of::<f64>());
+        edges + capacity * size_of::<SmallVec<[u32; 20]>>() + Grid::bytes(sensor, capacity)
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.grid.clear();
+        self.reach.fill(0.0);
+        self.readers.iter_mut().for_each(SmallVec::clear);
+    }
+
+    fn span(&self, slot: u32) -> std::ops::Range<usize> {
+        let start = slot as usize * self.most;
+        start..start + usize::from(self.count[slot as usize])
+    }
+
+    /// Largest d2 at which `slot` would take a later neighbour.
+    #[inline]
+    fn bound(&self, slot: u32) -> f64 {
+        let span = self.span(slot);
+        if span.len() == self.most { self.d2[span.end - 1] } else { self.rule.reach.limit() }
+    }
+
+    /// Connects `slot`, the newest node of `window`.
+    pub(crate) fn insert(&mut self, window: &Window, slot: u32, delta: &mut Delta) {
+        let node = window.node(slot);
+        self.find(window, node);
+        let start = slot as usize * self.most;
+        self.count[slot as usize] = self.found.len() as u16;
+        for (i, c) in self.found.iter().enumerate() {
+            let u = self.metric.attributes(window.node(c.slot), node);
+            self.edges[start + i] = Neighbour { row: c.slot, u };
+            self.d2[start + i] = c.d2;
+            if self.keeps_readers {
+                self.readers[c.slot as usize].push(slot);
+                delta.added.push((c.slot, slot));
+            }
+        }
+        delta.rewired.push(slot);
+        if self.rule.candidates == Candidates::All {
+            self.offer(window, slot, node, delta);
+            let cell = self.grid.cell(node.x, node.y);
+            self.reach[cell] = self.reach[cell].max(self.bound(slot));
+        }
+        self.grid.push(slot, node);
+    }
+
+    /// Leaves the neighbourhood of `node`, newer than the whole grid, in `found`.
+    fn find(&mut self, window: &Window, node: Node) {
+        let Self { grid, metric, found, most, rule, .. } = self;
+        let limit = rule.reach.limit();
+        found.clear();
+        grid.search(metric, node, Times::Past, limit, |d2, slot| {
+            take(found, *most, Candidate { d2, arrival: window.age_rank(slot), slot });
+            if found.len() == *most { found[*most - 1].d2 } else { limit }
+        });
+    }
+
+    /// Offers the newest node to all others, which take it where it is near enough.
+    fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
+        let Self { grid, metric, reach, count, edges, d2: distances, readers, most, rule, .. } = self;
+        let (most, limit) = (*most, rule.reach.limit());
+        grid.search_reverse(metric, node, reach, |d2, reader| {
+            let start = reader as usize * most;
+            let n = usize::from(count[reader as usize]);
+            let bound = if n == most { distances[start + n - 1] } else { limit };
+            if d2 > bound {
+                return Reader { bound };
+            }
+            // Among equal distances the later comes first, and this node is the latest.
+            let at = distances[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
+            let n = if n == most {
+                let lost = edges[start + most - 1].row;
+                forget(&mut readers[lost as usize], reader);
+                delta.removed.push((lost, reader));
+                most
+            } else {
+                count[reader as usize] += 1;
+                n + 1
+            };
+            edges.copy_within(start + at..start + n - 1, start + at + 1);
+            distances.copy_within(start + at..start + n - 1, start + at + 1);
+            let u = metric.attributes(node, window.node(reader));
+            edges[start + at] = Neighbour { row: slot, u };
+            distances[start + at] = d2;
+            readers[slot as usize].push(reader);
+            delta.added.push((slot, reader));
+            delta.rewired.push(reader);
+            Reader { bound: if n == most { distances[start + n - 1] } else { limit } }
+        });
+    }
+
+    /// Removes `slot`, the oldest node of `window`.
+    pub(crate) fn expire(&mut self, window: &Window, slot: u32, delta: &mut Delta) {
+        self.grid.pop(slot, window.node(slot));
+        if !self.keeps_readers {
+            return;
+        }
+        // Only under `all` does the oldest node read from nodes that are still there.
+        if self.rule.candidates == Candidates::All {
+            for edge in self.span(slot) {
+                let source = self.edges[edge].row;
+                forget(&mut self.readers[source as usize], slot);
+                delta.removed.push((source, slot));
+            }
+        }
+        let mut readers = std::mem::take(&mut self.readers[slot as usize]);
+        for &reader in &readers {
+            delta.removed.push((slot, reader));
+            if !self.rule.is_frozen() {
+                self.replace(window, slot, reader, delta);
+                delta.rewired.push(reader);
+            }
+        }
+        readers.clear();
+        self.readers[slot as usize] = readers;
+    }
+
+    /// Replaces `gone` in the neighbourhood of `reader` by the next candidate, if there is one.
+    fn replace(&mut self, window: &Window, gone: u32, reader: u32, delta: &mut Delta) {
+        let span = self.span(reader);
+        let last = Candidate {
+            d2: self.d2[span.end - 1],
+            arrival: window.age_rank(self.edges[span.end - 1].row),
+            slot: self.edges[span.end - 1].row,
+        };
+        let at =
+            span.clone().find(|&e| self.edges[e].row == gone).expect("a reader reads what it is listed for");
+        self.edges.copy_within(at + 1..span.end, at);
+        self.d2.copy_within(at + 1..span.end, at);
+        let next = (span.len() == self.most).then(|| self.next_after(window, reader, &last)).flatten();
+        if let Some(next) = next {
+            let u = self.metric.attributes(window.node(next.slot), window.node(reader));
+            self.edges[span.end - 1] = Neighbour { row: next.slot, u };
+            self.d2[span.end - 1] = next.d2;
+            self.readers[next.slot as usize].push(reader);
+            delta.added.push((next.slot, reader));
+        } else {
+            self.count[reader as usize] -= 1;
+        }
+        let node = window.node(reader);
+        let cell = self.grid.cell(node.x, node.y);
+        self.reach[cell] = self.reach[cell].max(self.bound(reader));
+    }
+
+    /// The first candidate of `reader` that comes after `last`.
+    fn next_after(&self, window: &Window, reader: u32, last: &Candidate) -> Option<Candidate> {
+        let limit = self.rule.reach.limit();
+        let own = window.age_rank(reader);
+        let past = self.rule.candidates == Candidates::Past(Lifetime::Window);
+        let times = if past { Times::Past } else { Times::All };
+        let mut best: Option<Candidate> = None;
+        self.grid.search(&self.metric, window.node(reader), times, limit, |d2, slot| {
+            let candidate = Candidate { d2, arrival: window.age_rank(slot), slot };
+            let admissible = if past { candidate.arrival < own } else { slot != reader };
+            if admissible
+                && last.precedes(&candidate)
+                && best.as_ref().is_none_or(|best| candidate.precedes(best))
+            {
+                best = Some(candidate);
+            }
+            best.map_or(limit, |best| best.d2)
+        });
+        best
+    }
+}
+
+impl Adjacency for EventGraph {
+    #[inline]
+    fn neighbours(&self, row: u32) -> &[Neighbour] {
+        &self.edges[self.span(row)]
+    }
+
+    #[inline]
+    fn readers(&self, row: u32) -> &[u32] {
+        &self.readers[row as usize]
+    }
+}
+
+/// Removes `row` from a list of readers.
+#[inline]
+fn forget(readers: &mut SmallVec<[u32; 20]>, row: u32) {
+    let at = readers.iter().position(|&r| r == row).expect("every edge stands in its source's list");
+    readers.swap_remove(at);
+}

@@ -1,0 +1,232 @@
+//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time.
+//!
+//! Inserting and expiring are O(1). A search visits cells in rings around the query and, in each cell, nodes from the
+//! query's time outwards. A ring, a cell or the rest of a cell is left out only where its lower bound of d2, computed
+//! by the same rounded operations as d2 itself, exceeds the search's bound: rounding is monotone, so a pruned node can
+//! never have been a result, not even by a tie.
+
+use std::collections::VecDeque;
+
+use crate::Sensor;
+use crate::metric::{Metric, Node};
+
+/// log2 of a cell's side in pixels.
+const SIDE_LOG2: u32 = 3;
+
+/// A node as its cell keeps it.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    t: i64,
+    slot: u32,
+    x: u16,
+    y: u16,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Grid {
+    columns: usize,
+    rows: usize,
+    cells: Vec<VecDeque<Entry>>,
+    nodes: usize,
+}
+
+/// Which nodes of a cell a search looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Times {
+    /// Any.
+    All,
+    /// Not later than the query.
+    Past,
+}
+
+impl Grid {
+    pub(crate) fn new(sensor: Sensor) -> Self {
+        let count = |extent: u16| (usize::from(extent) + (1 << SIDE_LOG2) - 1) >> SIDE_LOG2;
+        let (columns, rows) = (count(sensor.width), count(sensor.height));
+        Self { columns, rows, cells: vec![VecDeque::new(); columns * rows], nodes: 0 }
+    }
+
+    /// Index of the cell of a pixel.
+    #[inline]
+    pub(crate) fn cell(&self, x: u16, y: u16) -> usize {
+        (usize::from(y) >> SIDE_LOG2) * self.columns + (usize::from(x) >> SIDE_LOG2)
+    }
+
+    pub(crate) fn cells(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Adds a node that is not earlier than any other of its cell.
+    pub(crate) fn push(&mut self, slot: u32, node: Node) {
+        let cell = self.cell(node.x, node.y);
+        self.cells[cell].push_back(Entry { t: node.t, slot, x: node.x, y: node.y });
+        self.nodes += 1;
+    }
+
+    /// Removes a node that is the first to have entered its cell.
+    pub(crate) fn pop(&mut self, slot: u32, node: Node) {
+        let cell = self.cell(node.x, node.y);
+        let first = self.cells[cell].pop_front();
+        debug_assert_eq!(first.map(|e| e.slot), Some(slot), "nodes expire in order of arrival");
+        self.nodes -= 1;
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.cells.iter_mut().for_each(VecDeque::clear);
+        self.nodes = 0;
+    }
+
+    /// Lower bound of the squared distance in the image plane from a pixel to cell (`column`, `row`).
+    #[inline]
+    fn plane2(metric: &Metric, x: u16, y: u16, column: usize, row: usize) -> f64 {
+        let gap = |p: u16, cell: usize| {
+            let (p, low) = (usize::from(p), cell << SIDE_LOG2);
+            let high = low + (1 << SIDE_LOG2) - 1;
+            low.saturating_sub(p).max(p.saturating_sub(high))
+        };
+        metric.x2(gap(x, column)) + metric.y2(gap(y, row))
+    }
+
+    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound, and of some others. The bound
+    /// starts as `bound`; each call returns the one that holds from then on, which never grows.
+    pub(crate) fn search(
+        &self,
+        metric: &Metric,
+        query: Node,
+        times: Times,
+        mut bound: f64,
+        mut visit: impl FnMut(f64, u32) -> f64,
+    ) {
+        let (column, row) = (usize::from(query.x) >> SIDE_LOG2, usize::from(query.y) >> SIDE_LOG2);
+        let mut left = self.nodes;
+        for ring in 0.. {
+            if left == 0 || Self::ring2(metric, query, ring) > bound {
+                return;
+            }
+            let (top, bottom) = (row.checked_sub(ring), row + ring);
+            for r in row.saturating_sub(ring)..=bottom.min(self.rows - 1) {
+                let edge = Some(r) == top || r == bottom;
+                let step = if edge || ring == 0 { 1 } else { 2 * ring };
+                let mut c = column as isize - ring as isize;
+                while c <= (column + ring) as isize {
+                    if c >= 0 && (c as usize) < self.columns {
+                        let cell = &self.cells[r * self.columns + c as usize];
+                        left -= cell.len();
+                        if !cell.is_empty() {
+                            let plane = Self::plane2(metric, query.x, query.y, c as usize, r);
+                            bound = scan(metric, query, times, cell, plane, bound, &mut visit);
+                        }
+                    }
+                    c += step as isize;
+                }
+            }
+        }
+    }
+
+    /// Lower bound of d2 for all cells of ring `ring` and beyond.
+    #[inline]
+    fn ring2(metric: &Metric, query: Node, ring: usize) -> f64 {
+        if ring == 0 {
+            return 0.0;
+        }
+        let gap = |p: u16| {
+            let (p, cell) = (usize::from(p), usize::from(p) >> SIDE_LOG2);
+            let after = ((cell + ring) << SIDE_LOG2) - p;
+            // Left of cell 0 there is nothing, and nothing bounds the search there.
+            let before = (cell + 1).checked_sub(ring).map_or(usize::MAX, |c| p - (c << SIDE_LOG2).min(p) + 1);
+            after.min(before)
+        };
+        metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
+    }
+
+    /// Calls `visit` with d2 and slot of every node `n` for which d2 to `query`, which is not earlier than any, is at
+    /// most `reach[cell of n]`, and of some others.
+    pub(crate) fn search_reverse(
+        &self,
+        metric: &Metric,
+        query: Node,
+        reach: &mut [f64],
+        mut visit: impl FnMut(f64, u32) -> Reader,
+    ) {
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let index = row * self.columns + column;
+                let cell = &self.cells[index];
+                if cell.is_empty() {
+                    continue;
+                }
+                let plane = Self::plane2(metric, query.x, query.y, column, row);
+                if plane > reach[index] {
+                    continue;
+                }
+                // A visited cell is read whole, which makes its reach exact again.
+                let mut widest = 0.0f64;
+                for entry in cell {
+                    widest = widest.max(visit(entry_distance2(metric, query, entry), entry.slot).bound);
+                }
+                reach[index] = widest;
+            }
+        }
+    }
+
+    pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
+        let cells = (usize::from(sensor.width) >> SIDE_LOG2) * (usize::from(sensor.height) >> SIDE_LOG2);
+        cells * size_of::<VecDeque<Entry>>() + 2 * capacity * size_of::<Entry>()
+    }
+}
+
+/// What a visited reader tells the search.
+pub(crate) struct Reader {
+    /// Largest d2 at which it would still take a neighbour.
+    pub(crate) bound: f64,
+}
+
+#[inline]
+fn entry_distance2(metric: &Metric, query: Node, entry: &Entry) -> f64 {
+    let plane = metric.x2(query.x.abs_diff(entry.x) as usize) + metric.y2(query.y.abs_diff(entry.y) as usize);
+    plane + metric.t2(query.t - entry.t)
+}
+
+/// Visits a cell from the query's time outwards; the bound that holds afterwards.
+#[inline]
+fn scan(
+    metric: &Metric,
+    query: Node,
+    times: Times,
+    cell: &VecDeque<Entry>,
+    plane: f64,
+    mut bound: f64,
+    visit: &mut impl FnMut(f64, u32) -> f64,
+) -> f64 {
+    if plane > bound {
+        return bound;
+    }
+    let newest = cell.back().map_or(i64::MIN, |e| e.t);
+    let later = if newest <= query.t { cell.len() } else { cell.partition_point(|e| e.t <= query.t) };
+    let mut check = |entry: &Entry, bound: &mut f64| {
+        let t2 = metric.t2(query.t - entry.t);
+        if plane + t2 > *bound {
+            return false;
+        }
+        let d2 = (metric.x2(query.x.abs_diff(entry.x) as usize)
+            + metric.y2(query.y.abs_diff(entry.y) as usize))
+            + t2;
+        if d2 <= *bound {
+            *bound = visit(d2, entry.slot);
+        }
+        true
+    };
+    for entry in cell.range(..later).rev() {
+        if !check(entry, &mut bound) {
+            break;
+        }
+    }
+    if times == Times::All {
+        for entry in cell.range(later..) {
+            if !check(entry, &mut bound) {
+                break;
+            }
+        }
+    }
+    bound
+}

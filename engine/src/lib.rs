@@ -1,0 +1,34 @@
+//! State and its order: events -> window -> graph -> dirty rows -> layers -> readout.
+#![forbid(unsafe_code)]
+
+mod activations;
+mod admission;
+mod batch;
+mod counters;
+mod delta;
+mod engine;
+mod error;
+mod event;
+mod fraction;
+mod graph;
+mod grid;
+mod maxima;
+mod metric;
+mod network;
+mod pooled;
+mod readout;
+mod rows;
+mod step;
+mod window;
+
+pub use admission::{Admission, LatePolicy, Outcome};
+pub use batch::{Batch, Edges, LevelTrace, Search, Stream, Trace};
+pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
+pub use engine::{Engine, Options, Prediction, Snapshot};
+pub use error::EngineError;
+pub use event::{Event, Sensor};
+pub use fraction::Fraction;
+pub use network::{
+    Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts, Normalisation, Pooling,
+    Position, Reach, Readout,
+};

@@ -1,0 +1,92 @@
+//! Distances and edge attributes between events, from integer differences.
+
+use meissner_kernels::attribute;
+
+use crate::{Event, Sensor};
+
+/// A node of the event graph: an event with its time counted from the epoch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Node {
+    /// Microseconds since the epoch, not negative.
+    pub(crate) t: i64,
+    pub(crate) x: u16,
+    pub(crate) y: u16,
+    pub(crate) on: bool,
+}
+
+impl Node {
+    /// `event` at `t` microseconds after the epoch.
+    pub(crate) fn new(event: Event, t: i64) -> Self {
+        Self { t, x: event.x, y: event.y, on: event.on }
+    }
+
+    /// The input feature of the networks: +1 where the brightness rose, -1 where it fell.
+    pub(crate) fn sign(self) -> f32 {
+        if self.on { 1.0 } else { -1.0 }
+    }
+}
+
+/// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. The terms of x and y are
+/// looked up: they are the same bits as computed ones.
+#[derive(Clone, Debug)]
+pub(crate) struct Metric {
+    span: f64,
+    scale: f32,
+    /// (dx / width)^2 for dx = 0..width.
+    x2: Vec<f64>,
+    y2: Vec<f64>,
+    /// Edge attribute for dx = 1 - width..width.
+    ux: Vec<f32>,
+    uy: Vec<f32>,
+}
+
+impl Metric {
+    pub(crate) fn new(sensor: Sensor, span_us: i64, scale: f32) -> Self {
+        let squares = |extent: u16| (0..extent).map(|d| square(f64::from(d) / f64::from(extent))).collect();
+        let attributes = |extent: u16| {
+            let extent = i32::from(extent);
+            (1 - extent..extent).map(|d| attribute(f64::from(d) / f64::from(extent), scale)).collect()
+        };
+        Self {
+            span: span_us as f64,
+            scale,
+            x2: squares(sensor.width),
+            y2: squares(sensor.height),
+            ux: attributes(sensor.width),
+            uy: attributes(sensor.height),
+        }
+    }
+
+    /// (dx / width)^2; infinite beyond the sensor.
+    #[inline]
+    pub(crate) fn x2(&self, dx: usize) -> f64 {
+        self.x2.get(dx).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// (dy / height)^2; infinite beyond the sensor.
+    #[inline]
+    pub(crate) fn y2(&self, dy: usize) -> f64 {
+        self.y2.get(dy).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// (dt / span)^2.
+    #[inline]
+    pub(crate) fn t2(&self, dt: i64) -> f64 {
+        square(dt as f64 / self.span)
+    }
+
+    /// Edge attribute of `source` as `reader` sees it.
+    #[inline]
+    pub(crate) fn attributes(&self, source: Node, reader: Node) -> [f32; 3] {
+        let at = |table: &[f32], source: u16, reader: u16| {
+            let middle = table.len() / 2;
+            table[middle + source as usize - reader as usize]
+        };
+        let t = attribute((source.t - reader.t) as f64 / self.span, self.scale);
+        [at(&self.ux, source.x, reader.x), at(&self.uy, source.y, reader.y), t]
+    }
+}
+
+fn square(v: f64) -> f64 {
+    v * v
+}

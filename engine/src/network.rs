@@ -1,0 +1,368 @@
+//! A network as the engine runs it: the event graph, levels of spline blocks joined by poolings, a readout, dense
+//! layers. Shapes are checked once, here; engine and batch rely on them.
+//!
+//! A *feature* of a level is what enters it (index 0: the events' polarity, or the pooled maxima) or what its block
+//! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
+//! topological order.
+
+use meissner_kernels::{Dense, SplineConv};
+
+use crate::{EngineError, Fraction};
+
+/// Which nodes a node reads from. `knn` and `radius` are one rule: the first `most` candidates in the graph's order
+/// whose squared distance is at most `radius`^2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reach {
+    /// The `k` nearest.
+    Knn {
+        /// Neighbours, 1 to 255.
+        k: usize,
+    },
+    /// Those within `r`, of these the `max` nearest.
+    Radius {
+        /// Distance, in units of the normalised position.
+        r: f64,
+        /// Most neighbours, 1 to 255.
+        max: usize,
+    },
+}
+
+impl Reach {
+    /// Most in-edges that a node has.
+    pub fn most(self) -> usize {
+        match self {
+            Self::Knn { k } => k,
+            Self::Radius { max, .. } => max,
+        }
+    }
+
+    /// Largest squared distance of an in-edge.
+    pub fn limit(self) -> f64 {
+        match self {
+            Self::Knn { .. } => f64::INFINITY,
+            Self::Radius { r, .. } => r * r,
+        }
+    }
+}
+
+/// What becomes of in-edges when the node they come from leaves the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lifetime {
+    /// They are replaced by the next nearest: in-edges always refer to the window.
+    Window,
+    /// A row is computed on arrival and never changed.
+    Frozen,
+}
+
+/// Which nodes can be neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Candidates {
+    /// All in the window: an old event may gain a newer neighbour.
+    All,
+    /// Those that arrived before.
+    Past(Lifetime),
+}
+
+/// How neighbourhoods are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraphRule {
+    /// How many and how far.
+    pub reach: Reach,
+    /// Among which.
+    pub candidates: Candidates,
+}
+
+impl GraphRule {
+    /// Whether rows are computed on arrival and never changed.
+    pub fn is_frozen(self) -> bool {
+        self.candidates == Candidates::Past(Lifetime::Frozen)
+    }
+}
+
+/// What edge attributes and pooling grids are relative to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Normalisation {
+    /// Fixed scales per level, grids from an origin of 0.
+    Fixed,
+    /// The largest coordinate difference over the edges of each graph, grids from its smallest position: how the
+    /// published checkpoint was trained. Batch only.
+    PerGraph,
+}
+
+/// Position of a pooled node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Position {
+    /// Mean of its members' positions.
+    Mean,
+    /// Centre of its cell.
+    Centre,
+}
+
+/// How a level's nodes are made from those of the level below.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pooling {
+    /// Name, for reports.
+    pub name: String,
+    /// Feature of the level below whose channel-wise maximum enters this level.
+    pub from: usize,
+    /// Cell size along x and y, as fractions of the sensor.
+    pub cell: [Fraction; 2],
+    /// Cell size along t, as a fraction of the span; `None` pools over all times.
+    pub time: Option<Fraction>,
+    /// Where the pooled nodes lie.
+    pub position: Position,
+}
+
+/// A spline block of a level.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Name, for reports.
+    pub name: String,
+    /// Feature that is convolved.
+    pub input: usize,
+    /// Feature that is added to the result.
+    pub skip: Option<usize>,
+    /// Convolution, ELU and batch norm.
+    pub conv: SplineConv,
+}
+
+/// The spline blocks over one graph.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1).
+    pub scale: f32,
+    /// In an order in which each reads only what was written before it.
+    pub blocks: Vec<Block>,
+}
+
+/// The maximum over a grid of the image, cell after cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Readout {
+    /// Feature of the last level.
+    pub from: usize,
+    /// Cells along x.
+    pub columns: usize,
+    /// Cells along y.
+    pub rows: usize,
+}
+
+/// A dense layer after the readout.
+#[derive(Clone, Debug)]
+pub struct DenseLayer {
+    /// Name, for reports.
+    pub name: String,
+    /// Weights and activation.
+    pub dense: Dense,
+}
+
+/// What a [`Network`] is made from.
+#[derive(Clone, Debug)]
+pub struct NetworkParts {
+    /// Name, for reports.
+    pub name: String,
+    /// Length of the window in microseconds.
+    pub span_us: i64,
+    /// Most events that the window holds.
+    pub capacity: usize,
+    /// Rule of the event graph.
+    pub graph: GraphRule,
+    /// What attributes and grids are relative to.
+    pub normalisation: Normalisation,
+    /// The event level.
+    pub events: Level,
+    /// Each pooling with the level that it starts.
+    pub pooled: Vec<(Pooling, Level)>,
+    /// What the dense layers read.
+    pub readout: Readout,
+    /// In order; the last one's outputs are the prediction.
+    pub dense: Vec<DenseLayer>,
+}
+
+/// A checked network. Immutable; engines share it by `Arc`.
+#[derive(Clone, Debug)]
+pub struct Network {
+    parts: NetworkParts,
+    /// Channels of each feature of each level.
+    channels: Vec<Vec<usize>>,
+}
+
+/// Longest span, about 12 days: sums of squared shares of it stay far from f64's limits.
+const LONGEST_SPAN_US: i64 = 1 << 40;
+/// Most events that a window may be asked to hold.
+const LARGEST_CAPACITY: usize = 1 << 24;
+/// Most in-edges of a node.
+const MOST_NEIGHBOURS: usize = 255;
+/// Most cells of a grid.
+const MOST_CELLS: usize = 1 << 22;
+
+impl Network {
+    /// Checks that `parts` fit together.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] for the graph, span and capacity; [`EngineError::Network`] for layers that read what
+    /// does not exist yet or has other channels.
+    pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
+        in_range("span in microseconds", parts.span_us, 1, LONGEST_SPAN_US)?;
+        in_range("capacity in events", parts.capacity as i64, 1, LARGEST_CAPACITY as i64)?;
+        in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, MOST_NEIGHBOURS as i64)?;
+        if let Reach::Radius { r, .. } = parts.graph.reach
+            && !(r.is_finite() && r > 0.0)
+        {
+            return Err(option("radius", "a finite number above 0", r));
+        }
+        let mut channels = vec![level_channels(&parts.events, 1)?];
+        let mut below: Option<&Pooling> = None;
+        for (pooling, level) in &parts.pooled {
+            let inputs =
+                feature(&pooling.name, "pooled feature", &channels[channels.len() - 1], pooling.from)?;
+            check_pooling(pooling, below, parts.span_us)?;
+            channels.push(level_channels(level, inputs)?);
+            below = Some(pooling);
+        }
+        let top = &channels[channels.len() - 1];
+        let mut inputs = feature("readout", "read feature", top, parts.readout.from)?;
+        let (columns, rows) = (parts.readout.columns, parts.readout.rows);
+        in_range("readout cells", columns.saturating_mul(rows) as i64, 1, 1 << 16)?;
+        inputs *= columns * rows;
+        for layer in &parts.dense {
+            if layer.dense.inputs() != inputs {
+                return Err(misfit(&layer.name, "inputs", inputs, layer.dense.inputs()));
+            }
+            inputs = layer.dense.outputs();
+        }
+        if parts.dense.is_empty() {
+            return Err(misfit("readout", "dense layers", "at least 1", 0));
+        }
+        Ok(Self { parts, channels })
+    }
+
+    /// What the network is made of.
+    pub fn parts(&self) -> &NetworkParts {
+        &self.parts
+    }
+
+    /// Name, for reports.
+    pub fn name(&self) -> &str {
+        &self.parts.name
+    }
+
+    /// Number of values in a prediction.
+    pub fn outputs(&self) -> usize {
+        self.parts.dense.last().map_or(0, |layer| layer.dense.outputs())
+    }
+
+    /// Number of levels: the event level and one per pooling.
+    pub fn levels(&self) -> usize {
+        self.channels.len()
+    }
+
+    /// Level `level`: 0 is the event level.
+    pub fn level(&self, level: usize) -> &Level {
+        if level == 0 { &self.parts.events } else { &self.parts.pooled[level - 1].1 }
+    }
+
+    /// Channels of each feature of level `level`.
+    pub fn channels(&self, level: usize) -> &[usize] {
+        &self.channels[level]
+    }
+
+    /// Channels that the readout takes the maximum of.
+    pub fn readout_channels(&self) -> usize {
+        self.channels[self.channels.len() - 1][self.parts.readout.from]
+    }
+
+    /// Names of the layers that compute rows: the blocks of level 0, each pooling with its blocks, in order.
+    pub fn layers(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.parts.events.blocks.iter().map(|b| b.name.as_str()).collect();
+        for (pooling, level) in &self.parts.pooled {
+            names.push(&pooling.name);
+            names.extend(level.blocks.iter().map(|b| b.name.as_str()));
+        }
+        names
+    }
+
+    /// The same network with another span.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] where the span is out of range.
+    pub fn with_span_us(mut self, span_us: i64) -> Result<Self, EngineError> {
+        self.parts.span_us = span_us;
+        Self::new(self.parts)
+    }
+}
+
+fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
+    EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
+}
+
+fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
+    EngineError::Network {
+        layer: layer.to_owned(),
+        what,
+        expected: expected.to_string(),
+        found: found.to_string(),
+    }
+}
+
+fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
+}
+
+/// Channels of feature `index`, which must exist.
+fn feature(layer: &str, what: &'static str, channels: &[usize], index: usize) -> Result<usize, EngineError> {
+    channels
+        .get(index)
+        .copied()
+        .ok_or_else(|| misfit(layer, what, format!("below {}", channels.len()), index))
+}
+
+/// Checks the blocks of a level that `inputs` channels enter; the channels of all its features.
+fn level_channels(level: &Level, inputs: usize) -> Result<Vec<usize>, EngineError> {
+    if !(level.scale.is_finite() && level.scale > 0.0) {
+        return Err(option("edge-attribute scale", "a finite number above 0", level.scale));
+    }
+    let mut channels = vec![inputs];
+    for block in &level.blocks {
+        let read = feature(&block.name, "input feature", &channels, block.input)?;
+        if read != block.conv.inputs() {
+            return Err(misfit(&block.name, "input channels", read, block.conv.inputs()));
+        }
+        if let Some(skip) = block.skip {
+            let added = feature(&block.name, "skip feature", &channels, skip)?;
+            if added != block.conv.outputs() {
+                return Err(misfit(&block.name, "channels of the skip", block.conv.outputs(), added));
+            }
+        }
+        channels.push(block.conv.outputs());
+    }
+    Ok(channels)
+}
+
+fn check_pooling(pooling: &Pooling, below: Option<&Pooling>, span_us: i64) -> Result<(), EngineError> {
+    let [x, y] = pooling.cell;
+    let cells = x.cells().saturating_mul(y.cells());
+    let times = pooling.time.map_or(1, |t| t.cells() + 1);
+    if cells.saturating_mul(times) > MOST_CELLS {
+        return Err(misfit(
+            &pooling.name,
+            "cells",
+            format!("at most {MOST_CELLS}"),
+            cells.saturating_mul(times),
+        ));
+    }
+    if let Some(size) = pooling.time
+        && i128::from(span_us) * i128::from(size.numerator()) < i128::from(size.denominator())
+    {
+        return Err(misfit(
+            &pooling.name,
+            "cells in time",
+            "at least 1 us each",
+            format!("{size} of {span_us} us"),
+        ));
+    }
+    if pooling.time.is_some() && below.is_some_and(|below| below.time.is_none()) {
+        let expected = "cells in time at the level below, or none here";
+        return Err(misfit(&pooling.name, "cells in time", expected, "none below"));
+    }
+    Ok(())
+}

@@ -1,0 +1,451 @@
+//! The graph of a pooled level: cells of a fixed grid, their positions and their merged edges.
+//!
+//! Enters: the delta of the level below. Leaves: the delta of this level, and attributed neighbourhoods in the order
+//! of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of the
+//! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
+//! positions and attributes are those of the present members.
+//!
+//! Cells are ordered by (t, y, x). Cells in time come and go without end, so the slots of as many of them as a window
+//! can fill at once are used round and round.
+
+use meissner_kernels::{Matrix, Neighbour, attribute};
+
+use crate::counters::PredictionCounters;
+use crate::delta::Delta;
+use crate::graph::Adjacency;
+use crate::maxima::Maxima;
+use crate::network::{Pooling, Position};
+use crate::rows::RowSet;
+use crate::window::Window;
+use crate::{Fraction, Sensor};
+
+/// Index of a pooled cell along x, y and t.
+pub(crate) type CellIndex = [i64; 3];
+
+/// A cell's place in the order of cells.
+type Key = [i64; 3];
+
+fn key([x, y, t]: CellIndex) -> Key {
+    [t, y, x]
+}
+
+/// Fixed geometry of a pooling.
+#[derive(Clone, Debug)]
+pub(crate) struct CellGrid {
+    pooling: Pooling,
+    columns: usize,
+    rows: usize,
+    /// Cells along t that a window can fill at once.
+    times: usize,
+    /// Length in time over which the nodes of the level below spread, in spans.
+    spread: f64,
+    sensor: Sensor,
+    span_us: i64,
+    /// Cell of each pixel column and of each pixel row.
+    of_x: Vec<u32>,
+    of_y: Vec<u32>,
+}
+
+impl CellGrid {
+    /// `below` is the grid of the level below, where that is a pooled one.
+    pub(crate) fn new(pooling: Pooling, below: Option<&Self>, sensor: Sensor, span_us: i64) -> Self {
+        let [x, y] = pooling.cell;
+        // Cells of this level hold centres of cells below, which lie up to half of such a cell off what they hold: what
+        // a window fills spreads, level by level, over one cell of the level below more than there.
+        let share = |size: Fraction| f64::from(size.numerator()) / f64::from(size.denominator());
+        let spread = below.map_or(1.0, |below| below.spread + below.pooling.time.map_or(0.0, share));
+        // A closed interval of n cells' length touches n + 1 cells at most; one more for the rounding of `spread`.
+        let times = pooling.time.map_or(1, |size| (spread / share(size)).ceil() as usize + 2);
+        let table = |extent: u16, size: Fraction| {
+            (0..extent).map(|p| size.cell(p.into(), extent.into()) as u32).collect()
+        };
+        let (of_x, of_y) = (table(sensor.width, x), table(sensor.height, y));
+        Self { columns: x.cells(), rows: y.cells(), times, spread, pooling, sensor, span_us, of_x, of_y }
+    }
+
+    pub(crate) fn slots(&self) -> usize {
+        self.columns * self.rows * self.times
+    }
+
+    /// Cell of an event at pixel (`x`, `y`) and `t` microseconds after the epoch, in integers.
+    fn of_event(&self, x: u16, y: u16, t: i64) -> CellIndex {
+        let t = self.pooling.time.map_or(0, |size| size.cell(t.into(), self.span_us.into()) as i64);
+        [self.of_x[usize::from(x)].into(), self.of_y[usize::from(y)].into(), t]
+    }
+
+    /// Cell that holds the centre of cell `index` of the level below, in integers.
+    fn of_cell(&self, below: &Self, index: CellIndex) -> CellIndex {
+        let axis = |i: i64, inner: Fraction, outer: Fraction| {
+            let centre = (2 * i128::from(i) + 1) * i128::from(inner.numerator());
+            outer.cell(centre, 2 * i128::from(inner.denominator())) as i64
+        };
+        let time = match (below.pooling.time, self.pooling.time) {
+            (Some(inner), Some(outer)) => axis(index[2], inner, outer),
+            _ => 0,
+        };
+        // A centre beyond the sensor's edge belongs to the last cell.
+        let [x, y] = [0, 1].map(|d| axis(index[d], below.pooling.cell[d], self.pooling.cell[d]));
+        [x.min(self.columns as i64 - 1), y.min(self.rows as i64 - 1), time]
+    }
+
+    fn slot(&self, [x, y, t]: CellIndex) -> u32 {
+        let t = if self.times == 1 { 0 } else { t as usize % self.times };
+        ((t * self.rows + y as usize) * self.columns + x as usize) as u32
+    }
+
+    /// Centre of a cell in shares of sensor and span; the middle of the span where there are no cells in time.
+    fn centre(&self, index: CellIndex) -> [f64; 3] {
+        let [x, y] = self.pooling.cell;
+        let t = self.pooling.time.map_or(0.5, |size| size.centre(index[2]));
+        [x.centre(index[0]), y.centre(index[1]), t]
+    }
+}
+
+/// Sums over the events of a cell, exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct EventSums {
+    count: i64,
+    x: i64,
+    y: i64,
+    t: i128,
+}
+
+impl EventSums {
+    fn add(&mut self, x: u16, y: u16, t: i64) {
+        self.count += 1;
+        self.x += i64::from(x);
+        self.y += i64::from(y);
+        self.t += i128::from(t);
+    }
+
+    fn subtract(&mut self, x: u16, y: u16, t: i64) {
+        self.count -= 1;
+        self.x -= i64::from(x);
+        self.y -= i64::from(y);
+        self.t -= i128::from(t);
+    }
+
+    /// Mean position in shares of sensor and span: one division of exact sums per axis.
+    fn mean(&self, sensor: Sensor, span_us: i64) -> [f64; 3] {
+        let share = |sum: f64, extent: i64| sum / (i128::from(self.count) * i128::from(extent)) as f64;
+        [
+            share(self.x as f64, sensor.width.into()),
+            share(self.y as f64, sensor.height.into()),
+            share(self.t as f64, span_us),
+        ]
+    }
+}
+
+/// Mean of positions, summed in the order in which they come.
+fn mean_position(positions: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for p in positions {
+        sum = [sum[0] + p[0], sum[1] + p[1], sum[2] + p[2]];
+        count += 1.0;
+    }
+    sum.map(|s| s / count)
+}
+
+/// Edge attributes of a source at `source` for a reader at `reader`.
+fn attributes(source: [f64; 3], reader: [f64; 3], scale: f32) -> [f32; 3] {
+    [0, 1, 2].map(|d| attribute(source[d] - reader[d], scale))
+}
+
+/// The level that a pooling reads.
+#[derive(Clone, Copy)]
+pub(crate) enum Below<'a> {
+    Events(&'a Window),
+    Cells(&'a PooledGraph),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct InEdge {
+    source: u32,
+    /// Edges of the level below that it stands for.
+    count: u32,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct PooledGraph {
+    grid: CellGrid,
+    scale: f32,
+    /// The cell in each slot.
+    keys: Vec<Key>,
+    sums: Vec<EventSums>,
+    alive: usize,
+    positions: Vec<[f64; 3]>,
+    /// In-edges of each slot, in the order of their sources' keys.
+    in_edges: Vec<Vec<InEdge>>,
+    readers: Vec<Vec<u32>>,
+    /// `in_edges` with attributes, as of the last `settle`.
+    neighbours: Vec<Vec<Neighbour>>,
+    pub(crate) maxima: Maxima,
+    /// Cells whose members, or a member's position, changed.
+    moved: RowSet,
+    /// Cells whose in-edges or attributes may have changed.
+    stale: RowSet,
+    /// Cells whose position changed since `finish`.
+    shifted: RowSet,
+    order: Vec<(Key, u32)>,
+    list: Vec<Neighbour>,
+}
+
+impl PooledGraph {
+    pub(crate) fn new(grid: CellGrid, scale: f32, rows_below: usize, channels: usize) -> Self {
+        let slots = grid.slots();
+        Self {
+            scale,
+            keys: vec![[0; 3]; slots],
+            sums: vec![EventSums::default(); slots],
+            alive: 0,
+            positions: vec![[0.0; 3]; slots],
+            in_edges: vec![Vec::new(); slots],
+            readers: vec![Vec::new(); slots],
+            neighbours: vec![Vec::new(); slots],
+            maxima: Maxima::new(rows_below, slots, channels),
+            moved: RowSet::new(slots),
+            stale: RowSet::new(slots),
+            shifted: RowSet::new(slots),
+            order: Vec::new(),
+            list: Vec::new(),
+            grid,
+        }
+    }
+
+    pub(crate) fn bytes(slots: usize, rows_below: usize) -> usize {
+        Maxima::bytes(rows_below, slots) + slots * 300
+    }
+
+    pub(crate) fn grid(&self) -> &CellGrid {
+        &self.grid
+    }
+
+    pub(crate) fn clear(&mut self, values: &mut Matrix) {
+        self.maxima.clear(values);
+        self.sums.fill(EventSums::default());
+        self.alive = 0;
+        self.in_edges.iter_mut().for_each(Vec::clear);
+        self.readers.iter_mut().for_each(Vec::clear);
+        self.neighbours.iter_mut().for_each(Vec::clear);
+        self.moved.clear();
+        self.stale.clear();
+        self.shifted.clear();
+    }
+
+    pub(crate) fn position(&self, cell: u32) -> [f64; 3] {
+        self.positions[cell as usize]
+    }
+
+    pub(crate) fn is_alive(&self, cell: u32) -> bool {
+        !self.maxima.members(cell).is_empty()
+    }
+
+    /// Number of cells with members.
+    pub(crate) fn nodes(&self) -> usize {
+        self.alive
+    }
+
+    /// Slots of the cells with members, in the order of cells.
+    pub(crate) fn cells(&self) -> Vec<u32> {
+        let mut cells: Vec<u32> = (0..self.keys.len() as u32).filter(|&c| self.is_alive(c)).collect();
+        cells.sort_unstable_by_key(|&c| self.keys[c as usize]);
+        cells
+    }
+
+    fn keeps_sums(&self) -> bool {
+        self.grid.pooling.position == Position::Mean
+    }
+
+    /// Applies the delta of the level below, whose pooled feature is `features`; `values` are this level's maxima.
+    pub(crate) fn apply(
+        &mut self,
+        below: Below<'_>,
+        features: &Matrix,
+        values: &Matrix,
+        from: &Delta,
+        to: &mut Delta,
+    ) {
+        to.clear();
+        for &row in &from.entered {
+            self.enter(below, row, to);
+        }
+        for &(source, reader) in &from.removed {
+            self.disconnect(self.maxima.cell_of(source), self.maxima.cell_of(reader), to);
+        }
+        for &(source, reader) in &from.added {
+            self.connect(self.maxima.cell_of(source), self.maxima.cell_of(reader), to);
+        }
+        for &row in &from.left {
+            self.leave(below, row, features, values, to);
+        }
+    }
+
+    fn enter(&mut self, below: Below<'_>, row: u32, to: &mut Delta) {
+        let index = match below {
+            Below::Events(window) => {
+                let node = window.node(row);
+                self.grid.of_event(node.x, node.y, node.t)
+            }
+            Below::Cells(graph) => {
+                let [t, y, x] = graph.keys[row as usize];
+                self.grid.of_cell(&graph.grid, [x, y, t])
+            }
+        };
+        let cell = self.grid.slot(index);
+        if !self.is_alive(cell) {
+            self.alive += 1;
+            self.keys[cell as usize] = key(index);
+            self.positions[cell as usize] = self.grid.centre(index);
+            to.entered.push(cell);
+            to.rewired.push(cell);
+            self.neighbours[cell as usize].clear();
+        }
+        debug_assert_eq!(self.keys[cell as usize], key(index), "two cells of a window never share a slot");
+        self.maxima.enter(row, cell);
+        if self.keeps_sums() {
+            if let Below::Events(window) = below {
+                let node = window.node(row);
+                self.sums[cell as usize].add(node.x, node.y, node.t);
+            }
+            self.moved.insert(cell);
+        }
+    }
+
+    fn leave(&mut self, below: Below<'_>, row: u32, features: &Matrix, values: &Matrix, to: &mut Delta) {
+        let cell = self.maxima.cell_of(row);
+        self.maxima.leave(row, features, values);
+        if self.keeps_sums() {
+            if let Below::Events(window) = below {
+                let node = window.node(row);
+                self.sums[cell as usize].subtract(node.x, node.y, node.t);
+            }
+            self.moved.insert(cell);
+        }
+        if !self.is_alive(cell) {
+            debug_assert!(self.in_edges[cell as usize].is_empty() && self.readers[cell as usize].is_empty());
+            self.moved.remove(cell);
+            self.stale.remove(cell);
+            self.shifted.remove(cell);
+            self.alive -= 1;
+            to.left.push(cell);
+        }
+    }
+
+    /// Where an in-edge from the cell with `key` stands, or would stand.
+    fn find(&self, reader: u32, key: Key) -> Result<usize, usize> {
+        self.in_edges[reader as usize].binary_search_by_key(&key, |e| self.keys[e.source as usize])
+    }
+
+    fn connect(&mut self, source: u32, reader: u32, to: &mut Delta) {
+        if source == reader {
+            return;
+        }
+        match self.find(reader, self.keys[source as usize]) {
+            Ok(at) => self.in_edges[reader as usize][at].count += 1,
+            Err(at) => {
+                self.in_edges[reader as usize].insert(at, InEdge { source, count: 1 });
+                self.readers[source as usize].push(reader);
+                self.stale.insert(reader);
+                to.added.push((source, reader));
+            }
+        }
+    }
+
+    fn disconnect(&mut self, source: u32, reader: u32, to: &mut Delta) {
+        if source == reader {
+            return;
+        }
+        let at =
+            self.find(reader, self.keys[source as usize]).expect("an edge that goes was merged when it came");
+        let edges = &mut self.in_edges[reader as usize];
+        edges[at].count -= 1;
+        if edges[at].count == 0 {
+            edges.remove(at);
+            let readers = &mut self.readers[source as usize];
+            let at =
+                readers.iter().position(|&r| r == reader).expect("every edge stands in its source's list");
+            readers.swap_remove(at);
+            self.stale.insert(reader);
+            to.removed.push((source, reader));
+        }
+    }
+
+    /// Notes that a row of the level below changed its position.
+    pub(crate) fn member_shifted(&mut self, row: u32) {
+        if self.keeps_sums() {
+            self.moved.insert(self.maxima.cell_of(row));
+        }
+    }
+
+    /// Cells whose position changed since `finish`.
+    pub(crate) fn shifted(&self) -> &RowSet {
+        &self.shifted
+    }
+
+    /// Brings positions and attributes up to date; `rewired` is told each cell whose neighbourhood changed.
+    pub(crate) fn settle(
+        &mut self,
+        below: Below<'_>,
+        counters: &mut PredictionCounters,
+        mut rewired: impl FnMut(u32),
+    ) {
+        for i in 0..self.moved.len() {
+            let cell = self.moved.as_slice()[i];
+            let position = match below {
+                Below::Events(_) => self.sums[cell as usize].mean(self.grid.sensor, self.grid.span_us),
+                Below::Cells(graph) => self.mean_of_cells(graph, cell),
+            };
+            if position.map(f64::to_bits) != self.positions[cell as usize].map(f64::to_bits) {
+                self.positions[cell as usize] = position;
+                self.shifted.insert(cell);
+                self.stale.insert(cell);
+                for &reader in &self.readers[cell as usize] {
+                    self.stale.insert(reader);
+                }
+            }
+        }
+        self.moved.clear();
+        for &cell in self.stale.as_slice() {
+            let own = self.positions[cell as usize];
+            self.list.clear();
+            self.list.extend(self.in_edges[cell as usize].iter().map(|e| Neighbour {
+                row: e.source,
+                u: attributes(self.positions[e.source as usize], own, self.scale),
+            }));
+            counters.neighbourhoods_checked += 1;
+            if self.list == self.neighbours[cell as usize] {
+                counters.neighbourhoods_unchanged += 1;
+            } else {
+                self.neighbours[cell as usize].clone_from(&self.list);
+                rewired(cell);
+            }
+        }
+        self.stale.clear();
+    }
+
+    /// Mean of the members' positions, in cell order.
+    fn mean_of_cells(&mut self, below: &Self, cell: u32) -> [f64; 3] {
+        self.order.clear();
+        let members = self.maxima.members(cell).iter();
+        self.order.extend(members.map(|&m| (below.keys[m as usize], m)));
+        self.order.sort_unstable();
+        mean_position(self.order.iter().map(|&(_, m)| below.positions[m as usize]))
+    }
+
+    /// Everything downstream has seen the changes.
+    pub(crate) fn finish(&mut self) {
+        self.shifted.clear();
+    }
+}
+
+impl Adjacency for PooledGraph {
+    #[inline]
+    fn neighbours(&self, row: u32) -> &[Neighbour] {
+        &self.neighbours[row as usize]
+    }
+
+    #[inline]
+    fn readers(&self, row: u32) -> &[u32] {
+        &self.readers[row as usize]
+    }
+}

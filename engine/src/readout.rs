@@ -1,0 +1,167 @@
+//! The readout and the dense layers: from the last level's features to the prediction.
+//!
+//! Enters: the last level's delta, its changed rows and, above a pooling, its positions. Leaves: the prediction. A
+//! node belongs to the readout cell that holds its position, as the reference has it; the cell of an event is
+//! computed in integers. Nothing is computed again where no maximum moved.
+
+use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
+
+use crate::Sensor;
+use crate::activations::Activations;
+use crate::counters::PredictionCounters;
+use crate::delta::Delta;
+use crate::maxima::Maxima;
+use crate::network::{Network, Readout};
+use crate::pooled::PooledGraph;
+use crate::rows::RowSet;
+use crate::window::Window;
+
+/// Where nodes fall in the readout's grid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReadoutGrid {
+    readout: Readout,
+    sensor: Sensor,
+}
+
+impl ReadoutGrid {
+    pub(crate) fn new(readout: Readout, sensor: Sensor) -> Self {
+        Self { readout, sensor }
+    }
+
+    pub(crate) fn cells(&self) -> usize {
+        self.readout.columns * self.readout.rows
+    }
+
+    /// Cell of an event's pixel.
+    pub(crate) fn of_pixel(&self, x: u16, y: u16) -> u32 {
+        let column = usize::from(x) * self.readout.columns / usize::from(self.sensor.width);
+        let row = usize::from(y) * self.readout.rows / usize::from(self.sensor.height);
+        (row * self.readout.columns + column) as u32
+    }
+
+    /// Cell of a pooled node's position; positions beyond the image belong to the cells at its edge.
+    pub(crate) fn of_position(&self, [x, y, _]: [f64; 3]) -> u32 {
+        let axis = |p: f64, cells: usize| ((p * cells as f64).floor().max(0.0) as usize).min(cells - 1);
+        let (column, row) = (axis(x, self.readout.columns), axis(y, self.readout.rows));
+        (row * self.readout.columns + column) as u32
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Head {
+    grid: ReadoutGrid,
+    maxima: Maxima,
+    /// The readout, then what each dense layer wrote.
+    values: Matrix,
+    hidden: Vec<Matrix>,
+    /// Pooled nodes whose cell is not known yet.
+    entered: RowSet,
+    prediction: Vec<f32>,
+    valid: bool,
+}
+
+/// What the readout reads.
+pub(crate) struct Top<'a> {
+    pub(crate) activations: &'a Activations,
+    /// The last pooled level, if there is one.
+    pub(crate) pooled: Option<&'a PooledGraph>,
+}
+
+impl Head {
+    pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize) -> Self {
+        let grid = ReadoutGrid::new(network.parts().readout, sensor);
+        let channels = network.readout_channels();
+        Self {
+            maxima: Maxima::new(rows, grid.cells(), channels),
+            values: Matrix::zeros(grid.cells(), channels),
+            hidden: network.parts().dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect(),
+            entered: RowSet::new(rows),
+            prediction: vec![0.0; network.outputs()],
+            valid: false,
+            grid,
+        }
+    }
+
+    pub(crate) fn bytes(network: &Network, rows: usize) -> usize {
+        let readout = network.parts().readout;
+        let cells = readout.columns * readout.rows;
+        Maxima::bytes(rows, cells) + cells * Lanes::count(network.readout_channels()) * size_of::<Lanes>()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.maxima.clear(&mut self.values);
+        self.entered.clear();
+        self.valid = false;
+    }
+
+    /// Follows the last level's delta.
+    pub(crate) fn apply(&mut self, window: &Window, top: &Top<'_>, delta: &Delta) {
+        for &row in &delta.entered {
+            if top.pooled.is_some() {
+                self.entered.insert(row);
+            } else {
+                let node = window.node(row);
+                self.maxima.enter(row, self.grid.of_pixel(node.x, node.y));
+            }
+        }
+        for &row in &delta.left {
+            if self.entered.contains(row) {
+                self.entered.remove(row);
+            } else {
+                self.maxima.leave(row, top.activations.feature(self.grid.readout.from), &self.values);
+            }
+        }
+    }
+
+    /// Brings the prediction up to date.
+    pub(crate) fn settle(
+        &mut self,
+        network: &Network,
+        top: &Top<'_>,
+        isa: Isa,
+        counters: &mut PredictionCounters,
+    ) {
+        if let Some(pooled) = top.pooled {
+            for &row in pooled.shifted().as_slice() {
+                let cell = self.grid.of_position(pooled.position(row));
+                if !self.entered.contains(row) && cell != self.maxima.cell_of(row) {
+                    self.maxima.relocate(row, cell);
+                }
+            }
+            for &row in self.entered.as_slice() {
+                self.maxima.enter(row, self.grid.of_position(pooled.position(row)));
+            }
+            self.entered.clear();
+        }
+        let from = self.grid.readout.from;
+        let (features, changed) = (top.activations.feature(from), top.activations.changed(from));
+        let valid = &mut self.valid;
+        let settled = self.maxima.settle(isa, features, changed, &mut self.values, |_, _| *valid = false);
+        counters.cells_recomputed += settled.recomputed;
+        counters.cells_unchanged += settled.unchanged;
+        counters.read += 1;
+        if self.valid {
+            counters.reused += 1;
+            return;
+        }
+        let mut inputs = self.values.lanes();
+        for (layer, out) in network.parts().dense.iter().zip(&mut self.hidden) {
+            layer.dense.run(isa, inputs, out.row_mut(0));
+            inputs = out.lanes();
+        }
+        if let Some(last) = self.hidden.last() {
+            self.prediction.clear();
+            self.prediction.extend(last.values(0));
+        }
+        self.valid = true;
+    }
+
+    /// The first dense layer that computed NaN.
+    pub(crate) fn not_a_number(&self) -> Option<usize> {
+        self.hidden.iter().position(|values| is_nan(values.lanes()))
+    }
+
+    pub(crate) fn prediction(&self) -> &[f32] {
+        &self.prediction
+    }
+}

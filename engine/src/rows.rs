@@ -1,0 +1,85 @@
+//! Sets of row indices.
+
+/// A set of rows below a fixed bound: O(1) to insert, remove, ask and clear, O(members) to walk, no allocation after
+/// construction. The order of a walk depends on the history and must not reach a result.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RowSet {
+    members: Vec<u32>,
+    /// For each row, where it would stand in `members`.
+    index: Vec<u32>,
+}
+
+impl RowSet {
+    /// An empty set of rows below `bound`.
+    pub(crate) fn new(bound: usize) -> Self {
+        Self { members: Vec::with_capacity(bound), index: vec![0; bound] }
+    }
+
+    #[inline]
+    pub(crate) fn contains(&self, row: u32) -> bool {
+        self.members.get(self.index[row as usize] as usize) == Some(&row)
+    }
+
+    #[inline]
+    pub(crate) fn insert(&mut self, row: u32) {
+        if !self.contains(row) {
+            self.index[row as usize] = self.members.len() as u32;
+            self.members.push(row);
+        }
+    }
+
+    #[inline]
+    pub(crate) fn remove(&mut self, row: u32) {
+        if self.contains(row) {
+            let at = self.index[row as usize];
+            self.members.swap_remove(at as usize);
+            if let Some(&moved) = self.members.get(at as usize) {
+                self.index[moved as usize] = at;
+            }
+        }
+    }
+
+    #[inline]
+    pub(crate) fn clear(&mut self) {
+        self.members.clear();
+    }
+
+    #[inline]
+    pub(crate) fn as_slice(&self) -> &[u32] {
+        &self.members
+    }
+
+    #[inline]
+    pub(crate) fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    #[inline]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    proptest! {
+        #[test]
+        fn a_row_set_holds_what_a_tree_set_holds(steps in proptest::collection::vec((0u8..3, 0u32..20), 0..200)) {
+            let (mut rows, mut tree) = (RowSet::new(20), BTreeSet::new());
+            for (step, row) in steps {
+                match step {
+                    0 => { rows.insert(row); tree.insert(row); }
+                    1 => { rows.remove(row); tree.remove(&row); }
+                    _ if row == 0 => { rows.clear(); tree.clear(); }
+                    _ => prop_assert_eq!(rows.contains(row), tree.contains(&row)),
+                }
+                prop_assert_eq!(rows.as_slice().iter().copied().collect::<BTreeSet<_>>(), tree.clone());
+                prop_assert_eq!(rows.len(), tree.len());
+            }
+        }
+    }
+}

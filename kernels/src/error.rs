@@ -1,0 +1,53 @@
+//! What can be wrong with a layer's numbers before it runs.
+
+use thiserror::Error;
+
+/// A layer was given parameters that it cannot compute with.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum KernelError {
+    /// A tensor holds another number of values than its shape asks for.
+    #[error("{tensor}: expected {expected} values, found {found}")]
+    Length {
+        /// Which tensor.
+        tensor: &'static str,
+        /// Values that the shape asks for.
+        expected: usize,
+        /// Values that came.
+        found: usize,
+    },
+    /// A size is zero or beyond what the kernel can index.
+    #[error("{what}: expected {expected}, found {found}")]
+    Size {
+        /// Which size.
+        what: &'static str,
+        /// The admissible range, in words.
+        expected: &'static str,
+        /// The size that came.
+        found: usize,
+    },
+    /// A parameter is NaN or infinite.
+    #[error("{tensor}: expected finite values, found {value} at index {index}")]
+    NotFinite {
+        /// Which tensor.
+        tensor: &'static str,
+        /// Where in the tensor, counted flat.
+        index: usize,
+        /// The value found.
+        value: f32,
+    },
+}
+
+/// Refuses a tensor of the wrong length, or one that holds NaN or an infinity.
+///
+/// # Errors
+/// [`KernelError::Length`] or [`KernelError::NotFinite`].
+pub(crate) fn check(tensor: &'static str, values: &[f32], expected: usize) -> Result<(), KernelError> {
+    if values.len() != expected {
+        return Err(KernelError::Length { tensor, expected, found: values.len() });
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(KernelError::NotFinite { tensor, index, value: values[index] }),
+        None => Ok(()),
+    }
+}

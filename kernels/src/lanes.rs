@@ -1,0 +1,83 @@
+//! Eight f32 side by side, the unit that every kernel works in.
+//!
+//! Plain arrays and loops over them: the compiler turns each operation into one vector instruction where the
+//! instruction set has it, and into scalar code with the same bits where it has not.
+
+use std::ops::{Add, Mul};
+
+/// Values in one [`Lanes`].
+pub const LANES: usize = 8;
+
+/// Eight values, aligned as a vector register wants them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct Lanes(pub [f32; LANES]);
+
+impl Lanes {
+    /// Eight times +0.
+    pub const ZERO: Self = Self([0.0; LANES]);
+
+    /// Eight times `value`.
+    #[inline(always)]
+    pub fn splat(value: f32) -> Self {
+        Self([value; LANES])
+    }
+
+    /// Applies `f` to each lane.
+    #[must_use]
+    #[inline(always)]
+    pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        let mut out = self.0;
+        for value in &mut out {
+            *value = f(*value);
+        }
+        Self(out)
+    }
+
+    /// Number of `Lanes` that hold `values` values.
+    #[inline(always)]
+    pub fn count(values: usize) -> usize {
+        values.div_ceil(LANES)
+    }
+
+    /// Packs `values` into lanes, the last filled up with zeros.
+    pub fn pack(values: &[f32]) -> Vec<Self> {
+        let mut out = vec![Self::ZERO; Self::count(values.len())];
+        for (i, &v) in values.iter().enumerate() {
+            out[i / LANES].0[i % LANES] = v;
+        }
+        out
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let mut out = self.0;
+        for (a, b) in out.iter_mut().zip(other.0) {
+            *a += b;
+        }
+        Self(out)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let mut out = self.0;
+        for (a, b) in out.iter_mut().zip(other.0) {
+            *a *= b;
+        }
+        Self(out)
+    }
+}
+
+impl Mul<f32> for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f32) -> Self {
+        self * Self::splat(other)
+    }
+}

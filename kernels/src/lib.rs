@@ -1,0 +1,34 @@
+//! Arithmetic on tensors: stateless, without events, files, threads or clocks.
+//!
+//! Every result is defined by an order of operations that the kernel's documentation states, and is therefore the same
+//! in every bit on every instruction set: vector lanes run over independent outputs, products and sums are rounded
+//! separately (no fused multiply-add anywhere), and elementary functions are the crate's own. [`naive`] holds the
+//! scalar twins that the tests hold the kernels against.
+
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined into an instruction set's wrapper misses its instructions"
+)]
+
+mod dense;
+mod elementary;
+mod error;
+#[allow(
+    unsafe_code,
+    reason = "the one place where an instruction set beyond the build's baseline is entered"
+)]
+mod isa;
+mod lanes;
+mod matrix;
+mod maximum;
+pub mod naive;
+mod spline;
+
+pub use dense::{Activation, Dense};
+pub use elementary::{elu, exp, expm1};
+pub use error::KernelError;
+pub use isa::{Isa, Task};
+pub use lanes::{LANES, Lanes};
+pub use matrix::Matrix;
+pub use maximum::{is_nan, maximum, same_bits, settle};
+pub use spline::{Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute};

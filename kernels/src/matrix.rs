@@ -1,0 +1,79 @@
+//! Rows of activations, each padded to whole lanes.
+
+use crate::lanes::{LANES, Lanes};
+
+/// A matrix of f32 whose rows start on lane boundaries; columns beyond `columns` hold zeros or anything finite that a
+/// kernel with zero weights there makes of them.
+#[derive(Clone, Debug)]
+pub struct Matrix {
+    columns: usize,
+    stride: usize,
+    data: Vec<Lanes>,
+}
+
+impl Matrix {
+    /// `rows` x `columns` zeros.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        let stride = Lanes::count(columns);
+        Self { columns, stride, data: vec![Lanes::ZERO; rows * stride] }
+    }
+
+    /// A matrix of `values`, row after row of `columns` values.
+    ///
+    /// # Panics
+    /// If `values` does not fill whole rows.
+    pub fn from_rows(columns: usize, values: &[f32]) -> Self {
+        assert_eq!(values.len() % columns, 0, "values must fill whole rows");
+        let mut out = Self::zeros(values.len() / columns, columns);
+        for (i, &v) in values.iter().enumerate() {
+            out.row_mut(i / columns)[i % columns / LANES].0[i % columns % LANES] = v;
+        }
+        out
+    }
+
+    /// Values of a row that count.
+    #[inline]
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Number of rows.
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.data.len() / self.stride
+    }
+
+    /// Row `i`, in lanes.
+    #[inline]
+    pub fn row(&self, i: usize) -> &[Lanes] {
+        &self.data[i * self.stride..][..self.stride]
+    }
+
+    /// Row `i`, to write.
+    #[inline]
+    pub fn row_mut(&mut self, i: usize) -> &mut [Lanes] {
+        &mut self.data[i * self.stride..][..self.stride]
+    }
+
+    /// Every row, one after the other, in lanes.
+    #[inline]
+    pub fn lanes(&self) -> &[Lanes] {
+        &self.data
+    }
+
+    /// Every row, to write.
+    #[inline]
+    pub fn lanes_mut(&mut self) -> &mut [Lanes] {
+        &mut self.data
+    }
+
+    /// The values of row `i` that count.
+    pub fn values(&self, i: usize) -> impl Iterator<Item = f32> + '_ {
+        self.row(i).iter().flat_map(|lanes| lanes.0).take(self.columns)
+    }
+
+    /// Bytes of storage.
+    pub fn bytes(&self) -> usize {
+        self.data.len() * size_of::<Lanes>()
+    }
+}

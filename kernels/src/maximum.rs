@@ -1,0 +1,68 @@
+//! Channel-wise maxima that do not depend on the order of their members, and comparisons by bits.
+
+use crate::lanes::Lanes;
+
+/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`settle`]; between the two, the
+/// order of the rows is free but for the sign of zero, which `settle` removes. NaN members are passed over.
+#[inline(always)]
+pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
+    for (a, r) in acc.iter_mut().zip(row) {
+        for (a, &r) in a.0.iter_mut().zip(&r.0) {
+            *a = if r > *a { r } else { *a };
+        }
+    }
+}
+
+/// Finishes a maximum: negative zero becomes +0, which makes it free of order.
+#[inline(always)]
+pub fn settle(acc: &mut [Lanes]) {
+    for a in acc {
+        *a = *a + Lanes::ZERO;
+    }
+}
+
+/// Whether two rows are the same bits.
+#[inline(always)]
+pub fn same_bits(a: &[Lanes], b: &[Lanes]) -> bool {
+    let mut difference = 0;
+    for (a, b) in a.iter().zip(b) {
+        for (a, b) in a.0.iter().zip(&b.0) {
+            difference |= a.to_bits() ^ b.to_bits();
+        }
+    }
+    difference == 0
+}
+
+/// Whether any value of a row is NaN.
+#[inline(always)]
+pub fn is_nan(row: &[Lanes]) -> bool {
+    let mut nan = false;
+    for lanes in row {
+        for v in lanes.0 {
+            nan |= v.is_nan();
+        }
+    }
+    nan
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn maximum_of(rows: &[[f32; 8]]) -> [u32; 8] {
+        let mut acc = [Lanes::splat(f32::NEG_INFINITY)];
+        rows.iter().for_each(|&r| maximum(&mut acc, &[Lanes(r)]));
+        settle(&mut acc);
+        acc[0].0.map(f32::to_bits)
+    }
+
+    #[test]
+    fn a_maximum_does_not_depend_on_the_order_of_its_members() {
+        let rows = [[0.0; 8], [-0.0; 8], [-1.0, 2.0, -0.0, 1e-45, -1e-45, 0.0, 3.0, -3.0]];
+        let expected = maximum_of(&rows);
+        for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            assert_eq!(maximum_of(&order.map(|i| rows[i])), expected);
+        }
+        assert_eq!(maximum_of(&[[-0.0; 8]]), [0; 8]);
+    }
+}

@@ -1,0 +1,99 @@
+//! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
+//! the kernels to these bits.
+
+use crate::dense::Activation;
+use crate::elementary::elu;
+use crate::spline::{Neighbour, SplineParts, locate};
+
+/// B(e, s) of every slot of a kernel.
+pub fn basis(kernel: [usize; 3], u: [f32; 3]) -> Vec<Option<f32>> {
+    let axis = |d: usize| -> Vec<Option<f32>> {
+        if kernel[d] == 1 {
+            return vec![Some(1.0)];
+        }
+        let (lower, upper) = locate(u[d], kernel[d]);
+        (0..kernel[d])
+            .map(|i| match i {
+                i if i == lower => Some(1.0 - upper),
+                i if i == lower + 1 => Some(upper),
+                _ => None,
+            })
+            .collect()
+    };
+    let (x, y, t) = (axis(0), axis(1), axis(2));
+    let mut out = Vec::new();
+    for t in &t {
+        for y in &y {
+            out.extend(x.iter().map(|x| Some((((*x)?) * ((*y)?)) * ((*t)?))));
+        }
+    }
+    out
+}
+
+/// One row of a spline block; `x(j, c)` is channel c of row j.
+pub fn spline_row(
+    parts: &SplineParts,
+    neighbours: &[Neighbour],
+    x: impl Fn(usize, usize) -> f32,
+    own: usize,
+    skip: Option<&[f32]>,
+) -> Vec<f32> {
+    let SplineParts { inputs, outputs, kernel, .. } = *parts;
+    let slots: usize = kernel.iter().product();
+    let mut sums = vec![None; slots * inputs];
+    for n in neighbours {
+        for (slot, weight) in basis(kernel, n.u).into_iter().enumerate() {
+            let Some(weight) = weight else { continue };
+            for c in 0..inputs {
+                let sum: &mut Option<f32> = &mut sums[slot * inputs + c];
+                *sum = Some(sum.unwrap_or(0.0) + weight * x(n.row as usize, c));
+            }
+        }
+    }
+    let ones = vec![1.0; outputs];
+    let zeros = vec![0.0; outputs];
+    let (scale, shift) = parts.norm.as_ref().map_or((&ones, &zeros), |(a, b)| (a, b));
+    (0..outputs)
+        .map(|o| {
+            let mut acc = [0.0; 4];
+            for (i, sum) in sums.iter().enumerate() {
+                if let Some(sum) = sum {
+                    acc[i % inputs % 4] += sum * parts.weight[i * outputs + o];
+                }
+            }
+            let inverse = if neighbours.is_empty() { 0.0 } else { 1.0 / neighbours.len() as f32 };
+            let mut y = ((acc[0] + acc[1]) + (acc[2] + acc[3])) * inverse;
+            if let Some(root) = &parts.root {
+                let mut acc = [0.0; 4];
+                for c in 0..inputs {
+                    acc[c % 4] += x(own, c) * root[o * inputs + c];
+                }
+                y += (acc[0] + acc[1]) + (acc[2] + acc[3]);
+            }
+            y += parts.bias.as_ref().map_or(0.0, |b| b[o]);
+            if parts.elu {
+                y = elu(y);
+            }
+            y = y * scale[o] + shift[o];
+            skip.map_or(y, |skip| y + skip[o])
+        })
+        .collect()
+}
+
+/// A dense layer over inputs padded to whole lanes: `x` and each output's `weight` row have the same length.
+pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
+    let output = |(weight, bias): (&Vec<f32>, &f32)| {
+        let mut acc = [0.0; 32];
+        for (i, (x, w)) in x.iter().zip(weight).enumerate() {
+            acc[i % 32] += x * w;
+        }
+        let v: Vec<f32> = (0..8).map(|i| (acc[i] + acc[i + 8]) + (acc[i + 16] + acc[i + 24])).collect();
+        let y = (((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))) + bias;
+        match activation {
+            Activation::Identity => y,
+            Activation::Relu => y.max(0.0) + 0.0,
+            Activation::Elu => elu(y),
+        }
+    };
+    weight.iter().zip(bias).map(output).collect()
+}

@@ -1,0 +1,441 @@
+//! Spline convolution of one row: open B-splines of degree 1, mean over the in-edges, then ELU, batch norm and an
+//! optional skip addition (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5, with the block of the contact-angle paper).
+//!
+//! For a row with in-edges e = 1..n from rows j(e), with attributes u(e) in [0, 1]:
+//!
+//! ```text
+//! v_d    = u_d (k_d - 1),  i_d = min(floor(v_d), k_d - 2),  f_d = v_d - i_d          for each axis d with k_d > 1
+//! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d and f_d at i_d + 1                    s = i_x + k_x (i_y + k_y i_t)
+//! S(s,c) = sum over e of B(e,s) x(j(e), c)                                           in the order of the edges
+//! a(p,o) = sum over touched s ascending, c ascending with c mod 4 = p, of S(s,c) W(s,c,o)
+//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 where there are no in-edges
+//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        where there is a root weight
+//! y(o)   = ELU((m + r) + bias) scale + shift  (+ skip)
+//! ```
+//!
+//! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
+//! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
+
+use crate::elementary::elu;
+use crate::error::{KernelError, check};
+use crate::isa::{Isa, Task};
+use crate::lanes::{LANES, Lanes};
+use crate::matrix::Matrix;
+
+/// An in-edge: the row that is read, and where it lies relative to the reader.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Neighbour {
+    /// Row of the feature matrix.
+    pub row: u32,
+    /// Edge attribute along x, y and t, each in [0, 1]; 0.5 is no difference.
+    pub u: [f32; 3],
+}
+
+/// Edge attribute of a coordinate difference `p_j - p_i`: clamp(difference / (2 scale) + 0.5, 0, 1). The difference is
+/// rounded to f32 first, and nowhere before.
+#[inline]
+pub fn attribute(difference: f64, scale: f32) -> f32 {
+    (difference as f32 / (2.0 * scale) + 0.5).clamp(0.0, 1.0)
+}
+
+/// Parameters of a spline block in `PyTorch`'s layouts.
+#[derive(Clone, Debug, Default)]
+pub struct SplineParts {
+    /// C, channels read.
+    pub inputs: usize,
+    /// O, channels written.
+    pub outputs: usize,
+    /// Kernel size along x, y and t; 1 leaves an axis out.
+    pub kernel: [usize; 3],
+    /// (slot, C, O), slot = `i_x` + `k_x` (`i_y` + `k_y` `i_t`).
+    pub weight: Vec<f32>,
+    /// (O, C), as a linear layer has it.
+    pub root: Option<Vec<f32>>,
+    /// (O).
+    pub bias: Option<Vec<f32>>,
+    /// Batch norm with running statistics as one product and one sum: (O) and (O).
+    pub norm: Option<(Vec<f32>, Vec<f32>)>,
+    /// Whether ELU follows the convolution.
+    pub elu: bool,
+}
+
+/// A spline block, ready to run.
+#[derive(Clone, Debug)]
+pub struct SplineConv {
+    inputs: usize,
+    outputs: usize,
+    kernel: [usize; 3],
+    /// (slot, C, lanes of O).
+    weight: Vec<Lanes>,
+    /// (C, lanes of O).
+    root: Option<Vec<Lanes>>,
+    bias: Vec<Lanes>,
+    scale: Vec<Lanes>,
+    shift: Vec<Lanes>,
+    elu: bool,
+}
+
+/// Most values that the sums of one row may hold (slots times channels).
+const LARGEST_SUMS: usize = 1 << 22;
+
+impl SplineConv {
+    /// Checks and packs `parts`.
+    ///
+    /// # Errors
+    /// A size of zero or beyond bounds, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(parts: &SplineParts) -> Result<Self, KernelError> {
+        let SplineParts { inputs, outputs, kernel, .. } = *parts;
+        for (what, size) in [("input channels", inputs), ("output channels", outputs)] {
+            if size == 0 || size > 1 << 16 {
+                return Err(KernelError::Size { what, expected: "1 to 65536", found: size });
+            }
+        }
+        if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > 64) {
+            return Err(KernelError::Size {
+                what: "kernel size",
+                expected: "1 to 64 on each axis",
+                found: size,
+            });
+        }
+        let slots: usize = kernel.iter().product();
+        if slots * inputs > LARGEST_SUMS {
+            let expected = "at most 4194304 kernel slots times input channels";
+            return Err(KernelError::Size { what: "kernel", expected, found: slots * inputs });
+        }
+        check("weight", &parts.weight, slots * inputs * outputs)?;
+        let weight = parts.weight.chunks_exact(outputs).flat_map(Lanes::pack).collect();
+        let root = match &parts.root {
+            Some(root) => {
+                check("root weight", root, outputs * inputs)?;
+                let column = |c| Lanes::pack(&(0..outputs).map(|o| root[o * inputs + c]).collect::<Vec<_>>());
+                Some((0..inputs).flat_map(column).collect())
+            }
+            None => None,
+        };
+        let ones = vec![1.0; outputs];
+        let zeros = vec![0.0; outputs];
+        let bias = parts.bias.as_ref().unwrap_or(&zeros);
+        check("bias", bias, outputs)?;
+        let (scale, shift) = parts.norm.as_ref().map_or((&ones, &zeros), |(scale, shift)| (scale, shift));
+        check("batch norm scale", scale, outputs)?;
+        check("batch norm shift", shift, outputs)?;
+        let (bias, scale, shift) = (Lanes::pack(bias), Lanes::pack(scale), Lanes::pack(shift));
+        Ok(Self { inputs, outputs, kernel, weight, root, bias, scale, shift, elu: parts.elu })
+    }
+
+    /// C, channels read.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// O, channels written.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Kernel size along x, y and t.
+    pub fn kernel(&self) -> [usize; 3] {
+        self.kernel
+    }
+
+    /// Kernel slots, the product of the kernel sizes.
+    pub fn slots(&self) -> usize {
+        self.kernel.iter().product()
+    }
+
+    /// Whether the row itself is read through a root weight.
+    pub fn has_root(&self) -> bool {
+        self.root.is_some()
+    }
+
+    /// Multiply-adds of one row with `degree` in-edges: the sums per slot, and the weights on them.
+    pub fn multiply_adds(&self, degree: usize) -> usize {
+        let corners: usize = self.kernel.iter().map(|&k| k.min(2)).product();
+        let touched = self.slots().min(degree * corners);
+        degree * corners * self.inputs
+            + touched * self.inputs * self.outputs
+            + if self.has_root() { self.inputs * self.outputs } else { 0 }
+    }
+
+    /// Computes one row.
+    ///
+    /// # Panics
+    /// If a row or a slice does not have the sizes of this block.
+    #[inline]
+    pub fn row(&self, isa: Isa, row: SplineRow<'_>) {
+        isa.run(Run { conv: self, row });
+    }
+}
+
+/// What one row reads and where it is written.
+#[derive(Debug)]
+pub struct SplineRow<'a> {
+    /// The in-edges, in neighbourhood order; their rows index `features`.
+    pub neighbours: &'a [Neighbour],
+    /// (rows, C).
+    pub features: &'a Matrix,
+    /// The row itself, C values in lanes; read by a root weight only.
+    pub own: &'a [Lanes],
+    /// O values in lanes that are added last.
+    pub skip: Option<&'a [Lanes]>,
+    /// Reused between rows.
+    pub scratch: &'a mut SplineScratch,
+    /// O values in lanes.
+    pub out: &'a mut [Lanes],
+}
+
+/// Working space of [`SplineConv::row`], grown to the largest row seen and kept.
+#[derive(Clone, Debug, Default)]
+pub struct SplineScratch {
+    /// B(e, s) of one edge after the other, for kernels of 2 x 2 x 2.
+    basis: Vec<Lanes>,
+    /// S(s, c), each slot padded to whole lanes of c.
+    sums: Vec<Lanes>,
+    /// Slots that some in-edge touches, ascending.
+    touched: Vec<u32>,
+}
+
+struct Run<'a> {
+    conv: &'a SplineConv,
+    row: SplineRow<'a>,
+}
+
+impl Task for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { conv, row } = self;
+        let SplineRow { neighbours, features, own, skip, scratch, out } = row;
+        assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
+        assert_eq!(out.len(), conv.bias.len(), "the output must have the block's output channels");
+        let stride = Lanes::count(conv.inputs);
+        scratch.sums.resize(scratch.sums.len().max(conv.slots() * stride), Lanes::ZERO);
+        match (conv.kernel, conv.inputs) {
+            _ if neighbours.is_empty() => scratch.touched.clear(),
+            ([2, 2, 2], 1) => gather_eight_slots_of_one_channel(neighbours, features, scratch),
+            ([2, 2, 2], _) => gather_eight_slots(neighbours, features, stride, scratch),
+            (kernel, _) => gather(kernel, neighbours, features, stride, scratch),
+        }
+        let touched = &scratch.touched[..];
+        let inverse = if neighbours.is_empty() { 0.0 } else { 1.0 / neighbours.len() as f32 };
+        let mut lane = 0;
+        while lane < out.len() {
+            let sums = Sums { touched, values: &scratch.sums, stride, inverse };
+            if out.len() - lane >= 2 {
+                conv.apply::<2>(&sums, own, skip, lane, out);
+                lane += 2;
+            } else {
+                conv.apply::<1>(&sums, own, skip, lane, out);
+                lane += 1;
+            }
+        }
+    }
+}
+
+/// S(s, c) of the touched slots, and 1 / n.
+struct Sums<'a> {
+    touched: &'a [u32],
+    values: &'a [Lanes],
+    stride: usize,
+    inverse: f32,
+}
+
+impl SplineConv {
+    /// Output lanes `lane..lane + B`: weights, root, bias, ELU, batch norm, skip.
+    #[inline(always)]
+    fn apply<const B: usize>(
+        &self,
+        sums: &Sums<'_>,
+        own: &[Lanes],
+        skip: Option<&[Lanes]>,
+        lane: usize,
+        out: &mut [Lanes],
+    ) {
+        let lanes = self.bias.len();
+        let mut acc = [[Lanes::ZERO; B]; 4];
+        for &slot in sums.touched {
+            let values = &sums.values[slot as usize * sums.stride..][..sums.stride];
+            let weight = &self.weight[slot as usize * self.inputs * lanes..][..self.inputs * lanes];
+            contract(&mut acc, values, weight, lanes, lane);
+        }
+        let mut y = total(&acc).map(|v| v * sums.inverse);
+        if let Some(root) = &self.root {
+            let mut acc = [[Lanes::ZERO; B]; 4];
+            contract(&mut acc, own, root, lanes, lane);
+            for (y, r) in y.iter_mut().zip(total(&acc)) {
+                *y = *y + r;
+            }
+        }
+        for (b, y) in y.into_iter().enumerate() {
+            let mut y = y + self.bias[lane + b];
+            if self.elu {
+                y = y.map(elu);
+            }
+            y = y * self.scale[lane + b] + self.shift[lane + b];
+            if let Some(skip) = skip {
+                y = y + skip[lane + b];
+            }
+            out[lane + b] = y;
+        }
+    }
+}
+
+/// acc(c mod 4, o) += values(c) weight(c, o) for output lanes `lane..lane + B`, over the rows that `weight` has.
+#[inline(always)]
+fn contract<const B: usize>(
+    acc: &mut [[Lanes; B]; 4],
+    values: &[Lanes],
+    weight: &[Lanes],
+    lanes: usize,
+    lane: usize,
+) {
+    for (values, weight) in values.iter().zip(weight.chunks(LANES * lanes)) {
+        if weight.len() == LANES * lanes {
+            for c in 0..LANES {
+                multiply_add(&mut acc[c % 4], values.0[c], &weight[c * lanes + lane..][..B]);
+            }
+        } else {
+            for (c, weight) in weight.chunks_exact(lanes).enumerate() {
+                multiply_add(&mut acc[c % 4], values.0[c], &weight[lane..][..B]);
+            }
+        }
+    }
+}
+
+/// acc(o) += value weight(o), product and sum rounded separately.
+#[inline(always)]
+fn multiply_add<const B: usize>(acc: &mut [Lanes; B], value: f32, weight: &[Lanes]) {
+    let value = Lanes::splat(value);
+    for (a, &w) in acc.iter_mut().zip(weight) {
+        *a = *a + value * w;
+    }
+}
+
+/// (a0 + a1) + (a2 + a3).
+#[inline(always)]
+fn total<const B: usize>(acc: &[[Lanes; B]; 4]) -> [Lanes; B] {
+    let mut out = [Lanes::ZERO; B];
+    for (b, out) in out.iter_mut().enumerate() {
+        *out = (acc[0][b] + acc[1][b]) + (acc[2][b] + acc[3][b]);
+    }
+    out
+}
+
+/// B(e, s) of a 2 x 2 x 2 kernel, where every slot is touched and v = u.
+#[inline(always)]
+fn basis_of_eight(u: [f32; 3]) -> Lanes {
+    let [x, y, t] = u.map(|v| [1.0 - v, v]);
+    let mut out = [0.0; 8];
+    for (s, out) in out.iter_mut().enumerate() {
+        *out = (x[s & 1] * y[s >> 1 & 1]) * t[s >> 2];
+    }
+    Lanes(out)
+}
+
+#[inline(always)]
+fn gather_eight_slots_of_one_channel(
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    scratch: &mut SplineScratch,
+) {
+    let mut sums = Lanes::ZERO;
+    for n in neighbours {
+        sums = sums + basis_of_eight(n.u) * Lanes::splat(features.row(n.row as usize)[0].0[0]);
+    }
+    for (sum, s) in scratch.sums.iter_mut().zip(sums.0) {
+        sum.0[0] = s;
+    }
+    touch_eight(scratch);
+}
+
+#[inline(always)]
+fn gather_eight_slots(
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    stride: usize,
+    scratch: &mut SplineScratch,
+) {
+    scratch.basis.clear();
+    scratch.basis.extend(neighbours.iter().map(|n| basis_of_eight(n.u)));
+    for lane in 0..stride {
+        let mut sums = [Lanes::ZERO; 8];
+        for (n, basis) in neighbours.iter().zip(&scratch.basis) {
+            let x = features.row(n.row as usize)[lane];
+            for (sum, &b) in sums.iter_mut().zip(&basis.0) {
+                *sum = *sum + Lanes::splat(b) * x;
+            }
+        }
+        for (slot, sum) in sums.iter().enumerate() {
+            scratch.sums[slot * stride + lane] = *sum;
+        }
+    }
+    touch_eight(scratch);
+}
+
+#[inline(always)]
+fn touch_eight(scratch: &mut SplineScratch) {
+    if scratch.touched.len() != 8 || scratch.touched[7] != 7 {
+        scratch.touched.clear();
+        scratch.touched.extend(0..8);
+    }
+}
+
+/// Slot and fraction along one axis: the lower of the two slots, and the weight of the upper one.
+#[inline(always)]
+pub(crate) fn locate(u: f32, kernel: usize) -> (usize, f32) {
+    let v = u * (kernel - 1) as f32;
+    let lower = (v as usize).min(kernel - 2);
+    (lower, v - lower as f32)
+}
+
+/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches.
+#[inline(always)]
+fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize, f32)) {
+    let mut axes = [([0, 0], [1.0, 0.0], 1); 3];
+    for d in 0..3 {
+        if kernel[d] > 1 {
+            let (lower, upper) = locate(u[d], kernel[d]);
+            axes[d] = ([lower, lower + 1], [1.0 - upper, upper], 2);
+        }
+    }
+    let [x, y, t] = axes;
+    for it in 0..t.2 {
+        for iy in 0..y.2 {
+            for ix in 0..x.2 {
+                let slot = x.0[ix] + kernel[0] * (y.0[iy] + kernel[1] * t.0[it]);
+                visit(slot, (x.1[ix] * y.1[iy]) * t.1[it]);
+            }
+        }
+    }
+}
+
+/// Any kernel: touched slots first, then their sums.
+#[inline(always)]
+fn gather(
+    kernel: [usize; 3],
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    stride: usize,
+    scratch: &mut SplineScratch,
+) {
+    let SplineScratch { sums, touched, .. } = scratch;
+    touched.clear();
+    for n in neighbours {
+        for_each_corner(kernel, n.u, |slot, _| touched.push(slot as u32));
+    }
+    touched.sort_unstable();
+    touched.dedup();
+    for &slot in touched.iter() {
+        sums[slot as usize * stride..][..stride].fill(Lanes::ZERO);
+    }
+    for n in neighbours {
+        let x = features.row(n.row as usize);
+        for_each_corner(kernel, n.u, |slot, weight| {
+            for (sum, &x) in sums[slot * stride..][..stride].iter_mut().zip(x) {
+                *sum = *sum + Lanes::splat(weight) * x;
+            }
+        });
+    }
+}

@@ -1,0 +1,104 @@
+//! Every kernel on every instruction set against its scalar twin, bit for bit.
+
+use meissner_kernels::{Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts};
+use meissner_kernels::{SplineRow, SplineScratch, naive};
+use proptest::prelude::*;
+
+fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
+    proptest::collection::vec(prop_oneof![4 => -2.0f32..2.0, 1 => Just(0.0), 1 => Just(-0.0)], n)
+}
+
+/// Attributes with many at the ends, in the middle and next to them, where slots change.
+fn attribute() -> impl Strategy<Value = f32> {
+    prop_oneof![4 => 0.0f32..=1.0, 1 => Just(0.0), 1 => Just(1.0), 1 => Just(0.5), 1 => Just(1.0 - f32::EPSILON / 2.0)]
+}
+
+#[derive(Clone, Debug)]
+struct Case {
+    parts: SplineParts,
+    features: Vec<f32>,
+    neighbours: Vec<Neighbour>,
+    skip: Option<Vec<f32>>,
+}
+
+const ROWS: usize = 9;
+
+fn case() -> impl Strategy<Value = Case> {
+    let kernel = prop_oneof![
+        2 => Just([2, 2, 2]),
+        1 => Just([2, 2, 1]),
+        3 => (1usize..=5, 1usize..=5, 1usize..=5).prop_map(|(x, y, t)| [x, y, t]),
+        1 => Just([8, 8, 8]),
+    ];
+    (kernel, 1usize..=34, 1usize..=34, 0usize..=24).prop_flat_map(|(kernel, inputs, outputs, degree)| {
+        let slots: usize = kernel.iter().product();
+        let neighbour = (0..ROWS as u32, attribute(), attribute(), attribute())
+            .prop_map(|(row, x, y, t)| Neighbour { row, u: [x, y, t] });
+        (
+            values(slots * inputs * outputs),
+            proptest::option::of(values(outputs * inputs)),
+            proptest::option::of(values(outputs)),
+            proptest::option::of((values(outputs), values(outputs))),
+            any::<bool>(),
+            values(ROWS * inputs),
+            proptest::collection::vec(neighbour, degree),
+            proptest::option::of(values(outputs)),
+        )
+            .prop_map(move |(weight, root, bias, norm, elu, features, neighbours, skip)| Case {
+                parts: SplineParts { inputs, outputs, kernel, weight, root, bias, norm, elu },
+                features,
+                neighbours,
+                skip,
+            })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn a_spline_row_is_the_same_bits_as_its_scalar_twin(case in case(), own in 0..ROWS) {
+        let inputs = case.parts.inputs;
+        let expected = naive::spline_row(
+            &case.parts, &case.neighbours, |j, c| case.features[j * inputs + c], own, case.skip.as_deref());
+        let features = Matrix::from_rows(inputs, &case.features);
+        let conv = SplineConv::new(&case.parts).unwrap();
+        let skip = case.skip.as_deref().map(Lanes::pack);
+        let mut scratch = SplineScratch::default();
+        for isa in Isa::available() {
+            // Twice with one scratch: what a row leaves behind must not reach the next.
+            for _ in 0..2 {
+                let mut out = Matrix::zeros(1, case.parts.outputs);
+                conv.row(isa, SplineRow {
+                    neighbours: &case.neighbours, features: &features, own: features.row(own),
+                    skip: skip.as_deref(), scratch: &mut scratch, out: out.row_mut(0),
+                });
+                let got: Vec<u32> = out.values(0).map(f32::to_bits).collect();
+                let expected: Vec<u32> = expected.iter().map(|v| v.to_bits()).collect();
+                prop_assert_eq!(got, expected, "{}", isa.name());
+            }
+        }
+    }
+
+    #[test]
+    fn a_dense_layer_is_the_same_bits_as_its_scalar_twin(
+        (segments, channels, outputs, x, weight, bias) in (1usize..5, 1usize..40, 1usize..12)
+            .prop_flat_map(|(s, c, o)| (Just(s), Just(c), Just(o), values(s * c), values(s * c * o), values(o))),
+        activation in prop_oneof![Just(Activation::Identity), Just(Activation::Relu), Just(Activation::Elu)],
+    ) {
+        let padded = |v: &[f32]| -> Vec<f32> {
+            v.chunks(channels).flat_map(Lanes::pack).flat_map(|lanes| lanes.0).collect()
+        };
+        let rows: Vec<Vec<f32>> = weight.chunks(segments * channels).map(padded).collect();
+        let expected: Vec<u32> =
+            naive::dense(&padded(&x), &rows, &bias, activation).iter().map(|v| v.to_bits()).collect();
+        let dense = Dense::new(segments, channels, outputs, &weight, Some(&bias), activation).unwrap();
+        let input = Matrix::from_rows(channels, &x);
+        for isa in Isa::available() {
+            let mut out = Matrix::zeros(1, outputs);
+            dense.run(isa, input.lanes(), out.row_mut(0));
+            let got: Vec<u32> = out.values(0).map(f32::to_bits).collect();
+            prop_assert_eq!(&got, &expected, "{}", isa.name());
+        }
+    }
+}

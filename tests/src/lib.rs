@@ -1,0 +1,7 @@
+//! What the whole-engine tests share: random networks and streams, the comparison with a batch, and the files beside
+//! the project.
+
+pub mod compare;
+pub mod networks;
+pub mod random;
+pub mod streams;

@@ -1,0 +1,221 @@
+//! Random networks of every kind that the engine runs.
+
+use meissner_engine::{
+    Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, Network, NetworkParts,
+    Normalisation, Pooling, Position, Reach, Readout,
+};
+use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
+use proptest::prelude::*;
+
+use crate::random::Random;
+
+/// A spline block without its numbers.
+#[derive(Clone, Debug)]
+pub struct BlockShape {
+    /// Channels written.
+    pub channels: usize,
+    /// Kernel size along x, y, t.
+    pub kernel: [usize; 3],
+    /// Picks the feature that is read among those there are.
+    pub input: usize,
+    /// Picks the feature that is added among those that fit; `None` adds none.
+    pub skip: Option<usize>,
+    /// Root weight, bias, batch norm, ELU.
+    pub extras: [bool; 4],
+}
+
+/// A pooling with the level that it starts.
+#[derive(Clone, Debug)]
+pub struct PoolShape {
+    /// Picks the pooled feature.
+    pub from: usize,
+    /// Cell sizes.
+    pub cell: [(u32, u32); 2],
+    /// Cell size in time.
+    pub time: Option<(u32, u32)>,
+    /// Mean rather than centre.
+    pub mean: bool,
+    /// The level's blocks.
+    pub blocks: Vec<BlockShape>,
+}
+
+/// A network without its numbers.
+#[derive(Clone, Debug)]
+pub struct NetworkShape {
+    /// Rule of the event graph.
+    pub graph: GraphRule,
+    /// Span in microseconds.
+    pub span_us: i64,
+    /// Most events in the window.
+    pub capacity: usize,
+    /// Blocks of the event level.
+    pub blocks: Vec<BlockShape>,
+    /// Levels above.
+    pub pooled: Vec<PoolShape>,
+    /// Picks the feature that is read out.
+    pub from: usize,
+    /// Readout grid.
+    pub grid: [usize; 2],
+    /// Outputs of the dense layers.
+    pub dense: Vec<usize>,
+    /// Seed of the numbers.
+    pub seed: u64,
+}
+
+impl NetworkShape {
+    /// The network, with numbers drawn from the seed.
+    ///
+    /// # Panics
+    /// If the engine refuses it: the strategies make admissible networks only.
+    pub fn build(&self) -> Network {
+        let mut random = Random::new(self.seed);
+        let (events, mut channels) = level(&self.blocks, 1, &mut random);
+        let mut pooled = Vec::new();
+        let mut timed = true;
+        for (i, shape) in self.pooled.iter().enumerate() {
+            let from = shape.from % channels.len();
+            timed &= shape.time.is_some();
+            let fraction = |(n, d)| Fraction::new(n, d).expect("fractions are positive");
+            let pooling = Pooling {
+                name: format!("pool{}", i + 1),
+                from,
+                cell: shape.cell.map(fraction),
+                // Cells in time need cells in time below.
+                time: shape.time.filter(|_| timed).map(fraction),
+                position: if shape.mean { Position::Mean } else { Position::Centre },
+            };
+            let (level, next) = level(&shape.blocks, channels[from], &mut random);
+            pooled.push((pooling, level));
+            channels = next;
+        }
+        let readout = Readout { from: self.from % channels.len(), columns: self.grid[0], rows: self.grid[1] };
+        let (mut segments, mut inputs) = (self.grid[0] * self.grid[1], channels[readout.from]);
+        let mut dense = Vec::new();
+        for (i, &outputs) in self.dense.iter().enumerate() {
+            let weight = random.values(segments * inputs * outputs, 0.5);
+            let bias = random.values(outputs, 0.5);
+            let activation = [Activation::Identity, Activation::Relu, Activation::Elu][i % 3];
+            let dense_layer = Dense::new(segments, inputs, outputs, &weight, Some(&bias), activation);
+            dense.push(DenseLayer { name: format!("fc{}", i + 1), dense: dense_layer.expect("sizes fit") });
+            (segments, inputs) = (1, outputs);
+        }
+        let parts = NetworkParts {
+            name: "random".to_owned(),
+            span_us: self.span_us,
+            capacity: self.capacity,
+            graph: self.graph,
+            normalisation: Normalisation::Fixed,
+            events,
+            pooled,
+            readout,
+            dense,
+        };
+        Network::new(parts).expect("the parts fit")
+    }
+}
+
+fn level(blocks: &[BlockShape], inputs: usize, random: &mut Random) -> (Level, Vec<usize>) {
+    let mut channels = vec![inputs];
+    let mut out = Vec::new();
+    for (i, shape) in blocks.iter().enumerate() {
+        let input = shape.input % channels.len();
+        let (inputs, outputs) = (channels[input], shape.channels);
+        let fitting: Vec<usize> = (0..channels.len()).filter(|&f| channels[f] == outputs).collect();
+        let skip = shape.skip.filter(|_| !fitting.is_empty()).map(|pick| fitting[pick % fitting.len()]);
+        let slots: usize = shape.kernel.iter().product();
+        let [root, bias, norm, elu] = shape.extras;
+        let parts = SplineParts {
+            inputs,
+            outputs,
+            kernel: shape.kernel,
+            weight: random.values(slots * inputs * outputs, 1.0),
+            root: root.then(|| random.values(inputs * outputs, 0.7)),
+            bias: bias.then(|| random.values(outputs, 0.3)),
+            norm: norm.then(|| (random.values(outputs, 1.2), random.values(outputs, 0.3))),
+            elu,
+        };
+        let conv = SplineConv::new(&parts).expect("sizes fit");
+        out.push(Block { name: format!("conv{}_{}", inputs, i + 1), input, skip, conv });
+        channels.push(outputs);
+    }
+    (Level { scale: 0.5 + (random.below(3) as f32) * 0.25, blocks: out }, channels)
+}
+
+fn block() -> impl Strategy<Value = BlockShape> {
+    let kernel = prop_oneof![
+        3 => Just([2, 2, 2]),
+        2 => (2usize..=5, 2usize..=5, 1usize..=5).prop_map(|(x, y, t)| [x, y, t]),
+    ];
+    (
+        prop_oneof![3 => 1usize..=9, 1 => Just(16usize)],
+        kernel,
+        0usize..8,
+        any::<Option<u8>>(),
+        any::<[bool; 4]>(),
+    )
+        .prop_map(|(channels, kernel, input, skip, extras)| BlockShape {
+            channels,
+            kernel,
+            input,
+            skip: skip.map(usize::from),
+            extras,
+        })
+}
+
+fn fraction() -> impl Strategy<Value = (u32, u32)> {
+    prop_oneof![
+        3 => (1u32..=4, 2u32..=9).prop_map(|(n, d)| (n, d)),
+        1 => Just((16, 346)),
+        1 => Just((1, 1)),
+    ]
+}
+
+fn pool() -> impl Strategy<Value = PoolShape> {
+    (
+        0usize..8,
+        [fraction(), fraction()],
+        proptest::option::of((1u32..=3, 1u32..=7)),
+        any::<bool>(),
+        proptest::collection::vec(block(), 0..=2),
+    )
+        .prop_map(|(from, cell, time, mean, blocks)| PoolShape { from, cell, time, mean, blocks })
+}
+
+fn rule() -> impl Strategy<Value = GraphRule> {
+    let reach = prop_oneof![
+        2 => (1usize..=24).prop_map(|k| Reach::Knn { k }),
+        1 => (0.05f64..1.5, 1usize..=24).prop_map(|(r, max)| Reach::Radius { r, max }),
+    ];
+    let candidates = prop_oneof![
+        Just(Candidates::All),
+        Just(Candidates::Past(Lifetime::Window)),
+        Just(Candidates::Past(Lifetime::Frozen)),
+    ];
+    (reach, candidates).prop_map(|(reach, candidates)| GraphRule { reach, candidates })
+}
+
+/// Networks of up to three pooled levels.
+pub fn network() -> impl Strategy<Value = NetworkShape> {
+    (
+        rule(),
+        50i64..2_000,
+        prop_oneof![1 => 1usize..8, 3 => 8usize..80],
+        proptest::collection::vec(block(), 0..=4),
+        proptest::collection::vec(pool(), 0..=3),
+        0usize..8,
+        [1usize..=5, 1usize..=4],
+        proptest::collection::vec(1usize..=9, 1..=3),
+        any::<u64>(),
+    )
+        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, seed)| NetworkShape {
+            graph,
+            span_us,
+            capacity,
+            blocks,
+            pooled,
+            from,
+            grid,
+            dense,
+            seed,
+        })
+}
