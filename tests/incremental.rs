@@ -2,8 +2,10 @@
 //!
 //! `MEISSNER_CASES` sets the number of cases (2,000 without it).
 
-use meissner_engine::Search;
-use meissner_tests::{compare::Watched, networks, streams};
+use meissner_engine::{Candidates, Event, GraphRule, Reach, Search, Sensor};
+use meissner_tests::compare::Watched;
+use meissner_tests::networks::{self, NetworkShape, PoolShape};
+use meissner_tests::streams;
 use proptest::prelude::*;
 
 fn config() -> ProptestConfig {
@@ -19,5 +21,29 @@ proptest! {
         let search = if shape.seed % 2 == 0 { Search::Exhaustive } else { Search::Grid };
         let mut watched = Watched::new(shape.build(), script.sensor, search);
         prop_assert_eq!(watched.run(&script), Ok(()));
+    }
+}
+
+/// Found by the property test: centres of coarse cells in time spread over more cells of a finer level above than a
+/// window itself can fill.
+#[test]
+fn cells_in_time_above_coarser_cells_in_time_do_not_share_a_slot() {
+    let pool =
+        |time| PoolShape { from: 0, cell: [(1, 1), (1, 1)], time: Some(time), mean: false, blocks: vec![] };
+    let shape = NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: Candidates::All },
+        span_us: 128,
+        capacity: 3,
+        blocks: vec![],
+        pooled: vec![pool((2, 1)), pool((3, 4)), pool((1, 4))],
+        from: 0,
+        grid: [1, 1],
+        dense: vec![1],
+        seed: 0,
+    };
+    let mut watched = Watched::new(shape.build(), Sensor::new(1, 1), Search::Exhaustive);
+    for t in [0, 189, 219, 240, 256, 256, 256, 256, 256, 256] {
+        watched.push(Event::new(t, 0, 0, false));
+        assert_eq!(watched.compare(), Ok(()));
     }
 }

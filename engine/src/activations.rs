@@ -6,7 +6,7 @@
 
 use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, is_nan, same_bits};
 
-use crate::counters::LayerCounters;
+use crate::counters::LayerLog;
 use crate::graph::Adjacency;
 use crate::network::{Block, Level};
 use crate::rows::RowSet;
@@ -85,18 +85,12 @@ impl Activations {
     }
 
     /// Recomputes what the changes noted so far affect.
-    pub(crate) fn run(
-        &mut self,
-        level: &Level,
-        graph: &impl Adjacency,
-        isa: Isa,
-        counters: &mut [LayerCounters],
-    ) {
-        for ((b, block), counters) in level.blocks.iter().enumerate().zip(counters) {
+    pub(crate) fn run(&mut self, level: &Level, graph: &impl Adjacency, isa: Isa, log: &mut [LayerLog]) {
+        for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
             self.collect(block, graph);
             for i in 0..self.dirty.len() {
                 let row = self.dirty.as_slice()[i];
-                self.compute(block, b + 1, row, graph, isa, counters);
+                self.compute(block, b + 1, row, graph, isa, log);
             }
         }
     }
@@ -108,10 +102,10 @@ impl Activations {
         row: u32,
         graph: &impl Adjacency,
         isa: Isa,
-        counters: &mut [LayerCounters],
+        log: &mut [LayerLog],
     ) {
-        for ((b, block), counters) in level.blocks.iter().enumerate().zip(counters) {
-            self.compute(block, b + 1, row, graph, isa, counters);
+        for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
+            self.compute(block, b + 1, row, graph, isa, log);
         }
     }
 
@@ -140,7 +134,7 @@ impl Activations {
         row: u32,
         graph: &impl Adjacency,
         isa: Isa,
-        counters: &mut LayerCounters,
+        log: &mut LayerLog,
     ) {
         let (read, written) = self.features.split_at_mut(to);
         let input = &read[block.input];
@@ -156,16 +150,15 @@ impl Activations {
                 out,
             },
         );
-        counters.recomputed += 1;
         if is_nan(out) {
             self.nan[to].insert(row);
         } else if !self.nan[to].is_empty() {
             self.nan[to].remove(row);
         }
         let stored = written[0].row_mut(row as usize);
-        if same_bits(out, stored) {
-            counters.unchanged += 1;
-        } else {
+        let unchanged = same_bits(out, stored);
+        log.note(row, unchanged);
+        if !unchanged {
             stored.copy_from_slice(out);
             self.changed[to].insert(row);
         }

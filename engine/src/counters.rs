@@ -83,6 +83,33 @@ pub struct PredictionCounters {
     pub neighbourhoods_unchanged: u64,
 }
 
+/// Counters of a layer, and which rows they counted.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LayerLog {
+    pub(crate) counters: LayerCounters,
+    /// Slots of the rows computed since the last prediction, where someone asked for them.
+    pub(crate) rows: Option<Vec<u32>>,
+}
+
+impl LayerLog {
+    /// Notes a computed row, and whether it came out with the bits that it had.
+    #[inline]
+    pub(crate) fn note(&mut self, row: u32, unchanged: bool) {
+        self.counters.recomputed += 1;
+        self.counters.unchanged += u64::from(unchanged);
+        if let Some(rows) = &mut self.rows {
+            rows.push(row);
+        }
+    }
+}
+
+/// What the stages write while they run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Log {
+    pub(crate) layers: Vec<LayerLog>,
+    pub(crate) predictions: PredictionCounters,
+}
+
 /// All counters. They go on over `reset`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Counters {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Neighbour};
 
 use crate::admission::{Admission, LatePolicy, Outcome};
-use crate::counters::{Counters, LayerCounters};
+use crate::counters::{Counters, LayerLog, Log};
 use crate::graph::Adjacency;
 use crate::network::{Network, Normalisation};
 use crate::step::Step;
@@ -20,14 +20,23 @@ pub struct Options {
     pub isa: Isa,
     /// Fill what leaves with NaN, so that a stale read shows as [`EngineError::NotANumber`]: a check for tests.
     pub poison: bool,
+    /// Remember which rows were computed, for [`Engine::recomputed`].
+    pub record_rows: bool,
     /// Most bytes of state.
     pub memory_limit: u128,
 }
 
 impl Default for Options {
-    /// Late events are dropped, the best instruction set is used, nothing is poisoned, state is below 4 GiB.
+    /// Late events are dropped, the best instruction set is used, nothing is poisoned or recorded, state is below
+    /// 4 GiB.
     fn default() -> Self {
-        Self { late: LatePolicy::default(), isa: Isa::best(), poison: false, memory_limit: 1 << 32 }
+        Self {
+            late: LatePolicy::default(),
+            isa: Isa::best(),
+            poison: false,
+            record_rows: false,
+            memory_limit: 1 << 32,
+        }
     }
 }
 
@@ -62,11 +71,13 @@ pub struct Engine {
     sensor: Sensor,
     admission: Admission,
     step: Step,
-    counters: Counters,
+    log: Log,
     /// Time of the newest event.
     newest_us: Option<i64>,
     rows: Vec<u64>,
     recomputed: Vec<u64>,
+    /// Whether there was a prediction since anything was computed.
+    reported: bool,
 }
 
 /// The whole state of an engine at one moment; see [`Engine::snapshot`].
@@ -113,10 +124,17 @@ impl Engine {
         Ok(Self {
             step: Step::new(Arc::clone(&network), sensor, options.isa, options.poison),
             admission: Admission::new(sensor, options.late),
-            counters: Counters { layers: vec![LayerCounters::default(); layers], ..Counters::default() },
+            log: Log {
+                layers: vec![
+                    LayerLog { rows: options.record_rows.then(Vec::new), ..LayerLog::default() };
+                    layers
+                ],
+                ..Log::default()
+            },
             newest_us: None,
             rows: vec![0; layers],
             recomputed: vec![0; layers],
+            reported: false,
             network,
             sensor,
         })
@@ -143,12 +161,13 @@ impl Engine {
             Ok(node) => node,
             Err(reason) => return Outcome::Dropped(reason),
         };
+        self.begin();
         self.expire();
         if self.step.window.is_full() {
             self.step.leave();
             self.admission.counters_mut().evicted += 1;
         }
-        self.step.enter(node, &mut self.counters);
+        self.step.enter(node, &mut self.log);
         self.newest_us = self.admission.now_us();
         Outcome::Accepted
     }
@@ -179,19 +198,29 @@ impl Engine {
     /// [`EngineError::NotANumber`] where a layer computed NaN; the engine goes on, and predicts again once the rows
     /// that hold NaN have left.
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        self.step.settle(&mut self.counters);
+        self.begin();
+        self.reported = true;
+        self.step.settle(&mut self.log);
         self.count_rows();
         let (t_us, nodes) = (self.newest_us, self.step.window.len());
         let values = self.step.prediction()?;
         Ok(Prediction { values, t_us, nodes, rows: &self.rows })
     }
 
+    /// Starts a new record of computed rows after a prediction.
+    fn begin(&mut self) {
+        if self.reported {
+            self.log.layers.iter_mut().filter_map(|log| log.rows.as_mut()).for_each(Vec::clear);
+            self.reported = false;
+        }
+    }
+
     /// Rows since the last prediction, and those it found computed already.
     fn count_rows(&mut self) {
-        let mut counters = self.counters.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
+        let mut layers = self.log.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
         for level in 0..self.network.levels() {
-            let layers = self.network.level(level).blocks.len() + usize::from(level > 0);
-            for ((layer, rows), before) in counters.by_ref().take(layers) {
+            let count = self.network.level(level).blocks.len() + usize::from(level > 0);
+            for ((LayerLog { counters: layer, .. }, rows), before) in layers.by_ref().take(count) {
                 *rows = layer.recomputed - *before;
                 *before = layer.recomputed;
                 layer.kept += (self.step.nodes(level) as u64).saturating_sub(*rows);
@@ -231,7 +260,11 @@ impl Engine {
 
     /// Counts of what was done and of what was not needed.
     pub fn counters(&self) -> Counters {
-        Counters { events: *self.admission.counters(), ..self.counters.clone() }
+        Counters {
+            events: *self.admission.counters(),
+            layers: self.log.layers.iter().map(|log| log.counters).collect(),
+            predictions: self.log.predictions,
+        }
     }
 
     /// Number of events in the window.
@@ -259,6 +292,22 @@ impl Engine {
     pub fn feature(&self, level: usize, feature: usize) -> Vec<Vec<f32>> {
         let matrix = self.step.activations[level].feature(feature);
         self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
+    }
+
+    /// Rows of each layer that were computed for the last prediction, or since then, and are still there: ascending
+    /// places as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without [`Options::record_rows`].
+    pub fn recomputed(&self) -> Vec<Vec<usize>> {
+        let mut layers = self.log.layers.iter();
+        let mut out = Vec::new();
+        for level in 0..self.network.levels() {
+            let present = self.step.rows(level);
+            let count = self.network.level(level).blocks.len() + usize::from(level > 0);
+            for log in layers.by_ref().take(count) {
+                let rows = log.rows.as_deref().unwrap_or_default();
+                out.push((0..present.len()).filter(|&place| rows.contains(&present[place])).collect());
+            }
+        }
+        out
     }
 
     /// Neighbourhood of the `index`th oldest event: places in the window, and attributes, in order. With `frozen`

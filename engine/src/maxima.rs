@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Task, maximum, same_bits, settle};
 
+use crate::counters::LayerLog;
 use crate::rows::RowSet;
 
 #[derive(Clone, Debug)]
@@ -27,13 +28,6 @@ pub(crate) struct Maxima {
     /// Cells that fresh members are merged into.
     merged: RowSet,
     row: Vec<Lanes>,
-}
-
-/// What [`Maxima::settle`] did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Settled {
-    pub(crate) recomputed: u64,
-    pub(crate) unchanged: u64,
 }
 
 impl Maxima {
@@ -107,16 +101,17 @@ impl Maxima {
         cell
     }
 
-    /// Brings every row of `values` up to date; `moved` is told the cells whose row changed, and
-    /// whether they have members.
+    /// Brings every row of `values` up to date; `moved` is told the cells whose row changed, and whether they have
+    /// members.
     pub(crate) fn settle(
         &mut self,
         isa: Isa,
         features: &Matrix,
         changed: &RowSet,
         values: &mut Matrix,
+        log: &mut LayerLog,
         mut moved: impl FnMut(u32, bool),
-    ) -> Settled {
+    ) {
         for &row in changed.as_slice() {
             if !self.fresh.contains(row) {
                 self.dirty.insert(self.cell_of[row as usize]);
@@ -131,14 +126,17 @@ impl Maxima {
                 self.dirty.insert(cell);
             }
         }
-        let mut done = Settled::default();
         for &cell in self.merged.as_slice() {
             self.row.copy_from_slice(values.row(cell as usize));
             // Fresh members stand at the end of their cell.
             let newest = self.members[cell as usize].iter().rev();
             let members = newest.take_while(|&&m| self.fresh.contains(m));
             isa.run(Over { members, features, out: &mut self.row });
-            done.note(store(&self.row, values, cell), || moved(cell, true));
+            let changed = store(&self.row, values, cell);
+            log.note(cell, !changed);
+            if changed {
+                moved(cell, true);
+            }
         }
         for &cell in self.dirty.as_slice() {
             let members = &self.members[cell as usize];
@@ -149,22 +147,14 @@ impl Maxima {
                 self.row.fill(Lanes::splat(f32::NEG_INFINITY));
                 isa.run(Over { members: members.iter(), features, out: &mut self.row });
             }
-            done.note(store(&self.row, values, cell), || moved(cell, !members.is_empty()));
+            let changed = store(&self.row, values, cell);
+            log.note(cell, !changed);
+            if changed {
+                moved(cell, !members.is_empty());
+            }
         }
         self.fresh.clear();
         self.dirty.clear();
-        done
-    }
-}
-
-impl Settled {
-    fn note(&mut self, changed: bool, moved: impl FnOnce()) {
-        self.recomputed += 1;
-        if changed {
-            moved();
-        } else {
-            self.unchanged += 1;
-        }
     }
 }
 

@@ -8,7 +8,7 @@ use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
 use crate::Sensor;
 use crate::activations::Activations;
-use crate::counters::PredictionCounters;
+use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
 use crate::maxima::Maxima;
 use crate::network::{Network, Readout};
@@ -136,9 +136,10 @@ impl Head {
         let from = self.grid.readout.from;
         let (features, changed) = (top.activations.feature(from), top.activations.changed(from));
         let valid = &mut self.valid;
-        let settled = self.maxima.settle(isa, features, changed, &mut self.values, |_, _| *valid = false);
-        counters.cells_recomputed += settled.recomputed;
-        counters.cells_unchanged += settled.unchanged;
+        let mut log = LayerLog::default();
+        self.maxima.settle(isa, features, changed, &mut self.values, &mut log, |_, _| *valid = false);
+        counters.cells_recomputed += log.counters.recomputed;
+        counters.cells_unchanged += log.counters.unchanged;
         counters.read += 1;
         if self.valid {
             counters.reused += 1;

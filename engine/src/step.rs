@@ -11,7 +11,7 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Lanes};
 
 use crate::activations::Activations;
-use crate::counters::Counters;
+use crate::counters::Log;
 use crate::delta::Delta;
 use crate::graph::EventGraph;
 use crate::metric::Node;
@@ -97,7 +97,7 @@ impl Step {
     }
 
     /// `node` enters, not earlier than any other; the window must have room.
-    pub(crate) fn enter(&mut self, node: Node, counters: &mut Counters) {
+    pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
         let slot = self.window.push(node);
         self.delta.clear();
         self.delta.entered.push(slot);
@@ -105,7 +105,7 @@ impl Step {
         let events = &mut self.activations[0];
         events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
         if self.network.parts().graph.is_frozen() {
-            events.run_row(&self.network.parts().events, slot, &self.graph, self.isa, &mut counters.layers);
+            events.run_row(&self.network.parts().events, slot, &self.graph, self.isa, &mut log.layers);
         } else {
             self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         }
@@ -144,9 +144,9 @@ impl Step {
     }
 
     /// Computes what the steps since the last call affect, up to the prediction.
-    pub(crate) fn settle(&mut self, counters: &mut Counters) {
+    pub(crate) fn settle(&mut self, log: &mut Log) {
         let parts = self.network.parts();
-        let mut layers = &mut counters.layers[..];
+        let mut layers = &mut log.layers[..];
         if !parts.graph.is_frozen() {
             self.activations[0].run(&parts.events, &self.graph, self.isa, layers);
         }
@@ -157,24 +157,22 @@ impl Step {
             let (graph, own, below) = (&mut upper[0], &mut own[0], &below[p]);
             let (features, changed) = (below.feature(pooling.from), below.changed(pooling.from));
             let (values, moved) = own.input_mut();
-            let settled = graph.maxima.settle(self.isa, features, changed, values, |cell, alive| {
+            graph.maxima.settle(self.isa, features, changed, values, &mut layers[0], |cell, alive| {
                 if alive {
                     moved.insert(cell);
                 }
             });
-            layers[0].recomputed += settled.recomputed;
-            layers[0].unchanged += settled.unchanged;
             if let Some(lower) = lower.last() {
                 lower.shifted().as_slice().iter().for_each(|&row| graph.member_shifted(row));
             }
             let below = lower.last().map_or(Below::Events(&self.window), Below::Cells);
-            graph.settle(below, &mut counters.predictions, |cell| own.rewire(cell));
+            graph.settle(below, &mut log.predictions, |cell| own.rewire(cell));
             own.run(level, graph, self.isa, &mut layers[1..]);
             layers = &mut layers[1 + level.blocks.len()..];
         }
         let last = self.activations.len() - 1;
         let top = Top { activations: &self.activations[last], pooled: self.pooled.last() };
-        self.head.settle(&self.network, &top, self.isa, &mut counters.predictions);
+        self.head.settle(&self.network, &top, self.isa, &mut log.predictions);
         self.activations.iter_mut().for_each(Activations::finish);
         self.pooled.iter_mut().for_each(PooledGraph::finish);
     }

@@ -4,4 +4,5 @@
 pub mod compare;
 pub mod networks;
 pub mod random;
+pub mod shared;
 pub mod streams;

@@ -6,6 +6,8 @@
 mod events;
 mod pool;
 
+pub use pool::Cells;
+
 use std::sync::Arc;
 
 use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch};
@@ -63,7 +65,8 @@ pub struct Edges {
 }
 
 impl Edges {
-    fn push(&mut self, row: impl IntoIterator<Item = Neighbour>) {
+    /// Appends a row with its in-edges.
+    pub fn push(&mut self, row: impl IntoIterator<Item = Neighbour>) {
         self.start.push(self.list.len());
         self.list.extend(row);
     }

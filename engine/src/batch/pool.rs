@@ -21,7 +21,6 @@ pub(super) fn level(
     stream: Stream<'_>,
 ) -> LevelTrace {
     let features = &below.features[pooling.from];
-    let rows = below.first..features.rows();
     let events = match below_pooling {
         None => &stream.events[stream.events.len() - features.rows()..],
         Some(_) => &[],
@@ -49,51 +48,81 @@ pub(super) fn level(
             below.positions.iter().map(key).collect()
         }
     };
-    let key_of = |row: usize| keys[row - below.first];
-    let mut members: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
-    for row in rows.clone() {
-        members.entry(key_of(row)).or_default().push(row);
-    }
-    let index: BTreeMap<Key, usize> = members.keys().enumerate().map(|(i, &key)| (key, i)).collect();
-    let mut sources = vec![BTreeSet::new(); members.len()];
-    for reader in rows {
-        for edge in below.edges.row(reader).iter().filter(|edge| edge.row as usize >= below.first) {
-            let (from, to) = (index[&key_of(edge.row as usize)], index[&key_of(reader)]);
-            if from != to {
-                sources[to].insert(from);
-            }
-        }
-    }
-    let mut pooled = Matrix::zeros(members.len(), features.columns());
-    let mut positions = Vec::with_capacity(members.len());
-    for (i, (&key, members)) in members.iter().enumerate() {
-        maximum_of(features, members, pooled.row_mut(i));
-        positions.push(match pooling.position {
-            Position::Centre => centre(pooling, key),
-            Position::Mean if below_pooling.is_none() => mean_of_events(batch, events, members, stream),
-            Position::Mean => {
-                let sum = members
-                    .iter()
-                    .fold([0.0; 3], |sum, &m| [0, 1, 2].map(|d| sum[d] + below.positions[m][d]));
-                sum.map(|s| s / members.len() as f64)
-            }
-        });
-    }
+    let cells = Cells::new(&keys, below.first, features, &below.edges);
+    let position = |(members, &key): (&Vec<usize>, &Key)| match pooling.position {
+        Position::Centre => centre(pooling, key),
+        Position::Mean if below_pooling.is_none() => mean_of_events(batch, events, members, stream),
+        Position::Mean => mean(members, &below.positions),
+    };
+    let positions: Vec<[f64; 3]> = cells.members.iter().zip(&cells.keys).map(position).collect();
     let difference = |source: usize, reader: usize| -> [f64; 3] {
         [0, 1, 2].map(|d| positions[source][d] - positions[reader][d])
     };
-    let pairs = sources.iter().enumerate().flat_map(|(to, from)| from.iter().map(move |&from| (from, to)));
+    let readers = || cells.sources.iter().enumerate();
+    let pairs = readers().flat_map(|(to, from)| from.iter().map(move |&from| (from, to)));
     let scale = batch.scale(scale, pairs.map(|(from, to)| difference(from, to)));
     let mut edges = Edges::default();
-    for (to, from) in sources.iter().enumerate() {
-        let neighbour = |&from: &usize| Neighbour {
-            row: from as u32,
-            u: difference(from, to).map(|d| attribute(d, scale)),
-        };
-        edges.push(from.iter().map(neighbour));
+    for (to, from) in readers() {
+        let attributes = |from: usize| difference(from, to).map(|d| attribute(d, scale));
+        edges.push(from.iter().map(|&from| Neighbour { row: from as u32, u: attributes(from) }));
     }
-    let cells = members.keys().map(|&[t, y, x]| [x, y, t]).collect();
-    LevelTrace { edges, features: vec![pooled], positions, cells, first: 0 }
+    let index = cells.keys.iter().map(|&[t, y, x]| [x, y, t]).collect();
+    LevelTrace { edges, features: vec![cells.maxima], positions, cells: index, first: 0 }
+}
+
+/// Rows pooled by cell: what max pooling is before positions are known.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// Cells that have members, in order.
+    pub keys: Vec<[i64; 3]>,
+    /// Members of each cell, ascending.
+    pub members: Vec<Vec<usize>>,
+    /// For each cell, the others that an edge of the level below comes from, ascending.
+    pub sources: Vec<BTreeSet<usize>>,
+    /// Channel-wise maximum over each cell's members.
+    pub maxima: Matrix,
+}
+
+impl Cells {
+    /// Pools the rows of `features` from `first` on; `keys` are their cells. Edges from earlier rows are left out.
+    ///
+    /// # Panics
+    /// If there are not as many keys as rows from `first` on.
+    pub fn new(keys: &[[i64; 3]], first: usize, features: &Matrix, edges: &Edges) -> Self {
+        assert_eq!(first + keys.len(), features.rows(), "every row from the first on must have a cell");
+        let mut members: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
+        for (i, &key) in keys.iter().enumerate() {
+            members.entry(key).or_default().push(first + i);
+        }
+        let index: BTreeMap<Key, usize> = members.keys().enumerate().map(|(i, &key)| (key, i)).collect();
+        let cell_of = |row: usize| index[&keys[row - first]];
+        let mut sources = vec![BTreeSet::new(); members.len()];
+        for reader in first..features.rows() {
+            for edge in edges.row(reader).iter().filter(|edge| edge.row as usize >= first) {
+                let (from, to) = (cell_of(edge.row as usize), cell_of(reader));
+                if from != to {
+                    sources[to].insert(from);
+                }
+            }
+        }
+        let mut maxima = Matrix::zeros(members.len(), features.columns());
+        for (i, members) in members.values().enumerate() {
+            maximum_of(features, members, maxima.row_mut(i));
+        }
+        let (keys, members) = members.into_iter().unzip();
+        Self { keys, members, sources, maxima }
+    }
+
+    /// Mean position of each cell's members.
+    pub fn mean_positions(&self, positions: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        self.members.iter().map(|members| mean(members, positions)).collect()
+    }
+}
+
+/// Mean of the members' positions, summed in their order.
+fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
+    let add = |sum: [f64; 3], &m: &usize| [0, 1, 2].map(|d| sum[d] + positions[m][d]);
+    members.iter().fold([0.0; 3], add).map(|sum| sum / members.len() as f64)
 }
 
 /// Cell of an event, in integers, on a grid that starts at pixel `origin`.

@@ -1,0 +1,93 @@
+//! The same bits at any number of threads and on every instruction set.
+
+use meissner_engine::{
+    Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Sensor, Stream,
+};
+use meissner_kernels::Isa;
+use meissner_tests::compare::bits;
+use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_tests::random::Random;
+
+const SENSOR: Sensor = Sensor { width: 120, height: 90 };
+
+fn shape(candidates: Candidates) -> NetworkShape {
+    let block = |channels, input, kernel| BlockShape {
+        channels,
+        kernel,
+        input,
+        skip: (input > 0).then_some(input),
+        extras: [input == 1, true, true, true],
+    };
+    NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k: 16 }, candidates },
+        span_us: 20_000,
+        capacity: 4_096,
+        blocks: vec![block(8, 0, [2, 2, 2]), block(19, 1, [3, 2, 4]), block(32, 2, [2, 2, 2])],
+        pooled: vec![PoolShape {
+            from: 3,
+            cell: [(16, 346), (12, 260)],
+            time: None,
+            mean: true,
+            blocks: vec![block(32, 0, [2, 2, 2])],
+        }],
+        from: 1,
+        grid: [4, 4],
+        dense: vec![32, 2],
+        seed: 3,
+    }
+}
+
+/// A blob that moves over the sensor, and noise.
+fn events() -> Vec<Event> {
+    let mut random = Random::new(9);
+    (0..3_000)
+        .map(|i| {
+            let spread = if random.below(10) == 0 { 60 } else { 12 };
+            let mut pixel = |centre: u64, extent: u64| ((centre + random.below(spread)) % extent) as u16;
+            Event::new(i * 13, pixel(i as u64 / 60, 120), pixel(20 + i as u64 / 100, 90), i % 3 == 0)
+        })
+        .collect()
+}
+
+const EVERY: [Candidates; 3] =
+    [Candidates::All, Candidates::Past(Lifetime::Window), Candidates::Past(Lifetime::Frozen)];
+
+#[test]
+fn every_instruction_set_computes_the_same_bits() {
+    let events = events();
+    for candidates in EVERY {
+        let predict = |isa| {
+            let options = Options { isa, ..Options::default() };
+            let mut engine = Engine::with_options(shape(candidates).build(), SENSOR, options).expect("exact");
+            let mut out = Vec::new();
+            for chunk in events.chunks(500) {
+                engine.push_slice(chunk);
+                out.extend(bits(engine.predict().expect("finite").values));
+            }
+            out
+        };
+        let expected = predict(Isa::portable());
+        for isa in Isa::available() {
+            assert_eq!(predict(isa), expected, "{candidates:?} on {}", isa.name());
+        }
+    }
+}
+
+#[test]
+fn every_number_of_threads_computes_the_same_bits() {
+    let events = events();
+    for candidates in EVERY {
+        let batch = Batch::new(shape(candidates).build(), SENSOR).expect("the sensor has pixels");
+        let stream = Stream::new(&events);
+        let expected = bits(&batch.forward(stream).expect("finite").prediction);
+        let parallel = batch.with_parallel_rows(true);
+        for threads in [1, 2, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let got = pool.install(|| parallel.forward(stream)).expect("finite").prediction;
+            assert_eq!(bits(&got), expected, "{candidates:?} on {threads} threads");
+            for got in pool.install(|| parallel.predict_all(&[stream, stream, stream])) {
+                assert_eq!(bits(&got.expect("finite")), expected, "{candidates:?} on {threads} threads");
+            }
+        }
+    }
+}

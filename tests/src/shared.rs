@@ -1,0 +1,106 @@
+//! The folder of golden files and recordings beside the project, which may be absent.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use safetensors::{Dtype, SafeTensors};
+
+/// `path` below the folder that `MEISSNER_SHARED` names, else `../shared`. Where it is not there, says so and returns
+/// nothing.
+///
+/// # Panics
+/// If it is not there although `MEISSNER_REQUIRE_SHARED` says that it must be.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let folder = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from);
+    let file = folder.join(path);
+    if file.exists() {
+        return Some(file);
+    }
+    assert!(std::env::var_os("MEISSNER_REQUIRE_SHARED").is_none(), "{} is required", file.display());
+    println!("skipped: no ../shared/{path}");
+    None
+}
+
+/// The tensors of a golden file.
+#[derive(Clone, Debug)]
+pub struct Golden {
+    floats: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+    integers: BTreeMap<String, (Vec<usize>, Vec<i64>)>,
+}
+
+impl Golden {
+    /// Reads `golden/NAME.safetensors`, if it is there.
+    ///
+    /// # Panics
+    /// If the file is not as described.
+    pub fn load(name: &str) -> Option<Self> {
+        let bytes = std::fs::read(shared(&format!("golden/{name}.safetensors"))?).expect("a readable file");
+        let file = SafeTensors::deserialize(&bytes).expect("a safetensors file");
+        let (mut floats, mut integers) = (BTreeMap::new(), BTreeMap::new());
+        for (name, tensor) in file.tensors() {
+            let (shape, data) = (tensor.shape().to_vec(), tensor.data());
+            if tensor.dtype() == Dtype::I64 {
+                let values = data.chunks_exact(8).map(|b| i64::from_le_bytes(b.try_into().expect("8 bytes")));
+                integers.insert(name, (shape, values.collect()));
+            } else {
+                assert_eq!(tensor.dtype(), Dtype::F32, "{name}");
+                let values = data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().expect("4 bytes")));
+                floats.insert(name, (shape, values.collect()));
+            }
+        }
+        Some(Self { floats, integers })
+    }
+
+    /// Shape and values of a float tensor, if the file has it.
+    pub fn find(&self, name: &str) -> Option<(&[usize], &[f32])> {
+        self.floats.get(name).map(|(shape, values)| (&shape[..], &values[..]))
+    }
+
+    /// Values of a float tensor.
+    ///
+    /// # Panics
+    /// If the file has none of that name.
+    pub fn floats(&self, name: &str) -> &[f32] {
+        self.find(name).unwrap_or_else(|| panic!("no tensor {name}")).1
+    }
+
+    /// Shape of a float tensor.
+    ///
+    /// # Panics
+    /// If the file has none of that name.
+    pub fn shape(&self, name: &str) -> &[usize] {
+        self.find(name).unwrap_or_else(|| panic!("no tensor {name}")).0
+    }
+
+    /// Values of an integer tensor.
+    ///
+    /// # Panics
+    /// If the file has none of that name.
+    pub fn integers(&self, name: &str) -> &[i64] {
+        &self.integers.get(name).unwrap_or_else(|| panic!("no tensor {name}")).1
+    }
+
+    /// Sources and readers of an edge list.
+    pub fn edges(&self, name: &str) -> Vec<(usize, usize)> {
+        let flat = self.integers(name);
+        let (sources, readers) = flat.split_at(flat.len() / 2);
+        sources.iter().zip(readers).map(|(&j, &i)| (j as usize, i as usize)).collect()
+    }
+
+    /// Names of float tensors.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.floats.keys().map(String::as_str)
+    }
+}
+
+/// Asserts that `got` is within `tolerance` of `expected`, relative to the largest magnitude of `expected`.
+///
+/// # Panics
+/// If it is not.
+pub fn assert_close(what: &str, got: &[f32], expected: &[f32], tolerance: f32) {
+    assert_eq!(got.len(), expected.len(), "{what}: number of values");
+    let largest = expected.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    let error = got.iter().zip(expected).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
+    assert!(error <= tolerance * largest, "{what}: error {error:e}, largest value {largest:e}");
+}

@@ -1,0 +1,229 @@
+//! What becomes of events that do not come as one wishes, and of the neighbourhoods that they leave behind.
+
+use meissner_engine::{
+    Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options, Outcome,
+    Reach, Search, Sensor,
+};
+use meissner_tests::compare::Watched;
+use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+
+const SPAN_US: i64 = 1_000;
+const SENSOR: Sensor = Sensor { width: 40, height: 30 };
+
+fn shape(candidates: Candidates) -> NetworkShape {
+    let block =
+        BlockShape { channels: 4, kernel: [2, 2, 2], input: 0, skip: None, extras: [true, true, true, true] };
+    NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
+        span_us: SPAN_US,
+        capacity: 8,
+        blocks: vec![block.clone(), BlockShape { input: 1, skip: Some(0), ..block.clone() }],
+        pooled: vec![PoolShape {
+            from: 2,
+            cell: [(1, 5), (1, 4)],
+            time: None,
+            mean: true,
+            blocks: vec![block],
+        }],
+        from: 1,
+        grid: [2, 2],
+        dense: vec![2],
+        seed: 11,
+    }
+}
+
+const ALL: Candidates = Candidates::All;
+const EVERY: [Candidates; 3] =
+    [Candidates::All, Candidates::Past(Lifetime::Window), Candidates::Past(Lifetime::Frozen)];
+
+fn watched(candidates: Candidates) -> Watched {
+    Watched::new(shape(candidates).build(), SENSOR, Search::Exhaustive)
+}
+
+fn rows(engine: &Engine, index: usize) -> Vec<u32> {
+    engine.neighbourhood(index).iter().map(|n| n.row).collect()
+}
+
+#[test]
+fn a_late_event_is_dropped_and_counted() {
+    let mut stream = watched(ALL);
+    stream.push(Event::new(100, 1, 1, true));
+    assert_eq!(stream.push(Event::new(99, 2, 2, true)), Outcome::Dropped(DropReason::Late));
+    assert_eq!(stream.engine.counters().events.late, 1);
+    assert_eq!(stream.engine.nodes(), 1);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn a_late_event_enters_at_the_newest_time_where_the_policy_says_so() {
+    let options = Options { late: LatePolicy::Clamp, ..Options::default() };
+    let mut engine = Engine::with_options(shape(ALL).build(), SENSOR, options).expect("the network is exact");
+    engine.push(Event::new(100, 1, 1, true));
+    assert_eq!(engine.push(Event::new(40, 2, 2, true)), Outcome::Accepted);
+    assert_eq!(engine.events()[1].t_us, 100);
+    assert_eq!(engine.counters().events.clamped, 1);
+}
+
+#[test]
+fn an_event_before_the_last_advance_is_late() {
+    let mut stream = watched(ALL);
+    stream.push(Event::new(100, 1, 1, true));
+    stream.advance(200);
+    assert_eq!(stream.push(Event::new(199, 2, 2, true)), Outcome::Dropped(DropReason::Late));
+    assert_eq!(stream.push(Event::new(200, 2, 2, true)), Outcome::Accepted);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn an_advance_before_the_first_event_or_back_in_time_changes_nothing() {
+    let mut stream = watched(ALL);
+    stream.advance(1_000_000);
+    assert_eq!(stream.push(Event::new(5, 1, 1, true)), Outcome::Accepted);
+    stream.advance(0);
+    assert_eq!(stream.engine.now_us(), Some(5));
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn among_equal_stamps_and_distances_the_later_arrival_comes_first() {
+    for candidates in EVERY {
+        let mut stream = watched(candidates);
+        for _ in 0..5 {
+            stream.push(Event::new(7, 3, 3, true));
+        }
+        assert_eq!(rows(&stream.engine, 4), [3, 2, 1], "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
+#[test]
+fn an_event_outside_the_sensor_is_dropped_and_counted() {
+    let mut stream = watched(ALL);
+    for (x, y) in [(40, 0), (0, 30), (u16::MAX, u16::MAX)] {
+        let outcome = stream.push(Event::new(0, x, y, true));
+        assert_eq!(outcome, Outcome::Dropped(DropReason::OutsideSensor));
+    }
+    assert_eq!(stream.engine.counters().events.outside_sensor, 3);
+    assert_eq!(stream.engine.counters().events.accepted, 0);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn a_time_jump_of_hours_empties_the_window_and_goes_on() {
+    for candidates in EVERY {
+        let mut stream = watched(candidates);
+        for i in 0..6 {
+            stream.push(Event::new(i, i as u16, 2, true));
+        }
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+        stream.push(Event::new(7 * 3_600_000_000, 3, 3, false));
+        assert_eq!(stream.engine.nodes(), 1, "{candidates:?}");
+        assert_eq!(stream.engine.counters().events.expired, 6, "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
+#[test]
+fn a_time_too_far_from_the_epoch_is_dropped_and_counted() {
+    let mut stream = watched(ALL);
+    stream.push(Event::new(-5, 1, 1, true));
+    assert_eq!(stream.push(Event::new(i64::MAX, 1, 1, true)), Outcome::Dropped(DropReason::TimeOutOfRange));
+    assert_eq!(stream.engine.counters().events.time_out_of_range, 1);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn a_full_window_evicts_the_oldest_event() {
+    for candidates in EVERY {
+        let mut stream = watched(candidates);
+        for i in 0..20 {
+            stream.push(Event::new(i, (i % 7) as u16, (i % 5) as u16, i % 2 == 0));
+            assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+        }
+        assert_eq!(stream.engine.nodes(), 8, "{candidates:?}");
+        assert_eq!(stream.engine.counters().events.evicted, 12, "{candidates:?}");
+    }
+}
+
+#[test]
+fn the_window_holds_events_of_exactly_the_span() {
+    let mut stream = watched(ALL);
+    stream.push(Event::new(0, 1, 1, true));
+    stream.push(Event::new(SPAN_US, 2, 2, true));
+    assert_eq!(stream.engine.nodes(), 2);
+    stream.push(Event::new(SPAN_US + 1, 3, 3, true));
+    assert_eq!(stream.engine.nodes(), 2);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn an_expired_neighbour_is_replaced_by_the_next_nearest() {
+    for candidates in [ALL, Candidates::Past(Lifetime::Window)] {
+        let mut stream = watched(candidates);
+        stream.push(Event::new(0, 10, 10, true));
+        for x in [12, 14, 16, 11] {
+            stream.push(Event::new(20, x, 10, true));
+        }
+        // Columns 12, 10 (a fiftieth of the span ago) and 14; column 16 is the fourth nearest.
+        assert_eq!(rows(&stream.engine, 4), [1, 0, 2], "{candidates:?}");
+        stream.advance(SPAN_US + 1);
+        assert_eq!(rows(&stream.engine, 3), [0, 1, 2], "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
+#[test]
+fn a_nearer_newcomer_displaces_the_farthest_neighbour() {
+    let mut stream = watched(ALL);
+    for (x, y) in [(30, 20), (10, 11), (11, 10), (10, 14), (10, 10)] {
+        stream.push(Event::new(500, x, y, true));
+    }
+    assert_eq!(rows(&stream.engine, 4), [2, 1, 3]);
+    stream.push(Event::new(501, 10, 11, true));
+    assert_eq!(rows(&stream.engine, 4), [2, 1, 5]);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn a_reset_forgets_events_clock_and_epoch() {
+    let mut stream = watched(Candidates::Past(Lifetime::Frozen));
+    for i in 0..5 {
+        stream.push(Event::new(1_000_000 + i, 3, 3, true));
+    }
+    stream.reset();
+    assert_eq!(stream.engine.nodes(), 0);
+    assert_eq!(stream.compare(), Ok(()));
+    assert_eq!(stream.push(Event::new(4, 3, 3, true)), Outcome::Accepted);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn the_epoch_does_not_reach_the_bits() {
+    for candidates in EVERY {
+        let predict = |origin: i64| {
+            let mut engine = Engine::new(shape(candidates).build(), SENSOR).expect("the network is exact");
+            for i in 0..30 {
+                engine.push(Event::new(
+                    origin + 17 * i,
+                    (i * 7 % 40) as u16,
+                    (i * 11 % 30) as u16,
+                    i % 3 == 0,
+                ));
+            }
+            engine.predict().expect("finite").values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+        };
+        let expected = predict(0);
+        for origin in [1_700_000_000_000_000, -3, i64::MIN, i64::MAX - 600] {
+            assert_eq!(predict(origin), expected, "{candidates:?} from {origin}");
+        }
+    }
+}
+
+#[test]
+fn a_snapshot_of_another_network_is_refused_and_changes_nothing() {
+    let mut engine = Engine::new(shape(ALL).build(), SENSOR).expect("the network is exact");
+    engine.push(Event::new(0, 1, 1, true));
+    let other = Engine::new(shape(ALL).build(), SENSOR).expect("the network is exact").snapshot();
+    assert!(matches!(engine.restore(&other), Err(EngineError::Snapshot { .. })));
+    assert_eq!(engine.nodes(), 1);
+}
