@@ -4,6 +4,7 @@
 mod activations;
 mod admission;
 mod batch;
+mod cells;
 mod counters;
 mod delta;
 mod engine;

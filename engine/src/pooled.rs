@@ -4,147 +4,17 @@
 //! of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of the
 //! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
 //! positions and attributes are those of the present members.
-//!
-//! Cells are ordered by (t, y, x). Cells in time come and go without end, so the slots of as many of them as a window
-//! can fill at once are used round and round.
 
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
+use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
 use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
-use crate::network::{Pooling, Position};
+use crate::network::Position;
 use crate::rows::RowSet;
 use crate::window::Window;
-use crate::{Fraction, Sensor};
-
-/// Index of a pooled cell along x, y and t.
-pub(crate) type CellIndex = [i64; 3];
-
-/// A cell's place in the order of cells.
-type Key = [i64; 3];
-
-fn key([x, y, t]: CellIndex) -> Key {
-    [t, y, x]
-}
-
-/// Fixed geometry of a pooling.
-#[derive(Clone, Debug)]
-pub(crate) struct CellGrid {
-    pooling: Pooling,
-    columns: usize,
-    rows: usize,
-    /// Cells along t that a window can fill at once.
-    times: usize,
-    /// Length in time over which the nodes of the level below spread, in spans.
-    spread: f64,
-    sensor: Sensor,
-    span_us: i64,
-    /// Cell of each pixel column and of each pixel row.
-    of_x: Vec<u32>,
-    of_y: Vec<u32>,
-}
-
-impl CellGrid {
-    /// `below` is the grid of the level below, where that is a pooled one.
-    pub(crate) fn new(pooling: Pooling, below: Option<&Self>, sensor: Sensor, span_us: i64) -> Self {
-        let [x, y] = pooling.cell;
-        // Cells of this level hold centres of cells below, which lie up to half of such a cell off what they hold: what
-        // a window fills spreads, level by level, over one cell of the level below more than there.
-        let share = |size: Fraction| f64::from(size.numerator()) / f64::from(size.denominator());
-        let spread = below.map_or(1.0, |below| below.spread + below.pooling.time.map_or(0.0, share));
-        // A closed interval of n cells' length touches n + 1 cells at most; one more for the rounding of `spread`.
-        let times = pooling.time.map_or(1, |size| (spread / share(size)).ceil() as usize + 2);
-        let table = |extent: u16, size: Fraction| {
-            (0..extent).map(|p| size.cell(p.into(), extent.into()) as u32).collect()
-        };
-        let (of_x, of_y) = (table(sensor.width, x), table(sensor.height, y));
-        Self { columns: x.cells(), rows: y.cells(), times, spread, pooling, sensor, span_us, of_x, of_y }
-    }
-
-    pub(crate) fn slots(&self) -> usize {
-        self.columns * self.rows * self.times
-    }
-
-    /// Cell of an event at pixel (`x`, `y`) and `t` microseconds after the epoch, in integers.
-    fn of_event(&self, x: u16, y: u16, t: i64) -> CellIndex {
-        let t = self.pooling.time.map_or(0, |size| size.cell(t.into(), self.span_us.into()) as i64);
-        [self.of_x[usize::from(x)].into(), self.of_y[usize::from(y)].into(), t]
-    }
-
-    /// Cell that holds the centre of cell `index` of the level below, in integers.
-    fn of_cell(&self, below: &Self, index: CellIndex) -> CellIndex {
-        let axis = |i: i64, inner: Fraction, outer: Fraction| {
-            let centre = (2 * i128::from(i) + 1) * i128::from(inner.numerator());
-            outer.cell(centre, 2 * i128::from(inner.denominator())) as i64
-        };
-        let time = match (below.pooling.time, self.pooling.time) {
-            (Some(inner), Some(outer)) => axis(index[2], inner, outer),
-            _ => 0,
-        };
-        // A centre beyond the sensor's edge belongs to the last cell.
-        let [x, y] = [0, 1].map(|d| axis(index[d], below.pooling.cell[d], self.pooling.cell[d]));
-        [x.min(self.columns as i64 - 1), y.min(self.rows as i64 - 1), time]
-    }
-
-    fn slot(&self, [x, y, t]: CellIndex) -> u32 {
-        let t = if self.times == 1 { 0 } else { t as usize % self.times };
-        ((t * self.rows + y as usize) * self.columns + x as usize) as u32
-    }
-
-    /// Centre of a cell in shares of sensor and span; the middle of the span where there are no cells in time.
-    fn centre(&self, index: CellIndex) -> [f64; 3] {
-        let [x, y] = self.pooling.cell;
-        let t = self.pooling.time.map_or(0.5, |size| size.centre(index[2]));
-        [x.centre(index[0]), y.centre(index[1]), t]
-    }
-}
-
-/// Sums over the events of a cell, exact.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct EventSums {
-    count: i64,
-    x: i64,
-    y: i64,
-    t: i128,
-}
-
-impl EventSums {
-    fn add(&mut self, x: u16, y: u16, t: i64) {
-        self.count += 1;
-        self.x += i64::from(x);
-        self.y += i64::from(y);
-        self.t += i128::from(t);
-    }
-
-    fn subtract(&mut self, x: u16, y: u16, t: i64) {
-        self.count -= 1;
-        self.x -= i64::from(x);
-        self.y -= i64::from(y);
-        self.t -= i128::from(t);
-    }
-
-    /// Mean position in shares of sensor and span: one division of exact sums per axis.
-    fn mean(&self, sensor: Sensor, span_us: i64) -> [f64; 3] {
-        let share = |sum: f64, extent: i64| sum / (i128::from(self.count) * i128::from(extent)) as f64;
-        [
-            share(self.x as f64, sensor.width.into()),
-            share(self.y as f64, sensor.height.into()),
-            share(self.t as f64, span_us),
-        ]
-    }
-}
-
-/// Mean of positions, summed in the order in which they come.
-fn mean_position(positions: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for p in positions {
-        sum = [sum[0] + p[0], sum[1] + p[1], sum[2] + p[2]];
-        count += 1.0;
-    }
-    sum.map(|s| s / count)
-}
 
 /// Edge attributes of a source at `source` for a reader at `reader`.
 fn attributes(source: [f64; 3], reader: [f64; 3], scale: f32) -> [f32; 3] {
@@ -253,7 +123,7 @@ impl PooledGraph {
     }
 
     fn keeps_sums(&self) -> bool {
-        self.grid.pooling.position == Position::Mean
+        self.grid.position() == Position::Mean
     }
 
     /// Applies the delta of the level below, whose pooled feature is `features`; `values` are this level's maxima.
@@ -392,7 +262,7 @@ impl PooledGraph {
         for i in 0..self.moved.len() {
             let cell = self.moved.as_slice()[i];
             let position = match below {
-                Below::Events(_) => self.sums[cell as usize].mean(self.grid.sensor, self.grid.span_us),
+                Below::Events(_) => self.sums[cell as usize].mean(&self.grid),
                 Below::Cells(graph) => self.mean_of_cells(graph, cell),
             };
             if position.map(f64::to_bits) != self.positions[cell as usize].map(f64::to_bits) {

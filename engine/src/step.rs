@@ -11,12 +11,13 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Lanes};
 
 use crate::activations::Activations;
+use crate::cells::CellGrid;
 use crate::counters::Log;
 use crate::delta::Delta;
 use crate::graph::EventGraph;
 use crate::metric::Node;
 use crate::network::Network;
-use crate::pooled::{Below, CellGrid, PooledGraph};
+use crate::pooled::{Below, PooledGraph};
 use crate::readout::{Head, Top};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
