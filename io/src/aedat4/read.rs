@@ -1,0 +1,67 @@
+//! The whole file in, its recording out: the walk over the packets.
+
+use super::events;
+use super::header::Header;
+use super::inflate::Inflater;
+use crate::bytes::Bytes;
+use crate::error::{IoError, Place};
+use crate::format::Format;
+use crate::recording::{Recording, StreamKind, Tally};
+
+/// Bytes of a packet's header.
+const PACKET_HEADER: usize = 8;
+/// Bytes of the packet table that show what it is.
+const TABLE_START: u64 = 12;
+
+/// The events of the file `bytes`.
+pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+    let format = Format::Aedat4;
+    let header = Header::parse(Bytes::new(format, bytes, Place::Byte(0)))?;
+    let mut inflater = Inflater::new(header.compression, bytes.len() as u64);
+    if let Some(table) = header.table {
+        let start = inflater.prefix(&bytes[table..], table, TABLE_START)?;
+        events::check_table(Bytes::new(format, start, packet_place(table)))?;
+    }
+
+    let streams = &header.streams;
+    let main = streams.iter().position(|stream| stream.kind == StreamKind::Events);
+    let sensor = main.and_then(|main| streams[main].sensor);
+    let mut tallies: Vec<Tally> = streams.iter().map(|_| Tally::default()).collect();
+    let mut events = Vec::new();
+
+    let packets = Bytes::new(format, &bytes[..header.table.unwrap_or(bytes.len())], Place::Byte(0));
+    let mut at = header.packets;
+    while at < packets.len() {
+        let id = packets.i32("header of a packet", at)?;
+        let size = packets.i32("header of a packet", at + 4)?;
+        let Ok(size) = usize::try_from(size) else {
+            return Err(packets.malformed("size of a packet", at + 4, "0 and above", size.to_string()));
+        };
+        let Some(index) = streams.iter().position(|stream| stream.id == id) else {
+            let expected = format!("one of the {} that the header declares", streams.len());
+            return Err(packets.malformed("stream of a packet", at, expected, id.to_string()));
+        };
+        let packet = packets.get("packet", at + PACKET_HEADER, size)?;
+        match streams[index].kind {
+            // The streams that say nothing about events are not worth decompressing.
+            StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => tallies[index].add(1),
+            kind => {
+                let content = Bytes::new(format, inflater.inflate(packet, at)?, packet_place(at));
+                if Some(index) == main {
+                    events::append(content, sensor, &mut events)?;
+                } else {
+                    tallies[index].add(events::count(content, kind)?);
+                }
+            }
+        }
+        at += PACKET_HEADER + size;
+    }
+    let other_streams =
+        tallies.iter().zip(streams).filter_map(|(tally, stream)| tally.summary(&stream.name, stream.kind));
+    Ok(Recording { format, sensor, events, other_streams: other_streams.collect() })
+}
+
+/// The first byte of the content of the packet at byte `at`.
+fn packet_place(at: usize) -> Place {
+    Place::Packet { packet: at as u64, byte: 0 }
+}

@@ -1,0 +1,70 @@
+//! Lines of bounded length from any buffered reader, without reading beyond the line.
+
+use std::io::{BufRead, ErrorKind};
+
+use crate::error::{IoError, Place};
+use crate::format::Format;
+use crate::limits::LINE_BYTES;
+
+/// Reads line after line into one buffer.
+///
+/// Invariant: a line is returned as soon as its line feed is in the reader's buffer; no more is asked of the
+/// reader.
+#[derive(Debug)]
+pub(super) struct Lines<R> {
+    input: R,
+    line: Vec<u8>,
+    /// Number of the line in `line`, from 1.
+    number: u64,
+}
+
+impl<R: BufRead> Lines<R> {
+    pub(super) fn new(input: R) -> Self {
+        Self { input, line: Vec::new(), number: 0 }
+    }
+
+    /// The next line and its number, without spaces around it; `None` at the end of the input.
+    pub(super) fn next(&mut self) -> Result<Option<(&[u8], u64)>, IoError> {
+        self.line.clear();
+        self.number += 1;
+        let place = Place::Line(self.number);
+        loop {
+            let buffer = match self.input.fill_buf() {
+                Ok(buffer) => buffer,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(source) => {
+                    return Err(IoError::Stream { format: Format::Csv, action: "read", place, source });
+                }
+            };
+            if buffer.is_empty() {
+                break;
+            }
+            let end = buffer.iter().position(|&b| b == b'\n');
+            let length = end.map_or(buffer.len(), |end| end + 1);
+            let total = (self.line.len() + length) as u64;
+            if total > LINE_BYTES {
+                return Err(IoError::TooLarge {
+                    format: Format::Csv,
+                    what: "line",
+                    place,
+                    limit: LINE_BYTES,
+                    actual: total,
+                    at_least: end.is_none(),
+                });
+            }
+            self.line.extend_from_slice(&buffer[..length]);
+            self.input.consume(length);
+            if end.is_some() {
+                break;
+            }
+        }
+        if self.line.is_empty() {
+            return Ok(None);
+        }
+        let mut line = self.line.as_slice();
+        if self.number == 1 {
+            line = line.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(line);
+        }
+        Ok(Some((line.trim_ascii(), self.number)))
+    }
+}

@@ -1,0 +1,54 @@
+//! N-MNIST: the bytes of one digit in, its events out.
+//!
+//! Five bytes an event, no header, 34 x 34 pixels always: byte 0 the column x, byte 1 the row y, then 24 bits
+//! of which the first is the polarity and the other 23 are microseconds, most significant first. Source:
+//! Orchard, Jayawant, Cohen and Thakor, "Converting static image datasets to spiking neuromorphic datasets
+//! using saccades", 2015, and the readme of the data set. The format has no magic, so that "five bytes an
+//! event, each on the sensor" is all that tells it: [`crate::detect()`] tries it last.
+
+use meissner_engine::{Event, Sensor};
+
+use crate::bytes::array;
+use crate::error::{IoError, Place};
+use crate::format::Format;
+use crate::recording::Recording;
+
+/// Columns and rows.
+const SIDE: u8 = 34;
+/// Bytes of an event.
+const STRIDE: usize = 5;
+
+/// Whether `bytes` can be N-MNIST: at least one event, whole events only, every one on the sensor.
+pub(crate) fn is_nmnist(bytes: &[u8]) -> bool {
+    !bytes.is_empty()
+        && bytes.len().is_multiple_of(STRIDE)
+        && bytes.chunks_exact(STRIDE).all(|e| e[0] < SIDE && e[1] < SIDE)
+}
+
+/// The events of `bytes`.
+pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+    let format = Format::Nmnist;
+    let sensor = Sensor::new(u16::from(SIDE), u16::from(SIDE));
+    let chunks = bytes.chunks_exact(STRIDE);
+    let rest = chunks.remainder().len();
+    if rest > 0 {
+        return Err(IoError::Truncated {
+            format,
+            what: "the last event",
+            place: Place::Byte((bytes.len() - rest) as u64),
+            expected: STRIDE as u64,
+            actual: rest as u64,
+        });
+    }
+    let mut events = Vec::with_capacity(chunks.len());
+    for (index, chunk) in chunks.enumerate() {
+        let [x, y, high, middle, low] = array(chunk);
+        if x >= SIDE || y >= SIDE {
+            let place = Place::Byte((index * STRIDE) as u64);
+            return Err(IoError::OutsideSensor { format, place, sensor, x: x.into(), y: y.into() });
+        }
+        let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
+        events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
+    }
+    Ok(Recording { format, sensor: Some(sensor), events, other_streams: Vec::new() })
+}

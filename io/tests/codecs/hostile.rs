@@ -1,0 +1,194 @@
+//! Truncations, flipped bits, absurd lengths and bombs: an error or a whole result, never a panic.
+
+use meissner_io::limits::{HEADER_BYTES, PACKET_BYTES};
+use meissner_io::{Format, IoError, decode, decode_as};
+use proptest::prelude::*;
+
+use crate::support::aedat4::{Compression, File, event_packet, header, outputs, vector};
+use crate::support::{events, samples};
+
+#[test]
+fn a_file_cut_at_any_length_gives_an_error_or_whole_events_from_its_start() {
+    for (format, bytes) in samples() {
+        let whole = decode(&bytes).unwrap().events;
+        for length in 0..bytes.len() {
+            let cut = &bytes[..length];
+            let _ = decode(cut);
+            if let Ok(recording) = decode_as(format, cut) {
+                assert!(whole.starts_with(&recording.events), "{format} cut at {length}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_that_says_its_length_gives_an_error_or_everything_wherever_it_is_cut() {
+    for (format, bytes) in samples().into_iter().filter(|(f, _)| matches!(f, Format::Aedat4 | Format::Npy)) {
+        let whole = decode(&bytes).unwrap();
+        for length in 0..bytes.len() {
+            match decode_as(format, &bytes[..length]) {
+                // Of AEDAT4 the table behind the packets may be missing in part.
+                Ok(recording) => assert!(format == Format::Aedat4 && recording == whole, "cut at {length}"),
+                Err(error) => assert!(
+                    matches!(error, IoError::Truncated { .. } | IoError::Malformed { .. }),
+                    "cut at {length}: {error}"
+                ),
+            }
+        }
+    }
+}
+
+#[test]
+fn any_flipped_bit_gives_an_error_or_a_recording() {
+    for (format, mut bytes) in samples() {
+        for bit in 0..bytes.len() * 8 {
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let _ = decode(&bytes);
+            let _ = decode_as(format, &bytes);
+            bytes[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+#[test]
+fn an_absurd_length_anywhere_gives_an_error_or_a_recording() {
+    let lengths = [1_u64 << 63, u64::MAX, 0x7fff_ffff_7fff_ffff, 0x8000_0000_8000_0000, 0];
+    for (format, bytes) in samples() {
+        for at in 0..bytes.len().saturating_sub(8) {
+            for length in lengths {
+                for width in [2, 4, 8] {
+                    let mut changed = bytes.clone();
+                    changed[at..at + width].copy_from_slice(&length.to_le_bytes()[8 - width..]);
+                    let _ = decode_as(format, &changed);
+                }
+            }
+        }
+    }
+}
+
+/// A Zstandard frame of `blocks` times 128 KiB of zeros, four bytes a block, with a window of `window`.
+fn zstd_bomb(blocks: usize, window: u8) -> Vec<u8> {
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, window];
+    for block in 1..=blocks {
+        let repeated = u32::from(block == blocks) | 1 << 1 | (128 << 10) << 3;
+        frame.extend(&repeated.to_le_bytes()[..3]);
+        frame.push(0);
+    }
+    frame
+}
+
+/// A window of 1 MiB.
+const MIB: u8 = 10 << 3;
+
+#[test]
+fn a_packet_that_unpacks_beyond_the_bound_is_refused() {
+    let lz4 = Compression::Lz4.pack(&vec![0; PACKET_BYTES as usize + 1]);
+    for (compression, bomb) in [(Compression::Zstd, zstd_bomb(513, MIB)), (Compression::Lz4, lz4)] {
+        let mut file = File::new(compression, None);
+        file.packets.push((0, bomb));
+        let error = decode(&file.bytes()).unwrap_err();
+        assert!(
+            matches!(error, IoError::TooLarge { limit: PACKET_BYTES, at_least: true, .. }),
+            "{compression:?}: {error}"
+        );
+    }
+}
+
+#[test]
+fn packets_that_unpack_beyond_the_bound_together_are_refused() {
+    // Well-formed packets, each within the bound: empty vectors followed by zeros.
+    let mut content = vector(*b"EVTS", 0, &vec![0; 40 << 20]);
+    let length = content.len() as u32 - 4;
+    content[..4].copy_from_slice(&length.to_le_bytes());
+    let mut file = File::new(Compression::Zstd, None);
+    file.push(0, &content);
+    decode(&file.bytes()).unwrap();
+    file.packets.push(file.packets[0].clone());
+    file.packets.push(file.packets[0].clone());
+    let error = decode(&file.bytes()).unwrap_err();
+    assert!(matches!(error, IoError::TooLarge { what: "decompressed packet", .. }), "{error}");
+}
+
+#[test]
+fn a_window_beyond_the_bound_is_refused() {
+    // 2^41 bytes, the largest that a frame can ask for.
+    let mut file = File::new(Compression::Zstd, None);
+    file.packets.push((0, zstd_bomb(1, 0xff)));
+    let error = decode(&file.bytes()).unwrap_err();
+    assert!(matches!(error, IoError::Malformed { what: "compressed packet", .. }), "{error}");
+}
+
+#[test]
+fn a_bomb_in_the_packet_table_is_not_unpacked() {
+    let mut file = File::new(Compression::Zstd, None);
+    file.push(0, &event_packet(&events()));
+    file.table = Some(vector(*b"FTAB", 0, &vec![0; PACKET_BYTES as usize * 2]));
+    assert_eq!(decode(&file.bytes()).unwrap().events, events());
+}
+
+#[test]
+fn a_vector_that_promises_more_than_its_packet_holds_is_refused() {
+    let mut file = File::new(Compression::Lz4, None);
+    file.push(0, &vector(*b"EVTS", u32::MAX, &[0; 64]));
+    let error = decode(&file.bytes()).unwrap_err();
+    let expected = u64::from(u32::MAX) * 16;
+    assert!(matches!(error, IoError::Truncated { expected: e, actual: 64, .. } if e == expected), "{error}");
+}
+
+#[test]
+fn absurd_lengths_in_the_container_are_refused() {
+    let xml = outputs("");
+    let mut long_header = header(0, &xml, -1);
+    long_header[14..18].copy_from_slice(&u32::MAX.to_le_bytes());
+    let error = decode(&long_header).unwrap_err();
+    assert!(matches!(error, IoError::TooLarge { limit: HEADER_BYTES, .. }), "{error}");
+
+    let error = decode(&header(0, &xml, i64::MAX)).unwrap_err();
+    assert!(matches!(error, IoError::Truncated { expected: 0x7fff_ffff_ffff_ffff, .. }), "{error}");
+    let error = decode(&header(0, &xml, i64::MIN)).unwrap_err();
+    assert!(matches!(error, IoError::Malformed { what: "position of the packet table", .. }), "{error}");
+
+    for (size, truncated) in [(i32::MAX, true), (-1, false), (i32::MIN, false)] {
+        let mut file = File::new(Compression::Lz4, None);
+        file.table = None;
+        let mut bytes = file.bytes();
+        bytes.extend(0_i32.to_le_bytes());
+        bytes.extend(size.to_le_bytes());
+        let error = decode(&bytes).unwrap_err();
+        assert_eq!(matches!(error, IoError::Truncated { what: "packet", .. }), truncated, "{error}");
+    }
+}
+
+#[test]
+fn xml_that_expands_or_nests_without_end_is_refused() {
+    let entities = r#"<!DOCTYPE d [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]><dv>&b;</dv>"#;
+    let deep = "<a>".repeat(200_000);
+    let closed = format!("{}{}", "<a>".repeat(60_000), "</a>".repeat(60_000));
+    for xml in [entities, &deep, &closed] {
+        let error = decode(&header(0, xml, -1)).unwrap_err();
+        assert!(matches!(error, IoError::Malformed { what: "XML of the streams", .. }), "{error}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn noise_behind_any_start_gives_an_error_or_a_recording(
+        sample in 0..9_usize,
+        keep in 0.0..1.0_f64,
+        noise in prop::collection::vec(any::<u8>(), 0..300),
+    ) {
+        let (format, mut bytes) = samples().swap_remove(sample);
+        bytes.truncate((bytes.len() as f64 * keep) as usize);
+        bytes.extend(noise);
+        let _ = decode(&bytes);
+        let _ = decode_as(format, &bytes);
+    }
+
+    #[test]
+    fn noise_is_an_error_or_a_recording_of_any_format(noise in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = decode(&noise);
+        for format in Format::ALL {
+            let _ = decode_as(format, &noise);
+        }
+    }
+}

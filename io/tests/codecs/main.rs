@@ -1,0 +1,16 @@
+//! What the codecs promise, on bytes that the tests make themselves, and on real recordings where they are at
+//! hand.
+#![forbid(unsafe_code)]
+
+mod aedat4;
+mod csv;
+mod dat;
+mod detect;
+mod encoders;
+mod evt2;
+mod evt3;
+mod hostile;
+mod nmnist;
+mod npy;
+mod recordings;
+mod support;

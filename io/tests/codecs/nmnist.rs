@@ -1,0 +1,36 @@
+//! N-MNIST: five bytes an event, no header.
+
+use meissner_engine::{Event, Sensor};
+use meissner_io::{Format, IoError, Place, decode, decode_as};
+use proptest::prelude::*;
+
+use crate::support::{any_event, nmnist};
+
+#[test]
+fn polarity_is_the_top_bit_of_a_time_of_23_bits() {
+    let recording = decode(&[33, 2, 0xff, 0xff, 0xff, 0, 0, 0x00, 0x01, 0x02]).unwrap();
+    assert_eq!((recording.format, recording.sensor), (Format::Nmnist, Some(Sensor::new(34, 34))));
+    assert_eq!(recording.events, [Event::new(0x007f_ffff, 33, 2, true), Event::new(0x102, 0, 0, false)]);
+}
+
+#[test]
+fn a_pixel_beside_the_sensor_is_refused_with_its_byte() {
+    let error = decode_as(Format::Nmnist, &[0, 0, 0, 0, 0, 34, 0, 0, 0, 0]).unwrap_err();
+    assert!(matches!(error, IoError::OutsideSensor { place: Place::Byte(5), x: 34, .. }), "{error}");
+}
+
+#[test]
+fn a_cut_event_is_refused_with_its_byte() {
+    let error = decode_as(Format::Nmnist, &[0; 13]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "N-MNIST: the last event at byte 10 is cut short: expected 5 bytes, found 3"
+    );
+}
+
+proptest! {
+    #[test]
+    fn every_event_comes_back(events in prop::collection::vec(any_event(0..1_i64 << 23, 34), 1..50)) {
+        prop_assert_eq!(decode(&nmnist(&events)).unwrap().events, events);
+    }
+}
