@@ -82,7 +82,19 @@ impl Watched {
     /// # Errors
     /// What differs first.
     pub fn compare(&mut self) -> Result<(), String> {
-        let trace = self.batch.forward(self.stream()).map_err(|e| e.to_string())?;
+        self.compare_to(&self.batch.clone())
+    }
+
+    /// The same with another search in the batch.
+    ///
+    /// # Errors
+    /// What differs first.
+    pub fn compare_with(&mut self, search: Search) -> Result<(), String> {
+        self.compare_to(&self.batch.clone().with_search(search))
+    }
+
+    fn compare_to(&mut self, batch: &Batch) -> Result<(), String> {
+        let trace = batch.forward(self.stream()).map_err(|e| e.to_string())?;
         let got = self.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
         let frozen = self.engine.network().parts().graph.is_frozen();
         let events = &trace.levels[0];

@@ -1,0 +1,320 @@
+//! A checked layer: what it computes, its shapes, what it costs, and what it sees.
+
+use std::fmt;
+
+use meissner_engine::{Fraction, Position};
+use meissner_kernels::Activation;
+use serde::{Serialize, Serializer};
+
+/// A layer of a checked description.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Layer {
+    /// Name, unique in the description.
+    pub name: String,
+    /// Line of the file, counted from 1.
+    pub line: usize,
+    /// What it computes.
+    #[serde(flatten)]
+    pub kind: LayerKind,
+    /// What it reads: a layer's name or "events".
+    pub from: String,
+    /// Level whose rows it writes, 0 for the events; none for the readout and the dense layers.
+    pub level: Option<usize>,
+    /// Values it reads: channels of a row; for a dense layer all values of the layer before it.
+    pub inputs: usize,
+    /// Values it writes: channels of a row; for a readout cells times channels.
+    pub outputs: usize,
+    /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
+    pub parameters: usize,
+    /// What one row, or one prediction, costs.
+    pub cost: Cost,
+    /// What one row depends on.
+    pub field: ReceptiveField,
+    /// Prefix of its tensors' names.
+    #[serde(skip)]
+    pub(crate) weights: String,
+    /// Feature of its level (for a pooling: of the level below) that it reads.
+    #[serde(skip)]
+    pub(crate) reads: usize,
+    /// Feature of its level that it adds.
+    #[serde(skip)]
+    pub(crate) adds: Option<usize>,
+}
+
+/// What a layer computes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum LayerKind {
+    /// Spline convolution, then as chosen ELU, batch norm and a skip addition.
+    Spline {
+        /// Kernel size along x, y and t; 1 leaves an axis out.
+        kernel: [usize; 3],
+        /// Layer (or "events") that is added to the result.
+        skip: Option<String>,
+        /// Whether the row itself is read through a root weight.
+        root: bool,
+        /// Whether there is a bias.
+        bias: bool,
+        /// Whether there is batch norm.
+        norm: bool,
+        /// Whether ELU follows the convolution.
+        elu: bool,
+    },
+    /// Maximum over the cells of a grid; starts a level.
+    Pool {
+        /// The cells.
+        #[serde(flatten)]
+        cell: Cell,
+        /// Where a cell lies.
+        #[serde(serialize_with = "serialize_position")]
+        position: Position,
+        /// Scale of the edge attributes of the level that starts here.
+        scale: f32,
+    },
+    /// Maximum over a grid of the image, cell after cell.
+    Readout {
+        /// Cells along x.
+        columns: usize,
+        /// Cells along y.
+        rows: usize,
+    },
+    /// Dense layer.
+    Dense {
+        /// Whether there is a bias.
+        bias: bool,
+        /// What follows the sum.
+        #[serde(serialize_with = "serialize_activation")]
+        activation: Activation,
+    },
+}
+
+impl LayerKind {
+    /// The word a file has for it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Spline { .. } => "spline",
+            Self::Pool { .. } => "pool",
+            Self::Readout { .. } => "readout",
+            Self::Dense { .. } => "dense",
+        }
+    }
+}
+
+/// Size of a pooling's cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Cell {
+    /// Along x and y, as fractions of the sensor.
+    #[serde(serialize_with = "fractions")]
+    pub cell: [Fraction; 2],
+    /// Along t, as a fraction of the span; `None` pools over all times.
+    #[serde(serialize_with = "fraction")]
+    pub time: Option<Fraction>,
+}
+
+impl Cell {
+    /// Cells that touch one: the in-edges that a cost assumes.
+    pub fn grid_neighbours(&self) -> usize {
+        if self.time.is_some() { 26 } else { 8 }
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} x {}", self.cell[0], self.cell[1])?;
+        self.time.map_or(Ok(()), |time| write!(f, " x {time}"))
+    }
+}
+
+/// Multiply-adds of one evaluation of a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Cost {
+    /// Products with the sums they enter; 0 for a pooling and the readout, which only compare.
+    pub multiply_adds: usize,
+    /// In-edges that are counted: at the event level the most that the graph's rule allows; at a pooled level the cells
+    /// that touch one (8, or 26 with cells in time), an assumption: edges of events may reach further.
+    pub in_edges: Option<usize>,
+    /// What is evaluated once.
+    pub per: Per,
+}
+
+/// What is evaluated once at a [`Cost`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Per {
+    /// A row: an event, or a cell.
+    Row,
+    /// A prediction.
+    Prediction,
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.multiply_adds)?;
+        match (self.per, self.in_edges) {
+            (Per::Row, Some(edges)) => write!(f, " at {edges} in-edges"),
+            (Per::Row, None) => Ok(()),
+            (Per::Prediction, _) => write!(f, " a prediction"),
+        }
+    }
+}
+
+/// Which rows' inputs can reach a row, level by level from its own down to the events.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ReceptiveField {
+    /// From the row's own level down to the event level.
+    pub steps: Vec<FieldStep>,
+    /// Where the rows of the first step start from.
+    pub from: FieldStart,
+}
+
+/// Where a receptive field starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldStart {
+    /// One row.
+    Row,
+    /// All rows in a cell of the readout's grid, a share of 1 / columns by 1 / rows of the image.
+    ReadoutCell {
+        /// Cells along x.
+        columns: usize,
+        /// Cells along y.
+        rows: usize,
+    },
+    /// All rows of the window.
+    Window,
+}
+
+/// Part of a receptive field on one level.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FieldStep {
+    /// Rows within so many steps along in-edges.
+    pub hops: usize,
+    /// The cells these rows are, each of which reads all its members; `None` at the event level.
+    #[serde(flatten)]
+    pub cell: Option<Cell>,
+}
+
+impl fmt::Display for ReceptiveField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.from {
+            FieldStart::Row => {}
+            FieldStart::ReadoutCell { columns, rows } => write!(f, "1/{columns} x 1/{rows} of the image, ")?,
+            FieldStart::Window => return write!(f, "the window"),
+        }
+        for (i, step) in self.steps.iter().enumerate() {
+            let separator = if i > 0 { ", " } else { "" };
+            let hops = match step.hops {
+                0 if self.from == FieldStart::Row && i == 0 => "1".to_owned(),
+                0 => "its".to_owned(),
+                1 => "1 hop of".to_owned(),
+                n => format!("{n} hops of"),
+            };
+            match (&step.cell, step.hops) {
+                (Some(cell), 0) if hops == "1" => write!(f, "{separator}one {cell} cell")?,
+                (Some(cell), _) => write!(f, "{separator}{hops} {cell} cells")?,
+                (None, 0) if hops == "1" => write!(f, "{separator}one event")?,
+                (None, _) => write!(f, "{separator}{hops} events")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A tensor that a layer needs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Needed {
+    pub(crate) name: String,
+    pub(crate) shape: Vec<usize>,
+    /// Whether it is trained; running statistics are not.
+    pub(crate) trained: bool,
+}
+
+impl Layer {
+    /// Name of one of the layer's tensors.
+    pub(crate) fn tensor(&self, part: &str) -> String {
+        format!("{}.{part}", self.weights)
+    }
+
+    /// The tensors it needs, in the order of their use.
+    pub(crate) fn tensors(&self) -> Vec<Needed> {
+        let (c, o) = (self.inputs, self.outputs);
+        let needed = |part: &str, shape: &[usize], trained| Needed {
+            name: self.tensor(part),
+            shape: shape.to_vec(),
+            trained,
+        };
+        let mut tensors = Vec::new();
+        match self.kind {
+            LayerKind::Spline { kernel, root, bias, norm, .. } => {
+                tensors.push(needed("conv.weight", &[kernel.iter().product(), c, o], true));
+                if root {
+                    tensors.push(needed("conv.lin.weight", &[o, c], true));
+                }
+                if bias {
+                    tensors.push(needed("conv.bias", &[o], true));
+                }
+                if norm {
+                    tensors.push(needed("norm.weight", &[o], true));
+                    tensors.push(needed("norm.bias", &[o], true));
+                    tensors.push(needed("norm.running_mean", &[o], false));
+                    tensors.push(needed("norm.running_var", &[o], false));
+                }
+            }
+            LayerKind::Dense { bias, .. } => {
+                tensors.push(needed("weight", &[o, c], true));
+                if bias {
+                    tensors.push(needed("bias", &[o], true));
+                }
+            }
+            LayerKind::Pool { .. } | LayerKind::Readout { .. } => {}
+        }
+        tensors
+    }
+}
+
+/// Multiply-adds of a spline block's row with `degree` in-edges, as its kernel counts them: the sums per slot, the
+/// weights on them, the root weight.
+pub(crate) fn spline_multiply_adds(
+    kernel: [usize; 3],
+    root: bool,
+    inputs: usize,
+    outputs: usize,
+    degree: usize,
+) -> usize {
+    let corners: usize = kernel.iter().map(|&k| k.min(2)).product();
+    let touched = kernel.iter().product::<usize>().min(degree * corners);
+    degree * corners * inputs + (touched + usize::from(root)) * inputs * outputs
+}
+
+fn fractions<S: Serializer>(cell: &[Fraction; 2], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_seq(cell.iter().map(Fraction::to_string))
+}
+
+#[expect(clippy::ref_option, reason = "serde calls it with a reference to the field")]
+fn fraction<S: Serializer>(time: &Option<Fraction>, s: S) -> Result<S::Ok, S::Error> {
+    time.map(|t| t.to_string()).serialize(s)
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
+fn serialize_position<S: Serializer>(position: &Position, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_str(match position {
+        Position::Mean => "mean",
+        Position::Centre => "centre",
+    })
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
+fn serialize_activation<S: Serializer>(activation: &Activation, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_str(activation_word(*activation))
+}
+
+/// The word a file has for an activation.
+pub(crate) fn activation_word(activation: Activation) -> &'static str {
+    match activation {
+        Activation::Identity => "identity",
+        Activation::Relu => "relu",
+        Activation::Elu => "elu",
+    }
+}

@@ -1,0 +1,195 @@
+//! Network descriptions: a TOML file, checked into an acyclic graph of layers with shapes.
+//!
+//! Enters: text. Leaves: a [`Description`], or every inconsistency of the file with its line. Invariant: a description
+//! that exists makes a network of any weights that have its tensors; what remains to go wrong lies in the weights.
+//!
+//! ```toml
+//! [network]
+//! name = "small"               # for reports
+//! span_us = 150000             # length of the window in microseconds (this is the default)
+//! capacity = 32768             # most events of the window (this is the default)
+//! normalisation = "fixed"      # or "per-graph": how the published checkpoint was trained, batch only
+//!
+//! [graph]
+//! kind = "knn"                 # with k; or "radius", with r (in shares of sensor and span) and max
+//! k = 16
+//! candidates = "all"           # or "past", with lifetime = "window" or "frozen"
+//! scale = 0.5                  # of the edge attributes; not with "per-graph"
+//!
+//! [[layer]]
+//! name = "conv1"
+//! kind = "spline"
+//! from = "events"              # default: the layer before, for the first one the events
+//! channels = 8
+//! kernel = 2                   # or [x, y] without time, or [x, y, t]
+//! skip = "events"              # optional: a layer of this level with as many channels
+//! root = false                 # these four are the defaults
+//! bias = false
+//! norm = true
+//! elu = true
+//! weights = "blocks.0"         # prefix of its tensors; default: its name
+//!
+//! [[layer]]
+//! name = "pool1"
+//! kind = "pool"
+//! cell = ["16/346", "12/260"]  # fractions of the sensor
+//! time = "1/3"                 # of the span; optional: without it all times fall into one cell
+//! position = "mean"            # or "centre"
+//! scale = 0.4                  # of the edge attributes of the level that starts here
+//!
+//! [[layer]]
+//! name = "grid"
+//! kind = "readout"
+//! grid = [4, 4]                # columns, rows
+//!
+//! [[layer]]
+//! name = "fc"
+//! kind = "dense"
+//! outputs = 2
+//! bias = true                  # the default
+//! activation = "identity"      # the default; or "relu", "elu"
+//!
+//! [output]
+//! names = ["roll", "pitch"]
+//! unit = "rad"
+//! ```
+//!
+//! Layers stand in any order; who reads whom gives the order, and the order of the file decides what it leaves open.
+
+mod build;
+mod file;
+mod layer;
+mod problem;
+mod shapes;
+mod table;
+mod wiring;
+
+use std::path::Path;
+
+use meissner_engine::{GraphRule, Normalisation};
+
+use crate::ModelError;
+
+pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
+pub use problem::{DescriptionError, Problem, ProblemKind};
+
+pub(crate) use layer::{Needed, activation_word};
+
+/// A checked network description.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    name: String,
+    span_us: i64,
+    capacity: usize,
+    normalisation: Normalisation,
+    graph: GraphRule,
+    scale: f32,
+    layers: Vec<Layer>,
+    outputs: Vec<String>,
+    unit: String,
+}
+
+impl Description {
+    /// Checks the text of a description file.
+    ///
+    /// # Errors
+    /// Every inconsistency with its layer and line; those that follow from another are left out.
+    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
+        let mut problems = problem::Problems::default();
+        let checked = Self::check(text, &mut problems);
+        match checked {
+            Some(description) if problems.0.is_empty() => Ok(description),
+            _ => Err(DescriptionError::new(problems.0)),
+        }
+    }
+
+    fn check(text: &str, problems: &mut problem::Problems) -> Option<Self> {
+        let file = file::read(text, problems)?;
+        if file.layers.is_empty() && !problems.0.is_empty() {
+            return None;
+        }
+        let wiring = wiring::wire(&file, problems);
+        let layers = shapes::check(&file, &wiring, problems);
+        Some(Self {
+            name: file.name,
+            span_us: file.span_us,
+            capacity: file.capacity,
+            normalisation: file.normalisation,
+            graph: file.graph?,
+            scale: file.scale?,
+            layers,
+            outputs: file.outputs?.value,
+            unit: file.unit,
+        })
+    }
+
+    /// Reads and checks a description file.
+    ///
+    /// # Errors
+    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Description`] as [`Self::parse`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+        Ok(Self::parse(&text)?)
+    }
+
+    /// Name, for reports.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Length of the window in microseconds.
+    pub fn span_us(&self) -> i64 {
+        self.span_us
+    }
+
+    /// Most events that the window holds.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// What edge attributes and grids are relative to.
+    pub fn normalisation(&self) -> Normalisation {
+        self.normalisation
+    }
+
+    /// Rule of the event graph.
+    pub fn graph(&self) -> GraphRule {
+        self.graph
+    }
+
+    /// Scale of the event level's edge attributes; 1 and unused where they are normalised per graph.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Names of the predicted values, and their unit.
+    pub fn outputs(&self) -> (&[String], &str) {
+        (&self.outputs, &self.unit)
+    }
+
+    /// The layers, each after those it reads.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// Number of levels: the event level and one per pooling.
+    pub fn levels(&self) -> usize {
+        1 + self.layers.iter().filter(|l| matches!(l.kind, LayerKind::Pool { .. })).count()
+    }
+
+    /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
+    pub fn parameters(&self) -> usize {
+        self.layers.iter().map(|layer| layer.parameters).sum()
+    }
+
+    /// Names and shapes of the tensors that [`Self::network`] needs, running statistics included.
+    pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
+        self.needed().map(|tensor| (tensor.name, tensor.shape)).collect()
+    }
+
+    pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
+        self.layers.iter().flat_map(Layer::tensors)
+    }
+}

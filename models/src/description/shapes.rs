@@ -1,0 +1,381 @@
+//! Levels, channels, costs and receptive fields, layer after layer in the order of evaluation.
+//!
+//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s; layers of which something was reported are left
+//! out. Invariant: where nothing was reported, all layers are there, the levels are a chain, and the engine accepts them.
+
+use std::collections::BTreeMap;
+
+use meissner_engine::Reach;
+
+use super::file::{EVENTS, File, FileKind, FileLayer};
+use super::layer::spline_multiply_adds;
+use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
+use super::problem::{ProblemKind, Problems};
+use super::table::Given;
+use super::wiring::{Source, Wiring};
+
+/// Most cells of a pooling, as the engine has it.
+const MOST_CELLS: usize = 1 << 22;
+/// Most kernel slots times input channels, as the kernel has it.
+const LARGEST_SUMS: usize = 1 << 22;
+/// Most values of one tensor: 256 MiB of f32.
+const LARGEST_TENSOR: usize = 1 << 26;
+
+/// What is known about a layer's output.
+#[derive(Clone, Copy, Debug)]
+enum Output {
+    /// A feature: a row for each node of a level.
+    Feature { level: usize, channels: Option<usize>, hops: usize, index: usize },
+    /// One vector.
+    Values { outputs: Option<usize> },
+    /// Something about it was reported.
+    Unknown,
+}
+
+/// A level: the events, or what a pooling starts.
+#[derive(Debug)]
+struct Level {
+    /// Layer that starts it.
+    pool: Option<usize>,
+    cell: Option<Cell>,
+    /// Features so far.
+    features: usize,
+    /// Hops and cells of the levels below, from the nearest down.
+    below: Vec<FieldStep>,
+}
+
+struct Shapes<'a> {
+    file: &'a File,
+    wiring: &'a Wiring,
+    problems: &'a mut Problems,
+    outputs: Vec<Output>,
+    levels: Vec<Level>,
+}
+
+/// Checks what the layers read against what is there.
+pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Vec<Layer> {
+    let events = Level { pool: None, cell: None, features: 1, below: Vec::new() };
+    let outputs = vec![Output::Unknown; file.layers.len()];
+    let mut shapes = Shapes { file, wiring, problems, outputs, levels: vec![events] };
+    let layers: Vec<Layer> = wiring.order.iter().filter_map(|&i| shapes.layer(i)).collect();
+    shapes.output_names();
+    check_tensors(&layers, shapes.problems);
+    layers
+}
+
+impl Shapes<'_> {
+    fn report(&mut self, line: usize, layer: &FileLayer, kind: ProblemKind) {
+        self.problems.add(line, Some(&layer.name), kind);
+    }
+
+    fn output(&self, source: Source) -> Output {
+        match source {
+            Source::Events => Output::Feature { level: 0, channels: Some(1), hops: 0, index: 0 },
+            Source::Layer(layer) => self.outputs[layer],
+            Source::Unknown => Output::Unknown,
+        }
+    }
+
+    /// What `source` is, as a message has it.
+    fn describe(&self, source: Source) -> String {
+        let Source::Layer(layer) = source else { return format!("{EVENTS:?}") };
+        let layer = &self.file.layers[layer];
+        let word = match layer.kind {
+            FileKind::Spline { .. } => "spline",
+            FileKind::Pool { .. } => "pool",
+            FileKind::Readout { .. } => "readout",
+            FileKind::Dense { .. } => "dense",
+            FileKind::Unknown => "unknown",
+        };
+        format!("{word} layer {:?} on line {}", layer.name, layer.line)
+    }
+
+    /// Whether `source` gives rows (`rows`) or a vector; reports where it is the other.
+    fn reads(
+        &mut self,
+        layer: &FileLayer,
+        key: &'static str,
+        line: usize,
+        source: Source,
+        rows: bool,
+    ) -> Option<Output> {
+        let is_rows = match source {
+            Source::Events => true,
+            Source::Unknown => return None,
+            Source::Layer(read) => match self.file.layers[read].kind {
+                FileKind::Spline { .. } | FileKind::Pool { .. } => true,
+                FileKind::Readout { .. } | FileKind::Dense { .. } => false,
+                FileKind::Unknown => return None,
+            },
+        };
+        if is_rows == rows {
+            return Some(self.output(source));
+        }
+        let expected =
+            if rows { "\"events\", a spline or a pool layer" } else { "the readout or a dense layer" };
+        let found = self.describe(source);
+        self.report(line, layer, ProblemKind::ReferenceKind { key, expected, found });
+        None
+    }
+
+    fn layer(&mut self, i: usize) -> Option<Layer> {
+        let file = self.file;
+        let layer = &file.layers[i];
+        let from = self.wiring.from[i];
+        let line = layer.from.as_ref().map_or(layer.line, |given| given.line);
+        let rows = match layer.kind {
+            FileKind::Dense { .. } => false,
+            FileKind::Unknown => return None,
+            _ => true,
+        };
+        let read = self.reads(layer, "from", line, from, rows).unwrap_or(Output::Unknown);
+        let checked = match &layer.kind {
+            FileKind::Spline { .. } => self.spline(i, layer, read),
+            FileKind::Pool { .. } => self.pool(i, layer, read),
+            FileKind::Readout { grid } => self.readout(i, layer, *grid, read),
+            FileKind::Dense { .. } => self.dense(i, layer, read),
+            FileKind::Unknown => None,
+        };
+        checked.map(|layer| Layer { from: self.name(from), ..layer })
+    }
+
+    fn name(&self, source: Source) -> String {
+        match source {
+            Source::Layer(layer) => self.file.layers[layer].name.clone(),
+            _ => EVENTS.to_owned(),
+        }
+    }
+
+    /// A checked layer without what only its kind knows.
+    fn checked(layer: &FileLayer, kind: LayerKind, inputs: usize, outputs: usize) -> Layer {
+        Layer {
+            name: layer.name.clone(),
+            line: layer.line,
+            kind,
+            from: String::new(),
+            level: None,
+            inputs,
+            outputs,
+            parameters: 0,
+            cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Row },
+            field: ReceptiveField { steps: Vec::new(), from: FieldStart::Row },
+            weights: layer.weights.clone(),
+            reads: 0,
+            adds: None,
+        }
+        .counted()
+    }
+
+    fn field(&self, level: usize, hops: usize) -> Vec<FieldStep> {
+        let level = &self.levels[level];
+        std::iter::once(FieldStep { hops, cell: level.cell }).chain(level.below.iter().cloned()).collect()
+    }
+
+    fn spline(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
+        let FileKind::Spline { channels, kernel, skip, root, bias, norm, elu } = &layer.kind else {
+            return None;
+        };
+        let added = skip.as_ref().zip(self.wiring.skip[i]).map(|(given, source)| {
+            let output = self.reads(layer, "skip", given.line, source, true);
+            (given, output.unwrap_or(Output::Unknown))
+        });
+        let Output::Feature { level, channels: inputs, mut hops, index } = read else { return None };
+        hops += 1;
+        let mut adds = None;
+        let mut adds_fit = true;
+        if let Some((given, output)) = added {
+            adds = self.skip(layer, given, level, *channels, output);
+            adds_fit = adds.is_some();
+            if let Output::Feature { hops: skipped, .. } = output {
+                hops = hops.max(skipped);
+            }
+        }
+        let feature = self.levels[level].features;
+        self.levels[level].features += 1;
+        self.outputs[i] = Output::Feature { level, channels: *channels, hops, index: feature };
+        let (inputs, outputs, kernel) = (inputs?, (*channels)?, (*kernel)?);
+        let slots: usize = kernel.iter().product();
+        if slots * inputs > LARGEST_SUMS || slots * inputs * outputs > LARGEST_TENSOR {
+            let expected = format!(
+                "at most {LARGEST_SUMS} kernel slots times input channels, and {LARGEST_TENSOR} weights"
+            );
+            let found = format!("{slots} slots of {inputs} x {outputs} channels");
+            self.report(layer.line, layer, ProblemKind::Value { key: "kernel", expected, found });
+        }
+        if !adds_fit {
+            return None;
+        }
+        let in_edges = match &self.levels[level].cell {
+            Some(cell) => cell.grid_neighbours(),
+            None => self.file.graph.map_or(0, |rule| Reach::most(rule.reach)),
+        };
+        let skip = skip.as_ref().map(|given| given.value.clone());
+        let (root, bias, norm, elu) = (*root, *bias, *norm, *elu);
+        let kind = LayerKind::Spline { kernel, skip, root, bias, norm, elu };
+        Some(Layer {
+            level: Some(level),
+            cost: Cost {
+                multiply_adds: spline_multiply_adds(kernel, root, inputs, outputs, in_edges),
+                in_edges: Some(in_edges),
+                per: Per::Row,
+            },
+            field: ReceptiveField { steps: self.field(level, hops), from: FieldStart::Row },
+            reads: index,
+            adds,
+            ..Self::checked(layer, kind, inputs, outputs)
+        })
+    }
+
+    /// The feature that a skip adds, where level and channels are those of the layer.
+    fn skip(
+        &mut self,
+        layer: &FileLayer,
+        given: &Given<String>,
+        level: usize,
+        channels: Option<usize>,
+        output: Output,
+    ) -> Option<usize> {
+        let Output::Feature { level: found_level, channels: found, index, .. } = output else { return None };
+        if found_level != level {
+            let kind = ProblemKind::Level {
+                reference: given.value.clone(),
+                expected: self.level_name(level),
+                found: self.level_name(found_level),
+            };
+            self.report(given.line, layer, kind);
+            return None;
+        }
+        let (expected, found) = (channels?, found?);
+        if expected != found {
+            let kind = ProblemKind::Channels { reference: given.value.clone(), expected, found };
+            self.report(given.line, layer, kind);
+            return None;
+        }
+        Some(index)
+    }
+
+    fn level_name(&self, level: usize) -> String {
+        match self.levels[level].pool {
+            Some(pool) => format!("the cells of {:?}", self.file.layers[pool].name),
+            None => "the events".to_owned(),
+        }
+    }
+
+    fn pool(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
+        let FileKind::Pool { cell, time, position, scale } = &layer.kind else { return None };
+        if let Some(cell) = cell {
+            let times = time.as_ref().map_or(1, |time| time.value.cells() + 1);
+            let cells = cell[0].cells().saturating_mul(cell[1].cells()).saturating_mul(times);
+            if cells > MOST_CELLS {
+                let expected = format!("a size that gives at most {MOST_CELLS} cells");
+                let found = format!("{cells} cells");
+                self.report(layer.line, layer, ProblemKind::Value { key: "cell", expected, found });
+            }
+        }
+        let Output::Feature { level: below, channels, hops, index } = read else { return None };
+        if let Some(time) = time
+            && below > 0
+            && self.levels[below].cell.is_some_and(|cell| cell.time.is_none())
+        {
+            let expected = format!("no cells in time over {}, which have none", self.level_name(below));
+            let found = format!("\"{}\"", time.value);
+            self.report(time.line, layer, ProblemKind::Value { key: "time", expected, found });
+        }
+        let cell = cell.map(|cell| Cell { cell, time: time.as_ref().map(|time| time.value) });
+        let level = self.levels.len();
+        let below = self.field(below, hops);
+        self.levels.push(Level { pool: Some(i), cell, features: 1, below });
+        self.outputs[i] = Output::Feature { level, channels, hops: 0, index: 0 };
+        let (channels, cell, scale) = (channels?, cell?, (*scale)?);
+        let kind = LayerKind::Pool { cell, position: *position, scale };
+        Some(Layer {
+            level: Some(level),
+            field: ReceptiveField { steps: self.field(level, 0), from: FieldStart::Row },
+            reads: index,
+            ..Self::checked(layer, kind, channels, channels)
+        })
+    }
+
+    fn readout(
+        &mut self,
+        i: usize,
+        layer: &FileLayer,
+        grid: Option<[usize; 2]>,
+        read: Output,
+    ) -> Option<Layer> {
+        let Output::Feature { level, channels, hops, index } = read else { return None };
+        let outputs = channels.zip(grid).map(|(channels, [columns, rows])| channels * columns * rows);
+        self.outputs[i] = Output::Values { outputs };
+        let ([columns, rows], channels, outputs) = (grid?, channels?, outputs?);
+        let from = FieldStart::ReadoutCell { columns, rows };
+        let kind = LayerKind::Readout { columns, rows };
+        Some(Layer {
+            cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Prediction },
+            field: ReceptiveField { steps: self.field(level, hops), from },
+            reads: index,
+            ..Self::checked(layer, kind, channels, outputs)
+        })
+    }
+
+    fn dense(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
+        let FileKind::Dense { outputs, bias, activation } = layer.kind else { return None };
+        self.outputs[i] = Output::Values { outputs };
+        let Output::Values { outputs: inputs } = read else { return None };
+        let (inputs, outputs) = (inputs?, outputs?);
+        if inputs.saturating_mul(outputs) > LARGEST_TENSOR {
+            let expected = format!("at most {LARGEST_TENSOR} weights");
+            let found = format!("{inputs} x {outputs}");
+            self.report(layer.line, layer, ProblemKind::Value { key: "outputs", expected, found });
+        }
+        let kind = LayerKind::Dense { bias, activation };
+        Some(Layer {
+            cost: Cost {
+                multiply_adds: inputs.saturating_mul(outputs),
+                in_edges: None,
+                per: Per::Prediction,
+            },
+            field: ReceptiveField { steps: Vec::new(), from: FieldStart::Window },
+            ..Self::checked(layer, kind, inputs, outputs)
+        })
+    }
+
+    /// Compares the prediction's values with their names.
+    fn output_names(&mut self) {
+        let Some(layer) = self.wiring.prediction.map(|i| &self.file.layers[i]) else { return };
+        let FileKind::Dense { outputs: Some(expected), .. } = layer.kind else { return };
+        if let Some(names) = &self.file.outputs
+            && names.value.len() != expected
+        {
+            let kind =
+                ProblemKind::OutputNames { layer: layer.name.clone(), expected, found: names.value.len() };
+            self.problems.add(names.line, None, kind);
+        }
+    }
+}
+
+impl Layer {
+    fn counted(mut self) -> Self {
+        let count = |shape: &[usize]| shape.iter().product::<usize>();
+        self.parameters = self.tensors().iter().filter(|t| t.trained).map(|t| count(&t.shape)).sum();
+        self
+    }
+}
+
+/// Reports layers that would read one tensor.
+fn check_tensors(layers: &[Layer], problems: &mut Problems) {
+    let mut by_line: Vec<&Layer> = layers.iter().filter(|layer| !layer.name.is_empty()).collect();
+    by_line.sort_by_key(|layer| layer.line);
+    let mut readers: BTreeMap<String, &Layer> = BTreeMap::new();
+    for layer in by_line {
+        for tensor in layer.tensors() {
+            let first = *readers.entry(tensor.name.clone()).or_insert(layer);
+            // Layers of one name were reported as such, and share their tensors because of it.
+            if first.name != layer.name {
+                let other = first.name.clone();
+                let kind = ProblemKind::SharedTensor { tensor: tensor.name, other };
+                problems.add(layer.line, Some(&layer.name), kind);
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! A description as a table of aligned columns.
+
+use std::fmt;
+
+use super::summary::Summary;
+use crate::description::activation_word;
+use crate::{Description, Layer, LayerKind};
+
+const HEADINGS: [&str; 7] =
+    ["layer", "kind", "reads", "shape", "parameters", "multiply-adds a row", "receptive field of a row"];
+
+impl Description {
+    /// What `meissner inspect` prints: the network's rule, a line for each layer, and the totals.
+    pub fn to_table(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl fmt::Display for Description {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let summary = self.summary();
+        head(&summary, f)?;
+        let rows: Vec<[String; 7]> = self.layers().iter().map(row).collect();
+        let widths: Vec<usize> = (0..HEADINGS.len())
+            .map(|column| {
+                let cells = rows.iter().map(|row| row[column].chars().count());
+                cells.chain([HEADINGS[column].len()]).max().unwrap_or(0)
+            })
+            .collect();
+        line(&HEADINGS.map(str::to_owned), &widths, f)?;
+        for row in &rows {
+            line(row, &widths, f)?;
+        }
+        foot(self, &summary, f)
+    }
+}
+
+fn head(summary: &Summary, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(f, "network    {}", summary.name)?;
+    writeln!(f, "window     {} us, at most {} events", summary.span_us, summary.capacity)?;
+    writeln!(f, "graph      {}", summary.graph)?;
+    if summary.graph.scale.is_none() {
+        writeln!(f, "normalised per graph: batch only")?;
+    }
+    writeln!(f, "output     {} ({})\n", summary.outputs.join(", "), summary.unit)
+}
+
+fn foot(description: &Description, summary: &Summary, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(f, "\nparameters {} trained, {} values in all", summary.parameters, summary.values)?;
+    let events = description.layers().iter().filter(|layer| layer.level == Some(0));
+    let cost: usize = events.map(|layer| layer.cost.multiply_adds).sum();
+    write!(f, "an event's row through the event level: {cost} multiply-adds")?;
+    if description.levels() > 1 {
+        write!(
+            f,
+            "\nin-edges of cells are an assumption: the cells that touch one; edges of events can reach further"
+        )?;
+    }
+    Ok(())
+}
+
+fn row(layer: &Layer) -> [String; 7] {
+    let reads = match &layer.kind {
+        LayerKind::Spline { skip: Some(skip), .. } => format!("{} + {skip}", layer.from),
+        _ => layer.from.clone(),
+    };
+    let cost = match layer.kind {
+        LayerKind::Pool { .. } | LayerKind::Readout { .. } => "maxima only".to_owned(),
+        _ => layer.cost.to_string(),
+    };
+    [
+        layer.name.clone(),
+        kind(layer),
+        reads,
+        format!("{} -> {}", layer.inputs, layer.outputs),
+        layer.parameters.to_string(),
+        cost,
+        layer.field.to_string(),
+    ]
+}
+
+/// A layer's kind with its options, short.
+pub(super) fn kind(layer: &Layer) -> String {
+    match &layer.kind {
+        LayerKind::Spline { kernel: [x, y, t], root, bias, norm, elu, .. } => {
+            let mut text = format!("spline {x}x{y}x{t}");
+            for (word, given) in
+                [(" root", *root), (" bias", *bias), (" no norm", !*norm), (" no elu", !*elu)]
+            {
+                if given {
+                    text.push_str(word);
+                }
+            }
+            text
+        }
+        LayerKind::Pool { cell, .. } => format!("pool {cell}"),
+        LayerKind::Readout { columns, rows } => format!("readout {columns}x{rows}"),
+        LayerKind::Dense { activation, .. } => format!("dense {}", activation_word(*activation)),
+    }
+}
+
+fn line(cells: &[String; 7], widths: &[usize], f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let padded: Vec<String> =
+        cells.iter().zip(widths).map(|(cell, &width)| format!("{cell:<width$}")).collect();
+    writeln!(f, "{}", padded.join("  ").trim_end())
+}

@@ -1,0 +1,32 @@
+//! Network descriptions and weights: what a network is, in a file, and the numbers that it computes with.
+//!
+//! - [`Description`]: a TOML file checked into an acyclic graph of layers ([`description`] has the format)
+//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts
+//! - [`inspect`]: a description as a table, as data, as DOT, as SVG
+//! - `shipped`: the networks that come with the crate, by name
+//! - [`draw()`]: weights from a seed
+//!
+//! ```
+//! use meissner_models::{Description, Weights};
+//!
+//! let description = Description::shipped("tactigraph").expect("a shipped network");
+//! let weights = Weights::shipped("tactigraph").expect("its weights");
+//! let network = description.network(&weights)?;
+//! assert_eq!(network.outputs(), 2);
+//! # Ok::<(), meissner_models::ModelError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod description;
+mod draw;
+mod error;
+pub mod inspect;
+mod shipped;
+mod weights;
+
+pub use description::{Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind};
+pub use draw::draw;
+pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
+pub use inspect::Summary;
+pub use shipped::{DRAWN, drawn_file};
+pub use weights::{FormatError, Tensor, Weights};

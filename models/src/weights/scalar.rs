@@ -1,0 +1,79 @@
+//! Floating-point types of weights files as f32: exact where f32 holds the value, else rounded to nearest.
+
+/// A floating-point type in little-endian bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Float {
+    F16,
+    Bf16,
+    F32,
+    F64,
+}
+
+impl Float {
+    /// Bytes of one value.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::F16 | Self::Bf16 => 2,
+            Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// Value `index` of `bytes`; `None` past the end.
+    pub(super) fn get(self, bytes: &[u8], index: usize) -> Option<f32> {
+        let start = index.checked_mul(self.size())?;
+        let bytes = bytes.get(start..start.checked_add(self.size())?)?;
+        Some(match self {
+            Self::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
+            Self::Bf16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),
+            Self::F32 => f32::from_le_bytes(bytes.try_into().ok()?),
+            Self::F64 => f64::from_le_bytes(bytes.try_into().ok()?) as f32,
+        })
+    }
+}
+
+/// IEEE 754 binary16 as f32, exactly.
+fn f16_to_f32(bits: u16) -> f32 {
+    /// 2^-24, the smallest subnormal of binary16.
+    const UNIT: f32 = 1.0 / 16_777_216.0;
+    let sign = u32::from(bits & 0x8000) << 16;
+    let exponent = u32::from(bits >> 10 & 0x1f);
+    let mantissa = u32::from(bits & 0x3ff);
+    let magnitude = match exponent {
+        0 => (mantissa as f32 * UNIT).to_bits(),
+        0x1f => 0x7f80_0000 | mantissa << 13,
+        _ => (exponent + 127 - 15) << 23 | mantissa << 13,
+    };
+    f32::from_bits(sign | magnitude)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Float, f16_to_f32};
+
+    #[test]
+    fn every_half_is_the_value_its_definition_gives() {
+        for bits in 0..=u16::MAX {
+            let (e, m) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
+            let magnitude = match e {
+                0x1f if m == 0.0 => f64::INFINITY,
+                0x1f => f64::NAN,
+                0 => m * 2f64.powi(-24),
+                _ => (1024.0 + m) * 2f64.powi(e - 25),
+            };
+            let value = if bits >> 15 == 1 { -magnitude } else { magnitude };
+            let found = f16_to_f32(bits);
+            assert!(
+                found.to_bits() == (value as f32).to_bits() || found.is_nan() && value.is_nan(),
+                "{bits:#x}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_value_past_the_end_is_none() {
+        assert_eq!(Float::F32.get(&[0; 7], 1), None);
+        assert_eq!(Float::F64.get(&[0; 8], usize::MAX / 4), None);
+        assert_eq!(Float::Bf16.get(&[0, 0, 0x80, 0x3f], 1), Some(1.0));
+    }
+}

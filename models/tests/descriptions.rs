@@ -1,0 +1,244 @@
+//! What a consistent description says, and the networks that it makes.
+
+mod support;
+
+use meissner_engine::{Candidates, Lifetime, Network, Normalisation, Position, Reach};
+use meissner_models::description::{FieldStart, Per};
+use meissner_models::{Description, Layer, LayerKind, Weights, draw};
+use support::{SMALL, changed};
+
+fn shipped(name: &str) -> (Description, Network) {
+    let description = Description::shipped(name).expect("a shipped description");
+    let weights = Weights::shipped(name).expect("shipped weights");
+    let network = description.network(&weights).expect("weights of this network");
+    (description, network)
+}
+
+fn layer<'a>(description: &'a Description, name: &str) -> &'a Layer {
+    description.layers().iter().find(|layer| layer.name == name).expect("a layer of this name")
+}
+
+#[test]
+fn every_shipped_network_predicts_roll_and_pitch_in_rad() {
+    for name in Description::shipped_names() {
+        let (description, network) = shipped(name);
+        assert_eq!(description.name(), *name);
+        assert_eq!(network.name(), *name);
+        let (names, unit) = description.outputs();
+        assert_eq!((names.len(), unit, network.outputs()), (2, "rad", 2));
+        assert_eq!(names, ["roll", "pitch"]);
+        assert_eq!((network.parts().span_us, network.parts().capacity), (150_000, 32_768));
+    }
+    assert!(Description::shipped("graphress").is_none());
+    assert!(Weights::shipped("graphress").is_none());
+}
+
+#[test]
+fn graphres_is_the_published_network_on_fixed_scales() {
+    let (description, network) = shipped("graphres");
+    let parts = network.parts();
+    assert_eq!(parts.graph.reach, Reach::Knn { k: 16 });
+    assert_eq!(parts.graph.candidates, Candidates::All);
+    assert_eq!(parts.normalisation, Normalisation::Fixed);
+    assert_eq!((parts.events.scale, parts.pooled[0].1.scale), (0.5, 0.4));
+    assert_eq!(network.channels(0), [1, 8, 16, 16, 16, 32]);
+    assert_eq!(network.channels(1), [32, 32, 32]);
+    let skips: Vec<Option<usize>> = parts.events.blocks.iter().map(|b| b.skip).collect();
+    assert_eq!(skips, [None, None, None, Some(2), None]);
+    assert_eq!(parts.pooled[0].1.blocks[1].skip, Some(0));
+    assert_eq!(parts.pooled[0].0.cell.map(|c| c.to_string()), ["16/346", "12/260"]);
+    assert_eq!(parts.pooled[0].0.position, Position::Mean);
+    // 27,296 values in the published file, of which 304 are running statistics.
+    assert_eq!((description.parameters(), description.summary().values), (26_992, 27_296));
+}
+
+#[test]
+fn graphres_published_has_the_same_tensors_and_its_own_normalisation() {
+    let (fixed, published) = (shipped("graphres"), shipped("graphres-published"));
+    assert_eq!(fixed.0.tensors(), published.0.tensors());
+    assert_eq!(published.1.parts().normalisation, Normalisation::PerGraph);
+    assert_eq!(Weights::shipped("graphres"), Weights::shipped("graphres-published"));
+}
+
+#[test]
+fn tactigraph_has_ten_blocks_on_three_levels_and_37858_parameters() {
+    let (description, network) = shipped("tactigraph");
+    assert_eq!(network.channels(0), [1, 8, 8, 16, 16]);
+    assert_eq!(network.channels(1), [16, 16, 16, 32]);
+    assert_eq!(network.channels(2), [32, 32, 32, 32]);
+    let skip =
+        |level: usize| -> Vec<Option<usize>> { network.level(level).blocks.iter().map(|b| b.skip).collect() };
+    assert_eq!(skip(0), [None, None, None, Some(3)]);
+    assert_eq!(skip(1), [None, Some(0), None]);
+    assert_eq!(skip(2), [None, None, Some(0)]);
+    assert!((0..3).all(|level| network.level(level).scale == 0.5));
+    assert_eq!(description.parameters(), 37_858);
+}
+
+#[test]
+fn tactigraph_past_is_frozen_has_no_pooled_level_and_about_as_many_parameters() {
+    let (description, network) = shipped("tactigraph-past");
+    assert_eq!(network.parts().graph.candidates, Candidates::Past(Lifetime::Frozen));
+    assert_eq!(network.parts().graph.reach, Reach::Knn { k: 8 });
+    assert_eq!(network.levels(), 1);
+    assert!(description.parameters().abs_diff(37_858) < 100, "{}", description.parameters());
+}
+
+#[test]
+fn layers_are_ordered_by_who_reads_whom_whatever_their_order_in_the_file() {
+    let (head, rest) = SMALL.split_once("[[layer]]").expect("layers");
+    let (layers, output) = rest.split_once("[output]").expect("an output");
+    let from =
+        [("conv1", "events"), ("pool1", "conv1"), ("conv2", "pool1"), ("grid", "conv2"), ("fc", "grid")];
+    let mut tables: Vec<String> = layers
+        .split("[[layer]]")
+        .zip(from)
+        .map(|(table, (_, from))| format!("[[layer]]{}\nfrom = \"{from}\"\n\n", table.trim_end()))
+        .collect();
+    let names = |text: &str| -> Vec<String> {
+        let description = Description::parse(text).expect("consistent");
+        description.layers().iter().map(|layer| layer.name.clone()).collect()
+    };
+    for _ in 0..tables.len() {
+        tables.rotate_left(1);
+        let text = format!("{head}{}[output]{output}", tables.concat());
+        assert_eq!(names(&text), from.map(|(name, _)| name));
+    }
+}
+
+#[test]
+fn branches_that_could_come_in_any_order_keep_that_of_the_file() {
+    let branches = |first: &str, second: &str| {
+        let branch = |name: &str| {
+            format!(
+                "[[layer]]\nname = \"{name}\"\nkind = \"spline\"\nchannels = 3\nkernel = 2\nfrom = \"conv1\"\n\n"
+            )
+        };
+        let join = "[[layer]]\nname = \"join\"\nkind = \"spline\"\nchannels = 3\nkernel = 2\nfrom = \"b\"\nskip = \"a\"\n\n";
+        changed(
+            "[[layer]]\nname = \"pool1\"",
+            &format!("{}{}{join}[[layer]]\nname = \"pool1\"", branch(first), branch(second)),
+        )
+    };
+    for (first, second) in [("a", "b"), ("b", "a")] {
+        let description = Description::parse(&branches(first, second)).expect("consistent");
+        let names: Vec<&str> = description.layers().iter().map(|l| l.name.as_str()).collect();
+        assert_eq!(names[..5], ["conv1", first, second, "join", "pool1"]);
+        let network = description.network(&draw(&description, 1)).expect("drawn for it");
+        let blocks = &network.parts().events.blocks;
+        assert_eq!((blocks[1].input, blocks[2].input), (1, 1));
+        let place = |name: &str| 2 + usize::from(name == second);
+        assert_eq!((blocks[3].input, blocks[3].skip), (place("b"), Some(place("a"))));
+    }
+}
+
+#[test]
+fn poolings_chain_without_blocks_between_them() {
+    let text = changed(
+        "name = \"pool1\"\nkind",
+        "name = \"pool0\"\nkind = \"pool\"\ncell = [\"1/16\", \"1/12\"]\ntime = \"1/3\"\nposition = \"centre\"\nscale = 0.1\n\n[[layer]]\nname = \"pool1\"\ntime = \"2/3\"\nkind",
+    );
+    let description = Description::parse(&text).expect("consistent");
+    assert_eq!(description.levels(), 3);
+    let network = description.network(&draw(&description, 1)).expect("drawn for it");
+    assert_eq!(network.parts().pooled[0].0.time.map(|t| t.to_string()).as_deref(), Some("1/3"));
+    assert_eq!(network.parts().pooled[0].0.position, Position::Centre);
+    assert_eq!(
+        layer(&description, "conv2").cost.in_edges,
+        Some(26),
+        "a cell in time and space touches 26 others"
+    );
+}
+
+#[test]
+fn a_kernel_of_two_sizes_leaves_time_out() {
+    let description = Description::parse(SMALL).expect("consistent");
+    let LayerKind::Spline { kernel, .. } = layer(&description, "conv2").kind else { panic!("a spline") };
+    assert_eq!(kernel, [2, 3, 1]);
+    let tensors: Vec<(String, Vec<usize>)> = description.tensors();
+    assert!(tensors.contains(&("conv2.conv.weight".to_owned(), vec![6, 3, 3])));
+    assert!(tensors.contains(&("conv2.conv.lin.weight".to_owned(), vec![3, 3])));
+    assert!(tensors.contains(&("conv2.conv.bias".to_owned(), vec![3])));
+}
+
+#[test]
+fn multiply_adds_are_those_that_the_kernels_count() {
+    for name in Description::shipped_names() {
+        let (description, network) = shipped(name);
+        for level in 0..network.levels() {
+            for block in &network.level(level).blocks {
+                let cost = layer(&description, &block.name).cost;
+                let edges = cost.in_edges.expect("a spline block has in-edges");
+                assert_eq!(edges, if level == 0 { network.parts().graph.reach.most() } else { 8 });
+                assert_eq!((cost.multiply_adds, cost.per), (block.conv.multiply_adds(edges), Per::Row));
+            }
+        }
+    }
+    let description = Description::parse(SMALL).expect("consistent");
+    let network = description.network(&draw(&description, 1)).expect("drawn for it");
+    let block = &network.level(1).blocks[0];
+    assert_eq!(layer(&description, "conv2").cost.multiply_adds, block.conv.multiply_adds(8));
+}
+
+#[test]
+fn receptive_fields_count_hops_on_each_level_down_to_the_events() {
+    let description = Description::shipped("tactigraph").expect("shipped");
+    let hops = |name: &str| -> Vec<usize> {
+        layer(&description, name).field.steps.iter().map(|step| step.hops).collect()
+    };
+    assert_eq!(hops("conv1"), [1]);
+    assert_eq!(hops("conv4"), [4]);
+    assert_eq!(hops("pool1"), [0, 4]);
+    assert_eq!(hops("conv6"), [2, 4]);
+    assert_eq!(hops("conv10"), [3, 3, 4]);
+    let field = |name: &str| layer(&description, name).field.to_string();
+    assert_eq!(field("conv4"), "4 hops of events");
+    assert_eq!(field("pool1"), "one 8/346 x 6/260 cell, 4 hops of events");
+    assert_eq!(field("conv6"), "2 hops of 8/346 x 6/260 cells, 4 hops of events");
+    assert_eq!(
+        field("grid"),
+        "1/4 x 1/4 of the image, 3 hops of 16/346 x 12/260 cells, 3 hops of 8/346 x 6/260 cells, 4 hops of events"
+    );
+    assert_eq!(layer(&description, "fc").field.from, FieldStart::Window);
+}
+
+#[test]
+fn the_table_the_data_and_the_pictures_name_every_layer() {
+    for name in Description::shipped_names() {
+        let (description, _) = shipped(name);
+        let json = serde_json::to_value(description.summary()).expect("data");
+        assert_eq!(json["layers"].as_array().map(Vec::len), Some(description.layers().len()));
+        assert_eq!(json["parameters"], description.parameters());
+        let texts = [description.to_table(), description.to_dot(), description.to_svg(), json.to_string()];
+        for layer in description.layers() {
+            assert!(texts.iter().all(|text| text.contains(&layer.name)), "{}", layer.name);
+        }
+        assert!(texts[1].starts_with("digraph") && texts[1].trim_end().ends_with('}'));
+        let skips = |l: &&Layer| matches!(l.kind, LayerKind::Spline { skip: Some(_), .. });
+        let skips = description.layers().iter().filter(skips).count();
+        assert_eq!(texts[1].matches("style = dashed").count(), skips);
+        assert_eq!(texts[2].matches("stroke-dasharray").count(), skips);
+    }
+}
+
+#[test]
+fn names_are_escaped_in_the_pictures() {
+    let name = r#"a<b>&"c""#;
+    let text = SMALL.replace("\"conv1\"", &format!("'{name}'"));
+    let description = Description::parse(&text).expect("consistent");
+    assert!(description.to_svg().contains("a&lt;b&gt;&amp;&quot;c&quot;"));
+    assert!(!description.to_svg().contains("a<b>"));
+    assert!(description.to_dot().contains(r#""a<b>&\"c\"" -> "pool1""#));
+}
+
+#[test]
+fn the_shipped_weights_are_what_the_generator_writes() {
+    for (name, seed) in meissner_models::DRAWN {
+        let path = format!("{}/weights/{name}.safetensors", env!("CARGO_MANIFEST_DIR"));
+        let shipped = std::fs::read(path).expect("a shipped file");
+        let drawn = meissner_models::drawn_file(name).expect("a drawn network");
+        assert!(shipped == drawn, "{name}: run cargo run -p meissner-models --example draw_weights");
+        let weights = Weights::from_bytes(&shipped).expect("readable");
+        assert_eq!(weights.metadata()["about"], format!("drawn, untrained, seed {seed}"));
+    }
+}

@@ -1,0 +1,139 @@
+//! What holds for any description and any bytes.
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use meissner_models::{Description, Weights, draw};
+use proptest::prelude::*;
+use support::SMALL;
+use support::torch::{View, file, state_dict};
+
+/// A description of levels with blocks; each block says its channels, kernel and whether it skips.
+fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>) -> String {
+    let mut text = String::from(
+        "[network]\nname = \"any\"\n[graph]\nkind = \"radius\"\nr = 0.1\nmax = 9\ncandidates = \"past\"\nlifetime = \"window\"\nscale = 0.3\n",
+    );
+    for (l, blocks) in levels.iter().enumerate() {
+        let mut features: Vec<(String, usize)> = Vec::new();
+        if l > 0 {
+            writeln!(
+                text,
+                "[[layer]]\nname = \"p{l}\"\nkind = \"pool\"\ncell = [\"{l}/9\", \"{l}/7\"]\nscale = 0.3"
+            )
+            .expect("a string");
+        }
+        for (b, &(channels, kernel, skip, root)) in blocks.iter().enumerate() {
+            let name = format!("b{l}-{b}");
+            writeln!(
+                text,
+                "[[layer]]\nname = \"{name}\"\nkind = \"spline\"\nchannels = {channels}\nkernel = {kernel}\nroot = {root}"
+            )
+            .expect("a string");
+            if skip && let Some((other, _)) = features.iter().find(|(_, c)| *c == channels) {
+                writeln!(text, "skip = \"{other}\"").expect("a string");
+            }
+            features.push((name, channels));
+        }
+    }
+    text.push_str("[[layer]]\nname = \"g\"\nkind = \"readout\"\ngrid = [3, 2]\n");
+    if let Some(hidden) = hidden {
+        writeln!(
+            text,
+            "[[layer]]\nname = \"h\"\nkind = \"dense\"\noutputs = {hidden}\nactivation = \"relu\""
+        )
+        .expect("a string");
+    }
+    text.push_str(
+        "[[layer]]\nname = \"d\"\nkind = \"dense\"\noutputs = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
+    );
+    text
+}
+
+/// A state dict with two tensors of one storage.
+fn pth() -> Vec<u8> {
+    let data: Vec<u8> = (0..12).flat_map(|i: u16| f32::from(i).to_le_bytes()).collect();
+    let a =
+        View { storage: "FloatStorage", key: "0", values: 12, offset: 0, shape: &[2, 3], strides: &[3, 1] };
+    let b = View { offset: 6, ..a };
+    file(&state_dict(&[("a", a), ("b", b)]), &[("0", &data)])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn a_consistent_description_makes_a_network_of_any_weights_with_its_tensors(
+        levels in prop::collection::vec(
+            prop::collection::vec((1..20_usize, 1..4_usize, any::<bool>(), any::<bool>()), 0..4), 1..4),
+        hidden in prop::option::of(1..40_usize),
+        seed in any::<u64>(),
+    ) {
+        let text = description(&levels, hidden);
+        let description = Description::parse(&text).map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+        let weights = draw(&description, seed);
+        let network = description.network(&weights).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert_eq!(network.levels(), levels.len());
+        let values: usize = weights.iter().map(|(_, t)| t.values().map_or(0, <[f32]>::len)).sum();
+        prop_assert_eq!(description.summary().values, values);
+        prop_assert!(Weights::from_bytes(&weights.to_safetensors(&BTreeMap::new())).is_ok_and(|read| read == weights));
+        prop_assert!(!description.to_svg().is_empty() && !description.to_dot().is_empty());
+    }
+
+    #[test]
+    fn a_description_with_lines_lost_or_swapped_is_read_without_a_panic(
+        lines in prop::collection::vec(any::<prop::sample::Index>(), 1..6), swap in any::<bool>(),
+    ) {
+        let mut text: Vec<&str> = SMALL.lines().collect();
+        for index in lines {
+            let at = index.index(text.len() - 1);
+            if swap { text.swap(at, at + 1) } else { text.remove(at); }
+        }
+        let text = text.join("\n");
+        match Description::parse(&text) {
+            Ok(description) => prop_assert!(description.network(&draw(&description, 1)).is_ok()),
+            Err(error) => {
+                let lines: Vec<usize> = error.problems().iter().map(|p| p.line).collect();
+                prop_assert!(!lines.is_empty() && lines.is_sorted());
+                prop_assert!(lines.iter().all(|&line| (1..=text.lines().count().max(1) + 1).contains(&line)));
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_state_dicts_are_read_or_refused_without_a_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let mut bytes = pth();
+        for (index, value) in changes {
+            let at = index.index(bytes.len());
+            bytes[at] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        let _ = Weights::from_bytes(&bytes);
+    }
+
+    #[test]
+    fn damaged_pickles_are_read_or_refused_without_a_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+    ) {
+        // Damaged before the archive is made, so that checksums are right and the damage reaches the reader.
+        let view = View { storage: "FloatStorage", key: "0", values: 2, offset: 0, shape: &[2], strides: &[1] };
+        let mut pickle = state_dict(&[("a", view)]);
+        for (index, value) in changes {
+            let at = index.index(pickle.0.len());
+            pickle.0[at] = value;
+        }
+        let _ = Weights::from_bytes(&file(&pickle, &[("0", &[0; 8])]));
+    }
+
+    #[test]
+    fn any_bytes_are_read_or_refused_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = Weights::from_bytes(&bytes);
+        let _ = Weights::from_bytes(&[b"PK\x03\x04", &bytes[..]].concat());
+    }
+}

@@ -1,0 +1,74 @@
+//! What the tests share: the folder of recorded references, and a writer of what `torch.save` writes.
+#![allow(dead_code, reason = "every test file uses a part of it")]
+
+pub(crate) mod torch;
+
+use std::path::PathBuf;
+
+/// A file of the shared folder; `None`, with a remark, where there is none and none is required.
+pub(crate) fn shared(file: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("MEISSNER_SHARED")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
+    let path = root.join(file);
+    if path.exists() {
+        return Some(path);
+    }
+    assert!(
+        std::env::var("MEISSNER_REQUIRE_SHARED").as_deref() != Ok("1"),
+        "MEISSNER_REQUIRE_SHARED=1, but there is no ../shared/{file}"
+    );
+    println!("skipped: no ../shared/{file}");
+    None
+}
+
+/// A small consistent description with one layer of each kind.
+pub(crate) const SMALL: &str = r#"[network]
+name = "small"
+
+[graph]
+kind = "knn"
+k = 4
+candidates = "all"
+scale = 0.5
+
+[[layer]]
+name = "conv1"
+kind = "spline"
+channels = 3
+kernel = 2
+
+[[layer]]
+name = "pool1"
+kind = "pool"
+cell = ["1/8", "1/6"]
+scale = 0.4
+
+[[layer]]
+name = "conv2"
+kind = "spline"
+channels = 3
+kernel = [2, 3]
+skip = "pool1"
+root = true
+bias = true
+
+[[layer]]
+name = "grid"
+kind = "readout"
+grid = [2, 2]
+
+[[layer]]
+name = "fc"
+kind = "dense"
+outputs = 1
+
+[output]
+names = ["roll"]
+unit = "rad"
+"#;
+
+/// [`SMALL`] with the first `old` replaced, which must be there.
+pub(crate) fn changed(old: &str, new: &str) -> String {
+    assert!(SMALL.contains(old), "{old:?} must be in the description");
+    SMALL.replacen(old, new, 1)
+}

@@ -1,0 +1,85 @@
+//! Neighbourhoods against a second oracle that shares nothing with the project: a k-d tree.
+
+use std::num::NonZeroUsize;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use meissner_engine::{Batch, Candidates, Event, GraphRule, Reach, Search, Sensor, Stream};
+use meissner_tests::networks::NetworkShape;
+use proptest::prelude::*;
+
+const SENSOR: Sensor = Sensor { width: 48, height: 36 };
+const SPAN_US: i64 = 5_000;
+
+/// The neighbourhoods of all events, from a k-d tree over rounded positions: the tree proposes all points within a
+/// little more than the distance of the k-th, exact differences decide.
+fn by_tree(events: &[Event], k: usize) -> Vec<Vec<u32>> {
+    let extents = [f64::from(SENSOR.width), f64::from(SENSOR.height), SPAN_US as f64];
+    let coordinates = |e: &Event| [f64::from(e.x), f64::from(e.y), e.t_us as f64];
+    let positions: Vec<[f64; 3]> =
+        events.iter().map(|e| [0, 1, 2].map(|d| coordinates(e)[d] / extents[d])).collect();
+    let tree: ImmutableKdTree<f64, 3> =
+        ImmutableKdTree::new_from_slice(&positions).expect("finite positions");
+    let exact = |i: usize, j: usize| {
+        let (a, b) = (coordinates(&events[i]), coordinates(&events[j]));
+        let [x, y, t] = [0, 1, 2].map(|d| ((a[d] - b[d]) / extents[d]).powi(2));
+        x + y + t
+    };
+    (0..events.len())
+        .map(|i| {
+            let most = NonZeroUsize::new(k + 1).expect("above 0");
+            let nearest = tree.query(&positions[i]).nearest_n::<SquaredEuclidean<f64>>(most).execute();
+            let farthest = nearest.iter().map(|n| n.distance).fold(0.0, f64::max) * (1.0 + 1e-9) + 1e-18;
+            let within = tree.query(&positions[i]).within::<SquaredEuclidean<f64>>(farthest).execute();
+            let mut found: Vec<(f64, usize)> = within
+                .iter()
+                .map(|n| n.item as usize)
+                .filter(|&j| j != i)
+                .map(|j| (exact(i, j), j))
+                .collect();
+            found.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+            found.into_iter().take(k).map(|(_, j)| j as u32).collect()
+        })
+        .collect()
+}
+
+fn events() -> impl Strategy<Value = Vec<Event>> {
+    let event = (0i64..40, 0u16..SENSOR.width, 0u16..SENSOR.height);
+    (proptest::collection::vec(event, 1..400), prop_oneof![Just(1u16), Just(6), Just(48)]).prop_map(
+        |(steps, spread)| {
+            let mut t = 0;
+            let place = |(dt, x, y): (i64, u16, u16)| {
+                t += dt / 4;
+                Event::new(t, x % spread, y % spread.min(SENSOR.height), dt % 2 == 0)
+            };
+            steps.into_iter().map(place).collect()
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn neighbourhoods_are_those_of_a_k_d_tree(events in events(), k in 1usize..=24) {
+        let shape = NetworkShape {
+            graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
+            span_us: SPAN_US,
+            capacity: 1_000,
+            blocks: vec![],
+            pooled: vec![],
+            from: 0,
+            grid: [1, 1],
+            dense: vec![1],
+            seed: 0,
+        };
+        let expected = by_tree(&events, k);
+        for search in [Search::Exhaustive, Search::Grid] {
+            let batch = Batch::new(shape.build(), SENSOR).expect("the sensor has pixels").with_search(search);
+            let trace = batch.forward(Stream::new(&events)).expect("finite");
+            let edges = &trace.levels[0].edges;
+            let got: Vec<Vec<u32>> =
+                (0..edges.rows()).map(|row| edges.row(row).iter().map(|n| n.row).collect()).collect();
+            prop_assert_eq!(&got, &expected, "{:?}", search);
+        }
+    }
+}

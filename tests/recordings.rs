@@ -1,0 +1,60 @@
+//! Incremental equals batch on real recordings, for every network that has an incremental form.
+
+use meissner_engine::Search;
+use meissner_models::{Description, Weights};
+use meissner_tests::compare::Watched;
+use meissner_tests::shared::shared;
+
+const EVENTS: usize = 20_000;
+const EVERY: usize = 50;
+/// Each of so many comparisons looks at every row, and lets the batch compare all pairs of events.
+const WHOLE: usize = 20;
+
+/// Pushes the recording's first events and compares.
+fn compare(recording: &str, network: &str) {
+    let Some(path) = shared(&format!("data/events/{recording}.aedat4")) else { return };
+    let recording = meissner_io::read(&path).expect("a readable recording");
+    let sensor = recording.sensor.expect("AEDAT4 names its geometry");
+    let description = Description::shipped(network).expect("a shipped network");
+    let weights = Weights::shipped(network).expect("shipped weights");
+    let network = std::sync::Arc::new(description.network(&weights).expect("the weights fit"));
+    let mut watched = Watched::new(std::sync::Arc::clone(&network), sensor, Search::Grid);
+    for (i, &event) in recording.events.iter().take(EVENTS).enumerate() {
+        watched.push(event);
+        if i % (EVERY * WHOLE) == 0 {
+            watched.compare_with(Search::Exhaustive).unwrap_or_else(|e| panic!("event {i}: {e}"));
+        } else if i % EVERY == 0 {
+            watched.predict().unwrap_or_else(|e| panic!("event {i}: {e}"));
+        }
+    }
+}
+
+#[test]
+fn graphres_on_tactile_dots() {
+    compare("tactile_dots", "graphres");
+}
+
+#[test]
+fn graphres_on_davis346() {
+    compare("davis346", "graphres");
+}
+
+#[test]
+fn tactigraph_on_tactile_dots() {
+    compare("tactile_dots", "tactigraph");
+}
+
+#[test]
+fn tactigraph_on_davis346() {
+    compare("davis346", "tactigraph");
+}
+
+#[test]
+fn tactigraph_past_on_tactile_dots() {
+    compare("tactile_dots", "tactigraph-past");
+}
+
+#[test]
+fn tactigraph_past_on_davis346() {
+    compare("davis346", "tactigraph-past");
+}
