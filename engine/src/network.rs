@@ -186,25 +186,25 @@ pub struct Network {
     channels: Vec<Vec<usize>>,
 }
 
-/// Longest span, about 12 days: sums of squared shares of it stay far from f64's limits.
-const LONGEST_SPAN_US: i64 = 1 << 40;
-/// Most events that a window may be asked to hold.
-const LARGEST_CAPACITY: usize = 1 << 24;
-/// Most in-edges of a node.
-const MOST_NEIGHBOURS: usize = 255;
-/// Most cells of a grid.
-const MOST_CELLS: usize = 1 << 22;
-
 impl Network {
+    /// Longest span, about 12 days: sums of squared shares of it stay far from f64's limits.
+    pub const LONGEST_SPAN_US: i64 = 1 << 40;
+    /// Most events that a window may be asked to hold.
+    pub const LARGEST_CAPACITY: usize = 1 << 24;
+    /// Most in-edges of a node.
+    pub const MOST_NEIGHBOURS: usize = 255;
+    /// Most cells of a pooling.
+    pub const MOST_CELLS: usize = 1 << 22;
+
     /// Checks that `parts` fit together.
     ///
     /// # Errors
     /// [`EngineError::Option`] for the graph, span and capacity; [`EngineError::Network`] for layers that read what
     /// does not exist yet or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
-        in_range("span in microseconds", parts.span_us, 1, LONGEST_SPAN_US)?;
-        in_range("capacity in events", parts.capacity as i64, 1, LARGEST_CAPACITY as i64)?;
-        in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, MOST_NEIGHBOURS as i64)?;
+        in_range("span in microseconds", parts.span_us, 1, Self::LONGEST_SPAN_US)?;
+        in_range("capacity in events", parts.capacity as i64, 1, Self::LARGEST_CAPACITY as i64)?;
+        in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, Self::MOST_NEIGHBOURS as i64)?;
         if let Reach::Radius { r, .. } = parts.graph.reach
             && !(r.is_finite() && r > 0.0)
         {
@@ -342,11 +342,11 @@ fn check_pooling(pooling: &Pooling, below: Option<&Pooling>, span_us: i64) -> Re
     let [x, y] = pooling.cell;
     let cells = x.cells().saturating_mul(y.cells());
     let times = pooling.time.map_or(1, |t| t.cells() + 1);
-    if cells.saturating_mul(times) > MOST_CELLS {
+    if cells.saturating_mul(times) > Network::MOST_CELLS {
         return Err(misfit(
             &pooling.name,
             "cells",
-            format!("at most {MOST_CELLS}"),
+            format!("at most {}", Network::MOST_CELLS),
             cells.saturating_mul(times),
         ));
     }

@@ -31,4 +31,6 @@ pub use isa::{Isa, Task};
 pub use lanes::{LANES, Lanes};
 pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
-pub use spline::{Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute};
+pub use spline::{
+    Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute, spline_multiply_adds,
+};

@@ -224,6 +224,14 @@ fn a_missing_dense_layer_is_reported() {
 }
 
 #[test]
+fn a_layer_is_missing_whatever_else_is_wrong() {
+    let text = changed("[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n\n", "")
+        .replace("skip = \"pool1\"", "skip = \"pool9\"");
+    let lines: Vec<usize> = problems(&text).iter().map(|p| p.line).collect();
+    assert_eq!(lines, [27, 31]);
+}
+
+#[test]
 fn rows_cannot_be_read_from_a_readout() {
     let text = changed("kind = \"dense\"\noutputs = 1", "kind = \"spline\"\nchannels = 1\nkernel = 2");
     let found: Vec<String> = problems(&text).iter().map(ToString::to_string).collect();
@@ -291,6 +299,17 @@ fn cells_in_time_over_cells_without_are_refused() {
 }
 
 #[test]
+fn cells_in_time_shorter_than_a_microsecond_are_refused() {
+    let text = changed("cell = [\"1/8\", \"1/6\"]", "cell = [\"1/8\", \"1/6\"]\ntime = \"1/3\"");
+    assert!(Description::parse(&text).is_ok());
+    let text = text.replace("name = \"small\"", "name = \"small\"\nspan_us = 2");
+    assert_eq!(
+        only(&text),
+        "line 21: layer \"pool1\": time: expected cells of at least 1 us of the span's 2, found \"1/3\""
+    );
+}
+
+#[test]
 fn a_tensor_beyond_bounds_is_reported() {
     let text = changed("kernel = 2\n", "kernel = 64\n")
         .replace("channels = 3\nkernel = 64", "channels = 60000\nkernel = 64");
@@ -311,9 +330,8 @@ fn independent_problems_are_all_reported_by_line() {
 #[test]
 fn a_long_chain_is_checked_without_deep_recursion() {
     let mut text = SMALL.split("[[layer]]").next().map(str::to_owned).unwrap_or_default();
-    for i in 0..1025 {
-        text.push_str(&format!("[[layer]]\nname = \"c{i}\"\nkind = \"spline\"\nchannels = 1\nkernel = 2\n"));
-    }
+    let layer = |i| format!("[[layer]]\nname = \"c{i}\"\nkind = \"spline\"\nchannels = 1\nkernel = 2\n");
+    text.extend((0..1025).map(layer));
     let found = problems(&text);
     assert!(found.iter().any(|p| p.to_string().contains("at most 1024 layers, found 1025")), "{found:#?}");
 }

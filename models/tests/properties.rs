@@ -61,7 +61,7 @@ fn pth() -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn a_consistent_description_makes_a_network_of_any_weights_with_its_tensors(

@@ -36,28 +36,27 @@ fn read_a(bytes: &[u8]) -> Vec<f32> {
 
 /// `weights` as `torch.save` would write them.
 fn to_pth(weights: &Weights) -> Vec<u8> {
-    let tensors: Vec<(&str, Vec<i64>, Vec<i64>, Vec<u8>)> = weights
+    let sizes: Vec<(Vec<i64>, Vec<i64>)> = weights
         .iter()
-        .map(|(name, tensor)| {
+        .map(|(_, tensor)| {
             let shape: Vec<i64> = tensor.shape().iter().map(|&d| d as i64).collect();
             let mut strides = vec![1; shape.len()];
             for i in (1..shape.len()).rev() {
                 strides[i - 1] = strides[i] * shape[i];
             }
-            (name, shape, strides, bytes_of(tensor.values().expect("floats")))
+            (shape, strides)
         })
         .collect();
-    let keys: Vec<String> = (0..tensors.len()).map(|i| i.to_string()).collect();
-    let views: Vec<(&str, View<'_>)> = tensors
-        .iter()
-        .zip(&keys)
-        .map(|((name, shape, strides, data), key)| {
-            let values = data.len() as i64 / 4;
-            (*name, View { storage: "FloatStorage", key, values, offset: 0, shape, strides })
-        })
-        .collect();
+    let data: Vec<Vec<u8>> = weights.iter().map(|(_, t)| bytes_of(t.values().expect("floats"))).collect();
+    let keys: Vec<String> = (0..data.len()).map(|i| i.to_string()).collect();
+    let view = |i: usize| {
+        let (shape, strides) = &sizes[i];
+        let values = data[i].len() as i64 / 4;
+        View { storage: "FloatStorage", key: &keys[i], values, offset: 0, shape, strides }
+    };
+    let views: Vec<(&str, View<'_>)> = weights.names().enumerate().map(|(i, name)| (name, view(i))).collect();
     let storages: Vec<(&str, &[u8])> =
-        tensors.iter().zip(&keys).map(|((.., data), key)| (key.as_str(), data.as_slice())).collect();
+        keys.iter().zip(&data).map(|(key, data)| (key.as_str(), data.as_slice())).collect();
     file(&state_dict(&views), &storages)
 }
 
@@ -234,7 +233,7 @@ fn a_tensor_stays_within_its_storage() {
     for (what, view) in [
         ("view", View { offset: 1, ..good }),
         ("view", View { strides: &[2], ..good }),
-        ("view", View { strides: &[i32::MAX as i64], ..good }),
+        ("view", View { strides: &[i64::from(i32::MAX)], ..good }),
         ("shape", View { shape: &[4], strides: &[0], ..good }),
         ("shape", View { shape: &[1 << 30, 1 << 30, 1 << 30], strides: &[0, 0, 0], ..good }),
         ("storage", View { values: 4, ..good }),
@@ -257,7 +256,7 @@ fn a_tensor_stays_within_its_storage() {
 
 #[test]
 fn many_views_of_one_storage_cannot_take_more_than_a_multiple_of_the_file() {
-    let data = bytes_of(&[0.5; 1 << 16]);
+    let data = bytes_of(&vec![0.5; 1 << 16]);
     let view = View {
         storage: "FloatStorage",
         key: "0",

@@ -4,7 +4,7 @@ use super::Neighbour;
 use crate::lanes::Lanes;
 use crate::matrix::Matrix;
 
-/// Working space of [`SplineConv::row`], grown to the largest row seen and kept.
+/// Working space of [`SplineConv::row`](super::SplineConv::row), grown to the largest row seen and kept.
 #[derive(Clone, Debug, Default)]
 pub struct SplineScratch {
     /// B(e, s) of one edge after the other, for kernels of 2 x 2 x 2.

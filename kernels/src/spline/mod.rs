@@ -82,10 +82,14 @@ pub struct SplineConv {
     elu: bool,
 }
 
-/// Most values that the sums of one row may hold (slots times channels).
-const LARGEST_SUMS: usize = 1 << 22;
-
 impl SplineConv {
+    /// Most channels read or written.
+    pub const MOST_CHANNELS: usize = 1 << 16;
+    /// Largest kernel size of an axis.
+    pub const LARGEST_KERNEL: usize = 64;
+    /// Most kernel slots times input channels: the sums of one row.
+    pub const LARGEST_SUMS: usize = 1 << 22;
+
     /// Checks and packs `parts`.
     ///
     /// # Errors
@@ -93,11 +97,11 @@ impl SplineConv {
     pub fn new(parts: &SplineParts) -> Result<Self, KernelError> {
         let SplineParts { inputs, outputs, kernel, .. } = *parts;
         for (what, size) in [("input channels", inputs), ("output channels", outputs)] {
-            if size == 0 || size > 1 << 16 {
+            if size == 0 || size > Self::MOST_CHANNELS {
                 return Err(KernelError::Size { what, expected: "1 to 65536", found: size });
             }
         }
-        if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > 64) {
+        if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > Self::LARGEST_KERNEL) {
             return Err(KernelError::Size {
                 what: "kernel size",
                 expected: "1 to 64 on each axis",
@@ -105,7 +109,7 @@ impl SplineConv {
             });
         }
         let slots: usize = kernel.iter().product();
-        if slots * inputs > LARGEST_SUMS {
+        if slots * inputs > Self::LARGEST_SUMS {
             let expected = "at most 4194304 kernel slots times input channels";
             return Err(KernelError::Size { what: "kernel", expected, found: slots * inputs });
         }
@@ -155,13 +159,9 @@ impl SplineConv {
         self.root.is_some()
     }
 
-    /// Multiply-adds of one row with `degree` in-edges: the sums per slot, and the weights on them.
+    /// Multiply-adds of one row with `degree` in-edges.
     pub fn multiply_adds(&self, degree: usize) -> usize {
-        let corners: usize = self.kernel.iter().map(|&k| k.min(2)).product();
-        let touched = self.slots().min(degree * corners);
-        degree * corners * self.inputs
-            + touched * self.inputs * self.outputs
-            + if self.has_root() { self.inputs * self.outputs } else { 0 }
+        spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
     }
 
     /// Computes one row.
@@ -172,6 +172,20 @@ impl SplineConv {
     pub fn row(&self, isa: Isa, row: SplineRow<'_>) {
         isa.run(Run { conv: self, row });
     }
+}
+
+/// Multiply-adds of one row of a spline block with `degree` in-edges: the sums per slot, the weights on them, the root
+/// weight.
+pub fn spline_multiply_adds(
+    kernel: [usize; 3],
+    inputs: usize,
+    outputs: usize,
+    root: bool,
+    degree: usize,
+) -> usize {
+    let corners: usize = kernel.iter().map(|&k| k.min(2)).product();
+    let touched = kernel.iter().product::<usize>().min(degree * corners);
+    degree * corners * inputs + (touched + usize::from(root)) * inputs * outputs
 }
 
 /// What one row reads and where it is written.

@@ -250,16 +250,22 @@ mod tests {
     fn batch_norm_is_folded_in_f64_and_rounded_once() {
         let description = Description::shipped("graphres").expect("shipped");
         let layer = &description.layers()[0];
-        let (gamma, beta, mean, variance) = (1.1_f32, 0.3_f32, -0.7_f32, 0.2_f32);
-        let tensor = |value: f32| Tensor::new(vec![8], vec![value; 8]).expect("eight values");
-        let parts = [("weight", gamma), ("bias", beta), ("running_mean", mean), ("running_var", variance)];
-        let weights = parts.map(|(part, v)| (format!("w.blocks.0.norm.{part}"), tensor(v)));
-        let weights = Weights::new(weights);
+        let value = |part: usize, channel: usize| 0.2 + 0.37 * part as f32 + 0.11 * channel as f32;
+        let parts = ["weight", "bias", "running_mean", "running_var"];
+        let weights = Weights::new(parts.iter().enumerate().map(|(part, name)| {
+            let values = (0..8).map(|channel| value(part, channel)).collect();
+            (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
+        }));
         let mut tensors = Tensors { weights: &weights, prefix: "w.".to_owned(), problems: Vec::new() };
         let (scale, shift) = tensors.norm(layer).expect("all four tensors");
-        let exact = f64::from(gamma) / (f64::from(variance) + 1e-5).sqrt();
-        assert_eq!(scale, [exact as f32; 8]);
-        assert_eq!(shift, [(f64::from(beta) - f64::from(mean) * exact) as f32; 8]);
-        assert_ne!(shift[0], beta - mean * (exact as f32), "rounding in between gives other bits here");
+        let mut rounded_between = Vec::new();
+        for channel in 0..8 {
+            let [gamma, beta, mean, variance] = [0, 1, 2, 3].map(|part| value(part, channel));
+            let exact = f64::from(gamma) / (f64::from(variance) + 1e-5).sqrt();
+            assert_eq!(scale[channel], exact as f32);
+            assert_eq!(shift[channel], (f64::from(beta) - f64::from(mean) * exact) as f32);
+            rounded_between.push(beta - mean * (exact as f32));
+        }
+        assert_ne!(shift, rounded_between, "rounding in between gives other bits in some channel");
     }
 }

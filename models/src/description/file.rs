@@ -4,8 +4,8 @@
 
 use std::ops::RangeInclusive;
 
-use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Normalisation, Position, Reach};
-use meissner_kernels::Activation;
+use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Network, Normalisation, Position, Reach};
+use meissner_kernels::{Activation, SplineConv};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -19,11 +19,12 @@ const DEFAULT_SPAN_US: i64 = 150_000;
 /// Most events of a window where a file does not say.
 const DEFAULT_CAPACITY: i64 = 32_768;
 /// What the engine accepts.
-const SPANS_US: RangeInclusive<i64> = 1..=1 << 40;
-const CAPACITIES: RangeInclusive<i64> = 1..=1 << 24;
-const NEIGHBOURS: RangeInclusive<i64> = 1..=255;
-const CHANNELS: RangeInclusive<i64> = 1..=1 << 16;
-const KERNELS: RangeInclusive<i64> = 1..=64;
+const SPANS_US: RangeInclusive<i64> = 1..=Network::LONGEST_SPAN_US;
+const CAPACITIES: RangeInclusive<i64> = 1..=Network::LARGEST_CAPACITY as i64;
+const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MOST_NEIGHBOURS as i64;
+/// What the kernels accept.
+const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MOST_CHANNELS as i64;
+const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
 /// More layers than anyone writes; keeps drawings and searches small.
 const MOST_LAYERS: usize = 1024;
 /// Longest name of a network, a layer or an output.

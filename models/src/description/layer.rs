@@ -274,20 +274,6 @@ impl Layer {
     }
 }
 
-/// Multiply-adds of a spline block's row with `degree` in-edges, as its kernel counts them: the sums per slot, the
-/// weights on them, the root weight.
-pub(crate) fn spline_multiply_adds(
-    kernel: [usize; 3],
-    root: bool,
-    inputs: usize,
-    outputs: usize,
-    degree: usize,
-) -> usize {
-    let corners: usize = kernel.iter().map(|&k| k.min(2)).product();
-    let touched = kernel.iter().product::<usize>().min(degree * corners);
-    degree * corners * inputs + (touched + usize::from(root)) * inputs * outputs
-}
-
 fn fractions<S: Serializer>(cell: &[Fraction; 2], s: S) -> Result<S::Ok, S::Error> {
     s.collect_seq(cell.iter().map(Fraction::to_string))
 }

@@ -5,19 +5,15 @@
 
 use std::collections::BTreeMap;
 
-use meissner_engine::Reach;
+use meissner_engine::{Network, Reach};
+use meissner_kernels::{SplineConv, spline_multiply_adds};
 
 use super::file::{EVENTS, File, FileKind, FileLayer};
-use super::layer::spline_multiply_adds;
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
 use super::wiring::{Source, Wiring};
 
-/// Most cells of a pooling, as the engine has it.
-const MOST_CELLS: usize = 1 << 22;
-/// Most kernel slots times input channels, as the kernel has it.
-const LARGEST_SUMS: usize = 1 << 22;
 /// Most values of one tensor: 256 MiB of f32.
 const LARGEST_TENSOR: usize = 1 << 26;
 
@@ -195,9 +191,10 @@ impl Shapes<'_> {
         self.outputs[i] = Output::Feature { level, channels: *channels, hops, index: feature };
         let (inputs, outputs, kernel) = (inputs?, (*channels)?, (*kernel)?);
         let slots: usize = kernel.iter().product();
-        if slots * inputs > LARGEST_SUMS || slots * inputs * outputs > LARGEST_TENSOR {
+        if slots * inputs > SplineConv::LARGEST_SUMS || slots * inputs * outputs > LARGEST_TENSOR {
             let expected = format!(
-                "at most {LARGEST_SUMS} kernel slots times input channels, and {LARGEST_TENSOR} weights"
+                "at most {} kernel slots times input channels, and {LARGEST_TENSOR} weights",
+                SplineConv::LARGEST_SUMS
             );
             let found = format!("{slots} slots of {inputs} x {outputs} channels");
             self.report(layer.line, layer, ProblemKind::Value { key: "kernel", expected, found });
@@ -215,7 +212,7 @@ impl Shapes<'_> {
         Some(Layer {
             level: Some(level),
             cost: Cost {
-                multiply_adds: spline_multiply_adds(kernel, root, inputs, outputs, in_edges),
+                multiply_adds: spline_multiply_adds(kernel, inputs, outputs, root, in_edges),
                 in_edges: Some(in_edges),
                 per: Per::Row,
             },
@@ -266,11 +263,19 @@ impl Shapes<'_> {
         if let Some(cell) = cell {
             let times = time.as_ref().map_or(1, |time| time.value.cells() + 1);
             let cells = cell[0].cells().saturating_mul(cell[1].cells()).saturating_mul(times);
-            if cells > MOST_CELLS {
-                let expected = format!("a size that gives at most {MOST_CELLS} cells");
+            if cells > Network::MOST_CELLS {
+                let expected = format!("a size that gives at most {} cells", Network::MOST_CELLS);
                 let found = format!("{cells} cells");
                 self.report(layer.line, layer, ProblemKind::Value { key: "cell", expected, found });
             }
+        }
+        let span_us = self.file.span_us;
+        if let Some(time) = time
+            && i128::from(span_us) * i128::from(time.value.numerator()) < i128::from(time.value.denominator())
+        {
+            let expected = format!("cells of at least 1 us of the span's {span_us}");
+            let found = format!("\"{}\"", time.value);
+            self.report(time.line, layer, ProblemKind::Value { key: "time", expected, found });
         }
         let Output::Feature { level: below, channels, hops, index } = read else { return None };
         if let Some(time) = time

@@ -62,11 +62,12 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     }
     report_cycles(file, &graph, &from, &skip, problems);
     let order = order(&graph);
-    // Whether a layer is missing or unused shows only where all others are what they say.
-    let certain = problems.0.len() == before
-        && file.layers.iter().all(|l| !matches!(l.kind, FileKind::Unknown) && !l.name.is_empty());
-    let readout = readout(file, certain, problems);
-    let prediction = prediction(file, &graph, certain, problems);
+    // A layer of an unknown kind may be the one that is missing; where a reference failed, what nothing reads may be
+    // meant to be read.
+    let known = file.layers.iter().all(|layer| !matches!(layer.kind, FileKind::Unknown));
+    let certain = known && problems.0.len() == before && file.layers.iter().all(|l| !l.name.is_empty());
+    let readout = readout(file, known, problems);
+    let prediction = prediction(file, &graph, known, certain, problems);
     if let Some(prediction) = prediction
         && certain
     {
@@ -185,7 +186,7 @@ fn end(file: &File) -> usize {
 }
 
 /// The readout, of which there must be one.
-fn readout(file: &File, certain: bool, problems: &mut Problems) -> Option<usize> {
+fn readout(file: &File, known: bool, problems: &mut Problems) -> Option<usize> {
     let is_readout = |i: &usize| matches!(file.layers[*i].kind, FileKind::Readout { .. });
     let mut readouts = (0..file.layers.len()).filter(is_readout);
     let first = readouts.next();
@@ -194,25 +195,28 @@ fn readout(file: &File, certain: bool, problems: &mut Problems) -> Option<usize>
             let kind = ProblemKind::SecondReadout { first: file.layers[first].line };
             problems.add(file.layers[second].line, Some(&file.layers[second].name), kind);
         }
-    } else if certain {
+    } else if known {
         problems.add(end(file), None, ProblemKind::MissingLayer { expected: "a readout" });
     }
     first
 }
 
 /// The dense layer that no other reads, of which there must be one.
-fn prediction(file: &File, graph: &Graph, certain: bool, problems: &mut Problems) -> Option<usize> {
+fn prediction(
+    file: &File,
+    graph: &Graph,
+    known: bool,
+    certain: bool,
+    problems: &mut Problems,
+) -> Option<usize> {
     let is_dense = |i: &usize| matches!(file.layers[*i].kind, FileKind::Dense { .. });
     let is_read = |i: &usize| graph.neighbors(NodeIndex::new(i + 1)).next().is_some();
     let mut last = (0..file.layers.len()).filter(|i| is_dense(i) && !is_read(i));
-    let Some(first) = last.next() else {
-        if certain {
-            problems.add(end(file), None, ProblemKind::MissingLayer { expected: "a dense" });
-        }
-        return None;
-    };
+    if known && !(0..file.layers.len()).any(|i| is_dense(&i)) {
+        problems.add(end(file), None, ProblemKind::MissingLayer { expected: "a dense" });
+    }
+    let first = last.next()?;
     let mut only = true;
-    // Where a reference failed, a layer that nothing reads may be meant to be read.
     for second in last.filter(|_| certain) {
         let kind = ProblemKind::SecondPrediction { first: file.layers[first].line };
         problems.add(file.layers[second].line, Some(&file.layers[second].name), kind);
