@@ -19,6 +19,7 @@ mod network;
 mod pooled;
 mod readout;
 mod rows;
+mod stages;
 mod step;
 mod window;
 
@@ -33,3 +34,4 @@ pub use network::{
     Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts, Normalisation, Pooling,
     Position, Reach, Readout,
 };
+pub use stages::Stage;

@@ -113,14 +113,8 @@ impl Head {
         }
     }
 
-    /// Brings the prediction up to date.
-    pub(crate) fn settle(
-        &mut self,
-        network: &Network,
-        top: &Top<'_>,
-        isa: Isa,
-        counters: &mut PredictionCounters,
-    ) {
+    /// Brings the readout up to date; whether the prediction must be computed again.
+    pub(crate) fn settle(&mut self, top: &Top<'_>, isa: Isa, counters: &mut PredictionCounters) -> bool {
         if let Some(pooled) = top.pooled {
             for &row in pooled.shifted().as_slice() {
                 let cell = self.grid.of_position(pooled.position(row));
@@ -141,10 +135,12 @@ impl Head {
         counters.cells_recomputed += log.counters.recomputed;
         counters.cells_unchanged += log.counters.unchanged;
         counters.read += 1;
-        if self.valid {
-            counters.reused += 1;
-            return;
-        }
+        counters.reused += u64::from(self.valid);
+        !self.valid
+    }
+
+    /// Computes the prediction from the readout.
+    pub(crate) fn run(&mut self, network: &Network, isa: Isa) {
         let mut inputs = self.values.lanes();
         for (layer, out) in network.parts().dense.iter().zip(&mut self.hidden) {
             layer.dense.run(isa, inputs, out.row_mut(0));

@@ -14,11 +14,13 @@ use crate::activations::Activations;
 use crate::cells::CellGrid;
 use crate::counters::Log;
 use crate::delta::Delta;
+use crate::engine::Options;
 use crate::graph::EventGraph;
 use crate::metric::Node;
 use crate::network::Network;
 use crate::pooled::{Below, PooledGraph};
 use crate::readout::{Head, Top};
+use crate::stages::{Stage, Stopwatch};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
 
@@ -36,10 +38,11 @@ pub(crate) struct Step {
     head: Head,
     delta: Delta,
     downstream: Delta,
+    pub(crate) stopwatch: Stopwatch,
 }
 
 impl Step {
-    pub(crate) fn new(network: Arc<Network>, sensor: Sensor, isa: Isa, poison: bool) -> Self {
+    pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options) -> Self {
         let parts = network.parts();
         let (span_us, capacity) = (parts.span_us, parts.capacity);
         let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
@@ -61,10 +64,11 @@ impl Step {
             graph,
             pooled,
             activations,
-            isa,
-            poison,
+            isa: options.isa,
+            poison: options.poison,
             delta: Delta::default(),
             downstream: Delta::default(),
+            stopwatch: Stopwatch::new(options.stage_times),
             network,
         }
     }
@@ -99,30 +103,37 @@ impl Step {
 
     /// `node` enters, not earlier than any other; the window must have room.
     pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
+        self.stopwatch.start();
         let slot = self.window.push(node);
         self.delta.clear();
         self.delta.entered.push(slot);
         self.graph.insert(&self.window, slot, &mut self.delta);
+        self.stopwatch.lap(Stage::EventGraph);
         let events = &mut self.activations[0];
         events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
         if self.network.parts().graph.is_frozen() {
             events.run_row(&self.network.parts().events, slot, &self.graph, self.isa, &mut log.layers);
+            self.stopwatch.lap(Stage::EventLayers);
         } else {
             self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         }
         self.propagate();
+        self.stopwatch.lap(Stage::PooledGraphs);
     }
 
     /// The oldest node leaves.
     pub(crate) fn leave(&mut self) {
         let Some((slot, _)) = self.window.oldest() else { return };
+        self.stopwatch.start();
         self.delta.clear();
         self.delta.left.push(slot);
         self.graph.expire(&self.window, slot, &mut self.delta);
+        self.stopwatch.lap(Stage::EventGraph);
         let events = &mut self.activations[0];
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         self.propagate();
         self.window.pop();
+        self.stopwatch.lap(Stage::PooledGraphs);
     }
 
     /// Hands `delta` down the levels; what left is forgotten behind it.
@@ -146,11 +157,13 @@ impl Step {
 
     /// Computes what the steps since the last call affect, up to the prediction.
     pub(crate) fn settle(&mut self, log: &mut Log) {
+        self.stopwatch.start();
         let parts = self.network.parts();
         let mut layers = &mut log.layers[..];
         if !parts.graph.is_frozen() {
             self.activations[0].run(&parts.events, &self.graph, self.isa, layers);
         }
+        self.stopwatch.lap(Stage::EventLayers);
         layers = &mut layers[parts.events.blocks.len()..];
         for (p, (pooling, level)) in parts.pooled.iter().enumerate() {
             let (lower, upper) = self.pooled.split_at_mut(p);
@@ -163,17 +176,25 @@ impl Step {
                     moved.insert(cell);
                 }
             });
+            self.stopwatch.lap(Stage::PooledMaxima);
             if let Some(lower) = lower.last() {
                 lower.shifted().as_slice().iter().for_each(|&row| graph.member_shifted(row));
             }
             let below = lower.last().map_or(Below::Events(&self.window), Below::Cells);
             graph.settle(below, &mut log.predictions, |cell| own.rewire(cell));
+            self.stopwatch.lap(Stage::PooledAttributes);
             own.run(level, graph, self.isa, &mut layers[1..]);
+            self.stopwatch.lap(Stage::PooledLayers);
             layers = &mut layers[1 + level.blocks.len()..];
         }
         let last = self.activations.len() - 1;
         let top = Top { activations: &self.activations[last], pooled: self.pooled.last() };
-        self.head.settle(&self.network, &top, self.isa, &mut log.predictions);
+        let moved = self.head.settle(&top, self.isa, &mut log.predictions);
+        self.stopwatch.lap(Stage::Readout);
+        if moved {
+            self.head.run(&self.network, self.isa);
+            self.stopwatch.lap(Stage::Dense);
+        }
         self.activations.iter_mut().for_each(Activations::finish);
         self.pooled.iter_mut().for_each(PooledGraph::finish);
     }

@@ -1,6 +1,6 @@
 //! A pooled level from scratch.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
@@ -78,7 +78,7 @@ pub struct Cells {
     /// Members of each cell, ascending.
     pub members: Vec<Vec<usize>>,
     /// For each cell, the others that an edge of the level below comes from, ascending.
-    pub sources: Vec<BTreeSet<usize>>,
+    pub sources: Vec<Vec<usize>>,
     /// Channel-wise maximum over each cell's members.
     pub maxima: Matrix,
 }
@@ -94,16 +94,25 @@ impl Cells {
         for (i, &key) in keys.iter().enumerate() {
             members.entry(key).or_default().push(first + i);
         }
-        let index: BTreeMap<Key, usize> = members.keys().enumerate().map(|(i, &key)| (key, i)).collect();
-        let cell_of = |row: usize| index[&keys[row - first]];
-        let mut sources = vec![BTreeSet::new(); members.len()];
-        for reader in first..features.rows() {
-            for edge in edges.row(reader).iter().filter(|edge| edge.row as usize >= first) {
-                let (from, to) = (cell_of(edge.row as usize), cell_of(reader));
-                if from != to {
-                    sources[to].insert(from);
+        let mut cell_of = vec![0; features.rows()];
+        for (cell, members) in members.values().enumerate() {
+            members.iter().for_each(|&row| cell_of[row] = cell);
+        }
+        // The cell that last took an edge from each cell: an edge is taken once.
+        let mut taken_by = vec![usize::MAX; members.len()];
+        let mut sources = Vec::with_capacity(members.len());
+        for (to, members) in members.values().enumerate() {
+            let mut from = Vec::new();
+            let edges = members.iter().flat_map(|&row| edges.row(row));
+            for edge in edges.filter(|edge| edge.row as usize >= first) {
+                let cell = cell_of[edge.row as usize];
+                if cell != to && taken_by[cell] != to {
+                    taken_by[cell] = to;
+                    from.push(cell);
                 }
             }
+            from.sort_unstable();
+            sources.push(from);
         }
         let mut maxima = Matrix::zeros(members.len(), features.columns());
         for (i, members) in members.values().enumerate() {

@@ -1,0 +1,89 @@
+//! Where an engine's time goes, stage by stage, for those who ask.
+
+use std::time::{Duration, Instant};
+
+/// A stage of the engine, in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Event graph: searches, neighbourhoods, reverse lists.
+    EventGraph,
+    /// Structure of the pooled levels and of the readout: members, merged edges.
+    PooledGraphs,
+    /// Spline blocks of the event level.
+    EventLayers,
+    /// Maxima of the poolings.
+    PooledMaxima,
+    /// Positions and edge attributes of the pooled levels.
+    PooledAttributes,
+    /// Spline blocks above the event level.
+    PooledLayers,
+    /// Maxima of the readout.
+    Readout,
+    /// Dense layers.
+    Dense,
+}
+
+impl Stage {
+    /// All stages, in order.
+    pub const ALL: [Self; 8] = [
+        Self::EventGraph,
+        Self::PooledGraphs,
+        Self::EventLayers,
+        Self::PooledMaxima,
+        Self::PooledAttributes,
+        Self::PooledLayers,
+        Self::Readout,
+        Self::Dense,
+    ];
+
+    /// A name for reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::EventGraph => "event graph",
+            Self::PooledGraphs => "pooled graphs",
+            Self::EventLayers => "event layers",
+            Self::PooledMaxima => "pooled maxima",
+            Self::PooledAttributes => "pooled attributes",
+            Self::PooledLayers => "pooled layers",
+            Self::Readout => "readout",
+            Self::Dense => "dense",
+        }
+    }
+}
+
+/// Adds up the time of stages; does nothing unless it was asked to.
+#[derive(Clone, Debug)]
+pub(crate) struct Stopwatch {
+    /// When the stage that runs began.
+    began: Option<Instant>,
+    enabled: bool,
+    times: [Duration; Stage::ALL.len()],
+}
+
+impl Stopwatch {
+    pub(crate) fn new(enabled: bool) -> Self {
+        Self { began: None, enabled, times: Default::default() }
+    }
+
+    /// A first stage begins now.
+    #[inline]
+    pub(crate) fn start(&mut self) {
+        if self.enabled {
+            self.began = Some(Instant::now());
+        }
+    }
+
+    /// `stage` ends now, and the next begins.
+    #[inline]
+    pub(crate) fn lap(&mut self, stage: Stage) {
+        if let Some(began) = self.began {
+            let now = Instant::now();
+            self.times[stage as usize] += now - began;
+            self.began = Some(now);
+        }
+    }
+
+    pub(crate) fn times(&self) -> [(Stage, Duration); Stage::ALL.len()] {
+        Stage::ALL.map(|stage| (stage, self.times[stage as usize]))
+    }
+}
