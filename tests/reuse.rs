@@ -190,3 +190,17 @@ fn a_skip_from_an_unchanged_row_adds_nothing_to_recompute() {
     engine.push(Event::new(0, 50, 50, true));
     assert_eq!(recomputed(&mut engine), [vec![4, 5], vec![3, 4, 5], vec![2, 3, 4, 5]]);
 }
+
+#[test]
+fn what_expires_together_is_not_repaired() {
+    let mut engine = chain(&shape(near(Candidates::All), 2, vec![pool(2, 1, true)]), 5);
+    for x in [50, 60] {
+        engine.push(Event::new(10, x, 50, true));
+    }
+    engine.predict().expect("finite");
+    engine.advance(SPAN_US + 1);
+    // Five nodes left; of the two that stay, the one that read the fifth is recomputed, and its neighbour a layer later.
+    assert_eq!(recomputed(&mut engine)[..2], [vec![0], vec![0, 1]]);
+    engine.push(Event::new(10 * SPAN_US, 0, 0, true));
+    assert_eq!(recomputed(&mut engine), [[0], [0], [0], [0]]);
+}

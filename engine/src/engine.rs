@@ -169,7 +169,7 @@ impl Engine {
         self.begin();
         self.expire();
         if self.step.window.is_full() {
-            self.step.leave();
+            self.step.leave(1);
             self.admission.counters_mut().evicted += 1;
         }
         self.step.enter(node, &mut self.log);
@@ -191,9 +191,10 @@ impl Engine {
 
     fn expire(&mut self) {
         let oldest_kept = self.admission.now() - self.network.parts().span_us;
-        while self.step.window.oldest().is_some_and(|(_, node)| node.t < oldest_kept) {
-            self.step.leave();
-            self.admission.counters_mut().expired += 1;
+        let leaving = self.step.window.earlier_than(oldest_kept);
+        if leaving > 0 {
+            self.step.leave(leaving);
+            self.admission.counters_mut().expired += u64::from(leaving);
         }
     }
 

@@ -109,10 +109,13 @@ impl EventGraph {
         edges + capacity * size_of::<SmallVec<[u32; 20]>>() + Grid::bytes(sensor, capacity)
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Removes all nodes of `window`.
+    pub(crate) fn clear(&mut self, window: &Window) {
         self.grid.clear();
         self.reach.fill(0.0);
-        self.readers.iter_mut().for_each(SmallVec::clear);
+        if self.keeps_readers {
+            window.slots().for_each(|slot| self.readers[slot as usize].clear());
+        }
     }
 
     fn span(&self, slot: u32) -> std::ops::Range<usize> {
@@ -196,30 +199,36 @@ impl EventGraph {
         });
     }
 
-    /// Removes `slot`, the oldest node of `window`.
-    pub(crate) fn expire(&mut self, window: &Window, slot: u32, delta: &mut Delta) {
-        self.grid.pop(slot, window.node(slot));
+    /// Removes the oldest `leaving` nodes of `window`. Leaving together costs less than one by one: what leaves is not
+    /// repaired, and no replacement is about to leave.
+    pub(crate) fn expire(&mut self, window: &Window, leaving: u32, delta: &mut Delta) {
+        window.slots().take(leaving as usize).for_each(|slot| self.grid.pop(slot, window.node(slot)));
         if !self.keeps_readers {
             return;
         }
-        // Only under `all` does the oldest node read from nodes that are still there.
-        if self.rule.candidates == Candidates::All {
-            for edge in self.span(slot) {
-                let source = self.edges[edge].row;
-                forget(&mut self.readers[source as usize], slot);
-                delta.removed.push((source, slot));
+        let stays = |slot: u32| window.age_rank(slot) >= leaving;
+        for slot in window.slots().take(leaving as usize) {
+            // Only under `all` does a node read from nodes that stay when it leaves.
+            if self.rule.candidates == Candidates::All {
+                for edge in self.span(slot) {
+                    let source = self.edges[edge].row;
+                    if stays(source) {
+                        forget(&mut self.readers[source as usize], slot);
+                        delta.removed.push((source, slot));
+                    }
+                }
             }
-        }
-        let mut readers = std::mem::take(&mut self.readers[slot as usize]);
-        for &reader in &readers {
-            delta.removed.push((slot, reader));
-            if !self.rule.is_frozen() {
-                self.replace(window, slot, reader, delta);
-                delta.rewired.push(reader);
+            let mut readers = std::mem::take(&mut self.readers[slot as usize]);
+            for &reader in &readers {
+                delta.removed.push((slot, reader));
+                if stays(reader) && !self.rule.is_frozen() {
+                    self.replace(window, slot, reader, delta);
+                    delta.rewired.push(reader);
+                }
             }
+            readers.clear();
+            self.readers[slot as usize] = readers;
         }
-        readers.clear();
-        self.readers[slot as usize] = readers;
     }
 
     /// Replaces `gone` in the neighbourhood of `reader` by the next candidate, if there is one.

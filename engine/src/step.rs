@@ -91,14 +91,21 @@ impl Step {
         bytes + Head::bytes(network, rows) as u128
     }
 
+    /// Every node leaves.
     pub(crate) fn clear(&mut self) {
-        self.window.clear();
-        self.graph.clear();
+        if self.poison {
+            for level in 0..self.activations.len() {
+                let rows = self.rows(level);
+                rows.into_iter().for_each(|row| self.activations[level].leave(row, true));
+            }
+        }
+        self.graph.clear(&self.window);
         for (pooled, activations) in self.pooled.iter_mut().zip(&mut self.activations[1..]) {
             pooled.clear(activations.input_mut().0);
         }
         self.activations.iter_mut().for_each(Activations::clear);
         self.head.clear();
+        self.window.clear();
     }
 
     /// `node` enters, not earlier than any other; the window must have room.
@@ -121,18 +128,21 @@ impl Step {
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 
-    /// The oldest node leaves.
-    pub(crate) fn leave(&mut self) {
-        let Some((slot, _)) = self.window.oldest() else { return };
+    /// The oldest `leaving` nodes leave.
+    pub(crate) fn leave(&mut self, leaving: u32) {
+        if leaving as usize == self.window.len() {
+            self.clear();
+            return;
+        }
         self.stopwatch.start();
         self.delta.clear();
-        self.delta.left.push(slot);
-        self.graph.expire(&self.window, slot, &mut self.delta);
-        self.stopwatch.lap(Stage::EventGraph);
+        self.delta.left.extend(self.window.slots().take(leaving as usize));
+        self.graph.expire(&self.window, leaving, &mut self.delta);
         let events = &mut self.activations[0];
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));
+        self.stopwatch.lap(Stage::EventGraph);
         self.propagate();
-        self.window.pop();
+        self.window.pop(leaving);
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 

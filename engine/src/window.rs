@@ -6,19 +6,18 @@ use crate::metric::Node;
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
     nodes: Vec<Node>,
-    /// Arrivals before the oldest node.
-    first: u64,
-    /// Arrivals so far.
-    next: u64,
+    /// Slot of the oldest node.
+    first: u32,
+    len: u32,
 }
 
 impl Window {
     pub(crate) fn new(capacity: usize) -> Self {
-        Self { nodes: vec![Node::default(); capacity], first: 0, next: 0 }
+        Self { nodes: vec![Node::default(); capacity], first: 0, len: 0 }
     }
 
     pub(crate) fn len(&self) -> usize {
-        (self.next - self.first) as usize
+        self.len as usize
     }
 
     pub(crate) fn is_full(&self) -> bool {
@@ -28,29 +27,27 @@ impl Window {
     /// Appends `node`, the newest; its slot.
     pub(crate) fn push(&mut self, node: Node) -> u32 {
         debug_assert!(!self.is_full(), "the window must have room");
-        let slot = self.slot(self.next);
+        let slot = self.wrap(self.first + self.len);
         self.nodes[slot as usize] = node;
-        self.next += 1;
+        self.len += 1;
         slot
     }
 
-    /// Slot and node of the oldest.
-    pub(crate) fn oldest(&self) -> Option<(u32, Node)> {
-        (self.first < self.next).then(|| {
-            let slot = self.slot(self.first);
-            (slot, self.node(slot))
-        })
+    /// Number of nodes earlier than `t`, which come first.
+    pub(crate) fn earlier_than(&self, t: i64) -> u32 {
+        self.slots().take_while(|&slot| self.node(slot).t < t).count() as u32
     }
 
-    /// Forgets the oldest node.
-    pub(crate) fn pop(&mut self) {
-        debug_assert!(self.first < self.next, "the window must not be empty");
-        self.first += 1;
+    /// Forgets the oldest `count` nodes.
+    pub(crate) fn pop(&mut self, count: u32) {
+        debug_assert!(count <= self.len, "the window must hold that many");
+        self.first = self.wrap(self.first + count);
+        self.len -= count;
     }
 
     pub(crate) fn clear(&mut self) {
         self.first = 0;
-        self.next = 0;
+        self.len = 0;
     }
 
     #[inline]
@@ -61,17 +58,20 @@ impl Window {
     /// Place of the node at `slot` in the window, 0 for the oldest. Larger is later.
     #[inline]
     pub(crate) fn age_rank(&self, slot: u32) -> u32 {
-        let first = self.slot(self.first);
-        if slot >= first { slot - first } else { slot + self.nodes.len() as u32 - first }
+        if slot >= self.first { slot - self.first } else { slot + self.nodes.len() as u32 - self.first }
     }
 
     /// Slots from the oldest node to the newest.
-    pub(crate) fn slots(&self) -> impl DoubleEndedIterator<Item = u32> + '_ {
-        (self.first..self.next).map(|arrival| self.slot(arrival))
+    pub(crate) fn slots(&self) -> impl Iterator<Item = u32> + '_ {
+        let end = self.first + self.len;
+        let capacity = self.nodes.len() as u32;
+        (self.first..end.min(capacity)).chain(0..end.saturating_sub(capacity))
     }
 
-    fn slot(&self, arrival: u64) -> u32 {
-        (arrival % self.nodes.len() as u64) as u32
+    /// `slot`, less than twice the capacity, brought back into the ring.
+    fn wrap(&self, slot: u32) -> u32 {
+        let capacity = self.nodes.len() as u32;
+        if slot >= capacity { slot - capacity } else { slot }
     }
 
     pub(crate) fn bytes(capacity: usize) -> usize {

@@ -1,0 +1,258 @@
+//! What can be asked for on the command line. Whatever is wrong with a single argument is found here, by clap, which
+//! exits with status 2.
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use meissner_engine::{LatePolicy, Network, Sensor};
+use meissner_io::Format;
+
+const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
+                      or do not fit), 2 on bad usage. A reader that closes the pipe ends the program with status 0.";
+
+/// Incremental inference for event cameras and event-based touch.
+#[derive(Debug, Parser)]
+#[command(name = "meissner", version, after_help = STATUS)]
+pub(crate) struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run a network over a recording or a live stream: predictions, latencies, and what was skipped.
+    Run(RunArgs),
+    /// Show a network: layers, shapes, parameters, multiply-adds, receptive fields.
+    Inspect(InspectArgs),
+    /// Show a recording: format, geometry, counts, span, rates, other streams.
+    Info(InfoArgs),
+    /// Write a recording in another format.
+    Convert(ConvertArgs),
+}
+
+/// `meissner run`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct RunArgs {
+    /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV, npy), or - for CSV lines (t_us,x,y,p) on standard input as
+    /// they arrive. Without it: a small synthetic press and release that the program holds.
+    pub(crate) recording: Option<PathBuf>,
+    /// Name of a shipped network, or a description file (.toml, which needs --weights).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = crate::model::DEFAULT_NETWORK)]
+    pub(crate) network: String,
+    /// Weights: safetensors, or a PyTorch state dict. Without it those shipped for the network.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) weights: Option<PathBuf>,
+    /// Columns x rows of the sensor in pixels, in place of what the recording says; events outside it are dropped.
+    ///
+    /// Needed where the recording does not say. CSV says it in a line `# sensor WxH` before the first event; without
+    /// this option, standard input is therefore waited for up to its first event.
+    #[arg(long, value_name = "WxH", value_parser = sensor)]
+    pub(crate) sensor: Option<Sensor>,
+    /// Length of the window in microseconds, in place of the description's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(1..=Network::LONGEST_SPAN_US))]
+    pub(crate) span_us: Option<i64>,
+    /// Most events that the window holds, in place of the description's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=Network::LARGEST_CAPACITY as i64))]
+    pub(crate) capacity: Option<u32>,
+    /// Recompute what an event changes, or every row at every prediction. The values are the same, bit for bit.
+    #[arg(long, value_enum, default_value_t = Mode::Incremental)]
+    pub(crate) mode: Mode,
+    /// When a prediction is read: after every accepted event, at the end, after every N accepted events, or every N
+    /// microseconds of stream time.
+    ///
+    /// Every N microseconds: at the first event's time + N, + 2N, and so on, as soon as an event later than that
+    /// arrives, and once more at the first such time at or after the last event. Each prediction is for the window at
+    /// its time, also in a gap between events. Once a gap has emptied the window, its remaining times are left out:
+    /// nothing can change before the next event.
+    #[arg(long, value_name = "event|end|N|Nus", default_value = "10000us")]
+    pub(crate) every: Every,
+    /// Most events that are taken from the recording.
+    #[arg(long, value_name = "N")]
+    pub(crate) limit: Option<u64>,
+    /// What becomes of an event that is earlier than one before it: drop it, or let it in at the newest time.
+    #[arg(long, value_enum, default_value_t = Late::Drop)]
+    pub(crate) late: Late,
+    /// One JSON object a line: predictions, then a summary.
+    ///
+    /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
+    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
+    /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
+    ///
+    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
+    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
+    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
+    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `meissner inspect`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct InspectArgs {
+    /// Name of a shipped network, or a description file.
+    pub(crate) network: String,
+    /// The graph of the layers in Graphviz's DOT language.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) dot: bool,
+    /// Write a drawing of the network to this file.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) svg: Option<PathBuf>,
+    /// One JSON object.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `meissner info`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct InfoArgs {
+    /// Recording.
+    pub(crate) recording: PathBuf,
+    /// One JSON object.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `meissner convert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct ConvertArgs {
+    /// Recording to read, or - for CSV on standard input.
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// File to write; it is replaced where it exists.
+    #[arg(value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Format to write; without it OUT's extension says (.csv, .npy, .dat, .evt3, .raw).
+    #[arg(long, value_name = "FORMAT", value_enum)]
+    pub(crate) to: Option<To>,
+    /// Columns x rows of the sensor in pixels, for the header, in place of what IN says.
+    #[arg(long, value_name = "WxH", value_parser = sensor)]
+    pub(crate) sensor: Option<Sensor>,
+}
+
+/// How predictions are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// What an event changes.
+    Incremental,
+    /// Every row, at every prediction.
+    Batch,
+}
+
+/// What becomes of late events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Late {
+    /// Dropped and counted.
+    Drop,
+    /// Accepted at the newest time, and counted.
+    Clamp,
+}
+
+impl From<Late> for LatePolicy {
+    fn from(late: Late) -> Self {
+        match late {
+            Late::Drop => Self::Drop,
+            Late::Clamp => Self::Clamp,
+        }
+    }
+}
+
+/// The formats that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum To {
+    /// Text, one event a line.
+    Csv,
+    /// NumPy structured array.
+    Npy,
+    /// Prophesee DAT, version 2.
+    Dat,
+    /// Prophesee EVT 3.0.
+    Evt3,
+}
+
+impl From<To> for Format {
+    fn from(to: To) -> Self {
+        match to {
+            To::Csv => Self::Csv,
+            To::Npy => Self::Npy,
+            To::Dat => Self::Dat,
+            To::Evt3 => Self::Evt3,
+        }
+    }
+}
+
+/// When a prediction is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Every {
+    /// Once, at the end.
+    End,
+    /// After so many accepted events.
+    Events(u64),
+    /// After so many microseconds of stream time.
+    StreamUs(i64),
+}
+
+impl FromStr for Every {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let every = match text {
+            "event" => Some(Self::Events(1)),
+            "end" => Some(Self::End),
+            _ => match text.strip_suffix("us") {
+                Some(period) => period.parse().ok().filter(|&us| us > 0).map(Self::StreamUs),
+                None => text.parse().ok().filter(|&events| events > 0).map(Self::Events),
+            },
+        };
+        every.ok_or_else(|| {
+            "expected `event`, `end`, a number of events above 0 such as 100, or of microseconds such as 1000us"
+                .to_owned()
+        })
+    }
+}
+
+fn sensor(text: &str) -> Result<Sensor, String> {
+    let side = |text: &str| text.parse().ok().filter(|&side: &u16| side > 0);
+    let parse = || {
+        let (width, height) = text.split_once('x')?;
+        Some(Sensor::new(side(width)?, side(height)?))
+    };
+    parse().ok_or_else(|| "expected columns x rows, each 1 to 65535, such as 346x260".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Args, Every, sensor};
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn every_reads_events_and_microseconds_and_refuses_nothing_and_less() {
+        assert_eq!("event".parse(), Ok(Every::Events(1)));
+        assert_eq!("end".parse(), Ok(Every::End));
+        assert_eq!("100".parse(), Ok(Every::Events(100)));
+        assert_eq!("1000us".parse(), Ok(Every::StreamUs(1000)));
+        for wrong in ["", "0", "0us", "-1", "-5us", "1ms", "us", "events", "1.5", "99999999999999999999"] {
+            assert!(wrong.parse::<Every>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_sensor_has_at_least_one_pixel_on_each_axis() {
+        assert!(sensor("346x260").is_ok_and(|s| (s.width, s.height) == (346, 260)));
+        for wrong in ["", "346", "346x", "0x260", "346x0", "70000x1", "3x4x5", "346X260 "] {
+            assert!(sensor(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! `meissner info`: what a recording holds.
+
+use std::io::{self, Write, stdout};
+
+use meissner_engine::Event;
+use meissner_io::Recording;
+use serde::Serialize;
+
+use crate::args::InfoArgs;
+use crate::error::CliError;
+use crate::source;
+use crate::text::grouped;
+
+const PEAK_US: i64 = 1_000;
+
+/// A recording in figures.
+#[derive(Debug, Serialize)]
+struct Info {
+    format: String,
+    /// Columns and rows; none where the recording does not say.
+    sensor: Option<[u16; 2]>,
+    events: usize,
+    on: usize,
+    off: usize,
+    first_t_us: Option<i64>,
+    last_t_us: Option<i64>,
+    /// Latest time less earliest.
+    span_us: u64,
+    /// Mean over the span; none for a span of 0.
+    events_per_s: Option<f64>,
+    /// Most events within any millisecond.
+    peak_events_per_ms: usize,
+    /// Events that are earlier than one before them.
+    late: usize,
+    /// Largest column and row of an event.
+    largest_xy: Option<[u16; 2]>,
+    other_streams: Vec<OtherStream>,
+}
+
+#[derive(Debug, Serialize)]
+struct OtherStream {
+    name: String,
+    kind: String,
+    packets: u64,
+    elements: u64,
+}
+
+/// Prints what `args` ask for.
+pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
+    let info = Info::of(&source::read(&args.recording)?);
+    let mut out = stdout().lock();
+    if args.json {
+        serde_json::to_writer(&mut out, &info).map_err(io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        info.write(&mut out)?;
+    }
+    Ok(out.flush()?)
+}
+
+impl Info {
+    fn of(recording: &Recording) -> Self {
+        let events = &recording.events;
+        let mut times: Vec<i64> = events.iter().map(|e| e.t_us).collect();
+        let late = late(events);
+        times.sort_unstable();
+        let span_us = times.first().zip(times.last()).map_or(0, |(first, last)| last.abs_diff(*first));
+        let on = events.iter().filter(|e| e.on).count();
+        Self {
+            format: recording.format.to_string(),
+            sensor: recording.sensor.map(|s| [s.width, s.height]),
+            events: events.len(),
+            on,
+            off: events.len() - on,
+            first_t_us: times.first().copied(),
+            last_t_us: times.last().copied(),
+            span_us,
+            events_per_s: (span_us > 0).then(|| events.len() as f64 / (span_us as f64 / 1e6)),
+            peak_events_per_ms: peak(&times),
+            late,
+            largest_xy: events.iter().map(|e| [e.x, e.y]).reduce(|a, b| [a[0].max(b[0]), a[1].max(b[1])]),
+            other_streams: recording
+                .other_streams
+                .iter()
+                .map(|stream| OtherStream {
+                    name: stream.name.clone(),
+                    kind: stream.kind.to_string(),
+                    packets: stream.packets,
+                    elements: stream.elements,
+                })
+                .collect(),
+        }
+    }
+
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(out, "format      {}", self.format)?;
+        match self.sensor {
+            Some([width, height]) => writeln!(out, "sensor      {width} x {height} pixels")?,
+            None => writeln!(out, "sensor      not named: `run` needs --sensor WxH")?,
+        }
+        let count = |n: usize| grouped(n as u64);
+        writeln!(out, "events      {} ({} on, {} off)", count(self.events), count(self.on), count(self.off))?;
+        if let (Some(first), Some(last)) = (self.first_t_us, self.last_t_us) {
+            writeln!(out, "time        {first} to {last} us: {:.6} s", self.span_us as f64 / 1e6)?;
+        }
+        if let Some(rate) = self.events_per_s {
+            let mean = grouped(rate.round() as u64);
+            writeln!(
+                out,
+                "rate        {mean} events/s in the mean, at most {} in 1 ms",
+                count(self.peak_events_per_ms)
+            )?;
+        }
+        if let Some([x, y]) = self.largest_xy {
+            writeln!(out, "pixels      up to x = {x}, y = {y}")?;
+        }
+        writeln!(out, "late        {} events earlier than one before them", count(self.late))?;
+        for stream in &self.other_streams {
+            let OtherStream { name, kind, packets, elements } = stream;
+            writeln!(
+                out,
+                "also holds  {name}: {} {kind} in {} packets, not decoded",
+                grouped(*elements),
+                grouped(*packets)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Events that are earlier than one before them.
+fn late(events: &[Event]) -> usize {
+    let mut newest = i64::MIN;
+    let is_late = |event: &&Event| {
+        let late = event.t_us < newest;
+        newest = newest.max(event.t_us);
+        late
+    };
+    events.iter().filter(is_late).count()
+}
+
+/// Most of the ascending `times` within less than [`PEAK_US`] of each other.
+fn peak(times: &[i64]) -> usize {
+    let mut first = 0;
+    let mut most = 0;
+    for (i, &t) in times.iter().enumerate() {
+        while t.abs_diff(times[first]) >= PEAK_US.unsigned_abs() {
+            first += 1;
+        }
+        most = most.max(i + 1 - first);
+    }
+    most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{late, peak};
+    use meissner_engine::Event;
+
+    #[test]
+    fn the_peak_is_over_any_millisecond_not_over_aligned_ones() {
+        assert_eq!(peak(&[]), 0);
+        assert_eq!(peak(&[0, 900, 1100, 1899, 1900]), 3);
+        assert_eq!(peak(&[i64::MIN, 0, i64::MAX]), 1);
+    }
+
+    #[test]
+    fn late_events_are_those_behind_the_newest() {
+        let events = [5, 3, 4, 5, 6, 2].map(|t| Event::new(t, 0, 0, true));
+        assert_eq!(late(&events), 3);
+    }
+}

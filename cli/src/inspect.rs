@@ -1,0 +1,26 @@
+//! `meissner inspect`: a network as a table, as data, as pictures.
+
+use std::io::{Write, stdout};
+
+use crate::args::InspectArgs;
+use crate::error::CliError;
+use crate::model::describe;
+
+/// Prints what `args` ask for.
+pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
+    let (description, _) = describe(&args.network)?;
+    if let Some(path) = &args.svg {
+        std::fs::write(path, description.to_svg())
+            .map_err(|source| CliError::Write { path: path.clone(), source })?;
+    }
+    let mut out = stdout().lock();
+    if args.json {
+        serde_json::to_writer(&mut out, &description.summary()).map_err(std::io::Error::from)?;
+        writeln!(out)?;
+    } else if args.dot {
+        write!(out, "{}", description.to_dot())?;
+    } else if args.svg.is_none() {
+        writeln!(out, "{}", description.to_table().trim_end())?;
+    }
+    Ok(out.flush()?)
+}

@@ -1,0 +1,47 @@
+//! The `meissner` program: recordings and live events in, predictions and measurements out.
+//!
+//! | file | job |
+//! |---|---|
+//! | `args` | what can be asked for on the command line |
+//! | `source` | where events come from: a file, standard input, the embedded recording |
+//! | `model` | which network runs: description, weights, span, capacity |
+//! | `run/` | `meissner run` |
+//! | `inspect`, `info`, `convert` | the other subcommands |
+//! | `error` | what can go wrong, and the exit status that says so |
+//!
+//! Results go to standard output, messages and progress to standard error.
+#![forbid(unsafe_code)]
+
+mod args;
+mod convert;
+mod error;
+mod info;
+mod inspect;
+mod model;
+mod run;
+mod source;
+mod text;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Args, Command};
+
+fn main() -> ExitCode {
+    let done = match Args::parse().command {
+        Command::Run(args) => run::run(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
+        Command::Info(args) => info::info(&args),
+        Command::Convert(args) => convert::convert(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads our output has seen enough.
+        Err(error) if error.is_broken_pipe() => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            error.exit_code()
+        }
+    }
+}

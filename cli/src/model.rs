@@ -1,0 +1,88 @@
+//! Which network runs: a description by name or from a file, its weights, and what the command line changes about it.
+
+use std::path::Path;
+
+use meissner_engine::Network;
+use meissner_io::Format;
+use meissner_models::{Description, Weights};
+
+use crate::args::RunArgs;
+use crate::error::CliError;
+
+/// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
+pub(crate) const DEFAULT_NETWORK: &str = "graphres";
+
+/// A network that can run, and what to say about it.
+pub(crate) struct Model {
+    /// The network.
+    pub(crate) network: Network,
+    /// Names of the predicted values, with their unit.
+    pub(crate) outputs: Vec<String>,
+    /// Where the weights come from, and what they say about themselves.
+    pub(crate) weights: String,
+}
+
+/// The description of a shipped network, or in a file; whether it is shipped.
+pub(crate) fn describe(network: &str) -> Result<(Description, bool), CliError> {
+    if let Some(description) = Description::shipped(network) {
+        return Ok((description, true));
+    }
+    if !Path::new(network).exists() {
+        return Err(CliError::UnknownNetwork(network.to_owned()));
+    }
+    let network = network.to_owned();
+    match Description::load(&network) {
+        Ok(description) => Ok((description, false)),
+        Err(source) => Err(match recording_format(&network) {
+            Some(format) => CliError::IsRecording { network, format },
+            None => CliError::Description { network, source },
+        }),
+    }
+}
+
+/// The format of the file at `path` where it is plainly a recording: CSV and N-MNIST have no marks of their own.
+fn recording_format(path: &str) -> Option<Format> {
+    let format = meissner_io::detect(&std::fs::read(path).ok()?)?;
+    (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
+}
+
+impl Model {
+    /// The network that `args` ask for.
+    pub(crate) fn load(args: &RunArgs) -> Result<Self, CliError> {
+        let (description, shipped) = describe(&args.network)?;
+        let (weights, label) = match &args.weights {
+            Some(path) => {
+                let label = path.display().to_string();
+                match Weights::load(path) {
+                    Ok(weights) => (weights, label),
+                    Err(source) => return Err(CliError::Weights { weights: label, source }),
+                }
+            }
+            None => match Weights::shipped(&args.network).filter(|_| shipped) {
+                Some(weights) => (weights, "shipped with the network".to_owned()),
+                None => return Err(CliError::NoWeights(args.network.clone())),
+            },
+        };
+        let network = description
+            .network(&weights)
+            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
+        let (names, unit) = description.outputs();
+        let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
+        Ok(Self {
+            network: adapted(network, args)?,
+            outputs: names.iter().map(|name| format!("{name} ({unit})")).collect(),
+            weights: label + &about.unwrap_or_default(),
+        })
+    }
+}
+
+/// `network` with the span and the capacity that `args` ask for.
+fn adapted(network: Network, args: &RunArgs) -> Result<Network, CliError> {
+    if args.span_us.is_none() && args.capacity.is_none() {
+        return Ok(network);
+    }
+    let mut parts = network.parts().clone();
+    parts.span_us = args.span_us.unwrap_or(parts.span_us);
+    parts.capacity = args.capacity.map_or(parts.capacity, |capacity| capacity as usize);
+    Ok(Network::new(parts)?)
+}

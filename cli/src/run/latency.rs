@@ -1,0 +1,84 @@
+//! How long calls took.
+
+use std::time::Duration;
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+/// Longest time that is told apart: an hour, in nanoseconds.
+const LONGEST_NS: u64 = 3_600_000_000_000;
+/// Digits to which times are told apart.
+const DIGITS: u8 = 3;
+
+/// A histogram of durations, to the nanosecond and three digits.
+#[derive(Debug)]
+pub(crate) struct Latency {
+    histogram: Histogram<u64>,
+    /// Exact, where the histogram rounds.
+    max_ns: u64,
+    total: Duration,
+}
+
+/// Quantiles in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Quantiles {
+    pub(crate) p50: f64,
+    pub(crate) p90: f64,
+    pub(crate) p99: f64,
+    pub(crate) p999: f64,
+    pub(crate) max: f64,
+}
+
+impl Latency {
+    /// An empty histogram; recording into it allocates nothing.
+    pub(crate) fn new() -> Self {
+        let histogram =
+            Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are constants that fit");
+        Self { histogram, max_ns: 0, total: Duration::ZERO }
+    }
+
+    pub(crate) fn record(&mut self, taken: Duration) {
+        let ns = u64::try_from(taken.as_nanos()).unwrap_or(u64::MAX);
+        self.histogram.saturating_record(ns);
+        self.max_ns = self.max_ns.max(ns);
+        self.total += taken;
+    }
+
+    /// Sum of all that was recorded.
+    pub(crate) fn total(&self) -> Duration {
+        self.total
+    }
+
+    /// None where nothing was recorded.
+    pub(crate) fn quantiles(&self) -> Option<Quantiles> {
+        let us = |ns: u64| ns as f64 / 1e3;
+        let at = |quantile| us(self.histogram.value_at_quantile(quantile).min(self.max_ns));
+        (!self.histogram.is_empty()).then(|| Quantiles {
+            p50: at(0.5),
+            p90: at(0.9),
+            p99: at(0.99),
+            p999: at(0.999),
+            max: us(self.max_ns),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Latency;
+    use std::time::Duration;
+
+    #[test]
+    fn quantiles_are_in_microseconds_and_the_maximum_is_exact() {
+        let mut latency = Latency::new();
+        assert_eq!(latency.quantiles(), None);
+        for us in 1..=1000 {
+            latency.record(Duration::from_micros(us));
+        }
+        latency.record(Duration::from_nanos(123_456_789));
+        let quantiles = latency.quantiles().expect("it is not empty");
+        assert!((quantiles.p50 - 501.0).abs() < 2.0 && (quantiles.p99 - 991.0).abs() < 2.0);
+        assert_eq!(quantiles.max, 123_456.789);
+        assert_eq!(latency.total(), Duration::from_nanos(500_500_000 + 123_456_789));
+    }
+}

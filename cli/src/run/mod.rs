@@ -1,0 +1,170 @@
+//! `meissner run`: events through a network, predictions and measurements out.
+//!
+//! Events are pushed as fast as they come. Only pushes, moves of time and predictions are timed: neither reading nor
+//! writing.
+
+mod json;
+mod latency;
+mod machine;
+mod progress;
+mod report;
+mod schedule;
+mod summary;
+mod table;
+
+use std::io::{BufWriter, Write, stdout};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Event, Outcome, Sensor};
+
+use crate::args::{Mode, RunArgs};
+use crate::error::CliError;
+use crate::model::Model;
+use crate::source::{self, Source};
+use crate::text::grouped;
+use json::JsonLines;
+use latency::Latency;
+use machine::Machine;
+use progress::Progress;
+use report::{Reading, Report};
+use schedule::{Last, Schedule};
+use summary::Summary;
+use table::People;
+
+/// Runs what `args` ask for, to standard output.
+pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
+    let model = Model::load(args)?;
+    let network = Arc::new(model.network.clone());
+    let source = Source::open(args.recording.as_deref(), args.sensor.is_some())?;
+    let sensor = source.sensor(args.sensor)?;
+    let machine = Machine::new(args.mode, Arc::clone(&network), sensor, args.late.into())?;
+
+    let limit = args.limit.unwrap_or(u64::MAX);
+    let total = source.remaining().map(|remaining| remaining.min(limit));
+    let live = args.recording.as_deref().is_some_and(source::is_stdin);
+    let progress = Progress::new(total, args.json);
+    let mut out = BufWriter::new(stdout().lock());
+    let mut report: Box<dyn Report + '_> = if args.json {
+        Box::new(JsonLines::new(out, live))
+    } else {
+        header(&mut out, args, &model, &source, sensor)?;
+        Box::new(People::new(out, &model.outputs, total, progress.clone())?)
+    };
+    let mut runner = Runner {
+        schedule: Schedule::new(args.every, sensor, args.late.into()),
+        machine,
+        report: &mut *report,
+        push: Latency::new(),
+        predict: Latency::new(),
+        update: Duration::ZERO,
+        epoch_us: None,
+        taken: 0,
+        nodes_max: 0,
+    };
+    for event in source.take(usize::try_from(limit).unwrap_or(usize::MAX)) {
+        runner.take(event?)?;
+        progress.set(runner.taken);
+    }
+    let summary = runner.end(&network.layers())?;
+    progress.finish();
+    Ok(report.summary(&summary)?)
+}
+
+/// What runs on what.
+fn header(
+    out: &mut impl Write,
+    args: &RunArgs,
+    model: &Model,
+    source: &Source,
+    sensor: Sensor,
+) -> Result<(), CliError> {
+    let parts = model.network.parts();
+    let mode = match args.mode {
+        Mode::Incremental => "incremental",
+        Mode::Batch => "batch: every row at every prediction",
+    };
+    let window =
+        format!("{} ms, at most {} events", parts.span_us as f64 / 1e3, grouped(parts.capacity as u64));
+    let events = source.remaining().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
+    writeln!(out, "recording    {}", source.name)?;
+    writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
+    writeln!(out, "network      {}, {mode}", model.network.name())?;
+    writeln!(out, "weights      {}", model.weights)?;
+    writeln!(out, "window       {window}\n")?;
+    Ok(())
+}
+
+/// Takes events one after the other and reads predictions when they are due.
+struct Runner<'a> {
+    schedule: Schedule,
+    machine: Machine,
+    report: &'a mut dyn Report,
+    push: Latency,
+    predict: Latency,
+    /// Time spent since the last prediction.
+    update: Duration,
+    /// Time of the first accepted event.
+    epoch_us: Option<i64>,
+    taken: u64,
+    nodes_max: usize,
+}
+
+impl Runner<'_> {
+    fn take(&mut self, event: Event) -> Result<(), CliError> {
+        if let Some(t_us) = self.schedule.arrival_us(event) {
+            while let Some(due_us) = self.schedule.due_before(t_us) {
+                if self.read(Some(due_us))? == 0 {
+                    self.schedule.skip_to(t_us);
+                }
+            }
+        }
+        let start = Instant::now();
+        let outcome = self.machine.push(event);
+        let spent = start.elapsed();
+        self.push.record(spent);
+        self.update += spent;
+        self.taken += 1;
+        self.nodes_max = self.nodes_max.max(self.machine.nodes());
+        if outcome == Outcome::Accepted {
+            self.epoch_us = self.epoch_us.or(Some(event.t_us));
+            if self.schedule.is_due_after_event() {
+                self.read(None)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a prediction, at `due_us` where that is given; the number of events in its window.
+    fn read(&mut self, due_us: Option<i64>) -> Result<usize, CliError> {
+        let start = Instant::now();
+        if let Some(due_us) = due_us {
+            self.machine.advance(due_us);
+        }
+        let prediction = self.machine.predict();
+        let spent = start.elapsed();
+        self.predict.record(spent);
+        self.update += spent;
+        let prediction = prediction?;
+        let now_us = due_us.or(prediction.t_us);
+        let reading = Reading {
+            prediction,
+            elapsed_us: now_us.zip(self.epoch_us).map(|(now, epoch)| i128::from(now) - i128::from(epoch)),
+            update: std::mem::take(&mut self.update),
+            taken: self.taken,
+        };
+        self.report.reading(&reading)?;
+        Ok(prediction.nodes)
+    }
+
+    /// Reads what is due at the end, and sums up.
+    fn end(mut self, layers: &[&str]) -> Result<Summary, CliError> {
+        match self.schedule.last() {
+            Last::Nothing => {}
+            Last::Now => drop(self.read(None)?),
+            Last::At(due_us) => drop(self.read(Some(due_us))?),
+        }
+        let counters = self.machine.counters();
+        Ok(Summary::new(&counters, layers, self.nodes_max, &self.push, &self.predict))
+    }
+}

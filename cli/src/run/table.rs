@@ -1,0 +1,157 @@
+//! The report for people: a line for some of the predictions while the run goes on, then tables with units.
+
+use std::io::{self, Write};
+
+use super::latency::Quantiles;
+use super::progress::Progress;
+use super::report::{Reading, Report, microseconds};
+use super::summary::{Skips, Summary};
+use crate::text::{Table, grouped};
+
+/// About so many predictions of a file are shown; of a live stream, all are.
+const SHOWN: u64 = 40;
+
+/// Writes for people.
+pub(crate) struct People<W> {
+    out: W,
+    progress: Progress,
+    /// How many events there are to take, where that is known.
+    total: Option<u64>,
+    /// Which of [`SHOWN`] equal parts of the events the last line was in.
+    part: Option<u64>,
+    shown: u64,
+    /// The newest line, where it has not been shown.
+    held: Option<String>,
+}
+
+impl<W: Write> People<W> {
+    /// Writes the headings for `outputs`.
+    pub(crate) fn new(
+        mut out: W,
+        outputs: &[String],
+        total: Option<u64>,
+        progress: Progress,
+    ) -> io::Result<Self> {
+        write!(out, "{:>5}  {:>13}", "done", "time (ms)")?;
+        for output in outputs {
+            write!(out, "  {output:>12}")?;
+        }
+        writeln!(out, "  {:>8}  {:>9}  {:>11}", "nodes", "rows", "update (us)")?;
+        out.flush()?;
+        Ok(Self { out, progress, total, part: None, shown: 0, held: None })
+    }
+
+    fn show(&mut self, line: &str) -> io::Result<()> {
+        self.shown += 1;
+        let out = &mut self.out;
+        self.progress.suspend(|| {
+            writeln!(out, "{line}")?;
+            out.flush()
+        })
+    }
+}
+
+impl<W: Write> Report for People<W> {
+    fn reading(&mut self, reading: &Reading<'_>) -> io::Result<()> {
+        let part = self.total.map(|total| reading.taken.saturating_mul(SHOWN) / total.max(1));
+        let line = line(reading, self.total);
+        if part.is_some() && self.part == part {
+            self.held = Some(line);
+            return Ok(());
+        }
+        self.part = part;
+        self.held = None;
+        self.show(&line)
+    }
+
+    fn summary(&mut self, summary: &Summary) -> io::Result<()> {
+        // The last prediction is always shown.
+        if let Some(line) = self.held.take() {
+            self.show(&line)?;
+        }
+        self.progress.finish();
+        let out = &mut self.out;
+        if self.shown < summary.predictions {
+            let (shown, all) = (grouped(self.shown), grouped(summary.predictions));
+            writeln!(out, "({shown} of {all} predictions shown; --json shows every one)")?;
+        }
+        counts(out, summary)?;
+        latencies(out, summary)?;
+        skips(out, &summary.skips)?;
+        out.flush()
+    }
+}
+
+/// A prediction.
+fn line(reading: &Reading<'_>, total: Option<u64>) -> String {
+    let prediction = &reading.prediction;
+    let done = total.map_or_else(String::new, |total| format!("{} %", reading.taken * 100 / total.max(1)));
+    let time = reading.elapsed_us.map_or_else(|| "-".to_owned(), |us| format!("{:.3}", us as f64 / 1e3));
+    let values: Vec<String> = prediction.values.iter().map(|value| format!("{value:>12.6}")).collect();
+    let values = values.join("  ");
+    let (nodes, rows) = (grouped(prediction.nodes as u64), grouped(prediction.rows.iter().sum()));
+    let update_us = microseconds(reading.update);
+    format!("{done:>5}  {time:>13}  {values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
+}
+
+fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
+    let (events, accepted) = (grouped(summary.events), grouped(summary.accepted));
+    writeln!(out, "\nevents       {events} taken, {accepted} accepted")?;
+    for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
+        writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
+    }
+    let Skips { events_clamped, events_expired, events_evicted, .. } = summary.skips;
+    if events_clamped > 0 {
+        writeln!(out, "clamped      {} late events entered at the newest time", grouped(events_clamped))?;
+    }
+    writeln!(
+        out,
+        "window       at most {} events; {} left by age, {} because it was full",
+        grouped(summary.nodes_max as u64),
+        grouped(events_expired),
+        grouped(events_evicted)
+    )?;
+    writeln!(out, "predictions  {}", grouped(summary.predictions))
+}
+
+fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
+    let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
+    for (name, quantiles) in [("push", summary.push_us), ("predict", summary.predict_us)] {
+        if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {
+            let cells = [p50, p90, p99, p999, max].map(|us| format!("{us:.2}"));
+            table.row(std::iter::once(name.to_owned()).chain(cells));
+        }
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    if let Some(rate) = summary.events_per_s {
+        let rate = grouped(rate.round() as u64);
+        writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;
+    }
+    Ok(())
+}
+
+fn skips(out: &mut impl Write, skips: &Skips) -> io::Result<()> {
+    let mut table =
+        Table::new(&["layer (rows)", "recomputed", "of these unchanged", "kept from before", "kept (%)"]);
+    let mut row = |name: &str, recomputed: u64, unchanged: u64, kept: u64| {
+        let all = recomputed + kept;
+        let share = if all > 0 { format!("{:.2}", kept as f64 / all as f64 * 100.0) } else { "-".to_owned() };
+        table.row([name.to_owned(), grouped(recomputed), grouped(unchanged), grouped(kept), share]);
+    };
+    for layer in &skips.layers {
+        row(&layer.name, layer.recomputed, layer.unchanged, layer.kept);
+    }
+    row("all", skips.rows_recomputed, skips.rows_unchanged, skips.rows_kept);
+    writeln!(out)?;
+    table.write(out)?;
+    writeln!(
+        out,
+        "\n  {} predictions reused; {} of {} readout cells and {} of {} pooled neighbourhoods came out unchanged",
+        grouped(skips.predictions_reused),
+        grouped(skips.readout_cells_unchanged),
+        grouped(skips.readout_cells_recomputed),
+        grouped(skips.neighbourhoods_unchanged),
+        grouped(skips.neighbourhoods_checked)
+    )
+}

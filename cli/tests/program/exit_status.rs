@@ -1,0 +1,152 @@
+//! 0 on success, 1 on bad input, 2 on bad usage; and one message that says what to do.
+
+use std::process::Output;
+
+use crate::support::{argument, default_recording, file, meissner, meissner_reading, message};
+
+fn fails(output: &Output, status: i32, expected: &[&str]) {
+    let message = message(output);
+    assert_eq!(output.status.code(), Some(status), "{message}");
+    assert!(output.stdout.is_empty(), "nothing is printed as if it were a result");
+    assert!(message.starts_with("error: "), "{message}");
+    for expected in expected {
+        assert!(message.contains(expected), "{expected}: {message}");
+    }
+}
+
+#[test]
+fn help_and_version_succeed() {
+    for arguments in [&["--help"][..], &["--version"], &["run", "--help"], &["help", "convert"]] {
+        assert_eq!(meissner(arguments).status.code(), Some(0), "{arguments:?}");
+    }
+}
+
+#[test]
+fn arguments_that_make_no_sense_are_bad_usage() {
+    for arguments in [
+        &["run", "--every", "sometimes"][..],
+        &["run", "--every", "0"],
+        &["run", "--sensor", "346"],
+        &["run", "--span-us", "0"],
+        &["run", "--span-us", "1e6"],
+        &["run", "--capacity", "0"],
+        &["run", "--mode", "fast"],
+        &["run", "--late", "maybe"],
+        &["run", "--limit", "-1"],
+        &["run", "--unknown"],
+        &["run", "one.csv", "two.csv"],
+        &["info"],
+        &["inspect", "graphres", "--dot", "--json"],
+        &["nothing"],
+    ] {
+        fails(&meissner(arguments), 2, &["error: "]);
+    }
+    assert_eq!(meissner::<&str>(&[]).status.code(), Some(2));
+}
+
+#[test]
+fn a_recording_without_geometry_asks_for_the_sensor() {
+    let (_folder, path) = file("bare.csv", "1,2,3,1\n");
+    fails(&meissner(&["run", argument(&path)]), 2, &["CSV", "--sensor WxH", "bare.csv"]);
+    fails(&meissner_reading(&["run", "-"], "1,2,3,1\n"), 2, &["--sensor WxH", "standard input"]);
+}
+
+#[test]
+fn a_description_file_needs_weights() {
+    let (_folder, path) = file("own.toml", OWN_NETWORK);
+    fails(&meissner(&["run", "--network", argument(&path)]), 2, &["--weights FILE"]);
+}
+
+#[test]
+fn an_output_that_names_no_format_that_can_be_written_is_bad_usage() {
+    let recording = default_recording();
+    for output in ["out", "out.txt", "out.aedat4", "out.bin"] {
+        fails(&meissner(&["convert", argument(&recording), output]), 2, &["--to csv|npy|dat|evt3"]);
+    }
+}
+
+#[test]
+fn recordings_that_cannot_be_read_are_bad_input() {
+    let noise: Vec<u8> = (0..200_u8).map(|i| i.wrapping_mul(91) ^ 0x80).collect();
+    let whole = std::fs::read(default_recording()).expect("the repository holds the file");
+    for (name, content) in [
+        ("empty.raw", Vec::new()),
+        ("noise.raw", noise),
+        ("cut.evt3", whole[..whole.len() - 1].to_vec()),
+        ("bad.csv", b"# sensor 8x8\nt,x,y,p\n1,2,three,1\n".to_vec()),
+    ] {
+        let (_folder, path) = file(name, content);
+        fails(&meissner(&["run", argument(&path), "--sensor", "8x8"]), 1, &[name]);
+        fails(&meissner(&["info", argument(&path)]), 1, &[name]);
+    }
+    fails(&meissner(&["run", "no/such/file.aedat4"]), 1, &["no/such/file.aedat4"]);
+}
+
+#[test]
+fn a_bad_line_on_standard_input_is_bad_input_and_is_named() {
+    let output = meissner_reading(&["run", "-", "--sensor", "8x8", "--json"], "1,2,3,1\nnot an event\n");
+    fails(&output, 1, &["line 2"]);
+}
+
+#[test]
+fn networks_and_weights_that_cannot_be_had_or_do_not_fit_are_bad_input() {
+    fails(&meissner(&["run", "--network", "graphless"]), 1, &["graphless", "tactigraph-past"]);
+    fails(&meissner(&["inspect", "graphless"]), 1, &["graphless"]);
+    fails(&meissner(&["run", "--weights", "no/such.safetensors"]), 1, &["no/such.safetensors"]);
+    let (_folder, path) = file("own.toml", OWN_NETWORK.replace("spline", "spiral"));
+    fails(&meissner(&["inspect", argument(&path)]), 1, &["own.toml", "spiral"]);
+    let (_folder, path) = file("weights.safetensors", "these are none");
+    fails(&meissner(&["run", "--weights", argument(&path)]), 1, &["weights.safetensors"]);
+    // Well-formed, and without a single tensor.
+    let (_folder, path) = file("empty.safetensors", [&[8, 0, 0, 0, 0, 0, 0, 0][..], b"{}      "].concat());
+    fails(&meissner(&["run", "--weights", argument(&path)]), 1, &["empty.safetensors", "graphres"]);
+}
+
+#[test]
+fn a_network_without_an_incremental_form_says_so() {
+    fails(&meissner(&["run", "--network", "graphres-published"]), 1, &["graphres-published", "batch mode"]);
+}
+
+#[test]
+fn a_recording_in_place_of_a_network_is_recognised() {
+    let recording = default_recording();
+    fails(&meissner(&["inspect", argument(&recording)]), 1, &["EVT3", "meissner info"]);
+}
+
+#[test]
+fn more_state_than_the_engine_may_take_is_refused() {
+    let arguments = ["run", "--sensor", "65535x65535", "--capacity", "16777216"];
+    fails(&meissner(&arguments), 1, &["bytes"]);
+}
+
+/// A small network in the format of a description file.
+const OWN_NETWORK: &str = r#"
+[network]
+name = "own"
+
+[graph]
+kind = "knn"
+k = 2
+candidates = "all"
+scale = 0.5
+
+[[layer]]
+name = "conv"
+kind = "spline"
+channels = 4
+kernel = 2
+
+[[layer]]
+name = "grid"
+kind = "readout"
+grid = [2, 2]
+
+[[layer]]
+name = "fc"
+kind = "dense"
+outputs = 1
+
+[output]
+names = ["force"]
+unit = "N"
+"#;

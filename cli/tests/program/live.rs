@@ -1,0 +1,93 @@
+//! Standard input as it arrives, and standard output that nobody reads on.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::Stdio;
+
+use serde_json::Value;
+
+use crate::support::{command, lines, meissner_reading};
+
+#[test]
+fn a_prediction_is_written_before_the_next_event_is_sent() {
+    for geometry in [&["--sensor", "8x8"][..], &[]] {
+        let arguments = [&["run", "-", "--every", "event", "--json"], geometry].concat();
+        let mut child = command(&arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut input = child.stdin.take().expect("standard input is piped");
+        let mut output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+        writeln!(input, "# sensor 8x8").expect("the program reads");
+        for t in [100, 150, 151] {
+            writeln!(input, "{t},1,2,1").expect("the program reads");
+            // This would wait forever if the line were held back.
+            let line = output.next().expect("there is a line").expect("it is text");
+            let line: Value = serde_json::from_str(&line).expect("the line is JSON");
+            assert_eq!(line["t_us"], t);
+        }
+        drop(input);
+        let line = output.next().expect("there is a line").expect("it is text");
+        assert!(line.starts_with("{\"summary\":"), "{line}");
+        assert!(child.wait().expect("the program ends").success());
+    }
+}
+
+#[test]
+fn with_a_limit_the_program_ends_before_the_stream_does() {
+    let mut child = command(&["run", "-", "--sensor", "8x8", "--limit", "2", "--every", "event", "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut input = child.stdin.take().expect("standard input is piped");
+    input.write_all(b"1,1,1,1\n2,2,2,1\n").expect("the program reads");
+    let mut text = String::new();
+    child.stdout.take().expect("standard output is piped").read_to_string(&mut text).expect("it is text");
+    assert_eq!(text.lines().count(), 3, "{text}");
+    assert!(child.wait().expect("the program ends").success());
+    drop(input);
+}
+
+#[test]
+fn standard_input_and_a_file_give_the_same_predictions() {
+    let events: Vec<String> =
+        (0..200).map(|i| format!("{},{},{},{}\n", i * 37, i % 8, i / 8 % 8, i % 2)).collect();
+    let events = events.concat();
+    let (_folder, path) = crate::support::file("events.csv", &events);
+    let arguments = |recording| ["run", recording, "--sensor", "8x8", "--every", "500us", "--json"];
+    let values = |output| lines(&output).0.iter().map(crate::support::bits).collect::<Vec<_>>();
+    let streamed = values(meissner_reading(&arguments("-"), &events));
+    let read = values(crate::support::meissner(&arguments(crate::support::argument(&path))));
+    assert!(streamed.len() > 10);
+    assert_eq!(streamed, read);
+}
+
+#[test]
+fn people_see_every_prediction_of_a_live_stream() {
+    let events: Vec<String> = (0..100).map(|i| format!("{i},1,1,1\n")).collect();
+    let events = events.concat();
+    let output = meissner_reading(&["run", "-", "--sensor", "8x8", "--every", "event"], &events);
+    let text = crate::support::text(&output);
+    assert!(!text.contains("predictions shown"), "{text}");
+    assert!(text.lines().count() > 100, "{text}");
+}
+
+#[test]
+fn a_closed_pipe_ends_the_program_quietly() {
+    for json in [&["--json"][..], &[]] {
+        let arguments = [&["run", "--every", "event"], json].concat();
+        let mut child = command(&arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut first = [0; 16];
+        let mut output = child.stdout.take().expect("standard output is piped");
+        output.read_exact(&mut first).expect("there is output");
+        drop(output);
+        let output = child.wait_with_output().expect("the program ends");
+        assert_eq!(output.status.code(), Some(0));
+        assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+    }
+}

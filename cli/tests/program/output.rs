@@ -1,0 +1,80 @@
+//! What a run and `inspect` print.
+
+use meissner_models::Description;
+
+use crate::support::{lines, meissner, text};
+
+#[test]
+fn a_json_line_has_the_documented_keys_and_no_others() {
+    let (predictions, summary) = lines(&meissner(&["run", "--every", "50000us", "--json"]));
+    let keys = |value: &serde_json::Value| {
+        value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ")
+    };
+    for line in &predictions {
+        assert_eq!(keys(line), "nodes rows t_us update_us value");
+        assert!(line["update_us"].as_f64() > Some(0.0));
+        assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
+        assert_eq!(line["rows"].as_array().map(Vec::len), Some(8), "a count for each layer");
+    }
+    let expected = "accepted dropped events events_per_s nodes_max predict_us predictions push_us skips";
+    assert_eq!(keys(&summary), expected);
+    for histogram in ["push_us", "predict_us"] {
+        assert_eq!(keys(&summary[histogram]), "max p50 p90 p99 p999");
+        let at = |quantile: &str| summary[histogram][quantile].as_f64().expect("a number");
+        let ascending = ["p50", "p90", "p99", "p999", "max"].map(at);
+        assert!(ascending.is_sorted() && ascending[0] > 0.0, "{ascending:?}");
+    }
+}
+
+#[test]
+fn rows_of_the_predictions_sum_to_those_of_the_summary() {
+    let (predictions, summary) = lines(&meissner(&["run", "--every", "20000us", "--json"]));
+    let rows = predictions.iter().flat_map(|line| line["rows"].as_array().expect("rows of layers"));
+    let sum: u64 = rows.filter_map(serde_json::Value::as_u64).sum();
+    assert_eq!(summary["skips"]["rows_recomputed"], sum);
+    let layers = summary["skips"]["layers"].as_array().expect("a list of layers");
+    assert_eq!(layers.iter().filter_map(|layer| layer["recomputed"].as_u64()).sum::<u64>(), sum);
+}
+
+#[test]
+fn an_event_changes_few_rows_and_the_summary_says_how_many_were_kept() {
+    let (predictions, summary) = lines(&meissner(&[
+        "run",
+        "--network",
+        "tactigraph-past",
+        "--every",
+        "event",
+        "--limit",
+        "3000",
+        "--json",
+    ]));
+    let first_layer = predictions.iter().all(|line| line["rows"][0] == 1);
+    assert!(first_layer, "a frozen network computes one row a layer for an event");
+    let kept = &summary["skips"]["rows_kept"];
+    assert!(kept.as_u64() > summary["skips"]["rows_recomputed"].as_u64(), "{summary}");
+}
+
+#[test]
+fn inspect_shows_every_layer_of_every_shipped_network() {
+    for name in Description::shipped_names() {
+        let description = Description::shipped(name).expect("it is shipped");
+        let table = text(&meissner(&["inspect", name]));
+        let dot = text(&meissner(&["inspect", name, "--dot"]));
+        let json: serde_json::Value =
+            serde_json::from_slice(&meissner(&["inspect", name, "--json"]).stdout).expect("it is JSON");
+        assert!(dot.starts_with("digraph"), "{dot}");
+        assert_eq!(json["parameters"], description.parameters());
+        for layer in description.layers() {
+            assert!(table.contains(&layer.name) && dot.contains(&layer.name), "{}", layer.name);
+        }
+    }
+}
+
+#[test]
+fn inspect_draws_to_a_file() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("graphres.svg");
+    let output = meissner(&["inspect", "graphres", "--svg", crate::support::argument(&path)]);
+    assert!(output.status.success() && output.stdout.is_empty());
+    assert!(std::fs::read_to_string(&path).expect("it was written").starts_with("<svg"));
+}

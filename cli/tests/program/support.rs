@@ -1,0 +1,96 @@
+//! Runs the program and reads what it says.
+
+use std::ffi::OsStr;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The shipped networks that run incrementally.
+pub(crate) const INCREMENTAL: [&str; 3] = ["graphres", "tactigraph", "tactigraph-past"];
+
+/// The program with `arguments`, not yet started.
+pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_meissner"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// The program's output for `arguments`.
+pub(crate) fn meissner<S: AsRef<OsStr>>(arguments: &[S]) -> Output {
+    command(arguments).output().expect("the program starts")
+}
+
+/// The program's output for `arguments`, with `input` on standard input.
+pub(crate) fn meissner_reading(arguments: &[&str], input: &str) -> Output {
+    let mut child = command(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut stdin = child.stdin.take().expect("standard input is piped");
+    // The program may end before it has read everything.
+    let _ = stdin.write_all(input.as_bytes());
+    drop(stdin);
+    child.wait_with_output().expect("the program ends")
+}
+
+/// Standard error as text.
+pub(crate) fn message(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Standard output as text.
+pub(crate) fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// The lines of a successful run with `--json`: the predictions, and the summary.
+pub(crate) fn lines(output: &Output) -> (Vec<Value>, Value) {
+    assert!(output.status.success(), "{}", message(output));
+    let text = text(output);
+    let mut lines: Vec<Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}")))
+        .collect();
+    let summary = lines.pop().expect("there is a summary")["summary"].clone();
+    assert!(summary.is_object(), "the last line is the summary");
+    (lines, summary)
+}
+
+/// Bits of a prediction's values.
+pub(crate) fn bits(line: &Value) -> Vec<u32> {
+    let values = line["value"].as_array().expect("a prediction has values");
+    values.iter().map(|v| (v.as_f64().expect("values are numbers") as f32).to_bits()).collect()
+}
+
+/// Times of predictions.
+pub(crate) fn times(lines: &[Value]) -> Vec<Option<i64>> {
+    lines.iter().map(|line| line["t_us"].as_i64()).collect()
+}
+
+/// Events in the windows of predictions.
+pub(crate) fn nodes(lines: &[Value]) -> Vec<u64> {
+    lines.iter().filter_map(|line| line["nodes"].as_u64()).collect()
+}
+
+/// A folder for files, and the path of one in it with `content`.
+pub(crate) fn file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join(name);
+    std::fs::write(&path, content).expect("a temporary file can be written");
+    (folder, path)
+}
+
+/// `path` as an argument.
+pub(crate) fn argument(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are text")
+}
+
+/// The embedded recording as a file of the repository.
+pub(crate) fn default_recording() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/press_release_synthetic.evt3")
+}
