@@ -16,6 +16,7 @@
 //! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
 //! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
 
+mod contract;
 mod gather;
 
 pub use gather::SplineScratch;
@@ -26,6 +27,7 @@ use crate::error::{KernelError, check};
 use crate::isa::{Isa, Task};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
+use contract::{Packed, Partial, contract, total};
 use gather::gather;
 
 /// An in-edge: the row that is read, and where it lies relative to the reader.
@@ -72,10 +74,10 @@ pub struct SplineConv {
     inputs: usize,
     outputs: usize,
     kernel: [usize; 3],
-    /// (slot, C, lanes of O).
-    weight: Vec<Lanes>,
-    /// (C, lanes of O).
-    root: Option<Vec<Lanes>>,
+    /// (slot C, O).
+    weight: Packed,
+    /// (C, O).
+    root: Option<Packed>,
     bias: Vec<Lanes>,
     scale: Vec<Lanes>,
     shift: Vec<Lanes>,
@@ -114,12 +116,13 @@ impl SplineConv {
             return Err(KernelError::Size { what: "kernel", expected, found: slots * inputs });
         }
         check("weight", &parts.weight, slots * inputs * outputs)?;
-        let weight = parts.weight.chunks_exact(outputs).flat_map(Lanes::pack).collect();
+        let weight = Packed::new(&parts.weight, outputs);
         let root = match &parts.root {
             Some(root) => {
                 check("root weight", root, outputs * inputs)?;
-                let column = |c| Lanes::pack(&(0..outputs).map(|o| root[o * inputs + c]).collect::<Vec<_>>());
-                Some((0..inputs).flat_map(column).collect())
+                let transposed: Vec<f32> =
+                    (0..inputs).flat_map(|c| (0..outputs).map(move |o| root[o * inputs + c])).collect();
+                Some(Packed::new(&transposed, outputs))
             }
             None => None,
         };
@@ -256,17 +259,21 @@ impl SplineConv {
         lane: usize,
         out: &mut [Lanes],
     ) {
-        let lanes = self.bias.len();
-        let mut acc = [[Lanes::ZERO; B]; 4];
-        for &slot in sums.touched {
-            let values = &sums.values[slot as usize * sums.stride..][..sums.stride];
-            let weight = &self.weight[slot as usize * self.inputs * lanes..][..self.inputs * lanes];
-            contract(&mut acc, values, weight, lanes, lane);
+        let mut acc: Partial<B> = [[Lanes::ZERO; B]; 4];
+        let weight = self.weight.block::<B>(lane);
+        if self.inputs.is_multiple_of(LANES) && sums.touched.len() == self.slots() {
+            // Slots follow each other without padding: one contraction over all of them.
+            contract(&mut acc, sums.values, weight);
+        } else {
+            for &slot in sums.touched {
+                let values = &sums.values[slot as usize * sums.stride..][..sums.stride];
+                contract(&mut acc, values, &weight[slot as usize * self.inputs..][..self.inputs]);
+            }
         }
         let mut y = total(&acc).map(|v| v * sums.inverse);
         if let Some(root) = &self.root {
-            let mut acc = [[Lanes::ZERO; B]; 4];
-            contract(&mut acc, own, root, lanes, lane);
+            let mut acc: Partial<B> = [[Lanes::ZERO; B]; 4];
+            contract(&mut acc, own, root.block::<B>(lane));
             for (y, r) in y.iter_mut().zip(total(&acc)) {
                 *y = *y + r;
             }
@@ -283,45 +290,4 @@ impl SplineConv {
             out[lane + b] = y;
         }
     }
-}
-
-/// acc(c mod 4, o) += values(c) weight(c, o) for output lanes `lane..lane + B`, over the rows that `weight` has.
-#[inline(always)]
-fn contract<const B: usize>(
-    acc: &mut [[Lanes; B]; 4],
-    values: &[Lanes],
-    weight: &[Lanes],
-    lanes: usize,
-    lane: usize,
-) {
-    for (values, weight) in values.iter().zip(weight.chunks(LANES * lanes)) {
-        if weight.len() == LANES * lanes {
-            for c in 0..LANES {
-                multiply_add(&mut acc[c % 4], values.0[c], &weight[c * lanes + lane..][..B]);
-            }
-        } else {
-            for (c, weight) in weight.chunks_exact(lanes).enumerate() {
-                multiply_add(&mut acc[c % 4], values.0[c], &weight[lane..][..B]);
-            }
-        }
-    }
-}
-
-/// acc(o) += value weight(o), product and sum rounded separately.
-#[inline(always)]
-fn multiply_add<const B: usize>(acc: &mut [Lanes; B], value: f32, weight: &[Lanes]) {
-    let value = Lanes::splat(value);
-    for (a, &w) in acc.iter_mut().zip(weight) {
-        *a = *a + value * w;
-    }
-}
-
-/// (a0 + a1) + (a2 + a3).
-#[inline(always)]
-fn total<const B: usize>(acc: &[[Lanes; B]; 4]) -> [Lanes; B] {
-    let mut out = [Lanes::ZERO; B];
-    for (b, out) in out.iter_mut().enumerate() {
-        *out = (acc[0][b] + acc[1][b]) + (acc[2][b] + acc[3][b]);
-    }
-    out
 }
