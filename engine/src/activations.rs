@@ -115,7 +115,7 @@ impl Activations {
         dirty.clear();
         rewired.as_slice().iter().for_each(|&row| dirty.insert(row));
         for &row in changed[block.input].as_slice() {
-            graph.readers(row).iter().for_each(|&reader| dirty.insert(reader));
+            graph.for_each_reader(row, |reader| dirty.insert(reader));
             if block.conv.has_root() {
                 dirty.insert(row);
             }

@@ -9,21 +9,21 @@
 //! the first candidate after the last of the old list: all before it are members already.
 
 use meissner_kernels::Neighbour;
-use smallvec::SmallVec;
 
 use crate::Sensor;
 use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, GraphRule, Lifetime};
+use crate::readers::Readers;
 use crate::window::Window;
 
 /// A level's graph as its layers read it.
 pub(crate) trait Adjacency {
     /// In-edges of `row`, in neighbourhood order.
     fn neighbours(&self, row: u32) -> &[Neighbour];
-    /// Rows that have an in-edge from `row`, in any order.
-    fn readers(&self, row: u32) -> &[u32];
+    /// Calls `visit` with each row that has an in-edge from `row`, in any order.
+    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32));
 }
 
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ pub(crate) struct EventGraph {
     /// For each grid cell, at least the largest [`Self::bound`] of its nodes.
     reach: Vec<f64>,
     /// Rows that read each slot; kept where someone asks for them.
-    readers: Vec<SmallVec<[u32; 20]>>,
+    readers: Readers,
     keeps_readers: bool,
     found: Vec<Candidate>,
 }
@@ -98,7 +98,7 @@ impl EventGraph {
             count: vec![0; capacity],
             edges: vec![Neighbour { row: 0, u: [0.5; 3] }; capacity * most],
             d2: vec![0.0; capacity * most],
-            readers: vec![SmallVec::new(); if keeps_readers { capacity } else { 0 }],
+            readers: if keeps_readers { Readers::new(capacity, capacity * most) } else { Readers::new(0, 0) },
             keeps_readers,
             found: Vec::with_capacity(most + 1),
         }
@@ -106,7 +106,7 @@ impl EventGraph {
 
     pub(crate) fn bytes(rule: GraphRule, sensor: Sensor, capacity: usize) -> usize {
         let edges = capacity * rule.reach.most() * (size_of::<Neighbour>() + size_of::<f64>());
-        edges + capacity * size_of::<SmallVec<[u32; 20]>>() + Grid::bytes(sensor, capacity)
+        edges + Readers::bytes(capacity, capacity * rule.reach.most()) + Grid::bytes(sensor, capacity)
     }
 
     /// Removes all nodes of `window`.
@@ -114,7 +114,7 @@ impl EventGraph {
         self.grid.clear();
         self.reach.fill(0.0);
         if self.keeps_readers {
-            window.slots().for_each(|slot| self.readers[slot as usize].clear());
+            window.slots().for_each(|slot| self.readers.clear(slot));
         }
     }
 
@@ -141,7 +141,7 @@ impl EventGraph {
             self.edges[start + i] = Neighbour { row: c.slot, u };
             self.d2[start + i] = c.d2;
             if self.keeps_readers {
-                self.readers[c.slot as usize].push(slot);
+                self.readers.push(c.slot, slot);
                 delta.added.push((c.slot, slot));
             }
         }
@@ -180,7 +180,7 @@ impl EventGraph {
             let at = distances[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
             let n = if n == most {
                 let lost = edges[start + most - 1].row;
-                forget(&mut readers[lost as usize], reader);
+                readers.remove(lost, reader);
                 delta.removed.push((lost, reader));
                 most
             } else {
@@ -192,7 +192,7 @@ impl EventGraph {
             let u = metric.attributes(node, window.node(reader));
             edges[start + at] = Neighbour { row: slot, u };
             distances[start + at] = d2;
-            readers[slot as usize].push(reader);
+            readers.push(slot, reader);
             delta.added.push((slot, reader));
             delta.rewired.push(reader);
             Reader { bound: if n == most { distances[start + n - 1] } else { limit } }
@@ -213,21 +213,21 @@ impl EventGraph {
                 for edge in self.span(slot) {
                     let source = self.edges[edge].row;
                     if stays(source) {
-                        forget(&mut self.readers[source as usize], slot);
+                        self.readers.remove(source, slot);
                         delta.removed.push((source, slot));
                     }
                 }
             }
-            let mut readers = std::mem::take(&mut self.readers[slot as usize]);
-            for &reader in &readers {
-                delta.removed.push((slot, reader));
+            let start = delta.removed.len();
+            self.readers.for_each(slot, |reader| delta.removed.push((slot, reader)));
+            self.readers.clear(slot);
+            for i in start..delta.removed.len() {
+                let reader = delta.removed[i].1;
                 if stays(reader) && !self.rule.is_frozen() {
                     self.replace(window, slot, reader, delta);
                     delta.rewired.push(reader);
                 }
             }
-            readers.clear();
-            self.readers[slot as usize] = readers;
         }
     }
 
@@ -248,7 +248,7 @@ impl EventGraph {
             let u = self.metric.attributes(window.node(next.slot), window.node(reader));
             self.edges[span.end - 1] = Neighbour { row: next.slot, u };
             self.d2[span.end - 1] = next.d2;
-            self.readers[next.slot as usize].push(reader);
+            self.readers.push(next.slot, reader);
             delta.added.push((next.slot, reader));
         } else {
             self.count[reader as usize] -= 1;
@@ -287,14 +287,7 @@ impl Adjacency for EventGraph {
     }
 
     #[inline]
-    fn readers(&self, row: u32) -> &[u32] {
-        &self.readers[row as usize]
+    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32)) {
+        self.readers.for_each(row, visit);
     }
-}
-
-/// Removes `row` from a list of readers.
-#[inline]
-fn forget(readers: &mut SmallVec<[u32; 20]>, row: u32) {
-    let at = readers.iter().position(|&r| r == row).expect("every edge stands in its source's list");
-    readers.swap_remove(at);
 }

@@ -17,6 +17,7 @@ mod maxima;
 mod metric;
 mod network;
 mod pooled;
+mod readers;
 mod readout;
 mod rows;
 mod stages;

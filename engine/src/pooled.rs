@@ -315,7 +315,7 @@ impl Adjacency for PooledGraph {
     }
 
     #[inline]
-    fn readers(&self, row: u32) -> &[u32] {
-        &self.readers[row as usize]
+    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32)) {
+        self.readers[row as usize].iter().copied().for_each(visit);
     }
 }

@@ -1,0 +1,156 @@
+//! Reverse neighbour lists: for each slot, the rows that read it.
+//!
+//! A list is a chain of blocks of one cache line; the first belongs to the slot, the others come from a store that is
+//! large enough for all edges that a graph can have, so that nothing is allocated while events flow. Rows stand in any
+//! order: they only ever become dirty.
+
+/// Rows in a block.
+const ROWS: usize = 15;
+const NONE: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Block {
+    rows: [u32; ROWS],
+    next: u32,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Readers {
+    /// The first block of each slot, then the store.
+    blocks: Vec<Block>,
+    /// Rows that read each slot.
+    count: Vec<u32>,
+    /// Last block of each slot's chain.
+    last: Vec<u32>,
+    /// First free block of the store.
+    free: u32,
+}
+
+impl Readers {
+    /// Empty lists for `slots` slots and at most `edges` rows in all.
+    pub(crate) fn new(slots: usize, edges: usize) -> Self {
+        let empty = Block { rows: [0; ROWS], next: NONE };
+        let mut blocks = vec![empty; slots];
+        let stored = edges / ROWS;
+        for i in 0..stored {
+            let next = if i + 1 < stored { (slots + i + 1) as u32 } else { NONE };
+            blocks.push(Block { next, ..empty });
+        }
+        let free = if stored > 0 { slots as u32 } else { NONE };
+        Self { blocks, count: vec![0; slots], last: (0..slots as u32).collect(), free }
+    }
+
+    pub(crate) fn bytes(slots: usize, edges: usize) -> usize {
+        (slots + edges / ROWS) * size_of::<Block>() + slots * 2 * size_of::<u32>()
+    }
+
+    /// Calls `visit` with each row that reads `slot`.
+    #[inline]
+    pub(crate) fn for_each(&self, slot: u32, mut visit: impl FnMut(u32)) {
+        let mut left = self.count[slot as usize] as usize;
+        let mut block = slot;
+        while left > 0 {
+            let Block { rows, next } = &self.blocks[block as usize];
+            let here = left.min(ROWS);
+            rows[..here].iter().for_each(|&row| visit(row));
+            left -= here;
+            block = *next;
+        }
+    }
+
+    /// `row` reads `slot`.
+    #[inline]
+    pub(crate) fn push(&mut self, slot: u32, row: u32) {
+        let at = self.count[slot as usize] as usize;
+        if at > 0 && at.is_multiple_of(ROWS) {
+            let block = self.free;
+            self.free = self.blocks[block as usize].next;
+            self.blocks[block as usize].next = NONE;
+            self.blocks[self.last[slot as usize] as usize].next = block;
+            self.last[slot as usize] = block;
+        }
+        self.blocks[self.last[slot as usize] as usize].rows[at % ROWS] = row;
+        self.count[slot as usize] += 1;
+    }
+
+    /// `row`, which reads `slot`, does so no more.
+    #[inline]
+    pub(crate) fn remove(&mut self, slot: u32, row: u32) {
+        let last = self.last[slot as usize];
+        let at = self.count[slot as usize] as usize - 1;
+        let moved = self.blocks[last as usize].rows[at % ROWS];
+        let mut block = slot;
+        loop {
+            let Block { rows, next } = &mut self.blocks[block as usize];
+            let here = if block == last { at % ROWS + 1 } else { ROWS };
+            if let Some(found) = rows[..here].iter_mut().find(|found| **found == row) {
+                *found = moved;
+                break;
+            }
+            debug_assert_ne!(*next, NONE, "every edge stands in its source's list");
+            block = *next;
+        }
+        self.count[slot as usize] = at as u32;
+        if at > 0 && at.is_multiple_of(ROWS) {
+            self.release_last(slot);
+        }
+    }
+
+    /// Nobody reads `slot` any more.
+    #[inline]
+    pub(crate) fn clear(&mut self, slot: u32) {
+        while self.last[slot as usize] != slot {
+            self.release_last(slot);
+        }
+        self.count[slot as usize] = 0;
+    }
+
+    /// Gives the last block of a chain, not its first, back to the store.
+    fn release_last(&mut self, slot: u32) {
+        let last = self.last[slot as usize];
+        let mut before = slot;
+        while self.blocks[before as usize].next != last {
+            before = self.blocks[before as usize].next;
+        }
+        self.blocks[before as usize].next = NONE;
+        self.last[slot as usize] = before;
+        self.blocks[last as usize].next = self.free;
+        self.free = last;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn readers_are_those_of_plain_lists(steps in proptest::collection::vec((0u8..12, 0u32..3, 0u32..60), 0..300)) {
+            let mut readers = Readers::new(3, 180);
+            let mut lists = vec![Vec::new(); 3];
+            for (step, slot, row) in steps {
+                let list: &mut Vec<u32> = &mut lists[slot as usize];
+                if step == 0 {
+                    readers.clear(slot);
+                    list.clear();
+                } else if let Some(at) = list.iter().position(|&r| r == row) {
+                    readers.remove(slot, row);
+                    list.swap_remove(at);
+                } else {
+                    readers.push(slot, row);
+                    list.push(row);
+                }
+                for (slot, list) in lists.iter().enumerate() {
+                    let mut got = Vec::new();
+                    readers.for_each(slot as u32, |row| got.push(row));
+                    let mut expected = list.clone();
+                    got.sort_unstable();
+                    expected.sort_unstable();
+                    prop_assert_eq!(got, expected);
+                }
+            }
+        }
+    }
+}

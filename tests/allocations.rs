@@ -1,0 +1,115 @@
+//! Nothing is allocated per event after warm-up, counted over a whole recording; and how much is held.
+#![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use meissner_engine::{Engine, Event, Sensor};
+use meissner_models::{Description, Weights};
+use meissner_tests::random::Random;
+use meissner_tests::shared::shared;
+
+/// The system's allocator, counted.
+struct Counting;
+
+static COUNT: AtomicU64 = AtomicU64::new(0);
+/// Bytes allocated and not freed.
+static HELD: AtomicU64 = AtomicU64::new(0);
+/// Held by each test: what runs beside it would be counted too.
+static ALONE: Mutex<()> = Mutex::new(());
+
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        HELD.fetch_add(layout.size() as u64, Ordering::Relaxed);
+        // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        // SAFETY: `pointer` came from `alloc` with this layout, that is, from the system's allocator.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        HELD.fetch_add(size as u64, Ordering::Relaxed);
+        HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        // SAFETY: as for `dealloc`, and the caller's promise about `size` is passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Marker dots that appear and vanish in bursts, for where there is no recording.
+fn synthetic() -> (Sensor, Vec<Event>) {
+    let mut random = Random::new(4);
+    let mut t = 0;
+    let event = |i: i64| {
+        t += if i % 5_000 < 4_000 { 20 } else { 300 };
+        let (dot, dx, dy) = (random.below(30), random.below(9), random.below(9));
+        Event::new(t, (dot % 6 * 36 + dx) as u16, (dot / 6 * 34 + dy) as u16, random.below(2) == 0)
+    };
+    (Sensor::new(240, 180), (0..30_000).map(event).collect())
+}
+
+#[test]
+fn a_second_pass_over_a_recording_allocates_nothing() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, events) = match shared("data/events/tactile_dots.aedat4") {
+        Some(path) => {
+            let recording = meissner_io::read(&path).expect("a readable recording");
+            (recording.sensor.expect("AEDAT4 names its geometry"), recording.events)
+        }
+        None => synthetic(),
+    };
+    for name in ["graphres", "tactigraph", "tactigraph-past"] {
+        let description = Description::shipped(name).expect("a shipped network");
+        let weights = Weights::shipped(name).expect("shipped weights");
+        let mut engine =
+            Engine::new(description.network(&weights).expect("the weights fit"), sensor).expect("exact");
+        let span = events[events.len() - 1].t_us - events[0].t_us;
+        // The second pass goes on behind the first: nothing is reset, no event comes to the slot it had before.
+        let mut pass = |shift: i64| {
+            let before = COUNT.load(Ordering::Relaxed);
+            for (i, &event) in events.iter().enumerate() {
+                engine.push(Event { t_us: event.t_us + shift, ..event });
+                if i % 1_000 == 0 {
+                    engine.predict().expect("finite");
+                }
+            }
+            COUNT.load(Ordering::Relaxed) - before
+        };
+        let warm_up = pass(0);
+        let second = pass(span + 10 * 150_000);
+        println!("{name}: {warm_up} allocations in the first pass, {second} in the second");
+        assert_eq!(second, 0, "{name}");
+    }
+}
+
+#[test]
+fn a_full_window_of_32768_events_takes_less_than_64_mib() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, mut events) = synthetic();
+    events.extend_from_within(..);
+    let description = Description::shipped("tactigraph").expect("a shipped network");
+    let network = description.network(&Weights::shipped("tactigraph").expect("shipped weights"));
+    let network = network.expect("the weights fit");
+    let before = HELD.load(Ordering::Relaxed);
+    let mut engine = Engine::new(network, sensor).expect("exact");
+    // All at one instant: none expires, and the window fills up.
+    for event in events {
+        engine.push(Event { t_us: 0, ..event });
+    }
+    engine.predict().expect("finite");
+    let held = HELD.load(Ordering::Relaxed) - before;
+    println!("{held} bytes held, {} bytes of state foreseen", engine.state_bytes());
+    assert_eq!(engine.nodes(), 32_768);
+    assert!(held < 64 << 20, "{held} bytes");
+    assert!(u128::from(held) < engine.state_bytes() * 5 / 4, "{held} bytes");
+}
