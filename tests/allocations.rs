@@ -68,7 +68,7 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         }
         None => synthetic(),
     };
-    for name in ["graphres", "tactigraph", "tactigraph-past"] {
+    for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
         let description = Description::shipped(name).expect("a shipped network");
         let weights = Weights::shipped(name).expect("shipped weights");
         let mut engine =

@@ -28,13 +28,19 @@ const SHIPPED: &[Shipped] = &[
         weights: include_bytes!("../weights/tactigraph.safetensors"),
     },
     Shipped {
+        name: "tactigraph-frozen",
+        description: include_str!("../networks/tactigraph-frozen.toml"),
+        weights: include_bytes!("../weights/tactigraph.safetensors"),
+    },
+    Shipped {
         name: "tactigraph-past",
         description: include_str!("../networks/tactigraph-past.toml"),
         weights: include_bytes!("../weights/tactigraph-past.safetensors"),
     },
 ];
 
-const NAMES: &[&str] = &["graphres", "graphres-published", "tactigraph", "tactigraph-past"];
+const NAMES: &[&str] =
+    &["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 
 /// Weights files that are drawn, with their seeds.
 pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2), ("tactigraph-past", 3)];
@@ -60,7 +66,8 @@ impl Description {
 }
 
 impl Weights {
-    /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres".
+    /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres",
+    /// "tactigraph-frozen" those of "tactigraph".
     ///
     /// # Panics
     /// Never: the tests read every one.

@@ -9,7 +9,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// The shipped networks that run incrementally.
-pub(crate) const INCREMENTAL: [&str; 3] = ["graphres", "tactigraph", "tactigraph-past"];
+pub(crate) const INCREMENTAL: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 
 /// The program with `arguments`, not yet started.
 pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
