@@ -172,6 +172,25 @@ fn an_expired_neighbour_is_replaced_by_the_next_nearest() {
     }
 }
 
+/// Found by the property test: those of its neighbours that are about to leave do not show that a reader has all
+/// candidates that stay.
+#[test]
+fn a_list_that_loses_several_neighbours_at_once_is_filled_up_again() {
+    for candidates in [ALL, Candidates::Past(Lifetime::Window)] {
+        let mut stream = watched(candidates);
+        for x in [10, 11, 12] {
+            stream.push(Event::new(0, x, 10, true));
+        }
+        for x in [20, 22, 24, 11] {
+            stream.push(Event::new(20, x, 10, true));
+        }
+        assert_eq!(rows(&stream.engine, 6), [1, 2, 0], "{candidates:?}");
+        stream.advance(SPAN_US + 1);
+        assert_eq!(rows(&stream.engine, 3), [0, 1, 2], "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
 #[test]
 fn a_nearer_newcomer_displaces_the_farthest_neighbour() {
     let mut stream = watched(ALL);

@@ -8,6 +8,8 @@
 //! cell still takes a neighbour. An expiry finds the rows that lose it in the reverse lists, and the replacement as
 //! the first candidate after the last of the old list: all before it are members already.
 
+use std::ops::Range;
+
 use meissner_kernels::Neighbour;
 
 use crate::Sensor;
@@ -159,10 +161,16 @@ impl EventGraph {
         let Self { grid, metric, found, most, rule, .. } = self;
         let limit = rule.reach.limit();
         found.clear();
-        grid.search(metric, node, Times::Past, limit, |d2, slot| {
+        let visit = |d2, slot| {
             take(found, *most, Candidate { d2, arrival: window.age_rank(slot), slot });
             if found.len() == *most { found[*most - 1].d2 } else { limit }
-        });
+        };
+        let others = window.len() as u32 - 1;
+        if others <= FEW {
+            scan(metric, window, 0..others, node, limit, visit);
+        } else {
+            grid.search(metric, node, Times::Past, limit, visit);
+        }
     }
 
     /// Offers the newest node to all others, which take it where it is near enough.
@@ -224,15 +232,16 @@ impl EventGraph {
             for i in start..delta.removed.len() {
                 let reader = delta.removed[i].1;
                 if stays(reader) && !self.rule.is_frozen() {
-                    self.replace(window, slot, reader, delta);
+                    self.replace(window, leaving, slot, reader, delta);
                     delta.rewired.push(reader);
                 }
             }
         }
     }
 
-    /// Replaces `gone` in the neighbourhood of `reader` by the next candidate, if there is one.
-    fn replace(&mut self, window: &Window, gone: u32, reader: u32, delta: &mut Delta) {
+    /// Replaces `gone`, one of the `leaving` oldest nodes, in the neighbourhood of `reader` by the next candidate, if
+    /// there is one.
+    fn replace(&mut self, window: &Window, leaving: u32, gone: u32, reader: u32, delta: &mut Delta) {
         let span = self.span(reader);
         let last = Candidate {
             d2: self.d2[span.end - 1],
@@ -243,7 +252,7 @@ impl EventGraph {
             span.clone().find(|&e| self.edges[e].row == gone).expect("a reader reads what it is listed for");
         self.edges.copy_within(at + 1..span.end, at);
         self.d2.copy_within(at + 1..span.end, at);
-        let next = (span.len() == self.most).then(|| self.next_after(window, reader, &last)).flatten();
+        let next = self.next_after(window, leaving, reader, span.len() - 1, &last);
         if let Some(next) = next {
             let u = self.metric.attributes(window.node(next.slot), window.node(reader));
             self.edges[span.end - 1] = Neighbour { row: next.slot, u };
@@ -258,25 +267,64 @@ impl EventGraph {
         self.reach[cell] = self.reach[cell].max(self.bound(reader));
     }
 
-    /// The first candidate of `reader` that comes after `last`.
-    fn next_after(&self, window: &Window, reader: u32, last: &Candidate) -> Option<Candidate> {
+    /// The first candidate of `reader` that comes after `last`, where it has `kept` neighbours left.
+    fn next_after(
+        &self,
+        window: &Window,
+        leaving: u32,
+        reader: u32,
+        kept: usize,
+        last: &Candidate,
+    ) -> Option<Candidate> {
         let limit = self.rule.reach.limit();
-        let own = window.age_rank(reader);
         let past = self.rule.candidates == Candidates::Past(Lifetime::Window);
-        let times = if past { Times::Past } else { Times::All };
+        let end = if past { window.age_rank(reader) } else { window.len() as u32 };
+        let others = end - leaving - u32::from(!past);
+        // A list that was not full held every candidate.
+        if kept + 1 < self.most {
+            return None;
+        }
         let mut best: Option<Candidate> = None;
-        self.grid.search(&self.metric, window.node(reader), times, limit, |d2, slot| {
+        let visit = |d2, slot| {
             let candidate = Candidate { d2, arrival: window.age_rank(slot), slot };
-            let admissible = if past { candidate.arrival < own } else { slot != reader };
-            if admissible
+            if candidate.arrival < end
+                && slot != reader
                 && last.precedes(&candidate)
                 && best.as_ref().is_none_or(|best| candidate.precedes(best))
             {
                 best = Some(candidate);
             }
             best.map_or(limit, |best| best.d2)
-        });
+        };
+        let node = window.node(reader);
+        if others <= FEW {
+            scan(&self.metric, window, leaving..end, node, limit, visit);
+        } else {
+            let times = if past { Times::Past } else { Times::All };
+            self.grid.search(&self.metric, node, times, limit, visit);
+        }
         best
+    }
+}
+
+/// Candidates that are compared one by one: a search over the grid would look at most of its cells.
+const FEW: u32 = 64;
+
+/// Calls `visit` with d2 and slot of the nodes at `places` whose d2 to `query` is at most the bound; each call returns
+/// the bound that holds from then on.
+fn scan(
+    metric: &Metric,
+    window: &Window,
+    places: Range<u32>,
+    query: Node,
+    mut bound: f64,
+    mut visit: impl FnMut(f64, u32) -> f64,
+) {
+    for slot in window.slots_of(places) {
+        let d2 = metric.distance2(query, window.node(slot));
+        if d2 <= bound {
+            bound = visit(d2, slot);
+        }
     }
 }
 

@@ -75,6 +75,12 @@ impl Metric {
         square(dt as f64 / self.span)
     }
 
+    /// Squared distance of two nodes.
+    #[inline]
+    pub(crate) fn distance2(&self, a: Node, b: Node) -> f64 {
+        (self.x2(a.x.abs_diff(b.x) as usize) + self.y2(a.y.abs_diff(b.y) as usize)) + self.t2(a.t - b.t)
+    }
+
     /// Edge attribute of `source` as `reader` sees it.
     #[inline]
     pub(crate) fn attributes(&self, source: Node, reader: Node) -> [f32; 3] {

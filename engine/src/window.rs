@@ -1,5 +1,7 @@
 //! The sliding window: a ring of nodes in order of arrival.
 
+use std::ops::Range;
+
 use crate::metric::Node;
 
 /// Nodes by slot. A node keeps its slot while it is in the window; slots are used round and round.
@@ -63,9 +65,15 @@ impl Window {
 
     /// Slots from the oldest node to the newest.
     pub(crate) fn slots(&self) -> impl Iterator<Item = u32> + '_ {
-        let end = self.first + self.len;
+        self.slots_of(0..self.len)
+    }
+
+    /// Slots of the nodes at some places in the window.
+    pub(crate) fn slots_of(&self, places: Range<u32>) -> impl Iterator<Item = u32> + '_ {
         let capacity = self.nodes.len() as u32;
-        (self.first..end.min(capacity)).chain(0..end.saturating_sub(capacity))
+        let (start, end) = (self.first + places.start, self.first + places.end);
+        (start.min(capacity)..end.min(capacity))
+            .chain(start.max(capacity) - capacity..end.max(capacity) - capacity)
     }
 
     /// `slot`, less than twice the capacity, brought back into the ring.

@@ -7,9 +7,12 @@ use crate::lanes::Lanes;
 #[inline(always)]
 pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     for (a, r) in acc.iter_mut().zip(row) {
-        for (a, &r) in a.0.iter_mut().zip(&r.0) {
-            *a = if r > *a { r } else { *a };
+        // By value: through the reference, the compiler compares and stores one lane after the other.
+        let mut larger = a.0;
+        for (larger, &r) in larger.iter_mut().zip(&r.0) {
+            *larger = if r > *larger { r } else { *larger };
         }
+        a.0 = larger;
     }
 }
 
