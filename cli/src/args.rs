@@ -5,11 +5,14 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use clap::builder::RangedI64ValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::Format;
 
-const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
+pub(crate) use crate::bench::BenchArgs;
+
+pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
                       or do not fit), 2 on bad usage. A reader that closes the pipe ends the program with status 0.";
 
 /// Incremental inference for event cameras and event-based touch.
@@ -26,6 +29,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Run a network over a recording or a live stream: predictions, latencies, and what was skipped.
     Run(RunArgs),
+    /// Measure: latencies by phase, work per layer, shares of the stages, memory, missed deadlines.
+    Bench(BenchArgs),
     /// Show a network: layers, shapes, parameters, multiply-adds, receptive fields.
     Inspect(InspectArgs),
     /// Show a recording: format, geometry, counts, span, rates, other streams.
@@ -38,6 +43,38 @@ pub(crate) enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS)]
 pub(crate) struct RunArgs {
+    /// Events and network.
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// Recompute what an event changes, or every row at every prediction. The values are the same, bit for bit.
+    #[arg(long, value_enum, default_value_t = Mode::Incremental)]
+    pub(crate) mode: Mode,
+    /// When a prediction is read: after every accepted event, at the end, after every N accepted events, or every N
+    /// microseconds of stream time.
+    ///
+    /// Every N microseconds: at the first event's time + N, + 2N, and so on, as soon as an event later than that
+    /// arrives, and once more at the first such time at or after the last event. Each prediction is for the window at
+    /// its time, also in a gap between events. Once a gap has emptied the window, its remaining times are left out:
+    /// nothing can change before the next event.
+    #[arg(long, value_name = "event|end|N|Nus", default_value = "10000us")]
+    pub(crate) every: Every,
+    /// One JSON object a line: predictions, then a summary.
+    ///
+    /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
+    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
+    /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
+    ///
+    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
+    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
+    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
+    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What `run` and `bench` work on.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Input {
     /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV, npy), or - for CSV lines (t_us,x,y,p) on standard input as
     /// they arrive. Without it: a small synthetic press and release that the program holds.
     pub(crate) recording: Option<PathBuf>,
@@ -54,41 +91,17 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = sensor)]
     pub(crate) sensor: Option<Sensor>,
     /// Length of the window in microseconds, in place of the description's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(1..=Network::LONGEST_SPAN_US))]
+    #[arg(long, value_name = "N", value_parser = span_us())]
     pub(crate) span_us: Option<i64>,
     /// Most events that the window holds, in place of the description's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=Network::LARGEST_CAPACITY as i64))]
     pub(crate) capacity: Option<u32>,
-    /// Recompute what an event changes, or every row at every prediction. The values are the same, bit for bit.
-    #[arg(long, value_enum, default_value_t = Mode::Incremental)]
-    pub(crate) mode: Mode,
-    /// When a prediction is read: after every accepted event, at the end, after every N accepted events, or every N
-    /// microseconds of stream time.
-    ///
-    /// Every N microseconds: at the first event's time + N, + 2N, and so on, as soon as an event later than that
-    /// arrives, and once more at the first such time at or after the last event. Each prediction is for the window at
-    /// its time, also in a gap between events. Once a gap has emptied the window, its remaining times are left out:
-    /// nothing can change before the next event.
-    #[arg(long, value_name = "event|end|N|Nus", default_value = "10000us")]
-    pub(crate) every: Every,
     /// Most events that are taken from the recording.
     #[arg(long, value_name = "N")]
     pub(crate) limit: Option<u64>,
     /// What becomes of an event that is earlier than one before it: drop it, or let it in at the newest time.
     #[arg(long, value_enum, default_value_t = Late::Drop)]
     pub(crate) late: Late,
-    /// One JSON object a line: predictions, then a summary.
-    ///
-    /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
-    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
-    /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
-    ///
-    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
-    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
-    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
-    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// `meissner inspect`.
@@ -216,6 +229,11 @@ impl FromStr for Every {
                 .to_owned()
         })
     }
+}
+
+/// Reads a length of stream time: 1 microsecond to the longest span.
+pub(crate) fn span_us() -> RangedI64ValueParser<i64> {
+    clap::value_parser!(i64).range(1..=Network::LONGEST_SPAN_US)
 }
 
 fn sensor(text: &str) -> Result<Sensor, String> {

@@ -6,6 +6,10 @@
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
 //! | `run/` | `meissner run` |
+//! | `bench/` | `meissner bench` |
+//! | `schedule` | when predictions are read |
+//! | `latency`, `skips` | what both measure |
+//! | `header`, `progress`, `text` | how both are shown to people |
 //! | `inspect`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
@@ -13,12 +17,18 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bench;
 mod convert;
 mod error;
+mod header;
 mod info;
 mod inspect;
+mod latency;
 mod model;
+mod progress;
 mod run;
+mod schedule;
+mod skips;
 mod source;
 mod text;
 
@@ -31,6 +41,7 @@ use crate::args::{Args, Command};
 fn main() -> ExitCode {
     let done = match Args::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Bench(args) => bench::bench(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Info(args) => info::info(&args),
         Command::Convert(args) => convert::convert(&args),

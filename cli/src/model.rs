@@ -6,7 +6,7 @@ use meissner_engine::Network;
 use meissner_io::Format;
 use meissner_models::{Description, Weights};
 
-use crate::args::RunArgs;
+use crate::args::Input;
 use crate::error::CliError;
 
 /// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
@@ -18,6 +18,8 @@ pub(crate) struct Model {
     pub(crate) network: Network,
     /// Names of the predicted values, with their unit.
     pub(crate) outputs: Vec<String>,
+    /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
+    pub(crate) multiply_adds: Vec<u64>,
     /// Where the weights come from, and what they say about themselves.
     pub(crate) weights: String,
 }
@@ -48,7 +50,7 @@ fn recording_format(path: &str) -> Option<Format> {
 
 impl Model {
     /// The network that `args` ask for.
-    pub(crate) fn load(args: &RunArgs) -> Result<Self, CliError> {
+    pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
         let (description, shipped) = describe(&args.network)?;
         let (weights, label) = match &args.weights {
             Some(path) => {
@@ -68,7 +70,15 @@ impl Model {
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
         let (names, unit) = description.outputs();
         let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
+        // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.
+        let rows = description.layers().iter().filter(|layer| layer.level.is_some());
+        let of_row = |name: &str| {
+            let layer = rows.clone().find(|layer| layer.name == name);
+            layer.map_or(0, |layer| layer.cost.multiply_adds as u64)
+        };
+        let multiply_adds = network.layers().into_iter().map(of_row).collect();
         Ok(Self {
+            multiply_adds,
             network: adapted(network, args)?,
             outputs: names.iter().map(|name| format!("{name} ({unit})")).collect(),
             weights: label + &about.unwrap_or_default(),
@@ -77,7 +87,7 @@ impl Model {
 }
 
 /// `network` with the span and the capacity that `args` ask for.
-fn adapted(network: Network, args: &RunArgs) -> Result<Network, CliError> {
+fn adapted(network: Network, args: &Input) -> Result<Network, CliError> {
     if args.span_us.is_none() && args.capacity.is_none() {
         return Ok(network);
     }

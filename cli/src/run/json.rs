@@ -4,8 +4,9 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::report::{Reading, Report, microseconds};
+use super::report::{Reading, Report};
 use super::summary::Summary;
+use crate::latency::microseconds;
 
 /// Writes JSON lines.
 pub(crate) struct JsonLines<W> {

@@ -4,55 +4,57 @@
 //! writing.
 
 mod json;
-mod latency;
 mod machine;
-mod progress;
 mod report;
-mod schedule;
 mod summary;
 mod table;
 
-use std::io::{BufWriter, Write, stdout};
+use std::io::{BufWriter, stdout};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{Event, Outcome, Sensor};
+use meissner_engine::{Event, Outcome};
 
 use crate::args::{Mode, RunArgs};
 use crate::error::CliError;
+use crate::header::header;
+use crate::latency::Latency;
 use crate::model::Model;
+use crate::progress::Progress;
+use crate::schedule::{Last, Schedule};
 use crate::source::{self, Source};
-use crate::text::grouped;
 use json::JsonLines;
-use latency::Latency;
 use machine::Machine;
-use progress::Progress;
 use report::{Reading, Report};
-use schedule::{Last, Schedule};
 use summary::Summary;
 use table::People;
 
 /// Runs what `args` ask for, to standard output.
 pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
-    let model = Model::load(args)?;
+    let input = &args.input;
+    let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
-    let source = Source::open(args.recording.as_deref(), args.sensor.is_some())?;
-    let sensor = source.sensor(args.sensor)?;
-    let machine = Machine::new(args.mode, Arc::clone(&network), sensor, args.late.into())?;
+    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let sensor = source.sensor(input.sensor)?;
+    let machine = Machine::new(args.mode, Arc::clone(&network), sensor, input.late.into())?;
 
-    let limit = args.limit.unwrap_or(u64::MAX);
+    let limit = input.limit.unwrap_or(u64::MAX);
     let total = source.remaining().map(|remaining| remaining.min(limit));
-    let live = args.recording.as_deref().is_some_and(source::is_stdin);
+    let live = input.recording.as_deref().is_some_and(source::is_stdin);
     let progress = Progress::new(total, args.json);
     let mut out = BufWriter::new(stdout().lock());
     let mut report: Box<dyn Report + '_> = if args.json {
         Box::new(JsonLines::new(out, live))
     } else {
-        header(&mut out, args, &model, &source, sensor)?;
+        let mode = match args.mode {
+            Mode::Incremental => "incremental",
+            Mode::Batch => "batch: every row at every prediction",
+        };
+        header(&mut out, &model, mode, &source, sensor)?;
         Box::new(People::new(out, &model.outputs, total, progress.clone())?)
     };
     let mut runner = Runner {
-        schedule: Schedule::new(args.every, sensor, args.late.into()),
+        schedule: Schedule::new(args.every, sensor, input.late.into()),
         machine,
         report: &mut *report,
         push: Latency::new(),
@@ -69,30 +71,6 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let summary = runner.end(&network.layers())?;
     progress.finish();
     Ok(report.summary(&summary)?)
-}
-
-/// What runs on what.
-fn header(
-    out: &mut impl Write,
-    args: &RunArgs,
-    model: &Model,
-    source: &Source,
-    sensor: Sensor,
-) -> Result<(), CliError> {
-    let parts = model.network.parts();
-    let mode = match args.mode {
-        Mode::Incremental => "incremental",
-        Mode::Batch => "batch: every row at every prediction",
-    };
-    let window =
-        format!("{} ms, at most {} events", parts.span_us as f64 / 1e3, grouped(parts.capacity as u64));
-    let events = source.remaining().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
-    writeln!(out, "recording    {}", source.name)?;
-    writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
-    writeln!(out, "network      {}, {mode}", model.network.name())?;
-    writeln!(out, "weights      {}", model.weights)?;
-    writeln!(out, "window       {window}\n")?;
-    Ok(())
 }
 
 /// Takes events one after the other and reads predictions when they are due.

@@ -28,8 +28,3 @@ pub(crate) trait Report {
     /// The run has ended.
     fn summary(&mut self, summary: &Summary) -> io::Result<()>;
 }
-
-/// `duration` in microseconds.
-pub(crate) fn microseconds(duration: Duration) -> f64 {
-    duration.as_nanos() as f64 / 1e3
-}

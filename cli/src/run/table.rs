@@ -2,10 +2,11 @@
 
 use std::io::{self, Write};
 
-use super::latency::Quantiles;
-use super::progress::Progress;
-use super::report::{Reading, Report, microseconds};
-use super::summary::{Skips, Summary};
+use super::report::{Reading, Report};
+use super::summary::Summary;
+use crate::latency::{Quantiles, microseconds};
+use crate::progress::Progress;
+use crate::skips::Skips;
 use crate::text::{Table, grouped};
 
 /// About so many predictions of a file are shown; of a live stream, all are.
@@ -77,7 +78,7 @@ impl<W: Write> Report for People<W> {
         }
         counts(out, summary)?;
         latencies(out, summary)?;
-        skips(out, &summary.skips)?;
+        summary.skips.write(out)?;
         out.flush()
     }
 }
@@ -129,29 +130,4 @@ fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
         writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;
     }
     Ok(())
-}
-
-fn skips(out: &mut impl Write, skips: &Skips) -> io::Result<()> {
-    let mut table =
-        Table::new(&["layer (rows)", "recomputed", "of these unchanged", "kept from before", "kept (%)"]);
-    let mut row = |name: &str, recomputed: u64, unchanged: u64, kept: u64| {
-        let all = recomputed + kept;
-        let share = if all > 0 { format!("{:.2}", kept as f64 / all as f64 * 100.0) } else { "-".to_owned() };
-        table.row([name.to_owned(), grouped(recomputed), grouped(unchanged), grouped(kept), share]);
-    };
-    for layer in &skips.layers {
-        row(&layer.name, layer.recomputed, layer.unchanged, layer.kept);
-    }
-    row("all", skips.rows_recomputed, skips.rows_unchanged, skips.rows_kept);
-    writeln!(out)?;
-    table.write(out)?;
-    writeln!(
-        out,
-        "\n  {} predictions reused; {} of {} readout cells and {} of {} pooled neighbourhoods came out unchanged",
-        grouped(skips.predictions_reused),
-        grouped(skips.readout_cells_unchanged),
-        grouped(skips.readout_cells_recomputed),
-        grouped(skips.neighbourhoods_unchanged),
-        grouped(skips.neighbourhoods_checked)
-    )
 }

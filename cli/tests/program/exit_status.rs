@@ -16,7 +16,9 @@ fn fails(output: &Output, status: i32, expected: &[&str]) {
 
 #[test]
 fn help_and_version_succeed() {
-    for arguments in [&["--help"][..], &["--version"], &["run", "--help"], &["help", "convert"]] {
+    for arguments in
+        [&["--help"][..], &["--version"], &["run", "--help"], &["bench", "--help"], &["help", "convert"]]
+    {
         assert_eq!(meissner(arguments).status.code(), Some(0), "{arguments:?}");
     }
 }
@@ -35,6 +37,13 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["run", "--limit", "-1"],
         &["run", "--unknown"],
         &["run", "one.csv", "two.csv"],
+        &["bench", "--every", "end"],
+        &["bench", "--every", "0us"],
+        &["bench", "--period-us", "0"],
+        &["bench", "--burst-rate", "0"],
+        &["bench", "--repeat", "0"],
+        &["bench", "--warmup", "-1"],
+        &["bench", "--mode", "batch"],
         &["info"],
         &["inspect", "graphres", "--dot", "--json"],
         &["nothing"],
@@ -80,6 +89,7 @@ fn recordings_that_cannot_be_read_are_bad_input() {
         fails(&meissner(&["info", argument(&path)]), 1, &[name]);
     }
     fails(&meissner(&["run", "no/such/file.aedat4"]), 1, &["no/such/file.aedat4"]);
+    fails(&meissner(&["bench", "no/such/file.aedat4"]), 1, &["no/such/file.aedat4"]);
 }
 
 #[test]
@@ -104,7 +114,18 @@ fn networks_and_weights_that_cannot_be_had_or_do_not_fit_are_bad_input() {
 
 #[test]
 fn a_network_without_an_incremental_form_says_so() {
-    fails(&meissner(&["run", "--network", "graphres-published"]), 1, &["graphres-published", "batch mode"]);
+    for command in ["run", "bench"] {
+        fails(
+            &meissner(&[command, "--network", "graphres-published"]),
+            1,
+            &["graphres-published", "batch mode"],
+        );
+    }
+}
+
+#[test]
+fn a_drawing_that_cannot_be_written_is_refused_before_anything_is_measured() {
+    fails(&meissner(&["bench", "--svg", "no/such/folder/latency.svg"]), 1, &["no/such/folder/latency.svg"]);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! When predictions are read.
 //!
 //! Enters: the events. Leaves: for `--every Nus` the times at which a prediction is due before an event enters, for
-//! `--every N` whether one is due after it. Both modes of running follow one schedule, so that they predict at the same
-//! moments.
+//! `--every N` whether one is due after it. Both modes of running follow one schedule, and so does
+//! every pass of a benchmark, so that they predict at the same moments.
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 

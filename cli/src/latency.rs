@@ -29,6 +29,11 @@ pub(crate) struct Quantiles {
     pub(crate) max: f64,
 }
 
+/// `duration` in microseconds.
+pub(crate) fn microseconds(duration: Duration) -> f64 {
+    duration.as_nanos() as f64 / 1e3
+}
+
 impl Latency {
     /// An empty histogram; recording into it allocates nothing.
     pub(crate) fn new() -> Self {
@@ -44,9 +49,33 @@ impl Latency {
         self.total += taken;
     }
 
+    /// Records all that `other` recorded.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.histogram.add(&other.histogram).expect("all histograms have the same bounds");
+        self.max_ns = self.max_ns.max(other.max_ns);
+        self.total += other.total;
+    }
+
     /// Sum of all that was recorded.
     pub(crate) fn total(&self) -> Duration {
         self.total
+    }
+
+    /// How many durations were recorded.
+    pub(crate) fn count(&self) -> u64 {
+        self.histogram.len()
+    }
+
+    /// Points (duration in microseconds, share of the recorded durations that were longer), by ascending duration:
+    /// one for each value of the histogram that occurred. The last share is 0.
+    pub(crate) fn longer(&self) -> Vec<(f64, f64)> {
+        let mut left = self.count();
+        let point = |bucket: hdrhistogram::iterators::IterationValue<u64>| {
+            left -= bucket.count_at_value();
+            let ns = bucket.value_iterated_to().min(self.max_ns);
+            (ns as f64 / 1e3, left as f64 / self.count() as f64)
+        };
+        self.histogram.iter_recorded().map(point).collect()
     }
 
     /// None where nothing was recorded.
@@ -67,6 +96,18 @@ impl Latency {
 mod tests {
     use super::Latency;
     use std::time::Duration;
+
+    #[test]
+    fn the_share_of_longer_durations_falls_to_0() {
+        let mut latency = Latency::new();
+        for us in [10, 10, 20, 40] {
+            latency.record(Duration::from_micros(us));
+        }
+        let points = latency.longer();
+        let shares: Vec<f64> = points.iter().map(|point| point.1).collect();
+        assert_eq!(shares, [0.5, 0.25, 0.0]);
+        assert!(points.iter().zip([10.0, 20.0, 40.0]).all(|(point, us)| (point.0 / us - 1.0).abs() < 2e-3));
+    }
 
     #[test]
     fn quantiles_are_in_microseconds_and_the_maximum_is_exact() {

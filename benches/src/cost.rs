@@ -1,0 +1,128 @@
+//! Operations and bytes of a row, from shapes alone.
+//!
+//! Counted are the multiply-adds that the equations need: sums per kernel slot, weights, root weight (two floating-
+//! point operations each). Basis weights, ELU, batch norm and padding are work too, but work that a faster kernel might
+//! do without; leaving them out makes an achieved share honest rather than flattering.
+//!
+//! Bytes are those that a row reads and writes if it is computed alone: nothing is credited for what the row before it
+//! left in a register. What stays in a cache moves at the cache's speed.
+
+use std::ops::{Add, AddAssign};
+
+use meissner_engine::{Network, Trace};
+use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
+
+/// What some computation costs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Products that are added to something.
+    pub multiply_adds: usize,
+    /// Bytes read and written.
+    pub bytes: usize,
+}
+
+impl Cost {
+    /// Floating-point operations.
+    pub fn flops(self) -> usize {
+        2 * self.multiply_adds
+    }
+
+    /// Operations per byte.
+    pub fn intensity(self) -> f64 {
+        self.flops() as f64 / self.bytes as f64
+    }
+
+    /// GFLOP/s of a computation that took `ns` nanoseconds.
+    pub fn gflops(self, ns: f64) -> f64 {
+        self.flops() as f64 / ns
+    }
+}
+
+impl Add for Cost {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self { multiply_adds: self.multiply_adds + other.multiply_adds, bytes: self.bytes + other.bytes }
+    }
+}
+
+impl AddAssign for Cost {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl std::iter::Sum for Cost {
+    fn sum<I: Iterator<Item = Self>>(costs: I) -> Self {
+        costs.fold(Self::default(), Add::add)
+    }
+}
+
+/// Bytes of `values` f32, padded to whole lanes.
+fn row_bytes(values: usize) -> usize {
+    Lanes::count(values) * LANES * size_of::<f32>()
+}
+
+/// One row of a spline block with `degree` in-edges: edges, their rows, weights, sums per slot (written and read),
+/// root, skip, result.
+pub fn spline_row(conv: &SplineConv, degree: usize, skip: bool) -> Cost {
+    let corners: usize = conv.kernel().iter().map(|&k| k.min(2)).product();
+    let touched = conv.slots().min(degree * corners);
+    let (read, written) = (row_bytes(conv.inputs()), row_bytes(conv.outputs()));
+    let edges = degree * (size_of::<Neighbour>() + read);
+    let weights = (touched + usize::from(conv.has_root())) * conv.inputs() * written;
+    let root = if conv.has_root() { read } else { 0 };
+    // Bias, scale and shift are read with the weights.
+    let rest = 3 * written + if skip { written } else { 0 } + written;
+    Cost {
+        multiply_adds: conv.multiply_adds(degree),
+        bytes: edges + weights + root + 2 * touched * read + rest,
+    }
+}
+
+/// A dense layer of `segments` x `channels` inputs.
+pub fn dense(segments: usize, channels: usize, outputs: usize) -> Cost {
+    let input = segments * row_bytes(channels);
+    let bytes = input + outputs * (input + size_of::<f32>()) + row_bytes(outputs);
+    Cost { multiply_adds: segments * channels * outputs, bytes }
+}
+
+/// Every spline row and dense layer of a forward pass; neighbour search and maxima are left out.
+pub fn forward(network: &Network, trace: &Trace) -> Cost {
+    let levels = trace.levels.iter().enumerate();
+    let blocks = levels.map(|(l, level)| {
+        let rows = |conv, skip| -> Cost {
+            (0..level.edges.rows()).map(|row| spline_row(conv, level.edges.row(row).len(), skip)).sum()
+        };
+        network.level(l).blocks.iter().map(|block| rows(&block.conv, block.skip.is_some())).sum()
+    });
+    let mut cost: Cost = blocks.sum();
+    let (mut segments, mut channels) = (trace.readout.rows(), trace.readout.columns());
+    for layer in &network.parts().dense {
+        cost += dense(segments, channels, layer.dense.outputs());
+        (segments, channels) = (1, layer.dense.outputs());
+    }
+    cost
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meissner_kernels::SplineParts;
+
+    #[test]
+    fn a_row_of_the_published_fifth_block_is_counted_by_hand() {
+        let weight = vec![0.5; 8 * 16 * 32];
+        let parts =
+            SplineParts { inputs: 16, outputs: 32, kernel: [2, 2, 2], weight, ..SplineParts::default() };
+        let cost = spline_row(&SplineConv::new(&parts).unwrap(), 16, false);
+        assert_eq!(cost.multiply_adds, 16 * 8 * 16 + 8 * 16 * 32);
+        // Edges, neighbours' rows, weights, sums twice, and four rows of 32 values.
+        assert_eq!(cost.bytes, 16 * 16 + 16 * 64 + 8 * 16 * 128 + 2 * 8 * 64 + 4 * 128);
+    }
+
+    #[test]
+    fn one_channel_moves_a_whole_lane() {
+        assert_eq!(row_bytes(1), 32);
+        assert_eq!(dense(1, 1, 1).multiply_adds, 1);
+    }
+}

@@ -1,0 +1,169 @@
+//! What the suites run on: recordings where they are there, else a synthetic stream; and the window of 7,006 events.
+//!
+//! The folder with recordings is the one that `MEISSNER_SHARED` names, else `../shared` beside the project. Every
+//! stream that leaves here is one that an engine accepts whole: inside the sensor, times not descending.
+
+use std::path::{Path, PathBuf};
+
+use meissner_engine::{Event, Sensor};
+
+use crate::random::Random;
+
+/// Span of the shipped networks' windows in microseconds.
+pub const SPAN_US: i64 = 150_000;
+/// Events of the window that batch figures refer to.
+pub const WINDOW: usize = 7_006;
+
+/// Events of one sensor.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Name, for reports.
+    pub name: String,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Accepted events in order.
+    pub events: Vec<Event>,
+}
+
+/// `path` below the folder with recordings and checkpoints, if it is there.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
+    file.exists().then_some(file)
+}
+
+impl Recording {
+    /// `data/events/NAME.aedat4` of the shared folder, if it is there.
+    ///
+    /// # Panics
+    /// If it cannot be read, or names no geometry.
+    pub fn load(name: &str) -> Option<Self> {
+        let path = shared(&format!("data/events/{name}.aedat4"))?;
+        let recording = meissner_io::read(&path).expect("a readable recording");
+        let sensor = recording.sensor.expect("AEDAT4 names its geometry");
+        let mut newest = i64::MIN;
+        let in_order = |event: &Event| {
+            let keep = event.t_us >= newest;
+            newest = newest.max(event.t_us);
+            keep
+        };
+        let events = recording.events.into_iter().filter(in_order).collect();
+        Some(Self { name: name.to_owned(), sensor, events })
+    }
+
+    /// A grid of marker dots that sways under a sensor's skin: `events` events at about 47,000 a second.
+    ///
+    /// Dots ahead of the movement switch pixels on at their front edge and off at their back edge; a few events are
+    /// noise anywhere. The same events on every machine.
+    pub fn synthetic(events: usize) -> Self {
+        const COLUMNS: u32 = 12;
+        const ROWS: u32 = 9;
+        const RADIUS: i32 = 7;
+        let sensor = Sensor::new(346, 260);
+        let mut random = Random::new(20);
+        let mut out = Vec::with_capacity(events);
+        let mut t_us = 0;
+        for _ in 0..events {
+            t_us += i64::from(random.below(43));
+            let event = if random.below(20) == 0 {
+                let (x, y) = (random.below(346) as u16, random.below(260) as u16);
+                Event::new(t_us, x, y, random.below(2) == 0)
+            } else {
+                let dot = random.below(COLUMNS * ROWS);
+                // A triangular sway of 12 pixels in 80 ms: integers, so that no platform's sine is asked.
+                let phase = (t_us % 80_000) as i32;
+                let (shift, right) = if phase < 40_000 {
+                    (phase * 12 / 40_000, true)
+                } else {
+                    ((80_000 - phase) * 12 / 40_000, false)
+                };
+                let front = random.below(2) == 0;
+                let dy = random.below(2 * RADIUS as u32 + 1) as i32 - RADIUS;
+                let half = RADIUS - dy.abs() / 2 + random.below(3) as i32 - 1;
+                let dx = if front == right { half } else { -half };
+                let x = 20 + 27 * (dot % COLUMNS) as i32 + shift + dx;
+                let y = 18 + 27 * (dot / COLUMNS) as i32 + shift / 3 + dy;
+                Event::new(t_us, x as u16, y as u16, front)
+            };
+            out.push(event);
+        }
+        Self { name: "synthetic dots".to_owned(), sensor, events: out }
+    }
+
+    /// The first window that holds exactly `count` events within `span_us`, ends included.
+    pub fn first_window(&self, count: usize, span_us: i64) -> Option<&[Event]> {
+        let mut start = 0;
+        for (end, event) in self.events.iter().enumerate() {
+            while self.events[start].t_us < event.t_us - span_us {
+                start += 1;
+            }
+            if end + 1 - start == count {
+                return Some(&self.events[start..=end]);
+            }
+        }
+        None
+    }
+
+    /// The same with its first `count` events only.
+    #[must_use]
+    pub fn truncated(mut self, count: usize) -> Self {
+        self.events.truncate(count);
+        self
+    }
+}
+
+/// The recordings that are there, else the synthetic stream; says which on standard error.
+pub fn recordings() -> Vec<Recording> {
+    let found: Vec<Recording> =
+        ["tactile_dots", "davis346"].into_iter().filter_map(Recording::load).collect();
+    if found.is_empty() {
+        eprintln!("no recordings at MEISSNER_SHARED or ../shared: a synthetic stream of moving dots instead");
+        return vec![Recording::synthetic(20_000)];
+    }
+    let names: Vec<&str> = found.iter().map(|r| r.name.as_str()).collect();
+    eprintln!("recordings: {}", names.join(", "));
+    found
+}
+
+/// The window of 7,006 events: of `tactile_dots` where it is there, else of the synthetic stream; says which.
+///
+/// # Panics
+/// If the recording is another one and has no such window.
+pub fn window() -> Recording {
+    let recording = Recording::load("tactile_dots").unwrap_or_else(|| Recording::synthetic(2 * WINDOW));
+    let events = recording.first_window(WINDOW, SPAN_US).expect("a window with 7,006 events").to_vec();
+    eprintln!("window: {WINDOW} events of {}", recording.name);
+    Recording { events, ..recording }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_synthetic_stream_is_accepted_whole_and_has_the_window() {
+        let stream = Recording::synthetic(2 * WINDOW);
+        assert!(stream.events.is_sorted_by_key(|e| e.t_us));
+        assert!(stream.events.iter().all(|e| e.x < stream.sensor.width && e.y < stream.sensor.height));
+        assert_eq!(stream.first_window(WINDOW, SPAN_US).map(<[Event]>::len), Some(WINDOW));
+    }
+
+    #[test]
+    fn the_window_of_the_tactile_recording_is_the_one_that_figures_refer_to() {
+        let Some(recording) = Recording::load("tactile_dots") else {
+            println!("skipped: no ../shared/data/events/tactile_dots.aedat4");
+            return;
+        };
+        let window = recording.first_window(WINDOW, SPAN_US).unwrap();
+        assert_eq!(window[WINDOW - 1], recording.events[8_462]);
+        assert_eq!(window[0], recording.events[8_463 - WINDOW]);
+    }
+
+    #[test]
+    fn a_window_ends_with_the_event_that_fills_it() {
+        let events = [0, 10, 100, 105, 110].map(|t| Event::new(t, 0, 0, true)).to_vec();
+        let stream = Recording { name: String::new(), sensor: Sensor::new(1, 1), events };
+        assert_eq!(stream.first_window(3, 10).map(|w| w[0].t_us), Some(100));
+        assert_eq!(stream.first_window(4, 10), None);
+    }
+}

@@ -1,0 +1,31 @@
+//! A forward pass from scratch over the window of 7,006 events, graph included, on one thread.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use meissner_benches::peak::Peak;
+use meissner_benches::{achieved, check, cost, networks, streams};
+use meissner_engine::{Batch, Engine, Stream};
+use meissner_kernels::Isa;
+
+fn batch(criterion: &mut Criterion) {
+    let window = streams::window();
+    let stream = Stream::new(&window.events);
+    let peak = Peak::measure(Isa::best());
+    let mut group = criterion.benchmark_group("batch, a window");
+    group.sample_size(20);
+    for name in networks::INCREMENTAL {
+        let network = networks::shipped(name);
+        let mut engine = Engine::new(network.clone(), window.sensor).expect("an engine");
+        engine.push_slice(&window.events);
+        check::engine_equals_batch(&mut engine, &window.events);
+        let batch = Batch::new(network.clone(), window.sensor).expect("the sensor has pixels");
+        let cost = cost::forward(&network, &batch.forward(stream).expect("finite"));
+        // Neighbour search is in the time and not in the operations.
+        achieved::bench(&mut group, name, cost, &peak, || _ = black_box(batch.forward(stream)));
+    }
+    group.finish();
+}
+
+criterion_group!(suite, batch);
+criterion_main!(suite);

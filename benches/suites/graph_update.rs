@@ -1,0 +1,29 @@
+//! Graph update: one event into a full sliding window without layers, its expiries included.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use meissner_benches::lap::Lap;
+use meissner_benches::{check, networks, streams};
+use meissner_engine::{Candidates, Engine, Lifetime};
+
+fn graph_update(criterion: &mut Criterion) {
+    let window = streams::window();
+    let mut group = criterion.benchmark_group("graph update, an event");
+    group.sample_size(30).throughput(Throughput::Elements(1));
+    let rules = [
+        ("16 of all", 16, Candidates::All),
+        ("8 of the past, replaced", 8, Candidates::Past(Lifetime::Window)),
+        ("8 of the past, frozen", 8, Candidates::Past(Lifetime::Frozen)),
+    ];
+    for (name, k, candidates) in rules {
+        let network = networks::graph_only(k, candidates);
+        let mut engine = Engine::new(network, window.sensor).expect("an engine");
+        let mut lap = Lap::new(&window.events);
+        let pushed = lap.fill(&mut engine);
+        check::neighbourhoods_equal_batch(&engine, &pushed);
+        group.bench_function(name, |b| b.iter(|| engine.push(lap.event())));
+    }
+    group.finish();
+}
+
+criterion_group!(suite, graph_update);
+criterion_main!(suite);

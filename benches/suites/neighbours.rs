@@ -1,0 +1,41 @@
+//! Neighbour search from scratch: the engine's grid of pixels against a k-d tree with the same exact order, over one
+//! window.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use meissner_benches::{networks, streams, tree};
+use meissner_engine::{Batch, Candidates, Lifetime, Search, Stream};
+
+fn neighbours(criterion: &mut Criterion) {
+    let window = streams::window();
+    let stream = Stream::new(&window.events);
+    let batch = |k, candidates| {
+        Batch::new(networks::graph_only(k, candidates), window.sensor).expect("the sensor has pixels")
+    };
+    let lists = |batch: &Batch| -> Vec<Vec<u32>> {
+        let trace = batch.forward(stream).expect("finite");
+        let edges = &trace.levels[0].edges;
+        (0..edges.rows()).map(|row| edges.row(row).iter().map(|n| n.row).collect()).collect()
+    };
+    let all = batch(16, Candidates::All);
+    assert_eq!(lists(&all), tree::neighbourhoods(&window, 16), "grid and tree differ");
+    let past = batch(8, Candidates::Past(Lifetime::Frozen));
+    assert_eq!(
+        lists(&past),
+        lists(&past.clone().with_search(Search::Exhaustive)),
+        "grid and all pairs differ"
+    );
+
+    let mut group = criterion.benchmark_group("neighbour search, a window");
+    group.sample_size(20).throughput(Throughput::Elements(window.events.len() as u64));
+    group.bench_function("grid, 16 of all, with attributes", |b| b.iter(|| black_box(all.forward(stream))));
+    group.bench_function("k-d tree, 16 of all", |b| b.iter(|| black_box(tree::neighbourhoods(&window, 16))));
+    group.bench_function("grid, 8 of the past, with attributes", |b| {
+        b.iter(|| black_box(past.forward(stream)));
+    });
+    group.finish();
+}
+
+criterion_group!(suite, neighbours);
+criterion_main!(suite);

@@ -1,0 +1,48 @@
+//! The beginning of each recording through each shipped network from an empty engine, with a prediction once a
+//! millisecond of the recording.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use meissner_benches::{check, networks, streams};
+use meissner_engine::{Engine, Event};
+
+/// Events taken from each recording.
+const EVENTS: usize = 3_000;
+const EVERY_US: i64 = 1_000;
+
+/// Runs `events`; the number of predictions.
+fn run(engine: &mut Engine, events: &[Event]) -> usize {
+    let mut predictions = 0;
+    let mut due = events[0].t_us + EVERY_US;
+    for &event in events {
+        if event.t_us >= due {
+            engine.predict().expect("finite");
+            predictions += 1;
+            due = event.t_us - (event.t_us - due) % EVERY_US + EVERY_US;
+        }
+        engine.push(event);
+    }
+    predictions
+}
+
+fn recordings(criterion: &mut Criterion) {
+    for recording in streams::recordings() {
+        let recording = recording.truncated(EVENTS);
+        let mut group = criterion.benchmark_group(format!("{}, first {EVENTS} events", recording.name));
+        group.sample_size(10).throughput(Throughput::Elements(recording.events.len() as u64));
+        for name in networks::INCREMENTAL {
+            let mut engine = Engine::new(networks::shipped(name), recording.sensor).expect("an engine");
+            let predictions = run(&mut engine, &recording.events);
+            check::engine_equals_batch(&mut engine, &recording.events);
+            group.bench_function(format!("{name}, {predictions} predictions"), |b| {
+                b.iter(|| {
+                    engine.reset();
+                    run(&mut engine, &recording.events)
+                });
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(suite, recordings);
+criterion_main!(suite);

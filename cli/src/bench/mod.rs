@@ -1,0 +1,136 @@
+//! `meissner bench`: how long events take, when they take longer, and where the time goes.
+//!
+//! | file | job |
+//! |---|---|
+//! | `args` | what can be asked for, and in its help how it is measured |
+//! | `pass` | one engine over all events, every call timed |
+//! | `phases` | which events belong to a burst |
+//! | `deadline` | the work of each period of stream time |
+//! | `memory` | the process's peak |
+//! | `report` | all results, as they are written as JSON |
+//! | `table`, `plot` | the same for people |
+
+mod args;
+mod deadline;
+mod memory;
+mod pass;
+mod phases;
+mod plot;
+mod report;
+mod table;
+
+use std::fs::{self, OpenOptions};
+use std::io::{self, BufWriter, Write, stdout};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Event, Options};
+
+pub(crate) use args::BenchArgs;
+
+use crate::error::CliError;
+use crate::header::header;
+use crate::latency::{Latency, microseconds};
+use crate::model::Model;
+use crate::progress::Progress;
+use crate::source::Source;
+use deadline::Deadline;
+use pass::{Measured, Passes};
+use phases::Phases;
+use report::Report;
+
+/// Measurements of nothing whose mean is the clock's overhead, and how often that mean is taken.
+const CLOCK_READS: u32 = 2000;
+const CLOCK_RUNS: usize = 50;
+
+/// Measures what `args` ask for, and reports to standard output.
+pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
+    let input = &args.input;
+    let model = Model::load(input)?;
+    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let sensor = source.sensor(input.sensor)?;
+    if let Some(path) = &args.svg {
+        check_writable(path)?;
+    }
+    let mut out = BufWriter::new(stdout().lock());
+    let recording = source.name.clone();
+    let limit = input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
+    let mut heading = Vec::new();
+    header(&mut heading, &model, "incremental", &source, sensor)?;
+    let events = source.take(limit).collect::<Result<Vec<Event>, CliError>>()?;
+
+    let phases = Phases::new(&events, sensor, input.late.into(), args.burst_rate);
+    let warmup = usize::try_from(args.warmup).unwrap_or(usize::MAX).min(events.len());
+    let total = events.len() as u64 * (u64::from(args.repeat) + 2) + warmup as u64;
+    let progress = Progress::new(Some(total), args.json);
+    let network = Arc::new(model.network.clone());
+    let mut passes =
+        Passes { network, sensor, late: input.late.into(), every: args.every, progress, taken: 0 };
+
+    let clock_us = clock_us();
+    passes.latency(&events[..warmup], &phases, false, &mut Measured::new())?;
+    let mut measured = Measured::new();
+    let mut engine = passes.latency(&events, &phases, false, &mut measured)?;
+    for _ in 1..args.repeat {
+        engine = passes.latency(&events, &phases, false, &mut measured)?;
+    }
+    // Before the other passes, whose bookkeeping is not the engine's.
+    let peak_resident_bytes = memory::peak_resident_bytes();
+    let staged = passes.latency(&events, &phases, true, &mut Measured::new())?;
+    let deadline = Deadline::measure(&mut passes, &events, args.period_us)?;
+    passes.progress.finish();
+
+    let report = Report {
+        recording,
+        network: model.network.name().to_owned(),
+        weights: model.weights.clone(),
+        sensor: [sensor.width, sensor.height],
+        span_us: model.network.parts().span_us,
+        capacity: model.network.parts().capacity,
+        isa: Options::default().isa.name(),
+        passes: args.repeat,
+        warmup_events: warmup as u64,
+        clock_us,
+        deadline: deadline.report(),
+        ..Report::measured(&model, &engine, &staged, &measured, &phases, args.repeat, peak_resident_bytes)
+    };
+    if let Some(path) = &args.svg {
+        let svg = plot::svg(&report, &measured);
+        fs::write(path, svg).map_err(|source| CliError::Write { path: path.clone(), source })?;
+    }
+    if args.json {
+        serde_json::to_writer(&mut out, &report).map_err(io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        out.write_all(&heading)?;
+        table::write(&mut out, &report)?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Finds out before minutes of measuring, not after them, and leaves what is there as it is.
+fn check_writable(path: &Path) -> Result<(), CliError> {
+    let opened = OpenOptions::new().create(true).append(true).open(path);
+    opened.map(drop).map_err(|source| CliError::Write { path: path.to_owned(), source })
+}
+
+/// What measuring nothing takes, in microseconds: the least mean of several runs, since an interruption can only add.
+fn clock_us() -> f64 {
+    let mean = |_| {
+        let mut nothing = Duration::ZERO;
+        for _ in 0..CLOCK_READS {
+            let start = Instant::now();
+            nothing += start.elapsed();
+        }
+        microseconds(nothing) / f64::from(CLOCK_READS)
+    };
+    (0..CLOCK_RUNS).map(mean).fold(f64::INFINITY, f64::min)
+}
+
+/// `parts` added up.
+fn sum<'a>(parts: impl IntoIterator<Item = &'a Latency>) -> Latency {
+    let mut sum = Latency::new();
+    parts.into_iter().for_each(|part| sum.add(part));
+    sum
+}

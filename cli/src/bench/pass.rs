@@ -1,0 +1,143 @@
+//! One engine over all events, every call timed.
+//!
+//! Enters: the events and their phases. Leaves: histograms for each phase, and the engine with its counters. What an
+//! event brought about counts for it: its push, predictions that were due before it could enter, and the one due
+//! after it; at the end of the stream, also the last one.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Engine, Event, LatePolicy, Network, Options, Outcome, Sensor};
+
+use super::phases::{Phase, Phases};
+use crate::args::Every;
+use crate::error::CliError;
+use crate::latency::Latency;
+use crate::progress::Progress;
+use crate::schedule::{Last, Schedule};
+
+/// What all passes have in common.
+pub(super) struct Passes {
+    pub(super) network: Arc<Network>,
+    pub(super) sensor: Sensor,
+    pub(super) late: LatePolicy,
+    pub(super) every: Every,
+    pub(super) progress: Progress,
+    /// Events taken so far, over all passes.
+    pub(super) taken: u64,
+}
+
+/// Latencies of one phase, over any number of passes.
+#[derive(Debug)]
+pub(super) struct Latencies {
+    pub(super) push: Latency,
+    pub(super) predict: Latency,
+    /// What each event brought about.
+    pub(super) push_predict: Latency,
+    /// Rows that were computed.
+    pub(super) rows: u64,
+}
+
+/// What the latency passes leave.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub(super) idle: Latencies,
+    pub(super) burst: Latencies,
+    /// Most events in the window after any push.
+    pub(super) nodes_max: usize,
+}
+
+impl Latencies {
+    fn new() -> Self {
+        Self { push: Latency::new(), predict: Latency::new(), push_predict: Latency::new(), rows: 0 }
+    }
+
+    /// Reads a prediction, at `due_us` where that is given; the number of events in its window.
+    fn read(
+        &mut self,
+        engine: &mut Engine,
+        due_us: Option<i64>,
+        both: &mut Duration,
+    ) -> Result<usize, CliError> {
+        let start = Instant::now();
+        if let Some(due_us) = due_us {
+            engine.advance(due_us);
+        }
+        let prediction = engine.predict();
+        let spent = start.elapsed();
+        let prediction = prediction?;
+        self.predict.record(spent);
+        self.rows += prediction.rows.iter().sum::<u64>();
+        *both += spent;
+        Ok(prediction.nodes)
+    }
+}
+
+impl Measured {
+    /// Nothing yet.
+    pub(super) fn new() -> Self {
+        Self { idle: Latencies::new(), burst: Latencies::new(), nodes_max: 0 }
+    }
+
+    /// Idle, then burst.
+    pub(super) fn phases(&self) -> [&Latencies; 2] {
+        [&self.idle, &self.burst]
+    }
+}
+
+impl Passes {
+    /// A new engine.
+    pub(super) fn engine(&self, stage_times: bool) -> Result<Engine, CliError> {
+        let options = Options { late: self.late, stage_times, ..Options::default() };
+        Ok(Engine::with_options(Arc::clone(&self.network), self.sensor, options)?)
+    }
+
+    /// The next event has been taken.
+    pub(super) fn count(&mut self) {
+        self.taken += 1;
+        self.progress.set(self.taken);
+    }
+
+    /// A new engine over `events`, the first of those in `phases`; measures `into`.
+    pub(super) fn latency(
+        &mut self,
+        events: &[Event],
+        phases: &Phases,
+        stage_times: bool,
+        into: &mut Measured,
+    ) -> Result<Engine, CliError> {
+        let mut engine = self.engine(stage_times)?;
+        let mut schedule = Schedule::new(self.every, self.sensor, self.late);
+        for (index, &event) in events.iter().enumerate() {
+            let latencies = match phases.of(index) {
+                Phase::Idle => &mut into.idle,
+                Phase::Burst => &mut into.burst,
+            };
+            let mut both = Duration::ZERO;
+            if let Some(t_us) = schedule.arrival_us(event) {
+                while let Some(due_us) = schedule.due_before(t_us) {
+                    if latencies.read(&mut engine, Some(due_us), &mut both)? == 0 {
+                        schedule.skip_to(t_us);
+                    }
+                }
+            }
+            let start = Instant::now();
+            let outcome = engine.push(event);
+            let spent = start.elapsed();
+            latencies.push.record(spent);
+            both += spent;
+            if outcome == Outcome::Accepted && schedule.is_due_after_event() {
+                latencies.read(&mut engine, None, &mut both)?;
+            }
+            if index + 1 == events.len()
+                && let Last::At(due_us) = schedule.last()
+            {
+                latencies.read(&mut engine, Some(due_us), &mut both)?;
+            }
+            latencies.push_predict.record(both);
+            into.nodes_max = into.nodes_max.max(engine.nodes());
+            self.count();
+        }
+        Ok(engine)
+    }
+}
