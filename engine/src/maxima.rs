@@ -3,6 +3,9 @@
 //! Enters: members with the cell they are in, features of the members and which of them changed. Leaves: one row of
 //! maxima per cell, and the cells whose row changed. A new member is merged into its cell's row; a member that leaves
 //! or changes makes the row be taken again from all members, unless it was below the maximum in every channel.
+//! Members that never change and leave in the order in which they came form a queue, whose maximum two partial maxima
+//! hold: of each member of its front, the maximum from there to the front's end; and the maximum of its back. A loss
+//! then costs one row, and once in a while, when the front is used up, a pass over the members.
 //! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for a cell
 //! without any.
 
@@ -27,13 +30,31 @@ pub(crate) struct Maxima {
     dirty: RowSet,
     /// Cells that fresh members are merged into.
     merged: RowSet,
+    queue: Option<Queue>,
     row: Vec<Lanes>,
 }
 
+/// Partial maxima of cells whose members are queues.
+#[derive(Clone, Debug)]
+struct Queue {
+    /// For each member of a front, the maximum from it to the front's end.
+    suffix: Matrix,
+    /// For each cell, the maximum of its settled members behind the front.
+    back: Matrix,
+    /// Members of each cell's front, the first of the cell.
+    front: Vec<u32>,
+}
+
 impl Maxima {
-    /// No members, `rows` possible ones, `cells` cells.
-    pub(crate) fn new(rows: usize, cells: usize, channels: usize) -> Self {
+    /// No members, `rows` possible ones, `cells` cells. `queues`: whether members never change and leave in the order in
+    /// which they come.
+    pub(crate) fn new(rows: usize, cells: usize, channels: usize, queues: bool) -> Self {
         Self {
+            queue: queues.then(|| Queue {
+                suffix: Matrix::zeros(rows, channels),
+                back: Matrix::zeros(cells, channels),
+                front: vec![0; cells],
+            }),
             cell_of: vec![0; rows],
             members: vec![VecDeque::new(); cells],
             filled: vec![false; cells],
@@ -44,8 +65,9 @@ impl Maxima {
         }
     }
 
-    pub(crate) fn bytes(rows: usize, cells: usize) -> usize {
-        rows * 6 * size_of::<u32>() + cells * (size_of::<VecDeque<u32>>() + 4 * size_of::<u32>())
+    pub(crate) fn bytes(rows: usize, cells: usize, channels: usize, queues: bool) -> usize {
+        let queue = if queues { (rows + cells) * Lanes::count(channels) * size_of::<Lanes>() } else { 0 };
+        queue + rows * 6 * size_of::<u32>() + cells * (size_of::<VecDeque<u32>>() + 4 * size_of::<u32>())
     }
 
     /// Forgets all members; every cell is zeros after the next `settle` over `values`.
@@ -57,6 +79,9 @@ impl Maxima {
         self.filled.fill(false);
         self.fresh.clear();
         self.dirty.clear();
+        if let Some(queue) = &mut self.queue {
+            queue.front.fill(0);
+        }
     }
 
     #[inline]
@@ -78,6 +103,15 @@ impl Maxima {
     /// `row`, with the features it had at the last `settle`, leaves its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
         let cell = self.remove(row);
+        if let Some(queue) = &mut self.queue
+            && !self.fresh.contains(row)
+        {
+            match &mut queue.front[cell as usize] {
+                // The back's maximum covers a member that is gone: it is taken again.
+                0 => self.dirty.insert(cell),
+                front => *front -= 1,
+            }
+        }
         if self.fresh.contains(row) {
             self.fresh.remove(row);
         } else if !below(features.row(row as usize), values.row(cell as usize), values.columns()) {
@@ -131,7 +165,10 @@ impl Maxima {
             // Fresh members stand at the end of their cell.
             let newest = self.members[cell as usize].iter().rev();
             let members = newest.take_while(|&&m| self.fresh.contains(m));
-            isa.run(Over { members, features, out: &mut self.row });
+            isa.run(Over { members: members.clone(), features, out: &mut self.row });
+            if let Some(queue) = &mut self.queue {
+                isa.run(Over { members, features, out: queue.back.row_mut(cell as usize) });
+            }
             let changed = store(&self.row, values, cell);
             log.note(cell, !changed);
             if changed {
@@ -143,6 +180,9 @@ impl Maxima {
             self.filled[cell as usize] = !members.is_empty();
             if members.is_empty() {
                 self.row.fill(Lanes::ZERO);
+            } else if let Some(queue) = &mut self.queue {
+                let fresh = members.iter().rev().take_while(|&&m| self.fresh.contains(m));
+                isa.run(FromQueue { queue, cell, members, fresh, features, out: &mut self.row });
             } else {
                 self.row.fill(Lanes::splat(f32::NEG_INFINITY));
                 isa.run(Over { members: members.iter(), features, out: &mut self.row });
@@ -198,5 +238,45 @@ impl<'a, I: Iterator<Item = &'a u32>> Task for Over<'_, I> {
             maximum(self.out, self.features.row(member as usize));
         }
         settle(self.out);
+    }
+}
+
+/// The maximum of a queue of members.
+struct FromQueue<'a, I> {
+    queue: &'a mut Queue,
+    cell: u32,
+    members: &'a VecDeque<u32>,
+    /// Those of the members that neither front nor back knows yet.
+    fresh: I,
+    features: &'a Matrix,
+    out: &'a mut [Lanes],
+}
+
+impl<'a, I: Iterator<Item = &'a u32>> Task for FromQueue<'_, I> {
+    type Output = ();
+
+    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
+    #[inline(always)]
+    fn run(self) {
+        let Self { queue, cell, members, fresh, features, out } = self;
+        let front = &mut queue.front[cell as usize];
+        let back = queue.back.row_mut(cell as usize);
+        if *front == 0 {
+            // All members become the front; the newest is its end.
+            back.fill(Lanes::splat(f32::NEG_INFINITY));
+            out.fill(Lanes::splat(f32::NEG_INFINITY));
+            for &member in members.iter().rev() {
+                maximum(out, features.row(member as usize));
+                queue.suffix.row_mut(member as usize).copy_from_slice(out);
+            }
+            *front = members.len() as u32;
+        } else {
+            for &member in fresh {
+                maximum(back, features.row(member as usize));
+            }
+            out.copy_from_slice(queue.suffix.row(members[0] as usize));
+            maximum(out, back);
+        }
+        settle(out);
     }
 }

@@ -61,7 +61,8 @@ pub(crate) struct PooledGraph {
 }
 
 impl PooledGraph {
-    pub(crate) fn new(grid: CellGrid, scale: f32, rows_below: usize, channels: usize) -> Self {
+    /// `queues`: whether the rows below never change and leave in the order in which they come.
+    pub(crate) fn new(grid: CellGrid, scale: f32, rows_below: usize, channels: usize, queues: bool) -> Self {
         let slots = grid.slots();
         Self {
             scale,
@@ -72,7 +73,7 @@ impl PooledGraph {
             in_edges: vec![Vec::new(); slots],
             readers: vec![Vec::new(); slots],
             neighbours: vec![Vec::new(); slots],
-            maxima: Maxima::new(rows_below, slots, channels),
+            maxima: Maxima::new(rows_below, slots, channels, queues),
             moved: RowSet::new(slots),
             stale: RowSet::new(slots),
             shifted: RowSet::new(slots),
@@ -82,8 +83,8 @@ impl PooledGraph {
         }
     }
 
-    pub(crate) fn bytes(slots: usize, rows_below: usize) -> usize {
-        Maxima::bytes(rows_below, slots) + slots * 300
+    pub(crate) fn bytes(slots: usize, rows_below: usize, channels: usize, queues: bool) -> usize {
+        Maxima::bytes(rows_below, slots, channels, queues) + slots * 300
     }
 
     pub(crate) fn grid(&self) -> &CellGrid {

@@ -72,7 +72,7 @@ impl Head {
         let grid = ReadoutGrid::new(network.parts().readout, sensor);
         let channels = network.readout_channels();
         Self {
-            maxima: Maxima::new(rows, grid.cells(), channels),
+            maxima: Maxima::new(rows, grid.cells(), channels, Self::reads_queues(network)),
             values: Matrix::zeros(grid.cells(), channels),
             hidden: network.parts().dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect(),
             entered: RowSet::new(rows),
@@ -85,7 +85,14 @@ impl Head {
     pub(crate) fn bytes(network: &Network, rows: usize) -> usize {
         let readout = network.parts().readout;
         let cells = readout.columns * readout.rows;
-        Maxima::bytes(rows, cells) + cells * Lanes::count(network.readout_channels()) * size_of::<Lanes>()
+        let channels = network.readout_channels();
+        Maxima::bytes(rows, cells, channels, Self::reads_queues(network))
+            + cells * Lanes::count(channels) * size_of::<Lanes>()
+    }
+
+    /// Whether the rows that are read never change and leave in the order in which they come.
+    fn reads_queues(network: &Network) -> bool {
+        network.parts().graph.is_frozen() && network.parts().pooled.is_empty()
     }
 
     pub(crate) fn clear(&mut self) {

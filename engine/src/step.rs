@@ -54,7 +54,8 @@ impl Step {
         for (i, (pooling, level)) in parts.pooled.iter().enumerate() {
             let grid = CellGrid::new(pooling.clone(), pooled.last().map(PooledGraph::grid), sensor, span_us);
             let slots = grid.slots();
-            pooled.push(PooledGraph::new(grid, level.scale, rows, network.channels(i + 1)[0]));
+            let queues = i == 0 && parts.graph.is_frozen();
+            pooled.push(PooledGraph::new(grid, level.scale, rows, network.channels(i + 1)[0], queues));
             activations.push(Activations::new(slots, network.channels(i + 1)));
             rows = slots;
         }
@@ -84,7 +85,8 @@ impl Step {
         for (i, (pooling, _)) in parts.pooled.iter().enumerate() {
             let grid = CellGrid::new(pooling.clone(), below.as_ref(), sensor, parts.span_us);
             let slots = grid.slots();
-            bytes += PooledGraph::bytes(slots, rows) as u128
+            let queues = i == 0 && parts.graph.is_frozen();
+            bytes += PooledGraph::bytes(slots, rows, network.channels(i + 1)[0], queues) as u128
                 + Activations::bytes(slots, network.channels(i + 1)) as u128;
             (rows, below) = (slots, Some(grid));
         }
