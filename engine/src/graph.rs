@@ -68,14 +68,17 @@ impl Candidate {
 /// Takes `candidate` into `list`, which holds the first `most` so far, in order.
 #[inline]
 pub(crate) fn take(list: &mut Vec<Candidate>, most: usize, candidate: Candidate) {
-    if list.len() == most {
-        if !candidate.precedes(&list[most - 1]) {
-            return;
-        }
-        list.pop();
+    if list.len() < most {
+        list.push(candidate);
+    } else if !candidate.precedes(&list[most - 1]) {
+        return;
     }
-    let at = list.iter().rposition(|c| c.precedes(&candidate)).map_or(0, |i| i + 1);
-    list.insert(at, candidate);
+    let mut at = list.len() - 1;
+    while at > 0 && candidate.precedes(&list[at - 1]) {
+        list[at] = list[at - 1];
+        at -= 1;
+    }
+    list[at] = candidate;
 }
 
 impl EventGraph {
