@@ -123,7 +123,7 @@ impl EventGraph {
         }
     }
 
-    fn span(&self, slot: u32) -> std::ops::Range<usize> {
+    fn span(&self, slot: u32) -> Range<usize> {
         let start = slot as usize * self.most;
         start..start + usize::from(self.count[slot as usize])
     }

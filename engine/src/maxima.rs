@@ -103,18 +103,18 @@ impl Maxima {
     /// `row`, with the features it had at the last `settle`, leaves its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
         let cell = self.remove(row);
-        if let Some(queue) = &mut self.queue
-            && !self.fresh.contains(row)
-        {
+        if self.fresh.contains(row) {
+            self.fresh.remove(row);
+            return;
+        }
+        if let Some(queue) = &mut self.queue {
             match &mut queue.front[cell as usize] {
                 // The back's maximum covers a member that is gone: it is taken again.
                 0 => self.dirty.insert(cell),
                 front => *front -= 1,
             }
         }
-        if self.fresh.contains(row) {
-            self.fresh.remove(row);
-        } else if !below(features.row(row as usize), values.row(cell as usize), values.columns()) {
+        if !below(features.row(row as usize), values.row(cell as usize), values.columns()) {
             self.dirty.insert(cell);
         }
     }

@@ -1,5 +1,7 @@
 //! Bytes of a file or of a packet, of which every read is checked and every error names its place.
 
+use std::slice::ChunksExact;
+
 use crate::error::{IoError, Place};
 use crate::format::Format;
 
@@ -90,4 +92,26 @@ impl<'a> Bytes<'a> {
 #[inline]
 pub(crate) fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("a slice cut to size")
+}
+
+/// The units of `size` bytes that follow byte `start` of a file; the last must be whole.
+pub(crate) fn units<'a>(
+    format: Format,
+    what: &'static str,
+    bytes: &'a [u8],
+    start: usize,
+    size: usize,
+) -> Result<ChunksExact<'a, u8>, IoError> {
+    let units = bytes[start..].chunks_exact(size);
+    let rest = units.remainder().len();
+    if rest > 0 {
+        return Err(IoError::Truncated {
+            format,
+            what,
+            place: Place::Byte((bytes.len() - rest) as u64),
+            expected: size as u64,
+            actual: rest as u64,
+        });
+    }
+    Ok(units)
 }

@@ -11,7 +11,7 @@ use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::{Bytes, array};
+use crate::bytes::{Bytes, array, units};
 use crate::check::{Held, cannot_hold};
 use crate::error::{IoError, Place};
 use crate::evt2::outside;
@@ -47,17 +47,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     }
 
     let start = header.end + 2;
-    let chunks = bytes[start..].chunks_exact(STRIDE);
-    let rest = chunks.remainder().len();
-    if rest > 0 {
-        return Err(IoError::Truncated {
-            format,
-            what: "the last event",
-            place: file.place(bytes.len() - rest),
-            expected: STRIDE as u64,
-            actual: rest as u64,
-        });
-    }
+    let chunks = units(format, "the last event", bytes, start, STRIDE)?;
     let mut events = Vec::with_capacity(chunks.len());
     let (mut wrapped_us, mut newest) = (0, 0);
     for (index, chunk) in chunks.enumerate() {

@@ -16,7 +16,7 @@
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::array;
+use crate::bytes::{array, units};
 use crate::error::{IoError, Place};
 use crate::format::Format;
 use crate::prophesee::Header;
@@ -36,17 +36,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let format = Format::Evt2;
     let header = Header::parse(format, bytes)?;
     let sensor = header.sensor(format, SIDE)?;
-    let words = bytes[header.end..].chunks_exact(WORD);
-    let rest = words.remainder().len();
-    if rest > 0 {
-        return Err(IoError::Truncated {
-            format,
-            what: "the last word",
-            place: Place::Byte((bytes.len() - rest) as u64),
-            expected: WORD as u64,
-            actual: rest as u64,
-        });
-    }
+    let words = units(format, "the last word", bytes, header.end, WORD)?;
 
     let mut events = Vec::with_capacity(words.len());
     let mut clock = Clock::default();

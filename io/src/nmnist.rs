@@ -8,7 +8,7 @@
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::array;
+use crate::bytes::{array, units};
 use crate::error::{IoError, Place};
 use crate::format::Format;
 use crate::recording::Recording;
@@ -29,17 +29,7 @@ pub(crate) fn is_nmnist(bytes: &[u8]) -> bool {
 pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let format = Format::Nmnist;
     let sensor = Sensor::new(u16::from(SIDE), u16::from(SIDE));
-    let chunks = bytes.chunks_exact(STRIDE);
-    let rest = chunks.remainder().len();
-    if rest > 0 {
-        return Err(IoError::Truncated {
-            format,
-            what: "the last event",
-            place: Place::Byte((bytes.len() - rest) as u64),
-            expected: STRIDE as u64,
-            actual: rest as u64,
-        });
-    }
+    let chunks = units(format, "the last event", bytes, 0, STRIDE)?;
     let mut events = Vec::with_capacity(chunks.len());
     for (index, chunk) in chunks.enumerate() {
         let [x, y, high, middle, low] = array(chunk);

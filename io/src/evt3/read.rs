@@ -3,7 +3,7 @@
 use meissner_engine::{Event, Sensor};
 
 use super::{HIGH_RANGE, SIDE, TIME_BITS, word};
-use crate::bytes::array;
+use crate::bytes::{array, units};
 use crate::error::{IoError, Place};
 use crate::evt2::outside;
 use crate::format::Format;
@@ -18,17 +18,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let format = Format::Evt3;
     let header = Header::parse(format, bytes)?;
     let sensor = header.sensor(format, SIDE)?;
-    let words = bytes[header.end..].chunks_exact(WORD);
-    let rest = words.remainder().len();
-    if rest > 0 {
-        return Err(IoError::Truncated {
-            format,
-            what: "the last word",
-            place: Place::Byte((bytes.len() - rest) as u64),
-            expected: WORD as u64,
-            actual: rest as u64,
-        });
-    }
+    let words = units(format, "the last word", bytes, header.end, WORD)?;
 
     let mut decoder = Decoder::new(sensor, words.len());
     for (index, word) in words.enumerate() {
