@@ -46,11 +46,9 @@ fn spline_convolution_agrees_with_the_reference() {
         let mut scratch = SplineScratch::default();
         for isa in Isa::available() {
             let mut out = Matrix::zeros(features.rows(), outputs);
-            for row in 0..features.rows() {
-                let (neighbours, own) = (edges.row(row), features.row(row));
-                let (scratch, out) = (&mut scratch, out.row_mut(row));
-                conv.row(isa, SplineRow { neighbours, features: &features, own, skip: None, scratch, out });
-            }
+            let row = |i| SplineRow { neighbours: edges.row(i), own: features.row(i), skip: None };
+            let rows: Vec<_> = (0..features.rows()).map(row).collect();
+            conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
             let got: Vec<f32> = (0..out.rows()).flat_map(|row| out.values(row).collect::<Vec<_>>()).collect();
             assert_close(&format!("spline_conv_{n} on {}", isa.name()), &got, golden.floats("y"), 1e-5);
         }

@@ -98,12 +98,10 @@ fn event_layers(network: &Network, trace: &Trace, isa: Isa) -> Vec<Matrix> {
         let mut out = Matrix::zeros(level.edges.rows(), block.conv.outputs());
         let feature = |index: usize| if index == 0 { &level.features[0] } else { &written[index - 1] };
         let (features, skip) = (feature(block.input), block.skip.map(feature));
-        for row in 0..out.rows() {
-            let skip = skip.map(|skip| skip.row(row));
-            let (neighbours, own) = (level.edges.row(row), features.row(row));
-            let out = out.row_mut(row);
-            block.conv.row(isa, SplineRow { neighbours, features, own, skip, scratch: &mut scratch, out });
-        }
+        let skip = |row| skip.map(|skip: &Matrix| skip.row(row));
+        let row = |i| SplineRow { neighbours: level.edges.row(i), own: features.row(i), skip: skip(i) };
+        let rows: Vec<_> = (0..out.rows()).map(row).collect();
+        block.conv.rows(isa, features, &rows, &mut scratch, out.lanes_mut());
         written.push(out);
     }
     written

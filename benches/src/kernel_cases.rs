@@ -115,16 +115,14 @@ impl SplineCase {
 
     /// Computes every row.
     pub fn run(&self, isa: Isa, scratch: &mut SplineScratch, out: &mut Matrix) {
-        for (place, (row, neighbours)) in self.rows.iter().enumerate() {
-            let row = SplineRow {
-                neighbours,
-                features: &self.features,
-                own: self.features.row(*row),
-                skip: self.skip.as_ref().map(|skip| skip.row(*row)),
-                scratch,
-                out: out.row_mut(place),
-            };
-            self.conv.row(isa, row);
+        let mut group = [SplineRow::default(); SplineConv::GROUP];
+        let lanes = out.lanes_mut().chunks_mut(SplineConv::GROUP * Lanes::count(self.parts.outputs));
+        for (rows, out) in self.rows.chunks(SplineConv::GROUP).zip(lanes) {
+            for (to, (row, neighbours)) in group.iter_mut().zip(rows) {
+                let skip = self.skip.as_ref().map(|skip| skip.row(*row));
+                *to = SplineRow { neighbours, own: self.features.row(*row), skip };
+            }
+            self.conv.rows(isa, &self.features, &group[..rows.len()], scratch, out);
         }
     }
 

@@ -1,8 +1,6 @@
 //! What the machine can do, measured: f32 products and sums out of registers, and bytes read from each cache.
 //!
-//! Both loops run through the kernels' own [`Task`] mechanism, on one thread, with separate products and sums, because
-//! that is what a kernel under this project's contract may use: a peak of fused multiply-adds would be another
-//! machine's.
+//! Both loops run through the kernels' own [`Task`] mechanism, on one thread, with the vectors that a kernel uses.
 
 #![allow(
     clippy::inline_always,
@@ -12,7 +10,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use meissner_kernels::{Isa, Lanes, Task};
+use meissner_kernels::{Isa, LANES, Simd, Task, Vector, Wide};
 
 use crate::timing::least_ns;
 
@@ -34,11 +32,11 @@ impl Peak {
         // The best number of accumulators depends on how many registers there are and how wide they are.
         let counts = [
             chain::<4>(isa),
+            chain::<5>(isa),
             chain::<6>(isa),
+            chain::<7>(isa),
             chain::<8>(isa),
-            chain::<10>(isa),
             chain::<12>(isa),
-            chain::<14>(isa),
         ];
         Self { isa, gflops: counts.into_iter().fold(0.0, f64::max) }
     }
@@ -59,11 +57,10 @@ fn chain<const N: usize>(isa: Isa) -> f64 {
             term: black_box(1.0),
         }));
     });
-    (2 * 8 * N * ROUNDS) as f64 / ns
+    (2 * 2 * LANES * N * ROUNDS) as f64 / ns
 }
 
-/// a = a factor + term over `N` independent a: a product and a sum an element, nothing from memory. With a factor of
-/// 0.5 and a term of 1 values stay near 2, far from denormals.
+/// a = a + factor term over `N` independent a: a product and a sum an element, nothing from memory.
 struct Chain<const N: usize> {
     rounds: usize,
     factor: f32,
@@ -71,18 +68,20 @@ struct Chain<const N: usize> {
 }
 
 impl<const N: usize> Task for Chain<N> {
-    type Output = Lanes;
+    type Output = [f32; 2 * LANES];
 
     #[inline(always)]
-    fn run(self) -> Lanes {
-        let (factor, term) = (Lanes::splat(self.factor), Lanes::splat(self.term));
-        let mut sums = [Lanes::splat(1.5); N];
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let (factor, term) = (S::V16::splat(simd, self.factor), S::V16::splat(simd, self.term));
+        let mut sums = [S::V16::splat(simd, 1.5); N];
         for _ in 0..self.rounds {
             for sum in &mut sums {
-                *sum = *sum * factor + term;
+                *sum = sum.add_product(factor, term);
             }
         }
-        sums.into_iter().fold(Lanes::ZERO, |a, b| a + b)
+        let mut out = [0.0; 2 * LANES];
+        sums.into_iter().fold(S::V16::splat(simd, 0.0), Vector::add).store_slice(&mut out);
+        out
     }
 }
 
@@ -101,7 +100,7 @@ pub const BUFFERS: [usize; 3] = [16 << 10, 256 << 10, 256 << 20];
 impl Bandwidth {
     /// Measures with a buffer of `buffer` bytes.
     pub fn measure(isa: Isa, buffer: usize) -> Self {
-        let values = vec![Lanes::splat(1.0); buffer / size_of::<Lanes>()];
+        let values = vec![Wide([1.0; 2 * LANES]); buffer / size_of::<Wide>()];
         let samples = if buffer > 1 << 24 { 3 } else { SAMPLES };
         let ns = least_ns(samples, SHORTEST, || {
             black_box(isa.run(Read { values: black_box(&values) }));
@@ -110,22 +109,24 @@ impl Bandwidth {
     }
 }
 
-/// The sum of a buffer, in eight partial sums so that loads wait for nothing.
+/// The sum of a buffer, in partial sums so that loads wait for nothing.
 struct Read<'a> {
-    values: &'a [Lanes],
+    values: &'a [Wide],
 }
 
 impl Task for Read<'_> {
-    type Output = Lanes;
+    type Output = [f32; 2 * LANES];
 
     #[inline(always)]
-    fn run(self) -> Lanes {
-        let mut sums = [Lanes::ZERO; 8];
-        for eight in self.values.chunks_exact(8) {
-            for i in 0..8 {
-                sums[i] = sums[i] + eight[i];
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let mut sums = [S::V16::splat(simd, 0.0); 4];
+        for four in self.values.chunks_exact(4) {
+            for (sum, value) in sums.iter_mut().zip(four) {
+                *sum = sum.add(S::V16::load(simd, value));
             }
         }
-        sums.into_iter().fold(Lanes::ZERO, |a, b| a + b)
+        let mut out = [0.0; 2 * LANES];
+        sums.into_iter().fold(S::V16::splat(simd, 0.0), Vector::add).store_slice(&mut out);
+        out
     }
 }

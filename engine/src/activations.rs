@@ -4,7 +4,7 @@
 //! computed from scratch, and for each feature the rows that changed. A row is recomputed whole or not at all; a
 //! recomputed row with the same bits ends the wave there.
 
-use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, is_nan, same_bits};
+use meissner_kernels::{Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, is_nan, same_bits};
 
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
@@ -23,7 +23,8 @@ pub(crate) struct Activations {
     nan: Vec<RowSet>,
     dirty: RowSet,
     scratch: SplineScratch,
-    row: Vec<Lanes>,
+    /// What a group of rows came to.
+    rows: Vec<Lanes>,
 }
 
 impl Activations {
@@ -36,7 +37,7 @@ impl Activations {
             nan: vec![RowSet::new(rows); channels.len()],
             dirty: RowSet::new(rows),
             scratch: SplineScratch::default(),
-            row: vec![Lanes::ZERO; widest],
+            rows: vec![Lanes::ZERO; widest * SplineConv::GROUP],
         }
     }
 
@@ -88,10 +89,11 @@ impl Activations {
     pub(crate) fn run(&mut self, level: &Level, graph: &impl Adjacency, isa: Isa, log: &mut [LayerLog]) {
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
             self.collect(block, graph);
-            for i in 0..self.dirty.len() {
-                let row = self.dirty.as_slice()[i];
-                self.compute(block, b + 1, row, graph, isa, log);
+            let dirty = std::mem::take(&mut self.dirty);
+            for rows in dirty.as_slice().chunks(SplineConv::GROUP) {
+                self.compute(block, b + 1, rows, graph, isa, log);
             }
+            self.dirty = dirty;
         }
     }
 
@@ -105,7 +107,7 @@ impl Activations {
         log: &mut [LayerLog],
     ) {
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
-            self.compute(block, b + 1, row, graph, isa, log);
+            self.compute(block, b + 1, &[row], graph, isa, log);
         }
     }
 
@@ -125,42 +127,43 @@ impl Activations {
         }
     }
 
-    /// Recomputes one row of feature `to`.
+    /// Recomputes rows of feature `to`, a group at most.
     #[inline]
     fn compute(
         &mut self,
         block: &Block,
         to: usize,
-        row: u32,
+        rows: &[u32],
         graph: &impl Adjacency,
         isa: Isa,
         log: &mut LayerLog,
     ) {
         let (read, written) = self.features.split_at_mut(to);
         let input = &read[block.input];
-        let out = &mut self.row[..Lanes::count(block.conv.outputs())];
-        block.conv.row(
-            isa,
-            SplineRow {
+        let lanes = Lanes::count(block.conv.outputs());
+        let out = &mut self.rows[..rows.len() * lanes];
+        let mut group = [SplineRow::default(); SplineConv::GROUP];
+        for (to, &row) in group.iter_mut().zip(rows) {
+            *to = SplineRow {
                 neighbours: graph.neighbours(row),
-                features: input,
                 own: input.row(row as usize),
                 skip: block.skip.map(|skip| read[skip].row(row as usize)),
-                scratch: &mut self.scratch,
-                out,
-            },
-        );
-        if is_nan(out) {
-            self.nan[to].insert(row);
-        } else if !self.nan[to].is_empty() {
-            self.nan[to].remove(row);
+            };
         }
-        let stored = written[0].row_mut(row as usize);
-        let unchanged = same_bits(out, stored);
-        log.note(row, unchanged);
-        if !unchanged {
-            stored.copy_from_slice(out);
-            self.changed[to].insert(row);
+        block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);
+        for (&row, out) in rows.iter().zip(out.chunks(lanes)) {
+            if is_nan(out) {
+                self.nan[to].insert(row);
+            } else if !self.nan[to].is_empty() {
+                self.nan[to].remove(row);
+            }
+            let stored = written[0].row_mut(row as usize);
+            let unchanged = same_bits(out, stored);
+            log.note(row, unchanged);
+            if !unchanged {
+                stored.copy_from_slice(out);
+                self.changed[to].insert(row);
+            }
         }
     }
 

@@ -11,7 +11,7 @@
 
 use std::collections::VecDeque;
 
-use meissner_kernels::{Isa, LANES, Lanes, Matrix, Task, maximum, same_bits, settle};
+use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, maximum, same_bits, settle};
 
 use crate::counters::LayerLog;
 use crate::rows::RowSet;
@@ -233,7 +233,7 @@ impl<'a, I: Iterator<Item = &'a u32>> Task for Over<'_, I> {
 
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
-    fn run(self) {
+    fn run<S: Simd>(self, _: S) {
         for &member in self.members {
             maximum(self.out, self.features.row(member as usize));
         }
@@ -257,7 +257,7 @@ impl<'a, I: Iterator<Item = &'a u32>> Task for FromQueue<'_, I> {
 
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
-    fn run(self) {
+    fn run<S: Simd>(self, _: S) {
         let Self { queue, cell, members, fresh, features, out } = self;
         let front = &mut queue.front[cell as usize];
         let back = queue.back.row_mut(cell as usize);

@@ -1,12 +1,13 @@
 //! Dense layers: y = activation(W x + b).
 //!
-//! The sum over inputs runs in 32 partial sums, input i into sum i mod 32, each in ascending order; they are added as
+//! The sum over inputs runs in 32 partial sums, input i into sum i mod 32, each in ascending order, each product rounded
+//! once with its sum; they are added as
 //! four groups of eight, (a0 + a1) + (a2 + a3), and the eight that remain as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
 //! Inputs are the rows of a matrix one after the other, each padded to whole lanes; i counts the padding.
 
 use crate::elementary::elu;
 use crate::error::{KernelError, check};
-use crate::isa::{Isa, Task};
+use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
 
 /// What follows a dense layer's sum.
@@ -94,46 +95,92 @@ impl Task for Run<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<S: Simd>(self, simd: S) {
         let Self { dense, inputs, out } = self;
         out.fill(Lanes::ZERO);
-        for (o, weight) in dense.weight.chunks_exact(dense.stride).enumerate() {
-            let y = dot(inputs, weight) + dense.bias[o];
-            out[o / LANES].0[o % LANES] = match dense.activation {
-                Activation::Identity => y,
-                Activation::Relu => {
-                    if y > 0.0 {
-                        y
-                    } else {
-                        0.0
-                    }
-                }
-                Activation::Elu => elu(y),
-            };
+        let inputs = flat(inputs);
+        let weight = |o: usize| &flat(&dense.weight)[o * inputs.len()..][..inputs.len()];
+        let mut o = 0;
+        // Outputs together share the inputs that are loaded, as many as there are registers for sums.
+        while S::WIDE && o + 4 <= dense.outputs {
+            dots::<S, 4>(simd, inputs, std::array::from_fn(|i| weight(o + i)), |i, y| {
+                dense.write(o + i, y, out);
+            });
+            o += 4;
+        }
+        while o + 2 <= dense.outputs {
+            dots::<S, 2>(simd, inputs, std::array::from_fn(|i| weight(o + i)), |i, y| {
+                dense.write(o + i, y, out);
+            });
+            o += 2;
+        }
+        if o < dense.outputs {
+            dots::<S, 1>(simd, inputs, [weight(o)], |_, y| dense.write(o, y, out));
         }
     }
 }
 
-/// The sum of products in the order of the module's header.
+impl Dense {
+    /// Output `o`, whose sum is `sum`.
+    #[inline(always)]
+    fn write(&self, o: usize, sum: f32, out: &mut [Lanes]) {
+        let y = sum + self.bias[o];
+        out[o / LANES].0[o % LANES] = match self.activation {
+            Activation::Identity => y,
+            Activation::Relu => {
+                if y > 0.0 {
+                    y
+                } else {
+                    0.0
+                }
+            }
+            Activation::Elu => elu(y),
+        };
+    }
+}
+
+/// The sums of products of one input with O rows of weights, in the order of the module's header.
 #[inline(always)]
-fn dot(a: &[Lanes], b: &[Lanes]) -> f32 {
-    let mut acc = [Lanes::ZERO; 4];
-    let (mut fours_a, mut fours_b) = (a.chunks_exact(4), b.chunks_exact(4));
-    for (a, b) in (&mut fours_a).zip(&mut fours_b) {
-        for i in 0..4 {
-            acc[i] = acc[i] + a[i] * b[i];
+fn dots<S: Simd, const O: usize>(
+    simd: S,
+    inputs: &[f32],
+    weight: [&[f32]; O],
+    mut write: impl FnMut(usize, f32),
+) {
+    const STEP: usize = 4 * LANES;
+    let mut acc = [[S::V16::splat(simd, 0.0); 2]; O];
+    let whole = inputs.len() / STEP * STEP;
+    let mut i = 0;
+    while i < whole {
+        for half in 0..2 {
+            let x = S::V16::load_slice(simd, &inputs[i + half * 2 * LANES..]);
+            for (acc, weight) in acc.iter_mut().zip(weight) {
+                let w = S::V16::load_slice(simd, &weight[i + half * 2 * LANES..]);
+                acc[half] = acc[half].add_product(x, w);
+            }
         }
+        i += STEP;
     }
-    for (acc, (&a, &b)) in acc.iter_mut().zip(fours_a.remainder().iter().zip(fours_b.remainder())) {
-        *acc = *acc + a * b;
+    for (o, (acc, weight)) in acc.into_iter().zip(weight).enumerate() {
+        let mut sums = [0.0; STEP];
+        acc[0].store_slice(&mut sums[..2 * LANES]);
+        acc[1].store_slice(&mut sums[2 * LANES..]);
+        // What remains is whole lanes.
+        for (sum, (x, w)) in
+            sums.chunks_mut(LANES).zip(inputs[whole..].chunks(LANES).zip(weight[whole..].chunks(LANES)))
+        {
+            let rest = S::V8::load_slice(simd, sum);
+            rest.add_product(S::V8::load_slice(simd, x), S::V8::load_slice(simd, w)).store_slice(sum);
+        }
+        write(o, total(&sums));
     }
-    total(&acc)
 }
 
 /// The last sums of a dot product. Not inlined: seen together with the loop, the compiler splits the loop's
 /// accumulators into the pieces that are added here, and the loop takes twice as long.
 #[inline(never)]
-fn total(acc: &[Lanes; 4]) -> f32 {
-    let v = ((acc[0] + acc[1]) + (acc[2] + acc[3])).0;
+fn total(sums: &[f32; 4 * LANES]) -> f32 {
+    let v: [f32; LANES] =
+        std::array::from_fn(|i| (sums[i] + sums[i + LANES]) + (sums[i + 2 * LANES] + sums[i + 3 * LANES]));
     ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
 }

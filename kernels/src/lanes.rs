@@ -13,6 +13,24 @@ pub const LANES: usize = 8;
 #[repr(C, align(32))]
 pub struct Lanes(pub [f32; LANES]);
 
+/// Sixteen values in one line of a cache: two [`Lanes`] that a kernel reads together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub struct Wide(pub [f32; 2 * LANES]);
+
+impl Wide {
+    /// Sixteen times +0.
+    pub const ZERO: Self = Self([0.0; 2 * LANES]);
+
+    /// The values of `low`, then those of `high`.
+    pub fn join(low: Lanes, high: Lanes) -> Self {
+        let mut out = Self::ZERO;
+        out.0[..LANES].copy_from_slice(&low.0);
+        out.0[LANES..].copy_from_slice(&high.0);
+        out
+    }
+}
+
 impl Lanes {
     /// Eight times +0.
     pub const ZERO: Self = Self([0.0; LANES]);
@@ -47,6 +65,20 @@ impl Lanes {
             out[i / LANES].0[i % LANES] = v;
         }
         out
+    }
+}
+
+impl AsMut<[f32]> for Lanes {
+    #[inline(always)]
+    fn as_mut(&mut self) -> &mut [f32] {
+        &mut self.0
+    }
+}
+
+impl AsMut<[f32]> for Wide {
+    #[inline(always)]
+    fn as_mut(&mut self) -> &mut [f32] {
+        &mut self.0
     }
 }
 

@@ -1,9 +1,9 @@
 //! Arithmetic on tensors: stateless, without events, files, threads or clocks.
 //!
 //! Every result is defined by an order of operations that the kernel's documentation states, and is therefore the same
-//! in every bit on every instruction set: vector lanes run over independent outputs, products and sums are rounded
-//! separately (no fused multiply-add anywhere), and elementary functions are the crate's own. [`naive`] holds the
-//! scalar twins that the tests hold the kernels against.
+//! in every bit on every instruction set: vector lanes run over independent outputs, a product that is added to a sum is
+//! rounded once with it (fused multiply-add, in software where there is none), and elementary functions are the crate's
+//! own, without it. [`naive`] holds the scalar twins that the tests hold the kernels against.
 
 #![allow(
     clippy::inline_always,
@@ -27,8 +27,8 @@ mod spline;
 pub use dense::{Activation, Dense};
 pub use elementary::{elu, exp, expm1};
 pub use error::KernelError;
-pub use isa::{Isa, Task};
-pub use lanes::{LANES, Lanes};
+pub use isa::{Isa, Portable, Simd, Task, Vector, fused};
+pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
 pub use spline::{

@@ -1,5 +1,5 @@
 //! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
-//! the kernels to these bits.
+//! the kernels to these bits. The platform's own fused multiply-add is used, so that ours is checked too.
 
 use crate::dense::Activation;
 use crate::elementary::elu;
@@ -46,7 +46,7 @@ pub fn spline_row(
             let Some(weight) = weight else { continue };
             for c in 0..inputs {
                 let sum: &mut Option<f32> = &mut sums[slot * inputs + c];
-                *sum = Some(sum.unwrap_or(0.0) + weight * x(n.row as usize, c));
+                *sum = Some(weight.mul_add(x(n.row as usize, c), sum.unwrap_or(0.0)));
             }
         }
     }
@@ -58,7 +58,7 @@ pub fn spline_row(
             let mut acc = [0.0; 4];
             for (i, sum) in sums.iter().enumerate() {
                 if let Some(sum) = sum {
-                    acc[i % inputs % 4] += sum * parts.weight[i * outputs + o];
+                    acc[i % 4] = sum.mul_add(parts.weight[i * outputs + o], acc[i % 4]);
                 }
             }
             let inverse = if neighbours.is_empty() { 0.0 } else { 1.0 / neighbours.len() as f32 };
@@ -66,7 +66,7 @@ pub fn spline_row(
             if let Some(root) = &parts.root {
                 let mut acc = [0.0; 4];
                 for c in 0..inputs {
-                    acc[c % 4] += x(own, c) * root[o * inputs + c];
+                    acc[c % 4] = x(own, c).mul_add(root[o * inputs + c], acc[c % 4]);
                 }
                 y += (acc[0] + acc[1]) + (acc[2] + acc[3]);
             }
@@ -74,7 +74,7 @@ pub fn spline_row(
             if parts.elu {
                 y = elu(y);
             }
-            y = y * scale[o] + shift[o];
+            y = y.mul_add(scale[o], shift[o]);
             skip.map_or(y, |skip| y + skip[o])
         })
         .collect()
@@ -85,7 +85,7 @@ pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activatio
     let output = |(weight, bias): (&Vec<f32>, &f32)| {
         let mut acc = [0.0; 32];
         for (i, (x, w)) in x.iter().zip(weight).enumerate() {
-            acc[i % 32] += x * w;
+            acc[i % 32] = x.mul_add(*w, acc[i % 32]);
         }
         let v: Vec<f32> = (0..8).map(|i| (acc[i] + acc[i + 8]) + (acc[i + 16] + acc[i + 24])).collect();
         let y = (((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))) + bias;

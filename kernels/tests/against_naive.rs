@@ -57,7 +57,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn a_spline_row_is_the_same_bits_as_its_scalar_twin(case in case(), own in 0..ROWS) {
+    fn a_spline_row_is_the_same_bits_as_its_scalar_twin(
+        case in case(), own in 0..ROWS, company in 1usize..20, place in 0usize..20,
+    ) {
         let inputs = case.parts.inputs;
         let expected = naive::spline_row(
             &case.parts, &case.neighbours, |j, c| case.features[j * inputs + c], own, case.skip.as_deref());
@@ -68,14 +70,17 @@ proptest! {
         for isa in Isa::available() {
             // Twice with one scratch: what a row leaves behind must not reach the next.
             for _ in 0..2 {
-                let mut out = Matrix::zeros(1, case.parts.outputs);
-                conv.row(isa, SplineRow {
-                    neighbours: &case.neighbours, features: &features, own: features.row(own),
-                    skip: skip.as_deref(), scratch: &mut scratch, out: out.row_mut(0),
-                });
-                let got: Vec<u32> = out.values(0).map(f32::to_bits).collect();
+                let row = SplineRow {
+                    neighbours: &case.neighbours, own: features.row(own), skip: skip.as_deref(),
+                };
+                // Among others that differ from it, so that tiles of every size occur.
+                let other = SplineRow { neighbours: &case.neighbours[case.neighbours.len() / 2..], ..row };
+                let rows: Vec<_> = (0..company).map(|i| if i == place % company { row } else { other }).collect();
+                let mut out = Matrix::zeros(company, case.parts.outputs);
+                conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
+                let got: Vec<u32> = out.values(place % company).map(f32::to_bits).collect();
                 let expected: Vec<u32> = expected.iter().map(|v| v.to_bits()).collect();
-                prop_assert_eq!(got, expected, "{}", isa.name());
+                prop_assert_eq!(got, expected, "{} of {} rows, {}", place % company, company, isa.name());
             }
         }
     }

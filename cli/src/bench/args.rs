@@ -20,9 +20,10 @@ How it measures:
   rate, else to idle.
   Deadline: stream time is cut in periods. A period's work is the pushes of its events, and one prediction for the
   window at its end; it is missed where this took longer than the period. Periods with neither events nor a window
-  take no work, and count as met. The sustained rate is the highest number of events a period up to which the p99.9
-  of the work is below the period: in bins of similar numbers, each judged with as many bins below it as it takes
-  for 1,000 periods.
+  take no work, and count as met. A period's number of events is that of those that enter or of those that leave,
+  whichever is larger: in the silence after a burst it is the leaving ones that cost. The sustained rate is the highest
+  number up to which the p99.9 of the work is below the period: in bins of similar numbers, each judged with as many
+  bins below it as it takes for 1,000 periods.
   Memory: what the engine takes when it is made, and the most that the process had resident (Linux only).
   Multiply-adds of a row are those of `meissner inspect`, at full neighbourhoods: an upper bound at the event level, an
   assumption above it.";

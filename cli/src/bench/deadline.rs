@@ -4,6 +4,10 @@
 //! a period is to push its events, to move time on to its end, and to predict. It is measured as one piece, so that
 //! the clock is read twice a period however many events it has.
 //!
+//! What a period costs depends on the events that leave the window as much as on those that enter: in the silence after
+//! a burst nothing enters and everything leaves. So the rate that a period stands for is the larger of the two numbers;
+//! in a steady stream they are equal.
+//!
 //! Lag: work begins at the period's end, or when the work of earlier periods is done, if that is later. The lag is how
 //! long after the period's end its prediction is there. A missed period thus delays those after it.
 
@@ -93,18 +97,22 @@ impl Deadline {
     }
 
     fn period(&mut self, engine: &mut Engine, waiting: &mut Vec<Event>, end_us: i64) -> Result<(), CliError> {
+        let before = engine.counters().events;
         let start = Instant::now();
         engine.push_slice(waiting);
         engine.advance(end_us);
         let prediction = engine.predict().map(drop);
         let work = start.elapsed();
         prediction?;
-        self.record(waiting.len() as u64, end_us, work);
+        let after = engine.counters().events;
+        let entered = after.accepted - before.accepted;
+        let left = (after.expired + after.evicted) - (before.expired + before.evicted);
+        self.record(entered.max(left), end_us, work);
         waiting.clear();
         Ok(())
     }
 
-    /// Notes the period that ends at `end_us`.
+    /// Notes the period that ends at `end_us`, in which as many `events` entered or left.
     fn record(&mut self, events: u64, end_us: i64, work: Duration) {
         let period = Duration::from_micros(self.period_us.unsigned_abs());
         let (least, most) = bin(events);

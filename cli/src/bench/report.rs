@@ -139,7 +139,7 @@ pub(super) struct DeadlineReport {
     pub(super) sustained: Option<Sustained>,
     /// Whether that is the highest rate of the recording.
     pub(super) sustained_is_all_seen: bool,
-    /// Periods by their number of events.
+    /// Periods by the number of events that entered or left, whichever is larger.
     pub(super) bins: Vec<DeadlineBin>,
 }
 
@@ -153,7 +153,7 @@ pub(super) struct Sustained {
 pub(super) struct DeadlineBin {
     pub(super) events_least: u64,
     pub(super) events_most: u64,
-    /// Most events that a period of this bin had.
+    /// Most events that entered or left in a period of this bin.
     pub(super) events_seen: u64,
     pub(super) periods: u64,
     pub(super) missed: u64,

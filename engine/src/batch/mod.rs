@@ -10,7 +10,7 @@ pub use pool::Cells;
 
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch};
+use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineRow, SplineScratch};
 use meissner_kernels::{is_nan, maximum, settle};
 use rayon::prelude::*;
 
@@ -190,27 +190,24 @@ impl Batch {
             let input = &trace.features[block.input];
             let skip = block.skip.map(|skip| &trace.features[skip]);
             let mut out = Matrix::zeros(input.rows(), block.conv.outputs());
-            let stride = Lanes::count(block.conv.outputs());
-            let compute = |scratch: &mut SplineScratch, row: usize, out: &mut [Lanes]| {
-                block.conv.row(
-                    self.isa,
-                    SplineRow {
-                        neighbours: trace.edges.row(row),
-                        features: input,
-                        own: input.row(row),
-                        skip: skip.map(|skip| skip.row(row)),
-                        scratch,
-                        out,
-                    },
-                );
+            let rows: Vec<_> = (0..input.rows())
+                .map(|row| SplineRow {
+                    neighbours: trace.edges.row(row),
+                    own: input.row(row),
+                    skip: skip.map(|skip| skip.row(row)),
+                })
+                .collect();
+            let compute = |scratch: &mut SplineScratch, rows: &[SplineRow<'_>], out: &mut [Lanes]| {
+                block.conv.rows(self.isa, input, rows, scratch, out);
             };
             if self.parallel {
-                let rows = out.lanes_mut().par_chunks_mut(stride).enumerate();
-                rows.for_each_init(SplineScratch::default, |scratch, (row, out)| compute(scratch, row, out));
+                let lanes = SplineConv::GROUP * Lanes::count(block.conv.outputs());
+                let groups = rows.par_chunks(SplineConv::GROUP).zip(out.lanes_mut().par_chunks_mut(lanes));
+                groups.for_each_init(SplineScratch::default, |scratch, (rows, out)| {
+                    compute(scratch, rows, out);
+                });
             } else {
-                let mut scratch = SplineScratch::default();
-                let rows = out.lanes_mut().chunks_mut(stride).enumerate();
-                rows.for_each(|(row, out)| compute(&mut scratch, row, out));
+                compute(&mut SplineScratch::default(), &rows, out.lanes_mut());
             }
             let rows = (trace.first..out.rows()).filter(|&row| is_nan(out.row(row))).count();
             if rows > 0 {

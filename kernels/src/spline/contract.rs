@@ -1,15 +1,18 @@
-//! a(p, o) = sum of v(c) W(c, o) over c with c mod 4 = p, ascending: the products of a row with weights.
+//! a(p, o) = sum of v(i) W(i, o) over i with i mod 4 = p, ascending: the products of rows with weights.
 //!
-//! Four partial sums per output keep the adders busy, and blocks of two output lanes keep them in registers.
+//! Four partial sums per output keep the units busy when there is one row. Several rows take the partial sums one after
+//! the other, and share each weight that is loaded.
 
-use crate::lanes::{LANES, Lanes};
+use crate::isa::{Simd, Task, Vector, accumulate, accumulate_in_four};
+use crate::lanes::{Lanes, Wide};
 
-/// Weights (rows, O) by blocks of output lanes: all rows of the first two lanes, then of the next two, and so on; an odd
-/// last lane stands alone.
+/// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; eight or fewer that
+/// remain stand alone.
 #[derive(Clone, Debug)]
 pub(super) struct Packed {
     rows: usize,
-    data: Vec<Lanes>,
+    wide: Vec<Wide>,
+    last: Vec<Lanes>,
 }
 
 impl Packed {
@@ -17,53 +20,112 @@ impl Packed {
     pub(super) fn new(weight: &[f32], outputs: usize) -> Self {
         let rows = weight.len() / outputs;
         let lanes: Vec<Vec<Lanes>> = weight.chunks_exact(outputs).map(Lanes::pack).collect();
-        let blocks = (0..Lanes::count(outputs)).step_by(2);
-        let row = |block: usize| lanes.iter().flat_map(move |row| row[block..].iter().take(2).copied());
-        Self { rows, data: blocks.flat_map(row).collect() }
+        let blocks = Lanes::count(outputs) / 2;
+        let block = |b: usize| lanes.iter().map(move |row| Wide::join(row[2 * b], row[2 * b + 1]));
+        let last = lanes.iter().filter_map(|row| row.get(2 * blocks)).copied();
+        Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
     }
 
-    /// Every row of output lanes `lane..lane + B`, one of the blocks.
+    /// Every row of the sixteen outputs from lane `lane`, which is even.
     #[inline(always)]
-    pub(super) fn block<const B: usize>(&self, lane: usize) -> &[[Lanes; B]] {
-        self.data[lane * self.rows..][..B * self.rows].as_chunks().0
+    pub(super) fn wide(&self, lane: usize) -> &[Wide] {
+        &self.wide[lane / 2 * self.rows..][..self.rows]
+    }
+
+    /// Every row of the outputs of a last lane that stands alone.
+    #[inline(always)]
+    pub(super) fn last(&self) -> &[Lanes] {
+        &self.last
     }
 }
 
-/// Partial sums of B output lanes.
-pub(super) type Partial<const B: usize> = [[Lanes; B]; 4];
+/// Partial sums of B vectors of outputs.
+pub(super) type Partial<V, const B: usize> = [[V; B]; 4];
 
-/// Adds the products of `weight`'s rows with as many of `values`.
+/// Adds the products of `values` with one block of weights. The first value counts as `i` mod 4 = `phase`.
 #[inline(always)]
-pub(super) fn contract<const B: usize>(acc: &mut Partial<B>, values: &[Lanes], weight: &[[Lanes; B]]) {
-    let (eights, rest) = weight.as_chunks::<LANES>();
-    let mut values = values.iter();
-    for (weight, values) in eights.iter().zip(&mut values) {
-        for c in 0..LANES {
-            multiply_add(&mut acc[c % 4], values.0[c], &weight[c]);
-        }
-    }
-    if let Some(values) = values.next() {
-        for (c, (weight, &value)) in rest.iter().zip(&values.0).enumerate() {
-            multiply_add(&mut acc[c % 4], value, weight);
-        }
-    }
-}
-
-/// acc(o) += value weight(o), product and sum rounded separately.
-#[inline(always)]
-fn multiply_add<const B: usize>(acc: &mut [Lanes; B], value: f32, weight: &[Lanes; B]) {
-    let value = Lanes::splat(value);
-    for (a, &w) in acc.iter_mut().zip(weight) {
-        *a = *a + value * w;
-    }
+pub(super) fn contract_from<S: Simd, V: Vector<S>>(
+    simd: S,
+    acc: &mut Partial<V, 1>,
+    values: &[f32],
+    weight: &[V::Memory],
+    phase: usize,
+) {
+    acc.rotate_left(phase);
+    accumulate_in_four(simd, acc, values, [&weight[..values.len()]]);
+    acc.rotate_right(phase);
 }
 
 /// (a0 + a1) + (a2 + a3).
 #[inline(always)]
-pub(super) fn total<const B: usize>(acc: &Partial<B>) -> [Lanes; B] {
-    let mut out = [Lanes::ZERO; B];
+pub(super) fn total<S: Simd, V: Vector<S>, const B: usize>(acc: &Partial<V, B>) -> [V; B] {
+    let mut out = acc[0];
     for (b, out) in out.iter_mut().enumerate() {
-        *out = (acc[0][b] + acc[1][b]) + (acc[2][b] + acc[3][b]);
+        *out = acc[0][b].add(acc[1][b]).add(acc[2][b].add(acc[3][b]));
     }
     out
+}
+
+/// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`, which has room for twice
+/// as many. Run [apart](Simd::apart).
+pub(super) struct ContractRows<'a, M, const R: usize, const B: usize> {
+    pub(super) values: &'a [f32],
+    pub(super) stride: usize,
+    pub(super) weights: [&'a [M]; B],
+    pub(super) totals: &'a mut [M],
+}
+
+impl<const R: usize, const B: usize> Task for ContractRows<'_, Wide, R, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        self.contract::<S, S::V16>(simd);
+    }
+}
+
+impl<const R: usize, const B: usize> Task for ContractRows<'_, Lanes, R, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        self.contract::<S, S::V8>(simd);
+    }
+}
+
+impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
+    #[inline(always)]
+    fn contract<S: Simd, V: Vector<S, Memory = M>>(self, simd: S) {
+        let Self { values, stride, weights, totals } = self;
+        let (first, last) = totals[..2 * R * B].split_at_mut(R * B);
+        let zero = [[V::splat(simd, 0.0); B]; R];
+        // Each partial sum goes to memory before the next: it would compete with it for registers.
+        let mut acc = zero;
+        accumulate::<S, V, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, first, Vector::store);
+        acc = zero;
+        accumulate::<S, V, R, B, 1, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, first, |sum, at| V::load(simd, at).add(sum).store(at));
+        acc = zero;
+        accumulate::<S, V, R, B, 2, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, last, Vector::store);
+        acc = zero;
+        accumulate::<S, V, R, B, 3, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, last, |sum, at| V::load(simd, at).add(sum).store(at));
+        for (first, last) in first.iter_mut().zip(last) {
+            V::load(simd, first).add(V::load(simd, last)).store(first);
+        }
+    }
+}
+
+/// Calls `f` with every sum and its place.
+#[inline(always)]
+fn each<V: Copy, M, const R: usize, const B: usize>(
+    acc: &[[V; B]; R],
+    places: &mut [M],
+    f: impl Fn(V, &mut M),
+) {
+    for (&sum, place) in acc.as_flattened().iter().zip(places) {
+        f(sum, place);
+    }
 }

@@ -1,37 +1,21 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
 use super::Neighbour;
-use crate::lanes::Lanes;
+use crate::isa::{Simd, Vector, flat, flat_mut};
+use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 
-/// Working space of [`SplineConv::row`](super::SplineConv::row), grown to the largest row seen and kept.
+/// Working space of [`SplineConv::rows`](super::SplineConv::rows), grown to the largest rows seen and kept.
 #[derive(Clone, Debug, Default)]
 pub struct SplineScratch {
     /// B(e, s) of one edge after the other, for kernels of 2 x 2 x 2.
-    basis: Vec<Lanes>,
-    /// S(s, c), each slot padded to whole lanes of c.
+    pub(super) basis: Vec<Lanes>,
+    /// S(s, c) of one row after the other, each slot padded to whole lanes of c.
     pub(super) sums: Vec<Lanes>,
+    /// Sums of a group of rows over the weights: of sixteen outputs, and of eight.
+    pub(super) totals: (Vec<Wide>, Vec<Lanes>),
     /// Slots that some in-edge touches, ascending.
     pub(super) touched: Vec<u32>,
-}
-
-/// Leaves in `scratch` the touched slots and their sums over `neighbours`.
-#[inline(always)]
-pub(super) fn gather(
-    kernel: [usize; 3],
-    neighbours: &[Neighbour],
-    features: &Matrix,
-    scratch: &mut SplineScratch,
-) {
-    let stride = Lanes::count(features.columns());
-    let slots: usize = kernel.iter().product();
-    scratch.sums.resize(scratch.sums.len().max(slots * stride), Lanes::ZERO);
-    match (kernel, features.columns()) {
-        _ if neighbours.is_empty() => scratch.touched.clear(),
-        ([2, 2, 2], 1) => eight_slots_of_one_channel(neighbours, features, scratch),
-        ([2, 2, 2], _) => eight_slots(neighbours, features, stride, scratch),
-        _ => any_slots(kernel, neighbours, features, stride, scratch),
-    }
 }
 
 /// B(e, s) of a 2 x 2 x 2 kernel, where every slot is touched and v = u.
@@ -45,42 +29,65 @@ fn basis_of_eight(u: [f32; 3]) -> Lanes {
     Lanes(out)
 }
 
+/// Sums of a 2 x 2 x 2 kernel over one channel: eight values, one a slot.
 #[inline(always)]
-fn eight_slots_of_one_channel(neighbours: &[Neighbour], features: &Matrix, scratch: &mut SplineScratch) {
-    let mut sums = Lanes::ZERO;
+pub(super) fn eight_slots_of_one_channel<S: Simd>(
+    simd: S,
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    sums: &mut Lanes,
+) {
+    let mut acc = S::V8::splat(simd, 0.0);
     for n in neighbours {
-        sums = sums + basis_of_eight(n.u) * Lanes::splat(features.row(n.row as usize)[0].0[0]);
+        let x = features.row(n.row as usize)[0].0[0];
+        acc = acc.add_product(S::V8::load(simd, &basis_of_eight(n.u)), S::V8::splat(simd, x));
     }
-    for (sum, s) in scratch.sums.iter_mut().zip(sums.0) {
-        sum.0[0] = s;
-    }
-    touch_eight(scratch);
+    acc.store(sums);
 }
 
+/// Sums of a 2 x 2 x 2 kernel over whole lanes of channels: slot after slot.
 #[inline(always)]
-fn eight_slots(neighbours: &[Neighbour], features: &Matrix, stride: usize, scratch: &mut SplineScratch) {
-    scratch.basis.clear();
-    scratch.basis.extend(neighbours.iter().map(|n| basis_of_eight(n.u)));
-    for lane in 0..stride {
-        let mut sums = [Lanes::ZERO; 8];
-        for (n, basis) in neighbours.iter().zip(&scratch.basis) {
-            let x = features.row(n.row as usize)[lane];
-            for (sum, &b) in sums.iter_mut().zip(&basis.0) {
-                *sum = *sum + Lanes::splat(b) * x;
-            }
-        }
-        for (slot, sum) in sums.iter().enumerate() {
-            scratch.sums[slot * stride + lane] = *sum;
-        }
+pub(super) fn eight_slots<S: Simd>(
+    simd: S,
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    basis: &mut Vec<Lanes>,
+    sums: &mut [Lanes],
+) {
+    basis.clear();
+    basis.extend(neighbours.iter().map(|n| basis_of_eight(n.u)));
+    let stride = sums.len() / 8;
+    let mut lane = 0;
+    while S::WIDE && lane + 2 <= stride {
+        eight_slots_of_lanes::<S, S::V16>(simd, neighbours, features, basis, lane, sums);
+        lane += 2;
     }
-    touch_eight(scratch);
+    while lane < stride {
+        eight_slots_of_lanes::<S, S::V8>(simd, neighbours, features, basis, lane, sums);
+        lane += 1;
+    }
 }
 
+/// The channels of one vector, from lane `lane`.
 #[inline(always)]
-fn touch_eight(scratch: &mut SplineScratch) {
-    if scratch.touched.len() != 8 || scratch.touched[7] != 7 {
-        scratch.touched.clear();
-        scratch.touched.extend(0..8);
+fn eight_slots_of_lanes<S: Simd, V: Vector<S>>(
+    simd: S,
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    basis: &[Lanes],
+    lane: usize,
+    sums: &mut [Lanes],
+) {
+    let stride = sums.len() / 8;
+    let mut acc = [V::splat(simd, 0.0); 8];
+    for (n, basis) in neighbours.iter().zip(basis) {
+        let x = V::load_slice(simd, &flat(features.row(n.row as usize))[lane * LANES..]);
+        for (acc, &b) in acc.iter_mut().zip(&basis.0) {
+            *acc = acc.add_product(V::splat(simd, b), x);
+        }
+    }
+    for (slot, acc) in acc.into_iter().enumerate() {
+        acc.store_slice(&mut flat_mut(sums)[(slot * stride + lane) * LANES..]);
     }
 }
 
@@ -113,16 +120,19 @@ fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize,
     }
 }
 
-/// Any kernel: touched slots first, then their sums.
+/// Any kernel, any number of channels: leaves in `scratch` the touched slots, then their sums.
 #[inline(always)]
-fn any_slots(
+pub(super) fn any_slots<S: Simd>(
+    simd: S,
     kernel: [usize; 3],
     neighbours: &[Neighbour],
     features: &Matrix,
-    stride: usize,
     scratch: &mut SplineScratch,
 ) {
+    let stride = Lanes::count(features.columns());
+    let slots: usize = kernel.iter().product();
     let SplineScratch { sums, touched, .. } = scratch;
+    sums.resize(sums.len().max(slots * stride), Lanes::ZERO);
     touched.clear();
     for n in neighbours {
         for_each_corner(kernel, n.u, |slot, _| touched.push(slot as u32));
@@ -135,8 +145,9 @@ fn any_slots(
     for n in neighbours {
         let x = features.row(n.row as usize);
         for_each_corner(kernel, n.u, |slot, weight| {
-            for (sum, &x) in sums[slot * stride..][..stride].iter_mut().zip(x) {
-                *sum = *sum + Lanes::splat(weight) * x;
+            let weight = S::V8::splat(simd, weight);
+            for (sum, x) in sums[slot * stride..][..stride].iter_mut().zip(x) {
+                S::V8::load(simd, sum).add_product(weight, S::V8::load(simd, x)).store(sum);
             }
         });
     }

@@ -7,28 +7,30 @@
 //! v_d    = u_d (k_d - 1),  i_d = min(floor(v_d), k_d - 2),  f_d = v_d - i_d          for each axis d with k_d > 1
 //! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d and f_d at i_d + 1                    s = i_x + k_x (i_y + k_y i_t)
 //! S(s,c) = sum over e of B(e,s) x(j(e), c)                                           in the order of the edges
-//! a(p,o) = sum over touched s ascending, c ascending with c mod 4 = p, of S(s,c) W(s,c,o)
+//! a(p,o) = sum over touched s ascending, then c ascending, of S(s,c) W(s,c,o) where (s C + c) mod 4 = p
 //! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 where there are no in-edges
 //! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        where there is a root weight
 //! y(o)   = ELU((m + r) + bias) scale + shift  (+ skip)
 //! ```
+//!
+//! A product that is added, in S, a, r and y, is rounded once with its sum (fused multiply-add).
 //!
 //! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
 //! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
 
 mod contract;
 mod gather;
+mod run;
 
 pub use gather::SplineScratch;
 pub(crate) use gather::locate;
 
-use crate::elementary::elu;
 use crate::error::{KernelError, check};
-use crate::isa::{Isa, Task};
+use crate::isa::Isa;
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
-use contract::{Packed, Partial, contract, total};
-use gather::gather;
+use contract::Packed;
+use run::Run;
 
 /// An in-edge: the row that is read, and where it lies relative to the reader.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +87,8 @@ pub struct SplineConv {
 }
 
 impl SplineConv {
+    /// Rows that are best computed together.
+    pub const GROUP: usize = 8;
     /// Most channels read or written.
     pub const MOST_CHANNELS: usize = 1 << 16;
     /// Largest kernel size of an axis.
@@ -167,13 +171,28 @@ impl SplineConv {
         spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
     }
 
-    /// Computes one row.
+    /// Computes rows, each as if it were alone; together, they share the weights that are loaded. Best in groups of
+    /// [`Self::GROUP`].
+    ///
+    /// `features` is (rows, C), `out` the rows' O values in lanes, one row after the other.
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this block.
     #[inline]
-    pub fn row(&self, isa: Isa, row: SplineRow<'_>) {
-        isa.run(Run { conv: self, row });
+    pub fn rows(
+        &self,
+        isa: Isa,
+        features: &Matrix,
+        rows: &[SplineRow<'_>],
+        scratch: &mut SplineScratch,
+        out: &mut [Lanes],
+    ) {
+        isa.run(Run { conv: self, features, rows, scratch, out });
+    }
+
+    /// Whether the sums of a row follow each other without a gap, every slot touched.
+    fn is_flat(&self) -> bool {
+        self.kernel == [2; 3] && (self.inputs == 1 || self.inputs.is_multiple_of(LANES))
     }
 }
 
@@ -191,103 +210,13 @@ pub fn spline_multiply_adds(
     degree * corners * inputs + (touched + usize::from(root)) * inputs * outputs
 }
 
-/// What one row reads and where it is written.
-#[derive(Debug)]
+/// What one row reads.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SplineRow<'a> {
-    /// The in-edges, in neighbourhood order; their rows index `features`.
+    /// The in-edges, in neighbourhood order; their rows index the features.
     pub neighbours: &'a [Neighbour],
-    /// (rows, C).
-    pub features: &'a Matrix,
     /// The row itself, C values in lanes; read by a root weight only.
     pub own: &'a [Lanes],
     /// O values in lanes that are added last.
     pub skip: Option<&'a [Lanes]>,
-    /// Reused between rows.
-    pub scratch: &'a mut SplineScratch,
-    /// O values in lanes.
-    pub out: &'a mut [Lanes],
-}
-
-struct Run<'a> {
-    conv: &'a SplineConv,
-    row: SplineRow<'a>,
-}
-
-impl Task for Run<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self { conv, row } = self;
-        let SplineRow { neighbours, features, own, skip, scratch, out } = row;
-        assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
-        assert_eq!(out.len(), conv.bias.len(), "the output must have the block's output channels");
-        let stride = Lanes::count(conv.inputs);
-        gather(conv.kernel, neighbours, features, scratch);
-        let touched = &scratch.touched[..];
-        let inverse = if neighbours.is_empty() { 0.0 } else { 1.0 / neighbours.len() as f32 };
-        let mut lane = 0;
-        while lane < out.len() {
-            let sums = Sums { touched, values: &scratch.sums, stride, inverse };
-            if out.len() - lane >= 2 {
-                conv.apply::<2>(&sums, own, skip, lane, out);
-                lane += 2;
-            } else {
-                conv.apply::<1>(&sums, own, skip, lane, out);
-                lane += 1;
-            }
-        }
-    }
-}
-
-/// S(s, c) of the touched slots, and 1 / n.
-struct Sums<'a> {
-    touched: &'a [u32],
-    values: &'a [Lanes],
-    stride: usize,
-    inverse: f32,
-}
-
-impl SplineConv {
-    /// Output lanes `lane..lane + B`: weights, root, bias, ELU, batch norm, skip.
-    #[inline(always)]
-    fn apply<const B: usize>(
-        &self,
-        sums: &Sums<'_>,
-        own: &[Lanes],
-        skip: Option<&[Lanes]>,
-        lane: usize,
-        out: &mut [Lanes],
-    ) {
-        let mut acc: Partial<B> = [[Lanes::ZERO; B]; 4];
-        let weight = self.weight.block::<B>(lane);
-        if self.inputs.is_multiple_of(LANES) && sums.touched.len() == self.slots() {
-            // Slots follow each other without padding: one contraction over all of them.
-            contract(&mut acc, sums.values, weight);
-        } else {
-            for &slot in sums.touched {
-                let values = &sums.values[slot as usize * sums.stride..][..sums.stride];
-                contract(&mut acc, values, &weight[slot as usize * self.inputs..][..self.inputs]);
-            }
-        }
-        let mut y = total(&acc).map(|v| v * sums.inverse);
-        if let Some(root) = &self.root {
-            let mut acc: Partial<B> = [[Lanes::ZERO; B]; 4];
-            contract(&mut acc, own, root.block::<B>(lane));
-            for (y, r) in y.iter_mut().zip(total(&acc)) {
-                *y = *y + r;
-            }
-        }
-        for (b, y) in y.into_iter().enumerate() {
-            let mut y = y + self.bias[lane + b];
-            if self.elu {
-                y = y.map(elu);
-            }
-            y = y * self.scale[lane + b] + self.shift[lane + b];
-            if let Some(skip) = skip {
-                y = y + skip[lane + b];
-            }
-            out[lane + b] = y;
-        }
-    }
 }

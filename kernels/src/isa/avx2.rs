@@ -1,0 +1,109 @@
+//! AVX2 with fused multiply-add: 16 registers of eight f32.
+
+use std::arch::x86_64::{
+    __m256, _mm256_add_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps, _mm256_set1_ps,
+    _mm256_storeu_ps, _mm256_sub_ps,
+};
+
+use super::registers::register;
+use super::{Simd, Task, Vector};
+use crate::lanes::{LANES, Lanes, Wide};
+
+/// The proof of AVX2 and FMA.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Avx2(());
+
+impl Avx2 {
+    /// The proof, where the processor has both.
+    pub(super) fn detect() -> Option<Self> {
+        (std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")).then_some(Self(()))
+    }
+
+    /// Runs `task` with these instructions.
+    #[inline]
+    pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
+        // SAFETY: `self` is made in `detect` alone, after the processor said that it has both.
+        unsafe { run(self, task) }
+    }
+}
+
+/// `task`, compiled with AVX2 and FMA.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma")]
+fn run<T: Task>(simd: Avx2, task: T) -> T::Output {
+    task.run(simd)
+}
+
+/// Eight f32 in a register. Made from an [`Avx2`] or from another of its kind alone: a proof too.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct F32x8(__m256);
+
+impl Simd for Avx2 {
+    type V8 = F32x8;
+    type V16 = [F32x8; 2];
+    const WIDE: bool = false;
+
+    #[inline(always)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        self.enter(task)
+    }
+}
+
+register!(
+    Avx2,
+    F32x8,
+    LANES,
+    Lanes,
+    [_mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps],
+    [_mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_max_ps]
+);
+
+impl Vector<Avx2> for [F32x8; 2] {
+    type Memory = Wide;
+    const LANES: usize = 2 * LANES;
+    const ZEROS: Wide = Wide::ZERO;
+
+    #[inline(always)]
+    fn splat(simd: Avx2, value: f32) -> Self {
+        [F32x8::splat(simd, value); 2]
+    }
+    #[inline(always)]
+    fn load(simd: Avx2, from: &Wide) -> Self {
+        Self::load_slice(simd, &from.0)
+    }
+    #[inline(always)]
+    fn load_slice(simd: Avx2, from: &[f32]) -> Self {
+        let (low, high) = from[..2 * LANES].split_at(LANES);
+        [F32x8::load_slice(simd, low), F32x8::load_slice(simd, high)]
+    }
+    #[inline(always)]
+    fn store(self, to: &mut Wide) {
+        self.store_slice(&mut to.0);
+    }
+    #[inline(always)]
+    fn store_slice(self, to: &mut [f32]) {
+        let (low, high) = to[..2 * LANES].split_at_mut(LANES);
+        self[0].store_slice(low);
+        self[1].store_slice(high);
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        [self[0].add(other[0]), self[1].add(other[1])]
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        [self[0].sub(other[0]), self[1].sub(other[1])]
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        [self[0].mul(other[0]), self[1].mul(other[1])]
+    }
+    #[inline(always)]
+    fn add_product(self, a: Self, b: Self) -> Self {
+        [self[0].add_product(a[0], b[0]), self[1].add_product(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        [self[0].max(other[0]), self[1].max(other[1])]
+    }
+}

@@ -1,0 +1,78 @@
+//! AVX-512 (F, VL, DQ, BW) with AVX2 and FMA: 32 registers of sixteen f32.
+
+use std::arch::x86_64::{
+    __m256, __m512, _mm256_add_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps,
+    _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
+    _mm512_max_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps, _mm512_sub_ps,
+};
+
+use super::registers::register;
+use super::{Simd, Task, Vector};
+use crate::lanes::{LANES, Lanes, Wide};
+
+/// The proof of these instructions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Avx512(());
+
+impl Avx512 {
+    /// The proof, where the processor has them all.
+    pub(super) fn detect() -> Option<Self> {
+        let all = std::is_x86_feature_detected!("avx512f")
+            && std::is_x86_feature_detected!("avx512vl")
+            && std::is_x86_feature_detected!("avx512dq")
+            && std::is_x86_feature_detected!("avx512bw")
+            && std::is_x86_feature_detected!("avx2")
+            && std::is_x86_feature_detected!("fma");
+        all.then_some(Self(()))
+    }
+
+    /// Runs `task` with these instructions.
+    #[inline]
+    pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
+        // SAFETY: `self` is made in `detect` alone, after the processor said that it has them.
+        unsafe { run(self, task) }
+    }
+}
+
+/// `task`, compiled with AVX-512.
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
+fn run<T: Task>(simd: Avx512, task: T) -> T::Output {
+    task.run(simd)
+}
+
+impl Simd for Avx512 {
+    type V8 = F32x8;
+    type V16 = F32x16;
+    const WIDE: bool = true;
+
+    #[inline(always)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        self.enter(task)
+    }
+}
+
+/// Eight f32 in a register. Made from an [`Avx512`] or from another of its kind alone: a proof too.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct F32x8(__m256);
+
+/// Sixteen f32 in a register. Made from an [`Avx512`] or from another of its kind alone: a proof too.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct F32x16(__m512);
+
+register!(
+    Avx512,
+    F32x8,
+    LANES,
+    Lanes,
+    [_mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps],
+    [_mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_max_ps]
+);
+register!(
+    Avx512,
+    F32x16,
+    2 * LANES,
+    Wide,
+    [_mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps],
+    [_mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_fmadd_ps, _mm512_max_ps]
+);

@@ -1,0 +1,166 @@
+//! The instructions that the build's target guarantees.
+
+use super::{Simd, Task, Vector};
+use crate::lanes::{LANES, Lanes, Wide};
+
+/// Plain arrays, which the compiler vectorises as far as the target goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Portable;
+
+impl Simd for Portable {
+    type V8 = [f32; LANES];
+    type V16 = [f32; 2 * LANES];
+    const WIDE: bool = false;
+
+    #[inline(never)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        task.run(self)
+    }
+}
+
+/// The element-wise operations of an array.
+macro_rules! array {
+    ($n:expr, $memory:ty) => {
+        impl Vector<Portable> for [f32; $n] {
+            type Memory = $memory;
+            const LANES: usize = $n;
+            const ZEROS: $memory = <$memory>::ZERO;
+
+            #[inline(always)]
+            fn splat(_: Portable, value: f32) -> Self {
+                [value; $n]
+            }
+            #[inline(always)]
+            fn load(_: Portable, from: &Self::Memory) -> Self {
+                from.0
+            }
+            #[inline(always)]
+            fn load_slice(_: Portable, from: &[f32]) -> Self {
+                let mut out = [0.0; $n];
+                out.copy_from_slice(&from[..$n]);
+                out
+            }
+            #[inline(always)]
+            fn store(self, to: &mut Self::Memory) {
+                to.0 = self;
+            }
+            #[inline(always)]
+            fn store_slice(self, to: &mut [f32]) {
+                to[..$n].copy_from_slice(&self);
+            }
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                std::array::from_fn(|i| self[i] + other[i])
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                std::array::from_fn(|i| self[i] - other[i])
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                std::array::from_fn(|i| self[i] * other[i])
+            }
+            #[inline(always)]
+            fn add_product(self, a: Self, b: Self) -> Self {
+                fused_each(a, b, self)
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                std::array::from_fn(|i| if other[i] > self[i] { other[i] } else { self[i] })
+            }
+        }
+    };
+}
+
+array!(8, Lanes);
+array!(16, Wide);
+
+/// a b + c, rounded once.
+///
+/// Where the target has no such instruction: the product of two f32 is exact in f64; its sum with c is rounded *to
+/// odd* there, which keeps enough of what is lost for the last rounding to f32 to be the only one that counts (Boldo and
+/// Melquiond 2008, Theorem 1: 53 >= 2 * 24 + 2).
+#[inline(always)]
+pub fn fused(a: f32, b: f32, c: f32) -> f32 {
+    if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+        return a.mul_add(b, c);
+    }
+    let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
+    let sum = product + c;
+    // What the sum lost, exactly (Knuth's two-sum).
+    let of_c = sum - product;
+    let lost = (product - (sum - of_c)) + (c - of_c);
+    let bits = sum.to_bits();
+    // Away from zero where what was lost has the sum's sign. Comparisons with NaN are false and leave infinities be.
+    let up = (lost > 0.0 && sum > 0.0) || (lost < 0.0 && sum < 0.0);
+    let down = (lost < 0.0 && sum > 0.0) || (lost > 0.0 && sum < 0.0);
+    let even = 1 - (bits & 1);
+    f64::from_bits(bits + u64::from(up) * even - u64::from(down) * even) as f32
+}
+
+/// The bits of an f64 below the last of an f32.
+const BELOW: u64 = (1 << 29) - 1;
+/// The highest of them.
+const HALF_WAY: u64 = 1 << 28;
+
+/// [`fused`] of each element.
+///
+/// A sum in f64 that is not half-way between two f32 rounds to the f32 that the exact sum rounds to, whatever f64 lost.
+/// That is nearly always so, and needs no more than a test of the bits below an f32's last.
+#[inline(always)]
+fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+    if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+        return std::array::from_fn(|i| fused(a[i], b[i], c[i]));
+    }
+    let mut sums = [0.0; N];
+    let mut hard = 0;
+    for i in 0..N {
+        sums[i] = f64::from(a[i]) * f64::from(b[i]) + f64::from(c[i]);
+        let bits = sums[i].to_bits();
+        // Where f32 is subnormal, half-way is elsewhere. Zero, NaN and infinity round to themselves.
+        let subnormal = u64::from(sums[i].abs() < f64::from(f32::MIN_POSITIVE)) & u64::from(sums[i] != 0.0);
+        hard |= u64::from(bits & BELOW == HALF_WAY) | subnormal;
+    }
+    if hard == 0 { sums.map(|sum| sum as f32) } else { std::array::from_fn(|i| fused(a[i], b[i], c[i])) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Any bits, values of like size, and values that nearly cancel.
+    fn operand() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<u32>().prop_map(f32::from_bits),
+            -2.0f32..2.0,
+            (-9i32..9).prop_map(|v| v as f32 * 1.5)
+        ]
+    }
+
+    fn check(a: f32, b: f32, c: f32) -> Result<(), TestCaseError> {
+        let expected = a.mul_add(b, c);
+        for got in [fused(a, b, c), fused_each([a], [b], [c])[0]] {
+            prop_assert!(
+                got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()),
+                "{a:e} {b:e} {c:e}: {got:e}, not {expected:e}"
+            );
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200_000))]
+
+        #[test]
+        fn a_fused_product_and_sum_is_rounded_once(a in operand(), b in operand(), c in operand()) {
+            check(a, b, c)?;
+            check(a, b, -(a * b))?;
+            check(a, b, f32::from_bits((a * b).to_bits() ^ 1))?;
+            // A sum half-way between two f32 but for a tail that f64 loses.
+            let (one, tail) = (1.0 + f32::EPSILON, f32::EPSILON / 2.0);
+            check(one, tail, 1.0)?;
+            check(one * a, tail, a)?;
+        }
+    }
+}

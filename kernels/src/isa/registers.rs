@@ -1,0 +1,68 @@
+//! [`Vector`](super::Vector) over one register, from an instruction set's own names.
+
+/// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 that only a `$simd` makes.
+macro_rules! register {
+    ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident]) => {
+        impl Vector<$simd> for $vector {
+            type Memory = $memory;
+            const LANES: usize = $n;
+            const ZEROS: $memory = <$memory>::ZERO;
+
+            #[inline(always)]
+            fn splat(_: $simd, value: f32) -> Self {
+                // SAFETY: the first argument is the proof that the processor has the instruction.
+                Self(unsafe { $set1(value) })
+            }
+            #[inline(always)]
+            fn load(_: $simd, from: &$memory) -> Self {
+                // SAFETY: proven as above; `from` is as many readable f32 as the register holds.
+                Self(unsafe { $load(from.0.as_ptr()) })
+            }
+            #[inline(always)]
+            fn load_slice(_: $simd, from: &[f32]) -> Self {
+                let from = &from[..$n];
+                // SAFETY: proven as above; `from` is as many readable f32 as the register holds.
+                Self(unsafe { $load(from.as_ptr()) })
+            }
+            #[inline(always)]
+            fn store(self, to: &mut $memory) {
+                // SAFETY: a vector exists after its proof alone; `to` is as many writable f32.
+                unsafe { $store(to.0.as_mut_ptr(), self.0) }
+            }
+            #[inline(always)]
+            fn store_slice(self, to: &mut [f32]) {
+                let to = &mut to[..$n];
+                // SAFETY: a vector exists after its proof alone; `to` is as many writable f32.
+                unsafe { $store(to.as_mut_ptr(), self.0) }
+            }
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $add(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $sub(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $mul(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn add_product(self, a: Self, b: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $fused(a.0, b.0, self.0) })
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                // The instruction gives its second operand where either is NaN.
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $max(other.0, self.0) })
+            }
+        }
+    };
+}
+
+pub(super) use register;

@@ -1,0 +1,71 @@
+//! What a kernel may do with vectors.
+
+use super::Task;
+use crate::lanes::{Lanes, Wide};
+
+/// An instruction set, as a value that proves that the processor has it.
+pub trait Simd: Copy {
+    /// Eight f32.
+    type V8: Vector<Self, Memory = Lanes>;
+    /// Sixteen f32: one register, or several that are used as one.
+    type V16: Vector<Self, Memory = Wide>;
+    /// Whether a `V16` is one register of 32, and not two of 16.
+    const WIDE: bool;
+
+    /// Runs `task` as a function of its own, so that its inner loop has all the registers.
+    fn apart<T: Task>(self, task: T) -> T::Output;
+}
+
+/// A register of f32. Every operation acts on each element by itself and rounds to nearest, ties to even.
+pub trait Vector<S>: Copy {
+    /// The same values in memory.
+    type Memory: Copy + AsMut<[f32]>;
+    /// Number of elements.
+    const LANES: usize;
+    /// Zeros in memory.
+    const ZEROS: Self::Memory;
+
+    /// Every element `value`.
+    fn splat(simd: S, value: f32) -> Self;
+    /// Reads.
+    fn load(simd: S, from: &Self::Memory) -> Self;
+    /// Reads the first values of a slice.
+    ///
+    /// # Panics
+    /// If `from` is shorter than the vector.
+    fn load_slice(simd: S, from: &[f32]) -> Self;
+    /// Writes.
+    fn store(self, to: &mut Self::Memory);
+    /// Writes to the first values of a slice.
+    ///
+    /// # Panics
+    /// If `to` is shorter than the vector.
+    fn store_slice(self, to: &mut [f32]);
+    /// self + other.
+    #[must_use]
+    fn add(self, other: Self) -> Self;
+    /// self - other.
+    #[must_use]
+    fn sub(self, other: Self) -> Self;
+    /// self other.
+    #[must_use]
+    fn mul(self, other: Self) -> Self;
+    /// self + a b, rounded once.
+    #[must_use]
+    fn add_product(self, a: Self, b: Self) -> Self;
+    /// `other` where it is larger, else self: where either is NaN, self.
+    #[must_use]
+    fn max(self, other: Self) -> Self;
+
+    /// `f` of every element; vectorised as far as the compiler can, so best without branches.
+    #[must_use]
+    #[inline(always)]
+    fn map(self, simd: S, f: impl Fn(f32) -> f32) -> Self {
+        let mut values = Self::ZEROS;
+        self.store(&mut values);
+        for value in values.as_mut() {
+            *value = f(*value);
+        }
+        Self::load(simd, &values)
+    }
+}

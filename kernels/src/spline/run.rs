@@ -1,0 +1,248 @@
+//! The rows of a spline block: sums per slot, weights, root, bias, ELU, batch norm, skip.
+
+use super::contract::{ContractRows, Packed, Partial, contract_from, total};
+use super::gather::{any_slots, eight_slots, eight_slots_of_one_channel};
+use super::{SplineConv, SplineRow, SplineScratch};
+use crate::elementary::elu;
+use crate::isa::{Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
+use crate::lanes::{LANES, Lanes, Wide};
+use crate::matrix::Matrix;
+
+/// Two vectors in two sums for each row of a group.
+const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
+
+pub(super) struct Run<'a> {
+    pub(super) conv: &'a SplineConv,
+    pub(super) features: &'a Matrix,
+    pub(super) rows: &'a [SplineRow<'a>],
+    pub(super) scratch: &'a mut SplineScratch,
+    pub(super) out: &'a mut [Lanes],
+}
+
+impl Task for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { conv, features, rows, scratch, out } = self;
+        let lanes = conv.bias.len();
+        assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
+        assert_eq!(out.len(), rows.len() * lanes, "the output must have the block's output channels");
+        if conv.is_flat() {
+            let groups = rows.chunks(SplineConv::GROUP);
+            for (rows, out) in groups.zip(out.chunks_mut(SplineConv::GROUP * lanes)) {
+                conv.group(simd, features, rows, scratch, out);
+            }
+        } else {
+            for (row, out) in rows.iter().zip(out.chunks_mut(lanes)) {
+                any_slots(simd, conv.kernel, row.neighbours, features, scratch);
+                conv.touched(simd, row, scratch, out);
+            }
+        }
+    }
+}
+
+impl SplineConv {
+    /// A few rows whose sums have no gap.
+    #[inline(always)]
+    fn group<S: Simd>(
+        &self,
+        simd: S,
+        features: &Matrix,
+        rows: &[SplineRow<'_>],
+        scratch: &mut SplineScratch,
+        out: &mut [Lanes],
+    ) {
+        let stride = if self.inputs == 1 { 1 } else { 8 * Lanes::count(self.inputs) };
+        let SplineScratch { basis, sums, totals: (wide, last), .. } = scratch;
+        sums.resize(sums.len().max(Self::GROUP * stride), Lanes::ZERO);
+        wide.resize(TOTALS, Wide::ZERO);
+        last.resize(TOTALS, Lanes::ZERO);
+        for (row, sums) in rows.iter().zip(sums.chunks_mut(stride)) {
+            if self.inputs == 1 {
+                eight_slots_of_one_channel(simd, row.neighbours, features, &mut sums[0]);
+            } else {
+                eight_slots(simd, row.neighbours, features, basis, sums);
+            }
+        }
+        let sums = Sums { values: flat(sums), stride: stride * LANES };
+        let mut lane = 0;
+        while S::WIDE && lane + 4 <= self.bias.len() {
+            let block =
+                Block { conv: self, rows, sums, lane, weights: [self.wide(lane), self.wide(lane + 2)] };
+            block.run::<S, S::V16>(simd, wide, out);
+            lane += 4;
+        }
+        while lane + 2 <= self.bias.len() {
+            let block = Block { conv: self, rows, sums, lane, weights: [self.wide(lane)] };
+            block.run::<S, S::V16>(simd, wide, out);
+            lane += 2;
+        }
+        if lane < self.bias.len() {
+            let block = Block { conv: self, rows, sums, lane, weights: [self.last()] };
+            block.run::<S, S::V8>(simd, last, out);
+        }
+    }
+
+    /// One row of which some slots are touched.
+    #[inline(always)]
+    fn touched<S: Simd>(&self, simd: S, row: &SplineRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
+        let mut lane = 0;
+        while lane + 2 <= self.bias.len() {
+            let sum = self.over_touched::<S, S::V16>(simd, scratch, self.wide(lane));
+            self.finish(simd, sum, self.wide(lane), row, lane, out);
+            lane += 2;
+        }
+        if lane < self.bias.len() {
+            let sum = self.over_touched::<S, S::V8>(simd, scratch, self.last());
+            self.finish(simd, sum, self.last(), row, lane, out);
+        }
+    }
+
+    #[inline(always)]
+    fn over_touched<S: Simd, V: Vector<S>>(
+        &self,
+        simd: S,
+        scratch: &SplineScratch,
+        weights: Weights<'_, V::Memory>,
+    ) -> V {
+        let stride = Lanes::count(self.inputs) * LANES;
+        let mut acc: Partial<V, 1> = [[V::splat(simd, 0.0)]; 4];
+        for &slot in &scratch.touched {
+            let (first, slot) = (slot as usize * self.inputs, slot as usize);
+            let values = &flat(&scratch.sums)[slot * stride..][..self.inputs];
+            contract_from(simd, &mut acc, values, &weights.sums[first..], first % 4);
+        }
+        total(&acc)[0]
+    }
+
+    /// What follows the sum `y` of the outputs from lane `lane`.
+    #[inline(always)]
+    fn finish<S: Simd, V: Vector<S>>(
+        &self,
+        simd: S,
+        sum: V,
+        weights: Weights<'_, V::Memory>,
+        row: &SplineRow<'_>,
+        lane: usize,
+        out: &mut [Lanes],
+    ) {
+        let at = lane * LANES;
+        let load = |lanes: &[Lanes]| V::load_slice(simd, &flat(lanes)[at..]);
+        let degree = row.neighbours.len();
+        let inverse = if degree == 0 { 0.0 } else { 1.0 / degree as f32 };
+        let mut y = sum.mul(V::splat(simd, inverse));
+        if let Some(root) = weights.root {
+            let mut acc: Partial<V, 1> = [[V::splat(simd, 0.0)]; 4];
+            accumulate_in_four(simd, &mut acc, &flat(row.own)[..self.inputs], [root]);
+            y = y.add(total(&acc)[0]);
+        }
+        y = y.add(load(&self.bias));
+        if self.elu {
+            y = y.map(simd, elu);
+        }
+        y = load(&self.shift).add_product(y, load(&self.scale));
+        if let Some(skip) = row.skip {
+            y = y.add(load(skip));
+        }
+        y.store_slice(&mut flat_mut(out)[at..]);
+    }
+
+    /// The weights of the sixteen outputs from lane `lane`, which is even.
+    #[inline(always)]
+    fn wide(&self, lane: usize) -> Weights<'_, Wide> {
+        Weights { sums: self.weight.wide(lane), root: self.root.as_ref().map(|root| root.wide(lane)) }
+    }
+
+    /// The weights of a last lane of outputs that stands alone.
+    #[inline(always)]
+    fn last(&self) -> Weights<'_, Lanes> {
+        Weights { sums: self.weight.last(), root: self.root.as_ref().map(Packed::last) }
+    }
+}
+
+/// One block of outputs' weights: on the sums, and on the row itself.
+#[derive(Clone, Copy)]
+struct Weights<'a, M> {
+    sums: &'a [M],
+    root: Option<&'a [M]>,
+}
+
+/// S(s, c) of some rows, one after the other.
+#[derive(Clone, Copy)]
+struct Sums<'a> {
+    values: &'a [f32],
+    stride: usize,
+}
+
+/// B neighbouring vectors of outputs of some rows.
+struct Block<'a, M, const B: usize> {
+    conv: &'a SplineConv,
+    rows: &'a [SplineRow<'a>],
+    sums: Sums<'a>,
+    lane: usize,
+    weights: [Weights<'a, M>; B],
+}
+
+impl<M: Copy, const B: usize> Block<'_, M, B>
+where
+    for<'a> ContractRows<'a, M, 4, B>: Task<Output = ()>,
+    for<'a> ContractRows<'a, M, 8, B>: Task<Output = ()>,
+{
+    /// Every row, in tiles as large as there are registers for; a tile may reach beyond the last row.
+    #[inline(always)]
+    fn run<S: Simd, V: Vector<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
+        let mut row = 0;
+        if S::WIDE && self.rows.len() > 4 {
+            self.tile::<S, V, 8>(simd, row, totals, out);
+            return;
+        }
+        while row + 1 < self.rows.len() {
+            self.tile::<S, V, 4>(simd, row, totals, out);
+            row += 4;
+        }
+        if row < self.rows.len() {
+            let mut acc: Partial<V, B> = [[V::splat(simd, 0.0); B]; 4];
+            let values = &self.sums.values[row * self.sums.stride..][..self.sums.stride];
+            accumulate_in_four(simd, &mut acc, values, self.weights.map(|w| w.sums));
+            for (b, sum) in total(&acc).into_iter().enumerate() {
+                self.finish(simd, sum, row, b, out);
+            }
+        }
+    }
+
+    /// Those of rows `row..row + R` that exist.
+    #[inline(always)]
+    fn tile<S: Simd, V: Vector<S, Memory = M>, const R: usize>(
+        &self,
+        simd: S,
+        row: usize,
+        totals: &mut [M],
+        out: &mut [Lanes],
+    ) where
+        for<'a> ContractRows<'a, M, R, B>: Task<Output = ()>,
+    {
+        let Sums { values, stride } = self.sums;
+        let weights = self.weights.map(|w| w.sums);
+        simd.apart(ContractRows::<M, R, B> { values: &values[row * stride..], stride, weights, totals });
+        for (r, sums) in totals.chunks_exact(B).take(R.min(self.rows.len() - row)).enumerate() {
+            for (b, sum) in sums.iter().enumerate() {
+                self.finish(simd, V::load(simd, sum), row + r, b, out);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish<S: Simd, V: Vector<S, Memory = M>>(
+        &self,
+        simd: S,
+        sum: V,
+        row: usize,
+        b: usize,
+        out: &mut [Lanes],
+    ) {
+        let lanes = self.conv.bias.len();
+        let lane = self.lane + b * V::LANES / LANES;
+        self.conv.finish(simd, sum, self.weights[b], &self.rows[row], lane, &mut out[row * lanes..][..lanes]);
+    }
+}
