@@ -94,7 +94,46 @@ impl Grid {
         metric: &Metric,
         query: Node,
         times: Times,
+        bound: f64,
+        visit: impl FnMut(f64, u32) -> f64,
+    ) {
+        let later = |_, cell: &VecDeque<Entry>| match cell.back() {
+            Some(newest) if newest.t > query.t => cell.partition_point(|e| e.t <= query.t),
+            _ => cell.len(),
+        };
+        self.search_from(metric, query, times, bound, later, visit);
+    }
+
+    /// The same for queries that never go back in time, on a grid that stays as it is: `cursors`, one for each cell and
+    /// zero at first, remember where in its cell the query's time is.
+    pub(crate) fn search_onwards(
+        &self,
+        metric: &Metric,
+        query: Node,
+        cursors: &mut [u32],
+        bound: f64,
+        visit: impl FnMut(f64, u32) -> f64,
+    ) {
+        let later = |index: usize, cell: &VecDeque<Entry>| {
+            let cursor = &mut cursors[index];
+            while cell.get(*cursor as usize).is_some_and(|e| e.t <= query.t) {
+                *cursor += 1;
+            }
+            *cursor as usize
+        };
+        self.search_from(metric, query, Times::All, bound, later, visit);
+    }
+
+    /// [`Self::search`], where `later` tells for the index of a cell, and the cell, how many of its nodes are not later
+    /// than the query.
+    #[inline(always)]
+    fn search_from(
+        &self,
+        metric: &Metric,
+        query: Node,
+        times: Times,
         mut bound: f64,
+        mut later: impl FnMut(usize, &VecDeque<Entry>) -> usize,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
         let (column, row) = (usize::from(query.x) >> SIDE_LOG2, usize::from(query.y) >> SIDE_LOG2);
@@ -110,11 +149,15 @@ impl Grid {
                 let mut c = column as isize - ring as isize;
                 while c <= (column + ring) as isize {
                     if c >= 0 && (c as usize) < self.columns {
-                        let cell = &self.cells[r * self.columns + c as usize];
+                        let index = r * self.columns + c as usize;
+                        let cell = &self.cells[index];
                         left -= cell.len();
                         if !cell.is_empty() {
                             let plane = Self::plane2(metric, query.x, query.y, c as usize, r);
-                            bound = scan(metric, query, times, cell, plane, bound, &mut visit);
+                            if plane <= bound {
+                                let later = later(index, cell);
+                                bound = scan(metric, query, times, (cell, later), plane, bound, &mut visit);
+                            }
                         }
                     }
                     c += step as isize;
@@ -187,22 +230,18 @@ fn entry_distance2(metric: &Metric, query: Node, entry: &Entry) -> f64 {
     plane + metric.t2(query.t - entry.t)
 }
 
-/// Visits a cell from the query's time outwards; the bound that holds afterwards.
+/// Visits a cell, of which so many nodes are not later than the query, from the query's time outwards; the bound that
+/// holds afterwards.
 #[inline]
 fn scan(
     metric: &Metric,
     query: Node,
     times: Times,
-    cell: &VecDeque<Entry>,
+    (cell, later): (&VecDeque<Entry>, usize),
     plane: f64,
     mut bound: f64,
     visit: &mut impl FnMut(f64, u32) -> f64,
 ) -> f64 {
-    if plane > bound {
-        return bound;
-    }
-    let newest = cell.back().map_or(i64::MIN, |e| e.t);
-    let later = if newest <= query.t { cell.len() } else { cell.partition_point(|e| e.t <= query.t) };
     let mut check = |entry: &Entry, bound: &mut f64| {
         let t2 = metric.t2(query.t - entry.t);
         if plane + t2 > *bound {

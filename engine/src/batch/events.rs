@@ -99,6 +99,9 @@ fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Vec<Vec<usi
     (0..events.len()).map(neighbours).collect()
 }
 
+/// What a guess of a squared distance allows for.
+const GENEROUS: f64 = 2.0;
+
 /// The same, by the engine's search grid.
 fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
     let parts = batch.network.parts();
@@ -113,6 +116,8 @@ fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
         Times::Past
     };
     let (most, limit) = (rule.reach.most(), rule.reach.limit());
+    let mut cursors = vec![0; grid.cells()];
+    let mut guesses = vec![f64::INFINITY; grid.cells()];
     let mut oldest = 0;
     let mut found = Vec::with_capacity(most + 1);
     let mut lists = Vec::with_capacity(nodes.len());
@@ -122,13 +127,26 @@ fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
             (oldest..first).for_each(|gone| grid.pop(gone as u32, nodes[gone]));
             oldest = first;
         }
-        found.clear();
-        grid.search(&metric, node, times, limit, |d2, j| {
-            if j as usize != i {
-                take(&mut found, most, Candidate { d2, arrival: j, slot: j });
+        // Neighbourhoods of a place are of a size: what the last one there needed, and some more, nearly always holds
+        // enough candidates. Where it does not, the search is run again without it.
+        let guess = &mut guesses[grid.cell(node.x, node.y)];
+        for limit in [limit.min(*guess), limit] {
+            found.clear();
+            let visit = |d2, j: u32| {
+                if j as usize != i {
+                    take(&mut found, most, Candidate { d2, arrival: j, slot: j });
+                }
+                if found.len() == most { found[most - 1].d2 } else { limit }
+            };
+            match times {
+                Times::All => grid.search_onwards(&metric, node, &mut cursors, limit, visit),
+                Times::Past => grid.search(&metric, node, times, limit, visit),
             }
-            if found.len() == most { found[most - 1].d2 } else { limit }
-        });
+            if found.len() == most {
+                *guess = GENEROUS * found[most - 1].d2;
+                break;
+            }
+        }
         lists.push(found.iter().map(|c| c.slot as usize).collect());
         if times == Times::Past {
             grid.push(i as u32, node);
