@@ -5,6 +5,10 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use meissner_engine::representations::{
+    Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
+    SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
+};
 use meissner_engine::{Engine, Event, Sensor};
 use meissner_models::{Description, Weights};
 use meissner_tests::random::Random;
@@ -90,6 +94,51 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         println!("{name}: {warm_up} allocations in the first pass, {second} in the second");
         assert_eq!(second, 0, "{name}");
     }
+}
+
+#[test]
+fn a_second_pass_through_every_representation_allocates_nothing() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, events) = synthetic();
+    let options = Consecutive::new(Crop::whole(sensor));
+    let sum = SignedRule::Sum;
+    let mut counts = EventCounts::new(sensor, options, 255.0).expect("admissible");
+    let mut signed = SignedWindows::new(sensor, options, sum).expect("admissible");
+    let capacity = SlidingSigned::DEFAULT_CAPACITY;
+    let mut sliding = SlidingSigned::new(sensor, options.crop, sum, 150_000, capacity).expect("admissible");
+    let decay = Decay::Exponential { tau_us: 30_000.0 };
+    let mut surface = TimeSurface::new(sensor, options.crop, decay).expect("admissible");
+    let mut voxels = VoxelGrid::new(sensor, options.crop, 5, VoxelTime::Bins, 0..=1).expect("admissible");
+    let mut tactile =
+        TactileWindow::new(5, Sampling::Sliding, Scaling::PerImage, TactileForm::Image).expect("admissible");
+    let span = events[events.len() - 1].t_us - events[0].t_us;
+    let mut pass = |shift: i64| {
+        let before = COUNT.load(Ordering::Relaxed);
+        let (mut frames, mut images) = (0, 0);
+        for (i, &event) in events.iter().enumerate() {
+            let event = Event { t_us: event.t_us + shift, ..event };
+            counts.push(event, |completed| frames += completed.count());
+            signed.push(event, |completed| frames += completed.count());
+            sliding.push(event);
+            surface.push(event);
+            if i % 1_000 == 0 {
+                voxels.restart(event.t_us..=event.t_us + 50_000).expect("admissible");
+            }
+            voxels.push(event);
+            if i % 100 == 0 {
+                assert!(!sliding.frame().is_empty());
+                assert!(!surface.surface().active.is_empty());
+                assert!(voxels.frame().events > 0);
+                images += usize::from(tactile.push(&[i as f32; ELECTRODES]).expect("finite").is_some());
+            }
+        }
+        assert!(frames > 100 && images > 100);
+        COUNT.load(Ordering::Relaxed) - before
+    };
+    let warm_up = pass(0);
+    let second = pass(span + 10 * 150_000);
+    println!("{warm_up} allocations in the first pass, {second} in the second");
+    assert_eq!(second, 0);
 }
 
 #[test]

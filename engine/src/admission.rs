@@ -98,6 +98,11 @@ impl Admission {
         Ok(Node::new(event, t))
     }
 
+    /// Makes `t_us` the epoch, where no event is to set it: what is earlier is late.
+    pub(crate) fn begin(&mut self, t_us: i64) {
+        self.clock = Some((t_us, 0));
+    }
+
     /// Moves `now` on to `t_us`. Earlier times, and any time before the first event, change nothing.
     pub fn advance(&mut self, t_us: i64) {
         if let Some((epoch, now)) = &mut self.clock {

@@ -1,4 +1,4 @@
-//! State and its order: events -> window -> graph -> dirty rows -> layers -> readout.
+//! State and its order: events -> window -> graph -> dirty rows -> layers -> readout; frames beside it.
 #![forbid(unsafe_code)]
 
 mod activations;
@@ -19,6 +19,7 @@ mod network;
 mod pooled;
 mod readers;
 mod readout;
+pub mod representations;
 mod rows;
 mod stages;
 mod step;

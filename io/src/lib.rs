@@ -14,7 +14,10 @@
 //! | Prophesee DAT, version 2 | yes | yes | header, where it says so | `dat` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
 //! | CSV, also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
-//! | NumPy structured `.npy` | yes | yes | none | `npy` |
+//! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
+//!
+//! Beside them: images for frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]) and readings of
+//! electrodes from CSV ([`Electrodes`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -39,10 +42,12 @@ mod codec;
 mod csv;
 mod dat;
 mod detect;
+mod electrodes;
 mod error;
 mod evt2;
 mod evt3;
 mod format;
+mod images;
 pub mod limits;
 mod names;
 mod nmnist;
@@ -53,6 +58,10 @@ mod recording;
 pub use codec::{decode, decode_as, encode, read, read_as, write};
 pub use csv::CsvEvents;
 pub use detect::detect;
+pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
 pub use format::Format;
+pub use images::{
+    Image, ImageError, ImageFormat, ImageSequence, decode_image, encode_png, read_image, write_png,
+};
 pub use recording::{Recording, StreamKind, StreamSummary};

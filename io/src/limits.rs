@@ -25,3 +25,12 @@ pub const NPY_HEADER_BYTES: u64 = 1 << 16;
 
 /// Longest line of CSV, in bytes.
 pub const LINE_BYTES: u64 = 4096;
+
+/// Longest file of an image, and longest list of images, in bytes: 64 MiB.
+pub const IMAGE_BYTES: u64 = 64 << 20;
+
+/// Pixels of an image, at most: 16 Mi, such as 4096 x 4096.
+///
+/// A decoder holds up to 8 bytes of samples and 3 of the image for each, a progressive JPEG some 16: a hostile file
+/// takes about 256 MiB beside its own bytes.
+pub const IMAGE_PIXELS: u64 = 16 << 20;

@@ -5,6 +5,7 @@
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
+//! - [`systems`]: what stands around a network: normalisation, reports, overlays
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
@@ -22,6 +23,7 @@ mod draw;
 mod error;
 pub mod inspect;
 mod shipped;
+pub mod systems;
 mod weights;
 
 pub use description::{Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind};

@@ -2,6 +2,7 @@
 //! the project.
 
 pub mod compare;
+pub mod frames;
 pub mod networks;
 pub mod random;
 pub mod shared;

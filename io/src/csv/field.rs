@@ -13,14 +13,14 @@ impl Refusal {
 }
 
 /// The field as an error shows it: quoted, and not longer than a person wants to read.
-pub(super) fn shown(field: &[u8]) -> String {
+pub(crate) fn shown(field: &[u8]) -> String {
     const MOST: usize = 40;
     let dots = if field.len() > MOST { ".." } else { "" };
     format!("`{}{dots}`", field[..field.len().min(MOST)].escape_ascii())
 }
 
 /// Without the spaces and the quotes around it.
-pub(super) fn bare(field: &[u8]) -> &[u8] {
+pub(crate) fn bare(field: &[u8]) -> &[u8] {
     let field = field.trim_ascii();
     match field {
         [b'"', inner @ .., b'"'] => inner.trim_ascii(),

@@ -11,7 +11,7 @@ use crate::limits::LINE_BYTES;
 /// Invariant: a line is returned as soon as its line feed is in the reader's buffer; no more is asked of the
 /// reader.
 #[derive(Debug)]
-pub(super) struct Lines<R> {
+pub(crate) struct Lines<R> {
     input: R,
     line: Vec<u8>,
     /// Number of the line in `line`, from 1.
@@ -19,12 +19,12 @@ pub(super) struct Lines<R> {
 }
 
 impl<R: BufRead> Lines<R> {
-    pub(super) fn new(input: R) -> Self {
+    pub(crate) fn new(input: R) -> Self {
         Self { input, line: Vec::new(), number: 0 }
     }
 
     /// The next line and its number, without spaces around it; `None` at the end of the input.
-    pub(super) fn next(&mut self) -> Result<Option<(&[u8], u64)>, IoError> {
+    pub(crate) fn next(&mut self) -> Result<Option<(&[u8], u64)>, IoError> {
         self.line.clear();
         self.number += 1;
         let place = Place::Line(self.number);

@@ -21,6 +21,8 @@ mod line;
 mod read;
 mod write;
 
+pub(crate) use field::{bare, shown};
+pub(crate) use line::Lines;
 pub use read::CsvEvents;
 pub(crate) use read::decode;
 pub(crate) use write::encode;

@@ -6,6 +6,7 @@ mod aedat4;
 mod csv;
 mod dat;
 mod detect;
+mod electrodes;
 mod encoders;
 mod evt2;
 mod evt3;

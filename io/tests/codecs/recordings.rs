@@ -8,7 +8,7 @@ use meissner_io::{Format, Recording, StreamKind, read, write};
 
 /// `data/NAME` of the shared folder; where there is none, says so and gives `None`, or fails where it must be
 /// there.
-fn shared(name: &str) -> Option<PathBuf> {
+pub(crate) fn shared(name: &str) -> Option<PathBuf> {
     let folder = env::var_os("MEISSNER_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
     let path = folder.join("data").join(name);

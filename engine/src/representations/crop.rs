@@ -1,0 +1,107 @@
+//! The part of a sensor that a frame shows.
+
+use std::fmt;
+
+use crate::Sensor;
+use crate::representations::RepresentationError;
+
+/// Values of the largest frame: 256 MiB of them.
+const LIMIT: u64 = 1 << 26;
+
+/// A rectangle of pixels; pixel (x, y) of the sensor is pixel (x - `Crop::x`, y - `Crop::y`) of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Crop {
+    /// First column.
+    pub x: u16,
+    /// First row.
+    pub y: u16,
+    /// Columns.
+    pub width: u16,
+    /// Rows.
+    pub height: u16,
+}
+
+impl Crop {
+    /// `width` columns from `x` on, `height` rows from `y` on.
+    pub fn new(x: u16, y: u16, width: u16, height: u16) -> Self {
+        Self { x, y, width, height }
+    }
+
+    /// All pixels of `sensor`.
+    pub fn whole(sensor: Sensor) -> Self {
+        Self::new(0, 0, sensor.width, sensor.height)
+    }
+
+    /// Number of pixels.
+    pub fn pixels(self) -> usize {
+        usize::from(self.width) * usize::from(self.height)
+    }
+
+    /// Index of the sensor's pixel (`x`, `y`) in the frame, row-major; `None` outside.
+    #[inline]
+    pub fn index(self, x: u16, y: u16) -> Option<u32> {
+        let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
+        let inside = column < self.width && row < self.height;
+        inside.then(|| u32::from(row) * u32::from(self.width) + u32::from(column))
+    }
+
+    /// The shape (`channels`, height, width).
+    pub(super) fn shape(self, channels: usize) -> [usize; 3] {
+        [channels, usize::from(self.height), usize::from(self.width)]
+    }
+
+    /// Whether a frame of `channels` channels can show this part of `sensor`.
+    pub(super) fn check(self, sensor: Sensor, channels: usize) -> Result<(), RepresentationError> {
+        let inside = |from: u16, count: u16, extent: u16| {
+            count > 0 && u32::from(from) + u32::from(count) <= u32::from(extent)
+        };
+        if !inside(self.x, self.width, sensor.width) || !inside(self.y, self.height, sensor.height) {
+            return Err(RepresentationError::Crop { crop: self, sensor });
+        }
+        let values = (self.pixels() as u64).saturating_mul(channels as u64);
+        if values > LIMIT {
+            return Err(RepresentationError::Size { channels, crop: self, values, limit: LIMIT });
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Crop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{} from ({}, {})", self.width, self.height, self.x, self.y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_count_from_the_crops_corner_row_by_row() {
+        let crop = Crop::new(10, 20, 3, 2);
+        assert_eq!(crop.index(10, 20), Some(0));
+        assert_eq!(crop.index(12, 21), Some(5));
+        assert_eq!(
+            [crop.index(9, 20), crop.index(13, 20), crop.index(10, 22), crop.index(10, 19)],
+            [None; 4]
+        );
+    }
+
+    #[test]
+    fn a_crop_without_pixels_or_beyond_the_sensor_is_refused() {
+        let sensor = Sensor::new(8, 6);
+        assert_eq!(Crop::whole(sensor).check(sensor, 2), Ok(()));
+        for crop in
+            [Crop::new(0, 0, 0, 6), Crop::new(0, 0, 8, 0), Crop::new(1, 0, 8, 6), Crop::new(0, 5, 1, 2)]
+        {
+            assert_eq!(crop.check(sensor, 2), Err(RepresentationError::Crop { crop, sensor }));
+        }
+    }
+
+    #[test]
+    fn a_frame_of_more_values_than_memory_is_for_is_refused() {
+        let sensor = Sensor::new(u16::MAX, u16::MAX);
+        let error = Crop::whole(sensor).check(sensor, 2).expect_err("8 GiB of counts");
+        assert!(matches!(error, RepresentationError::Size { values: 8_589_672_450, .. }), "{error}");
+    }
+}

@@ -1,0 +1,272 @@
+//! A signed frame over the last `span_us`, readable at any time.
+//!
+//! Enters: events, and time. Leaves: the frame over the events with `now - span <= t <= now`, on demand.
+//! Invariant: a pixel's integer is the sum (or the latest polarity) of its events in `window`, `held` their number;
+//! `values` is behind in pixels of `stale` alone.
+
+use std::collections::VecDeque;
+
+use crate::admission::Admission;
+use crate::representations::{Crop, EventFrame, RepresentationError, SignedRule};
+use crate::rows::RowSet;
+use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
+
+/// An event of the window.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    /// Microseconds since the epoch.
+    t: i64,
+    pixel: u32,
+    on: bool,
+}
+
+/// A signed frame whose events leave again.
+///
+/// A push costs O(1) amortised: each event enters and leaves once. A frame costs O(pixels whose events changed).
+#[derive(Clone, Debug)]
+pub struct SlidingSigned {
+    admission: Admission,
+    crop: Crop,
+    rule: SignedRule,
+    span_us: i64,
+    capacity: usize,
+    window: VecDeque<Member>,
+    integers: Vec<i32>,
+    held: Vec<u32>,
+    values: Vec<f32>,
+    touched: RowSet,
+    stale: RowSet,
+    changed: Vec<u32>,
+    events: [u64; 2],
+    outside_crop: u64,
+}
+
+impl SlidingSigned {
+    /// A capacity for streams of any sensor: 6 MiB of events.
+    pub const DEFAULT_CAPACITY: usize = 1 << 18;
+
+    /// An empty window of `span_us`. It holds at most `capacity` events: of more, the oldest leave first and count as
+    /// evicted.
+    ///
+    /// # Errors
+    /// A crop outside `sensor`, a span or a capacity below 1, a capacity above 2^31 - 1.
+    pub fn new(
+        sensor: Sensor,
+        crop: Crop,
+        rule: SignedRule,
+        span_us: i64,
+        capacity: usize,
+    ) -> Result<Self, RepresentationError> {
+        crop.check(sensor, 1)?;
+        if span_us < 1 {
+            return Err(RepresentationError::option("span", "at least 1 us", span_us));
+        }
+        if capacity < 1 || capacity > i32::MAX as usize {
+            return Err(RepresentationError::option("capacity", "1 to 2^31 - 1 events", capacity));
+        }
+        let pixels = crop.pixels();
+        Ok(Self {
+            admission: Admission::new(sensor, LatePolicy::Drop),
+            crop,
+            rule,
+            span_us,
+            capacity,
+            window: VecDeque::new(),
+            integers: vec![0; pixels],
+            held: vec![0; pixels],
+            values: vec![0.0; pixels],
+            touched: RowSet::new(pixels),
+            stale: RowSet::new(pixels),
+            changed: Vec::with_capacity(pixels),
+            events: [0; 2],
+            outside_crop: 0,
+        })
+    }
+
+    /// The shape of every frame: (1, height, width).
+    pub fn shape(&self) -> [usize; 3] {
+        self.crop.shape(1)
+    }
+
+    /// Takes `event` in and lets go of what its time makes too old.
+    ///
+    /// An event outside the crop is accepted: it moves time on, and counts as [`Self::outside_crop`].
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let t = match self.admission.admit_node(event) {
+            Ok(node) => node.t,
+            Err(reason) => return Outcome::Dropped(reason),
+        };
+        self.expire();
+        let Some(pixel) = self.crop.index(event.x, event.y) else {
+            self.outside_crop += 1;
+            return Outcome::Accepted;
+        };
+        if self.window.len() == self.capacity {
+            self.leave();
+            self.admission.counters_mut().evicted += 1;
+        }
+        self.enter(Member { t, pixel, on: event.on });
+        Outcome::Accepted
+    }
+
+    /// Moves time on to `t_us` and lets go of what is too old. Earlier times, and any time before the first event,
+    /// change nothing.
+    pub fn advance(&mut self, t_us: i64) {
+        self.admission.advance(t_us);
+        self.expire();
+    }
+
+    /// The frame as it is now. `changed` are the pixels of which the value differs from the frame read before;
+    /// `start_us` is `now - span`, or 0 where there is no time yet.
+    pub fn frame(&mut self) -> EventFrame<'_> {
+        self.changed.clear();
+        for &pixel in self.stale.as_slice() {
+            let value = self.integers[pixel as usize] as f32;
+            if self.values[pixel as usize] != value {
+                self.values[pixel as usize] = value;
+                self.changed.push(pixel);
+            }
+        }
+        self.stale.clear();
+        EventFrame {
+            shape: self.shape(),
+            values: &self.values,
+            start_us: self.admission.now_us().map_or(0, |now| now.saturating_sub(self.span_us)),
+            events: self.events,
+            touched: self.touched.as_slice(),
+            changed: &self.changed,
+        }
+    }
+
+    /// Forgets time and all events. The next frame still tells what changed since the frame read before. Counters go on.
+    pub fn reset(&mut self) {
+        while !self.window.is_empty() {
+            self.leave();
+        }
+        self.admission.reset();
+    }
+
+    /// What became of the events so far.
+    pub fn counters(&self) -> &EventCounters {
+        self.admission.counters()
+    }
+
+    /// Accepted events outside the crop.
+    pub fn outside_crop(&self) -> u64 {
+        self.outside_crop
+    }
+
+    fn expire(&mut self) {
+        // Ages are differences of times since the epoch, all of them at least 0: they cannot overflow.
+        let now = self.admission.now();
+        while self.window.front().is_some_and(|oldest| now - oldest.t > self.span_us) {
+            self.leave();
+            self.admission.counters_mut().expired += 1;
+        }
+    }
+
+    fn enter(&mut self, member: Member) {
+        let (pixel, sign) = (member.pixel as usize, sign(member.on));
+        match self.rule {
+            SignedRule::Sum => self.integers[pixel] += sign,
+            SignedRule::Latest => self.integers[pixel] = sign,
+        }
+        self.held[pixel] += 1;
+        self.touched.insert(member.pixel);
+        self.stale.insert(member.pixel);
+        self.events[usize::from(member.on)] += 1;
+        self.window.push_back(member);
+    }
+
+    /// The oldest event leaves.
+    fn leave(&mut self) {
+        let Some(member) = self.window.pop_front() else { return };
+        let pixel = member.pixel as usize;
+        self.held[pixel] -= 1;
+        match self.rule {
+            SignedRule::Sum => self.integers[pixel] -= sign(member.on),
+            // Events leave in the order of arrival: the latest of a pixel is the last to go.
+            SignedRule::Latest if self.held[pixel] == 0 => self.integers[pixel] = 0,
+            SignedRule::Latest => {}
+        }
+        if self.held[pixel] == 0 {
+            self.touched.remove(member.pixel);
+        }
+        self.stale.insert(member.pixel);
+        self.events[usize::from(member.on)] -= 1;
+    }
+}
+
+fn sign(on: bool) -> i32 {
+    if on { 1 } else { -1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(rule: SignedRule, capacity: usize) -> SlidingSigned {
+        let sensor = Sensor::new(2, 1);
+        SlidingSigned::new(sensor, Crop::whole(sensor), rule, 10, capacity).expect("admissible")
+    }
+
+    fn push(window: &mut SlidingSigned, events: &[(i64, u16, bool)]) {
+        for &(t, x, on) in events {
+            assert_eq!(window.push(Event::new(t, x, 0, on)), Outcome::Accepted);
+        }
+    }
+
+    #[test]
+    fn an_event_leaves_after_its_span_and_not_at_it() {
+        let mut window = window(SignedRule::Sum, 9);
+        push(&mut window, &[(100, 0, true), (103, 0, true), (104, 1, false)]);
+        assert_eq!(window.frame().values, [2.0, -1.0]);
+        window.advance(110);
+        let frame = window.frame();
+        assert_eq!((frame.values, frame.start_us, frame.changed), (&[2.0, -1.0][..], 100, &[][..]));
+        window.advance(111);
+        let frame = window.frame();
+        assert_eq!((frame.values, frame.changed, frame.events), (&[1.0, -1.0][..], &[0][..], [1, 1]));
+        window.advance(1 << 60);
+        assert!(window.frame().is_empty() && window.frame().touched.is_empty());
+        assert_eq!(window.counters().expired, 3);
+    }
+
+    #[test]
+    fn the_latest_polarity_stands_until_that_event_leaves() {
+        let mut window = window(SignedRule::Latest, 9);
+        push(&mut window, &[(0, 0, true), (5, 0, false)]);
+        window.advance(11);
+        assert_eq!(window.frame().values, [-1.0, 0.0]);
+        window.advance(16);
+        let frame = window.frame();
+        assert_eq!((frame.values, frame.changed), (&[0.0, 0.0][..], &[0][..]));
+    }
+
+    #[test]
+    fn what_comes_and_goes_between_two_frames_changes_nothing() {
+        let mut window = window(SignedRule::Sum, 9);
+        push(&mut window, &[(0, 0, true), (1, 0, false), (2, 1, true)]);
+        window.advance(50);
+        assert!(window.frame().changed.is_empty());
+    }
+
+    #[test]
+    fn a_full_window_lets_its_oldest_event_go() {
+        let mut window = window(SignedRule::Sum, 2);
+        push(&mut window, &[(0, 0, true), (0, 1, true), (0, 1, true)]);
+        assert_eq!(window.frame().values, [0.0, 2.0]);
+        assert_eq!(window.counters().evicted, 1);
+    }
+
+    #[test]
+    fn a_reset_empties_the_frame_and_says_so() {
+        let mut window = window(SignedRule::Sum, 9);
+        push(&mut window, &[(1_000, 0, true)]);
+        assert_eq!(window.frame().changed, [0]);
+        window.reset();
+        assert_eq!(window.frame().changed, [0]);
+        push(&mut window, &[(-1_000, 1, true)]);
+        assert_eq!(window.frame().values, [0.0, 1.0]);
+    }
+}

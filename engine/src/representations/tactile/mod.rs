@@ -1,0 +1,15 @@
+//! Tactile images and sequences: the input of the direction-of-slip networks.
+//!
+//! Enters: one reading of 24 electrodes after the other. Leaves: sequences of readings or of images of 12 x 11, scaled.
+//! The order is fixed: check, (scale the reading,) lay it out, (scale the image,) collect.
+
+mod layout;
+mod scaling;
+mod window;
+
+pub use layout::{
+    ELECTRODE_COLUMNS, ELECTRODE_ROWS, ELECTRODES, TACTILE_CELLS, TACTILE_COLUMNS, TACTILE_ROWS,
+    TactileLayout,
+};
+pub use scaling::Scaling;
+pub use window::{Sampling, TactileForm, TactileSequence, TactileWindow};

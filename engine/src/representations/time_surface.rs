@@ -1,0 +1,224 @@
+//! Time surfaces: how long ago each pixel last saw an event of each polarity (Lagorce et al. 2017, HOTS, Eq. 3).
+//!
+//! Enters: events, and time. Leaves, on demand: a frame of shape (2, height, width), channel 0 negative (OFF), channel
+//! 1 positive (ON), with value(p, y, x) = decay(now - latest(p, y, x)), and 0 where there never was an event.
+//! Ages are integers and rounded to f32 once. Tonic's `ToTimesurface` reads such a surface every `dt`: push the events
+//! before that time, `advance` to it, read.
+//! Invariant: a value that `active` does not name is 0, and stays 0 until its next event, as ages only grow.
+
+use meissner_kernels::exp;
+
+use crate::admission::Admission;
+use crate::representations::{Crop, RepresentationError};
+use crate::rows::RowSet;
+use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
+
+/// How a value decays with the age of its event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Decay {
+    /// exp(-age / tau).
+    Exponential {
+        /// The time constant in microseconds.
+        tau_us: f32,
+    },
+    /// max(0, 1 - age / span).
+    Linear {
+        /// The age in microseconds from which on the value is 0.
+        span_us: f32,
+    },
+}
+
+impl Decay {
+    /// The value of an event `age_us` microseconds after it, from 1 down to 0. The quotient is formed in f32.
+    #[inline]
+    pub fn value(self, age_us: i64) -> f32 {
+        match self {
+            Self::Exponential { tau_us } => exp(-(age_us as f32 / tau_us)),
+            Self::Linear { span_us } => (1.0 - age_us as f32 / span_us).max(0.0),
+        }
+    }
+}
+
+/// A time surface at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface<'a> {
+    /// Channels, rows, columns.
+    pub shape: [usize; 3],
+    /// Values from 0 to 1, row-major.
+    pub values: &'a [f32],
+    /// Indices of the values that are not 0, in no particular order.
+    pub active: &'a [u32],
+    /// The moment, on the events' own clock, in microseconds; `None` where there is no time yet.
+    pub at_us: Option<i64>,
+}
+
+/// The times of the latest event by pixel and polarity.
+///
+/// A push costs O(1), a surface O(values that were not 0 in the one before or have new events); nothing is allocated
+/// after construction. An exponential is 0 after 104 time constants, as f32 has it.
+#[derive(Clone, Debug)]
+pub struct TimeSurface {
+    admission: Admission,
+    crop: Crop,
+    decay: Decay,
+    /// Microseconds since the epoch, where active.
+    last: Vec<i64>,
+    values: Vec<f32>,
+    active: RowSet,
+    outside_crop: u64,
+}
+
+impl TimeSurface {
+    /// A surface that has not seen an event.
+    ///
+    /// # Errors
+    /// A crop outside `sensor`, a time constant or span that is not finite and above 0.
+    pub fn new(sensor: Sensor, crop: Crop, decay: Decay) -> Result<Self, RepresentationError> {
+        crop.check(sensor, 2)?;
+        let (Decay::Exponential { tau_us: scale } | Decay::Linear { span_us: scale }) = decay;
+        if !scale.is_finite() || scale <= 0.0 {
+            return Err(RepresentationError::option("decay", "a finite number of us above 0", scale));
+        }
+        let values = 2 * crop.pixels();
+        Ok(Self {
+            admission: Admission::new(sensor, LatePolicy::Drop),
+            crop,
+            decay,
+            last: vec![0; values],
+            values: vec![0.0; values],
+            active: RowSet::new(values),
+            outside_crop: 0,
+        })
+    }
+
+    /// The shape of every surface: (2, height, width).
+    pub fn shape(&self) -> [usize; 3] {
+        self.crop.shape(2)
+    }
+
+    /// Notes the time of `event`.
+    ///
+    /// An event outside the crop is accepted: it moves time on, and counts as [`Self::outside_crop`].
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let t = match self.admission.admit_node(event) {
+            Ok(node) => node.t,
+            Err(reason) => return Outcome::Dropped(reason),
+        };
+        if let Some(pixel) = self.crop.index(event.x, event.y) {
+            let value = u32::from(event.on) * self.crop.pixels() as u32 + pixel;
+            self.last[value as usize] = t;
+            self.active.insert(value);
+        } else {
+            self.outside_crop += 1;
+        }
+        Outcome::Accepted
+    }
+
+    /// Moves time on to `t_us`. Earlier times, and any time before the first event, change nothing.
+    pub fn advance(&mut self, t_us: i64) {
+        self.admission.advance(t_us);
+    }
+
+    /// The surface now: at the newest event, or where `advance` went after it.
+    pub fn surface(&mut self) -> Surface<'_> {
+        let now = self.admission.now();
+        // Backwards: the row that takes a removed one's place has been visited.
+        for at in (0..self.active.len()).rev() {
+            let index = self.active.as_slice()[at];
+            let value = self.decay.value(now - self.last[index as usize]);
+            self.values[index as usize] = value;
+            if value == 0.0 {
+                self.active.remove(index);
+            }
+        }
+        Surface {
+            shape: self.shape(),
+            values: &self.values,
+            active: self.active.as_slice(),
+            at_us: self.admission.now_us(),
+        }
+    }
+
+    /// Forgets time and all events. Counters go on.
+    pub fn reset(&mut self) {
+        for &index in self.active.as_slice() {
+            self.values[index as usize] = 0.0;
+        }
+        self.active.clear();
+        self.admission.reset();
+    }
+
+    /// What became of the events so far.
+    pub fn counters(&self) -> &EventCounters {
+        self.admission.counters()
+    }
+
+    /// Accepted events outside the crop.
+    pub fn outside_crop(&self) -> u64 {
+        self.outside_crop
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn surface(decay: Decay) -> TimeSurface {
+        let sensor = Sensor::new(2, 1);
+        let mut surface = TimeSurface::new(sensor, Crop::whole(sensor), decay).expect("admissible");
+        for (t, x, on) in [(-1_000, 0, false), (-600, 0, true), (0, 0, true)] {
+            surface.push(Event::new(t, x, 0, on));
+        }
+        surface
+    }
+
+    #[test]
+    fn a_value_is_the_exponential_of_the_age_of_the_latest_event() {
+        let mut surface = surface(Decay::Exponential { tau_us: 1_000.0 });
+        let now = surface.surface();
+        let inverse_e = 1.0 / std::f32::consts::E;
+        assert!((now.values[0] - inverse_e).abs() < 1e-7);
+        assert_eq!((&now.values[1..], now.at_us), (&[0.0, 1.0, 0.0][..], Some(0)));
+        surface.advance(1_000);
+        assert!((surface.surface().values[2] - inverse_e).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_linear_value_falls_to_zero_and_is_then_no_longer_visited() {
+        let mut surface = surface(Decay::Linear { span_us: 2_000.0 });
+        assert_eq!(surface.surface().values, [0.5, 0.0, 1.0, 0.0]);
+        surface.advance(1_000);
+        let later = surface.surface();
+        assert_eq!((later.values, later.active), (&[0.0, 0.0, 0.5, 0.0][..], &[2][..]));
+        surface.advance(i64::MAX - 1_000);
+        assert!(surface.surface().active.is_empty());
+    }
+
+    #[test]
+    fn an_exponential_ends_after_104_time_constants() {
+        let mut surface = surface(Decay::Exponential { tau_us: 10.0 });
+        surface.advance(1_030);
+        assert_eq!(surface.surface().active.len(), 1);
+        surface.advance(1_040);
+        let later = surface.surface();
+        assert_eq!((later.values, later.active), (&[0.0; 4][..], &[][..]));
+    }
+
+    #[test]
+    fn a_reset_surface_is_zero() {
+        let mut surface = surface(Decay::Exponential { tau_us: 10.0 });
+        surface.surface();
+        surface.reset();
+        let empty = surface.surface();
+        assert_eq!((empty.values, empty.at_us), (&[0.0; 4][..], None));
+    }
+
+    #[test]
+    fn a_time_constant_out_of_range_is_refused() {
+        let sensor = Sensor::new(2, 1);
+        for tau_us in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let decay = Decay::Exponential { tau_us };
+            assert!(TimeSurface::new(sensor, Crop::whole(sensor), decay).is_err(), "{tau_us}");
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! Voxel grids: events spread over bins of time (Zhu et al. 2019, Unsupervised Event-based Learning of Optical Flow,
+//! Depth, and Egomotion, Eqs. 1 and 2, as Tonic's `ToVoxelGrid` has it).
+//!
+//! Enters: a window of time from t0 to t1, both included, and events. Leaves: a grid of shape (bins, height, width),
+//!
+//!   V(b, y, x) = sum over events at (x, y) of polarity * max(0, 1 - |b - tau|),  tau = s (t - t0) / (t1 - t0),
+//!
+//! with polarity +1 (ON) or -1 (OFF) and s = bins or bins - 1 ([`VoxelTime`]). Where t1 = t0, tau is 0.
+//! A weight is an integer multiple of 1 / (t1 - t0), so sums are integers: the grid does not depend on the order of
+//! events, late ones are as good as others, and a value is divided in f64 and rounded to f32 once.
+
+use std::ops::RangeInclusive;
+
+use crate::representations::{Crop, RepresentationError};
+use crate::rows::RowSet;
+use crate::{Event, Sensor};
+
+/// How a window's time is laid over the bins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VoxelTime {
+    /// s = bins: the window's end lies one bin after the last, and weight that falls there is lost (Tonic).
+    #[default]
+    Bins,
+    /// s = bins - 1: the window's end lies on the last bin, and every event has weight 1 in all (the paper's Eq. 1).
+    Centres,
+}
+
+/// Counts of events since a grid was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VoxelCounters {
+    /// Events pushed.
+    pub pushed: u64,
+    /// Events that entered a grid.
+    pub accepted: u64,
+    /// Dropped: not on the sensor.
+    pub outside_sensor: u64,
+    /// Dropped: on the sensor, not in the crop.
+    pub outside_crop: u64,
+    /// Dropped: not in the window.
+    pub outside_window: u64,
+}
+
+/// A voxel grid, and where to look in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoxelFrame<'a> {
+    /// Bins, rows, columns.
+    pub shape: [usize; 3],
+    /// Values, row-major.
+    pub values: &'a [f32],
+    /// Pixels (row times width plus column) that have events, in no particular order. All others are 0 in every bin.
+    pub touched: &'a [u32],
+    /// Events inside.
+    pub events: u64,
+}
+
+/// A voxel grid under construction.
+///
+/// A push costs O(1), a frame O(bins x pixels with new events), a restart O(bins x touched pixels); nothing is
+/// allocated after construction.
+#[derive(Clone, Debug)]
+pub struct VoxelGrid {
+    sensor: Sensor,
+    crop: Crop,
+    bins: usize,
+    time: VoxelTime,
+    start_us: i64,
+    /// t1 - t0.
+    span: i64,
+    /// Multiples of 1 / `span`.
+    sums: Vec<i64>,
+    values: Vec<f32>,
+    touched: RowSet,
+    /// Pixels of which the values are behind the sums.
+    stale: RowSet,
+    events: u64,
+    counters: VoxelCounters,
+}
+
+impl VoxelGrid {
+    /// An empty grid of `bins` over the events of `window_us`.
+    ///
+    /// # Errors
+    /// A crop outside `sensor`, bins not from 1 to 65,536, a window as [`Self::restart`] refuses it.
+    pub fn new(
+        sensor: Sensor,
+        crop: Crop,
+        bins: usize,
+        time: VoxelTime,
+        window_us: RangeInclusive<i64>,
+    ) -> Result<Self, RepresentationError> {
+        if !(1..=1 << 16).contains(&bins) {
+            return Err(RepresentationError::option("bins", "1 to 65536", bins));
+        }
+        crop.check(sensor, bins)?;
+        let span = span(&window_us)?;
+        let pixels = crop.pixels();
+        Ok(Self {
+            sensor,
+            crop,
+            bins,
+            time,
+            start_us: *window_us.start(),
+            span,
+            sums: vec![0; bins * pixels],
+            values: vec![0.0; bins * pixels],
+            touched: RowSet::new(pixels),
+            stale: RowSet::new(pixels),
+            events: 0,
+            counters: VoxelCounters::default(),
+        })
+    }
+
+    /// Empties the grid and begins another window. Counters go on.
+    ///
+    /// # Errors
+    /// A window that ends before it starts or is longer than 2^32 - 1 us (71 minutes); the grid is then as it was.
+    pub fn restart(&mut self, window_us: RangeInclusive<i64>) -> Result<(), RepresentationError> {
+        self.span = span(&window_us)?;
+        self.start_us = *window_us.start();
+        let pixels = self.crop.pixels();
+        for &pixel in self.touched.as_slice() {
+            for i in (pixel as usize..).step_by(pixels).take(self.bins) {
+                self.sums[i] = 0;
+                self.values[i] = 0.0;
+            }
+        }
+        self.touched.clear();
+        self.stale.clear();
+        self.events = 0;
+        Ok(())
+    }
+
+    /// Adds `event`; whether it is on the sensor, in the crop and in the window.
+    pub fn push(&mut self, event: Event) -> bool {
+        self.counters.pushed += 1;
+        if !self.sensor.contains(event.x, event.y) {
+            self.counters.outside_sensor += 1;
+            return false;
+        }
+        let Some(pixel) = self.crop.index(event.x, event.y) else {
+            self.counters.outside_crop += 1;
+            return false;
+        };
+        let since = event.t_us.checked_sub(self.start_us).filter(|since| (0..=self.span).contains(since));
+        let Some(since) = since else {
+            self.counters.outside_window += 1;
+            return false;
+        };
+        self.counters.accepted += 1;
+        self.events += 1;
+        self.touched.insert(pixel);
+        self.stale.insert(pixel);
+        let steps = match self.time {
+            VoxelTime::Bins => self.bins,
+            VoxelTime::Centres => self.bins - 1,
+        };
+        let unit = self.span.max(1);
+        // Below 2^48.
+        let scaled = steps as i64 * since;
+        let (bin, rest) = ((scaled / unit) as usize, scaled % unit);
+        let sign = if event.on { 1 } else { -1 };
+        for (bin, weight) in [(bin, unit - rest), (bin + 1, rest)] {
+            if bin < self.bins {
+                self.sums[bin * self.crop.pixels() + pixel as usize] += sign * weight;
+            }
+        }
+        true
+    }
+
+    /// The grid over the events so far.
+    pub fn frame(&mut self) -> VoxelFrame<'_> {
+        let (pixels, unit) = (self.crop.pixels(), self.span.max(1) as f64);
+        for &pixel in self.stale.as_slice() {
+            for i in (pixel as usize..).step_by(pixels).take(self.bins) {
+                self.values[i] = (self.sums[i] as f64 / unit) as f32;
+            }
+        }
+        self.stale.clear();
+        VoxelFrame {
+            shape: self.crop.shape(self.bins),
+            values: &self.values,
+            touched: self.touched.as_slice(),
+            events: self.events,
+        }
+    }
+
+    /// What became of the events so far.
+    pub fn counters(&self) -> &VoxelCounters {
+        &self.counters
+    }
+}
+
+/// t1 - t0. It is below 2^32, so that 2^31 events at one pixel cannot overflow a sum.
+fn span(window_us: &RangeInclusive<i64>) -> Result<i64, RepresentationError> {
+    let span = window_us.end().checked_sub(*window_us.start());
+    span.filter(|span| (0..=i64::from(u32::MAX)).contains(span)).ok_or_else(|| {
+        let found = format!("{window_us:?}");
+        RepresentationError::option("window", "a start, and an end 0 to 4294967295 us after it", found)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(bins: usize, time: VoxelTime, window_us: RangeInclusive<i64>) -> VoxelGrid {
+        let sensor = Sensor::new(2, 1);
+        VoxelGrid::new(sensor, Crop::whole(sensor), bins, time, window_us).expect("admissible")
+    }
+
+    fn push(grid: &mut VoxelGrid, events: &[(i64, u16, bool)]) {
+        events.iter().for_each(|&(t, x, on)| assert!(grid.push(Event::new(t, x, 0, on))));
+    }
+
+    #[test]
+    fn an_event_is_shared_between_the_bins_before_and_after_it() {
+        // tau = 3 (t - 100) / 12.
+        let mut grid = grid(3, VoxelTime::Bins, 100..=112);
+        push(&mut grid, &[(100, 0, true), (105, 0, true), (107, 1, false), (111, 1, true), (112, 0, true)]);
+        assert_eq!(grid.frame().values, [1.0, 0.0, 0.75, -0.25, 0.25, -0.75 + 0.25]);
+        assert_eq!((grid.frame().events, grid.frame().touched.len()), (5, 2));
+    }
+
+    #[test]
+    fn between_centres_every_event_keeps_its_whole_weight() {
+        // tau = 2 (t - 100) / 8.
+        let mut grid = grid(3, VoxelTime::Centres, 100..=108);
+        push(&mut grid, &[(100, 0, true), (103, 0, true), (108, 0, true), (105, 1, false)]);
+        assert_eq!(grid.frame().values, [1.25, 0.0, 0.75, -0.75, 1.0, -0.25]);
+    }
+
+    #[test]
+    fn a_window_of_one_instant_puts_everything_into_the_first_bin() {
+        for time in [VoxelTime::Bins, VoxelTime::Centres] {
+            let mut grid = grid(2, time, 7..=7);
+            push(&mut grid, &[(7, 0, true), (7, 0, true), (7, 1, false)]);
+            assert_eq!(grid.frame().values, [2.0, -1.0, 0.0, 0.0]);
+        }
+        let mut grid = grid(1, VoxelTime::Centres, 0..=9);
+        push(&mut grid, &[(9, 0, true)]);
+        assert_eq!(grid.frame().values, [1.0, 0.0]);
+    }
+
+    #[test]
+    fn what_is_outside_is_counted_and_a_restart_empties_the_grid() {
+        let sensor = Sensor::new(4, 1);
+        let mut grid =
+            VoxelGrid::new(sensor, Crop::new(0, 0, 2, 1), 2, VoxelTime::Bins, 0..=10).expect("admissible");
+        for (t, x) in [(0, 4), (0, 2), (-1, 0), (11, 0), (i64::MIN, 0), (10, 0), (0, 1)] {
+            grid.push(Event::new(t, x, 0, true));
+        }
+        let counts =
+            VoxelCounters { pushed: 7, accepted: 2, outside_sensor: 1, outside_crop: 1, outside_window: 3 };
+        assert_eq!(*grid.counters(), counts);
+        assert_eq!(grid.frame().values, [0.0, 1.0, 0.0, 0.0]);
+        grid.restart(20..=30).expect("admissible");
+        let empty = grid.frame();
+        assert_eq!((empty.values, empty.touched, empty.events), (&[0.0; 4][..], &[][..], 0));
+    }
+
+    #[test]
+    fn windows_and_bins_out_of_range_are_refused() {
+        let mut grid = grid(2, VoxelTime::Bins, 0..=10);
+        push(&mut grid, &[(0, 0, true)]);
+        let (start, end) = (10, 9);
+        for window in [start..=end, 0..=1 << 32, i64::MIN..=i64::MAX] {
+            assert!(grid.restart(window).is_err());
+        }
+        assert_eq!(grid.frame().values[0], 1.0);
+        let sensor = Sensor::new(2, 1);
+        for bins in [0, (1 << 16) + 1] {
+            assert!(VoxelGrid::new(sensor, Crop::whole(sensor), bins, VoxelTime::Bins, 0..=1).is_err());
+        }
+    }
+}

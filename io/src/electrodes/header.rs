@@ -1,0 +1,121 @@
+//! The header in, what each column holds out; the names stand in [`super`].
+
+use super::{ELECTRODES, malformed};
+use crate::csv::{bare, shown};
+use crate::error::IoError;
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    /// The electrode of this index, from 0.
+    Electrode(usize),
+    /// The time in units of so many seconds.
+    Time { seconds: f64 },
+}
+
+/// The columns of a text.
+///
+/// Invariant: each electrode has one column, and at most one column is the time.
+#[derive(Debug)]
+pub(super) struct Columns {
+    /// Role and name of every column; `None`: passed over.
+    columns: Vec<Option<(Role, String)>>,
+}
+
+impl Columns {
+    /// The columns that a header at line `number` names.
+    pub(super) fn from_header(line: &[u8], number: u64) -> Result<Self, IoError> {
+        let names: Vec<String> = line
+            .split(|&b| b == b',')
+            .map(|name| String::from_utf8_lossy(bare(name)).to_ascii_lowercase())
+            .collect();
+        let electrodes: Vec<_> = names.iter().map(|name| electrode(name)).collect();
+        let refuse = |expected: String, actual| Err(malformed("header", number, expected, actual));
+        let mut prefixes: Vec<&str> = electrodes.iter().flatten().map(|(prefix, _)| *prefix).collect();
+        prefixes.sort_unstable();
+        prefixes.dedup();
+        let [prefix] = prefixes[..] else {
+            let expected = format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1");
+            let actual = match prefixes.len() {
+                0 => shown(line),
+                _ => format!("the prefixes `{}`", prefixes.join("`, `")),
+            };
+            return refuse(expected, actual);
+        };
+        for index in 0..ELECTRODES {
+            let found = electrodes.iter().flatten().filter(|(_, e)| *e == index).count();
+            if found != 1 {
+                return refuse(format!("one column `{prefix}{}`", index + 1), format!("{found}"));
+            }
+        }
+        let times = names.iter().filter(|name| unit_of_time(name).is_some()).count();
+        if times > 1 {
+            return refuse("at most one column of time".to_owned(), format!("{times}"));
+        }
+        let electrodes: Vec<Option<usize>> = electrodes.iter().map(|e| e.map(|(_, index)| index)).collect();
+        let roles = names.into_iter().zip(electrodes).map(|(name, electrode)| {
+            let role = electrode
+                .map(Role::Electrode)
+                .or_else(|| unit_of_time(&name).map(|seconds| Role::Time { seconds }))?;
+            Some((role, name))
+        });
+        Ok(Self { columns: roles.collect() })
+    }
+
+    /// How many columns there are.
+    pub(super) fn count(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// What column `index` holds, and its name in lower case.
+    pub(super) fn role(&self, index: usize) -> Option<(Role, &str)> {
+        self.columns[index].as_ref().map(|(role, name)| (*role, name.as_str()))
+    }
+}
+
+/// What stands before an electrode's number, and its index from 0; `None` where `name` is no electrode's.
+fn electrode(name: &str) -> Option<(&str, usize)> {
+    let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number: usize = name[prefix.len()..].parse().ok()?;
+    let word = prefix.trim_end_matches(['_', ' ']);
+    let before = word.strip_suffix("electrode").or_else(|| word.strip_suffix('e'))?;
+    // `e` must be a word of its own: `device3` is no electrode.
+    let apart = before.is_empty() || before.ends_with(|c: char| !c.is_ascii_alphanumeric());
+    (apart && (1..=ELECTRODES).contains(&number)).then(|| (prefix, number - 1))
+}
+
+/// The unit of a column of time in seconds; `None` where `name` is none.
+fn unit_of_time(name: &str) -> Option<f64> {
+    let (stem, unit) = name.rsplit_once('_').unwrap_or((name, "s"));
+    let seconds = match unit {
+        "s" => 1.0,
+        "ms" => 1e-3,
+        "us" => 1e-6,
+        "ns" => 1e-9,
+        _ => return None,
+    };
+    matches!(stem, "t" | "time" | "timestamp").then_some(seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{electrode, unit_of_time};
+
+    #[test]
+    fn electrodes_are_known_by_the_end_of_their_names() {
+        assert_eq!(electrode("ff_e1"), Some(("ff_e", 0)));
+        assert_eq!(electrode("e24"), Some(("e", 23)));
+        assert_eq!(electrode("th electrode_7"), Some(("th electrode_", 6)));
+        for name in ["", "e", "e0", "e25", "device3", "ff_e", "7", "time3", "é1"] {
+            assert_eq!(electrode(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_time_without_a_unit_is_in_seconds() {
+        assert_eq!(unit_of_time("t"), Some(1.0));
+        assert_eq!(unit_of_time("timestamp_us"), Some(1e-6));
+        assert_eq!(unit_of_time("time_h"), None);
+        assert_eq!(unit_of_time("s"), None);
+    }
+}

@@ -1,0 +1,99 @@
+//! JPEG (ITU-T T.81): bytes to an image, by the `zune-jpeg` crate.
+//!
+//! The segments are walked before the decoder sees them: it takes grey for what is missing, and a file that is cut
+//! short must be an error. The decoder is built without its processor-specific paths, so the same file gives the same
+//! pixels on every machine.
+
+use std::io::Cursor;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+use super::error::ImageError;
+use super::format::ImageFormat;
+use super::image::{Image, pixels};
+use crate::error::Place;
+
+fn malformed(what: &'static str, at: usize, expected: &str, actual: impl ToString) -> ImageError {
+    let (format, place) = (ImageFormat::Jpeg, Place::Byte(at as u64));
+    ImageError::Malformed { format, what, place, expected: expected.to_owned(), actual: actual.to_string() }
+}
+
+/// Walks from the start to the end-of-image marker; where the first scan's data starts.
+fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
+    let truncated = |what, at: usize, expected: usize, at_least| ImageError::Truncated {
+        format: ImageFormat::Jpeg,
+        what,
+        place: Place::Byte(at as u64),
+        expected: expected as u64,
+        actual: (bytes.len() - at) as u64,
+        at_least,
+    };
+    let (mut at, mut scan) = (2, None);
+    loop {
+        let Some(&[mark, code]) = bytes[at..].first_chunk() else {
+            return Err(truncated("marker", at, 2, false));
+        };
+        if mark != 0xff {
+            return Err(malformed("marker", at, "0xff", format!("{mark:#04x}")));
+        }
+        match code {
+            // Markers may be padded with further bytes 0xff.
+            0xff => {
+                at += 1;
+                continue;
+            }
+            // Restart and start markers stand alone.
+            0x01 | 0xd0..=0xd8 => {
+                at += 2;
+                continue;
+            }
+            0xd9 => return scan.ok_or_else(|| malformed("end of the image", at, "a scan before it", "none")),
+            _ => {}
+        }
+        let Some(&[high, low]) = bytes[at + 2..].first_chunk() else {
+            return Err(truncated("segment", at, 4, true));
+        };
+        let length = usize::from(u16::from_be_bytes([high, low]));
+        let end = at + 2 + length;
+        if end > bytes.len() {
+            return Err(truncated("segment", at, 2 + length, false));
+        }
+        at = end;
+        if code == 0xda {
+            scan.get_or_insert(end);
+            // Entropy-coded data end at the first 0xff that is neither stuffed (0x00) nor a restart marker.
+            let is_end = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xd0..=0xd7);
+            let length = bytes[end..].windows(2).position(is_end);
+            at += length.ok_or_else(|| truncated("scan", end, bytes.len() - end + 1, true))?;
+        }
+    }
+}
+
+/// The image that `bytes`, which start with a start-of-image marker, are.
+pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
+    let scan = first_scan(bytes)?;
+    // The limit on pixels below is the limit on sides: a thin image may be as long as the format allows.
+    let options = DecoderOptions::new_safe()
+        .set_strict_mode(true)
+        .set_max_width(u16::MAX.into())
+        .set_max_height(u16::MAX.into())
+        .jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
+    let valid = "valid segments of a supported kind";
+    decoder.decode_headers().map_err(|e| malformed("header", 0, valid, format!("{e:?}")))?;
+    let Some((width, height)) = decoder.dimensions() else {
+        return Err(malformed("header", 0, "the size of the image", "none"));
+    };
+    let count = pixels(width as u64, height as u64)?;
+    let data = decoder
+        .decode()
+        .map_err(|e| malformed("scan", scan, "valid entropy-coded data", format!("{e:?}")))?;
+    let colour = decoder.output_colorspace();
+    if colour != Some(ColorSpace::RGB) || data.len() != count * Image::CHANNELS {
+        let actual = format!("{colour:?} in {} bytes", data.len());
+        return Err(malformed("colours", 0, "what can be had as RGB", actual));
+    }
+    Ok(Image { width, height, data })
+}

@@ -1,0 +1,158 @@
+//! PNG (W3C recommendation, third edition): bytes to and from an image, by the `png` crate.
+//!
+//! The chunks are walked before the decoder sees them, so that a missing byte is an error that names its chunk, and
+//! so that no image is allocated for which the compressed bytes cannot suffice.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
+
+use super::error::ImageError;
+use super::format::ImageFormat;
+use super::image::{Image, pixels, to_8_bits};
+use crate::error::Place;
+
+/// Bytes before the first chunk.
+const SIGNATURE: usize = 8;
+
+/// Bytes of a chunk beside its content: length, type, checksum.
+const AROUND: usize = 12;
+
+/// Deflate makes at most this many bytes of one: 258 of two bits, and a little less for the block's header.
+const DEFLATE_MOST: u64 = 1032;
+
+/// Longest side that the format allows.
+const MOST_SIDE: u32 = (1 << 31) - 1;
+
+/// An error about the bytes from `at` on.
+fn malformed(what: &'static str, at: u64, expected: impl Into<String>, actual: impl ToString) -> ImageError {
+    let (format, place) = (ImageFormat::Png, Place::Byte(at));
+    ImageError::Malformed { format, what, place, expected: expected.into(), actual: actual.to_string() }
+}
+
+/// Walks from the first chunk to IEND; the bytes of all IDAT chunks.
+fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
+    let truncated = |what, at: usize, expected: u64| ImageError::Truncated {
+        format: ImageFormat::Png,
+        what,
+        place: Place::Byte(at as u64),
+        expected,
+        actual: (bytes.len() - at) as u64,
+        at_least: false,
+    };
+    let (mut at, mut compressed) = (SIGNATURE, 0);
+    if bytes.len() < SIGNATURE {
+        return Err(truncated("signature", 0, SIGNATURE as u64));
+    }
+    loop {
+        let rest = &bytes[at..];
+        let Some((length, rest)) = rest.split_first_chunk() else {
+            return Err(truncated("chunk", at, AROUND as u64));
+        };
+        let whole = u64::from(u32::from_be_bytes(*length)) + AROUND as u64;
+        if whole > (bytes.len() - at) as u64 {
+            return Err(truncated("chunk", at, whole));
+        }
+        match &rest[..4] {
+            b"IDAT" => compressed += whole - AROUND as u64,
+            b"IEND" => return Ok(compressed),
+            _ => {}
+        }
+        // Not beyond the end of `bytes`, which has been checked.
+        at += whole as usize;
+    }
+}
+
+/// The image that `bytes` are.
+pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
+    let compressed = compressed_bytes(bytes)?;
+    let mut cursor = Cursor::new(bytes);
+    let mut decoder = Decoder::new(&mut cursor);
+    // Palettes and fewer than 8 bits become 8 bits a channel; 16 bits stay, to be rounded here.
+    decoder.set_transformations(Transformations::EXPAND);
+    // What is not pixels is not inflated.
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let info = decoder.read_header_info().map_err(|e| malformed("header", 0, "a valid IHDR", e))?;
+    let (width, height) = (info.width, info.height);
+    let count = pixels(width.into(), height.into())?;
+    let least = (count as u64 * info.bits_per_pixel() as u64).div_ceil(8).div_ceil(DEFLATE_MOST);
+    if compressed < least {
+        let expected = format!("at least {least} bytes for {width}x{height} pixels");
+        return Err(malformed("compressed pixels", SIGNATURE as u64, expected, compressed));
+    }
+    let samples = samples(decoder);
+    let (samples, colour, depth) =
+        samples.map_err(|e| malformed("content", cursor.position(), "valid chunks and pixels", e))?;
+    let data = to_rgb(&samples, colour, depth);
+    debug_assert_eq!(data.len(), count * Image::CHANNELS);
+    Ok(Image { width: width as usize, height: height as usize, data })
+}
+
+/// The decoded samples of the first image, and what they are. Everything up to IEND is read.
+fn samples(
+    decoder: Decoder<&mut Cursor<&[u8]>>,
+) -> Result<(Vec<u8>, ColorType, BitDepth), png::DecodingError> {
+    let mut reader = decoder.read_info()?;
+    let length = reader.output_buffer_size().ok_or(png::DecodingError::LimitsExceeded)?;
+    let mut samples = vec![0; length];
+    let output = reader.next_frame(&mut samples)?;
+    reader.finish()?;
+    samples.truncate(output.buffer_size());
+    Ok((samples, output.color_type, output.bit_depth))
+}
+
+/// Samples of whatever channels and of 8 or 16 bits, big-endian, as 8-bit RGB.
+fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
+    let channels = colour.samples();
+    let sample = |bytes: &[u8]| match *bytes {
+        [high, low] => to_8_bits(u16::from_be_bytes([high, low]).into(), u16::MAX.into()),
+        _ => bytes[0],
+    };
+    let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
+    // Grey is the first channel where there is no colour; alpha, where there is any, comes last.
+    let [r, g, b] = if channels < 3 { [0, 0, 0] } else { [0, 1, 2] };
+    let pixels = samples.chunks_exact(channels * wide);
+    pixels
+        .flat_map(|pixel| [r, g, b].map(|channel| sample(&pixel[channel * wide..(channel + 1) * wide])))
+        .collect()
+}
+
+/// Encodes interleaved RGB as an 8-bit PNG; O(pixels).
+///
+/// # Errors
+/// [`ImageError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side is 0 or beyond 2^31 - 1.
+///
+/// # Panics
+/// Never: an image of this form can be written, and memory refuses nothing.
+pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, ImageError> {
+    let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MOST_SIDE);
+    let expected = (width as u64).saturating_mul(height as u64).saturating_mul(Image::CHANNELS as u64);
+    let actual = rgb.len() as u64;
+    let (Some(columns), Some(rows), true) = (side(width), side(height), expected == actual) else {
+        return Err(ImageError::Buffer { width, height, expected, actual });
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, columns, rows);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    let mut writer = encoder.write_header().expect("sides of at least 1");
+    writer.write_image_data(rgb).expect("as many bytes as the image has");
+    writer.finish().expect("an image that is complete");
+    Ok(bytes)
+}
+
+/// Writes interleaved RGB to the file at `path` as an 8-bit PNG; O(pixels).
+///
+/// # Errors
+/// Those of [`encode_png`], and [`ImageError::File`] where the file cannot be written.
+pub fn write_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), ImageError> {
+    let bytes = encode_png(width, height, rgb)?;
+    fs::write(path, bytes).map_err(|source| ImageError::File {
+        action: "write",
+        path: path.to_owned(),
+        source,
+    })
+}

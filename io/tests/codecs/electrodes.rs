@@ -1,0 +1,216 @@
+//! Readings of electrodes, row by row.
+
+use std::fs::File;
+use std::io::{self, BufReader, Write};
+
+use meissner_io::limits::LINE_BYTES;
+use meissner_io::{ElectrodeSettings, Electrodes, IoError, Place, Reading};
+use proptest::prelude::*;
+
+use crate::recordings::shared;
+
+/// `prefix1` to `prefix24`.
+fn header(prefix: &str) -> String {
+    (1..=24).map(|e| format!("{prefix}{e}")).collect::<Vec<_>>().join(",")
+}
+
+/// 24 values from `first` on.
+fn row(first: u32) -> String {
+    (first..first + 24).map(|value| value.to_string()).collect::<Vec<_>>().join(",")
+}
+
+fn values(first: u32) -> [f32; 24] {
+    std::array::from_fn(|e| (first + e as u32) as f32)
+}
+
+fn readings(text: &str) -> Electrodes<&[u8]> {
+    Electrodes::new(text.as_bytes(), ElectrodeSettings::default())
+}
+
+fn read(text: &str) -> Result<Vec<Reading>, IoError> {
+    readings(text).collect()
+}
+
+#[test]
+fn rows_below_a_header_are_readings_with_their_lines() {
+    let text = format!("{}\n{}\n\n# pause\n{}", header("ff_e"), row(0), row(100));
+    let expected = [
+        Reading { line: 2, values: values(0), time_s: None },
+        Reading { line: 5, values: values(100), time_s: None },
+    ];
+    assert_eq!(read(&text).unwrap(), expected);
+}
+
+#[test]
+fn columns_are_found_by_name_in_any_order_and_others_are_passed_over() {
+    let mut names: Vec<String> = (1..=24).map(|e| format!("\"Electrode_{e}\"")).collect();
+    let mut fields: Vec<String> = (0..24).map(|v| v.to_string()).collect();
+    names.reverse();
+    fields.reverse();
+    let text = format!("label,{},PDC\r\nslip,{},x\r\n", names.join(" , "), fields.join(" , "));
+    assert_eq!(read(&text).unwrap()[0].values, values(0));
+}
+
+#[test]
+fn a_time_is_in_seconds_whatever_the_unit_of_its_column() {
+    for (name, field) in
+        [("t", "1.5"), ("time_ms", "1500"), ("timestamp_us", "1.5e6"), ("t_ns", "1500000000")]
+    {
+        let text = format!("{name},{}\n{field},{}\n", header("e"), row(0));
+        let time_s = read(&text).unwrap()[0].time_s.unwrap();
+        assert!((time_s - 1.5).abs() < 1e-15, "{name}: {time_s}");
+    }
+}
+
+#[test]
+fn a_header_that_lacks_an_electrode_or_has_two_fingers_is_refused() {
+    let cases = [
+        (header("e").replace("e7,", "x7,"), "one column `e7`, found 0"),
+        (format!("{},ff_e3", header("ff_e")), "one column `ff_e3`, found 2"),
+        (
+            format!("{},{}", header("ff_e"), header("mf_e")),
+            "columns e1 to e24 of one prefix, such as ff_e1, found the prefixes `ff_e`, `mf_e`",
+        ),
+        (format!("t,time_s,{}", header("e")), "at most one column of time, found 2"),
+        (
+            row(0),
+            "columns e1 to e24 of one prefix, such as ff_e1, found `0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16..`",
+        ),
+    ];
+    for (line, expected) in cases {
+        let text = format!("{line}\n{}\n", row(0));
+        let mut readings = readings(&text);
+        let error = readings.next().unwrap().unwrap_err().to_string();
+        assert_eq!(error, format!("CSV: header at line 1: expected {expected}"));
+        assert!(readings.next().is_none());
+    }
+}
+
+#[test]
+fn after_a_row_that_is_refused_the_next_is_read() {
+    let bad = [
+        row(0).replace(",7,", ",x,"),
+        row(0).replace(",7,", ",NaN,"),
+        row(0).replace(",7,", ",inf,"),
+        row(0).replace(",7,", ",1e39,"),
+        row(0).replace(",7,", ",,"),
+        row(0).replace(",7,", ","),
+        row(0) + ",24",
+    ];
+    let text = format!("{}\n{}\n{}\n", header("e"), bad.join("\n"), row(5));
+    let items: Vec<_> = readings(&text).collect();
+    assert_eq!(items.len(), 8);
+    for (index, item) in items[..7].iter().enumerate() {
+        let line = index as u64 + 2;
+        match item.as_ref().unwrap_err() {
+            IoError::Malformed { place: Place::Line(at), .. } => assert_eq!(*at, line),
+            error => panic!("{error}"),
+        }
+    }
+    let messages: Vec<String> = items[..7].iter().map(|i| i.as_ref().unwrap_err().to_string()).collect();
+    assert_eq!(messages[0], "CSV: field at line 2: expected a finite number in column `e8`, found `x`");
+    assert_eq!(messages[1], "CSV: field at line 3: expected a finite number in column `e8`, found `NaN`");
+    assert!(
+        messages[5].starts_with("CSV: row at line 7: expected 24 fields, found 23 in"),
+        "{}",
+        messages[5]
+    );
+    assert_eq!(items[7].as_ref().unwrap().values, values(5));
+}
+
+#[test]
+fn a_line_that_is_too_long_ends_the_readings() {
+    let text = format!("{}\n{}\n{}\n", header("e"), "1".repeat(LINE_BYTES as usize), row(0));
+    let mut readings = readings(&text);
+    assert!(matches!(readings.next(), Some(Err(IoError::TooLarge { place: Place::Line(2), .. }))));
+    assert!(readings.next().is_none());
+}
+
+#[test]
+fn values_beyond_the_range_are_delivered_and_counted() {
+    let text = format!("{}\n{}\n{}\n", header("e"), row(0).replace("0,1,2,", "-1,4096,4095,"), row(4090));
+    let mut readings = readings(&text);
+    let first = readings.next().unwrap().unwrap();
+    assert_eq!((first.values[0], readings.warnings().values_out_of_range), (-1.0, 2));
+    // 4096 to 4113.
+    assert!(readings.next().unwrap().is_ok());
+    assert_eq!(readings.warnings().values_out_of_range, 2 + 18);
+    assert_eq!(readings.warnings().rows_off_rate, 0);
+}
+
+#[test]
+fn intervals_that_are_not_those_of_the_rate_are_counted() {
+    // From one to the next: 10, 12 and 8 ms, which the tolerance of a fifth allows; 12.5, 7.5, -5 and 0 ms, which not.
+    let times_ms =
+        [1e12, 1e12 + 10.0, 1e12 + 22.0, 1e12 + 30.0, 1e12 + 42.5, 1e12 + 50.0, 1e12 + 45.0, 1e12 + 45.0];
+    let rows: Vec<String> = times_ms.iter().map(|t| format!("{t},{}", row(0))).collect();
+    let text = format!("t_ms,{}\n{}\n", header("e"), rows.join("\n"));
+    let mut counted = readings(&text);
+    assert_eq!(counted.by_ref().flatten().count(), 8);
+    assert_eq!(counted.warnings().rows_off_rate, 4);
+    let settings = ElectrodeSettings { rate_hz: 50.0, rate_tolerance: 0.1, ..ElectrodeSettings::default() };
+    let mut counted = Electrodes::new(text.as_bytes(), settings);
+    assert_eq!(counted.by_ref().flatten().count(), 8);
+    assert_eq!(counted.warnings().rows_off_rate, 7);
+}
+
+#[test]
+fn across_a_refused_row_no_interval_is_judged() {
+    let text = format!("t_ms,{}\n0,{}\n10,x\n20,{}\n30,{}\n", header("e"), row(0), row(0), row(0));
+    let mut readings = readings(&text);
+    assert_eq!(readings.by_ref().flatten().count(), 3);
+    assert_eq!(readings.warnings().rows_off_rate, 0);
+}
+
+#[test]
+fn a_reading_is_there_as_soon_as_its_line_is() {
+    let (reader, mut writer) = io::pipe().unwrap();
+    let mut readings = Electrodes::new(BufReader::new(reader), ElectrodeSettings::default());
+    writeln!(writer, "{}", header("e")).unwrap();
+    // Were anything read beyond the line, this would wait for ever: nothing more is in the pipe.
+    for first in 0..5 {
+        writeln!(writer, "{}", row(first)).unwrap();
+        assert_eq!(readings.next().unwrap().unwrap().values, values(first));
+    }
+    drop(writer);
+    assert!(readings.next().is_none());
+}
+
+#[test]
+fn every_recording_of_slips_is_read_without_a_warning() {
+    let Some(folder) = shared("biotac_dos") else { return };
+    let (mut files, mut rows, mut range) = (0, 0, f32::INFINITY..=f32::NEG_INFINITY);
+    for class in ["n", "s", "e", "w", "cw", "aw", "t"] {
+        for file in folder.join(class).read_dir().unwrap() {
+            let input = BufReader::new(File::open(file.unwrap().path()).unwrap());
+            let mut readings = Electrodes::new(input, ElectrodeSettings::default());
+            for reading in readings.by_ref() {
+                let values = reading.unwrap().values;
+                let least = values.into_iter().fold(*range.start(), f32::min);
+                range = least..=values.into_iter().fold(*range.end(), f32::max);
+                rows += 1;
+            }
+            assert_eq!(readings.warnings(), meissner_io::ElectrodeWarnings::default());
+            files += 1;
+        }
+    }
+    assert_eq!((files, rows, range), (306, 84_622, 1911.0..=3745.0));
+}
+
+proptest! {
+    #[test]
+    fn any_finite_values_are_read_to_the_bit(
+        rows in prop::collection::vec(prop::array::uniform24(any::<f32>().prop_filter("finite", |v| v.is_finite())), 0..4)
+    ) {
+        let line = |values: &[f32; 24]| values.map(|v| v.to_string()).join(",");
+        let text = format!("{}\n{}", header("e"), rows.iter().map(line).collect::<Vec<_>>().join("\n"));
+        let read: Vec<_> = readings(&text).map(|r| r.unwrap().values.map(f32::to_bits)).collect();
+        prop_assert_eq!(read, rows.iter().map(|r| r.map(f32::to_bits)).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn any_text_gives_errors_or_readings(text in "[e0-9,.#\n -]{0,200}") {
+        let text = format!("{}\n{text}", header("e"));
+        prop_assert!(readings(&text).count() <= text.lines().count());
+    }
+}

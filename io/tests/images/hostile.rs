@@ -1,0 +1,100 @@
+//! Truncations, flipped bits and absurd sizes: an error or an image, never a panic, never much memory.
+
+use std::fs::File;
+
+use meissner_io::limits::{IMAGE_BYTES, IMAGE_PIXELS};
+use meissner_io::{ImageError, decode_image, read_image};
+use proptest::prelude::*;
+
+use crate::support::{jpeg, png, samples};
+
+#[test]
+fn a_file_cut_at_any_length_gives_an_error() {
+    for (name, file) in samples() {
+        assert!(decode_image(&file).is_ok(), "{name}");
+        for length in 0..file.len() {
+            match decode_image(&file[..length]) {
+                Err(ImageError::Truncated { .. }) => {}
+                Err(ImageError::UnknownFormat { .. }) if length < 3 => {}
+                other => panic!("{name} cut at {length}: {other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn any_flipped_bit_gives_an_error_or_an_image() {
+    for (_, mut file) in samples() {
+        for bit in 0..file.len() * 8 {
+            file[bit / 8] ^= 1 << (bit % 8);
+            if let Ok(image) = decode_image(&file) {
+                assert_eq!(image.data.len(), image.width * image.height * 3);
+            }
+            file[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+#[test]
+fn sizes_beyond_the_limit_are_refused_by_the_header() {
+    let side = u32::try_from(IMAGE_PIXELS).unwrap() / 256 + 1;
+    let files = [
+        png(side, 256, 8, 2, &[0]),
+        png(i32::MAX as u32, i32::MAX as u32, 16, 6, &[0]),
+        b"P6 4294967295 4294967295 65535\n\0".to_vec(),
+        b"P5 16777217 1 255\n\0".to_vec(),
+    ];
+    for file in files {
+        let error = decode_image(&file).unwrap_err();
+        assert!(matches!(error, ImageError::TooLarge { limit: IMAGE_PIXELS, .. }), "{error}");
+    }
+    let mut file = jpeg(8, 8, &[[10, 128, 128]]);
+    let sof = file.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    file[sof + 5..sof + 9].fill(0xff);
+    let error = decode_image(&file).unwrap_err();
+    assert!(matches!(error, ImageError::TooLarge { actual: 4_294_836_225, .. }), "{error}");
+}
+
+#[test]
+fn a_png_whose_bytes_cannot_fill_its_pixels_is_refused_before_it_is_decoded() {
+    // 4096 x 4096 x 3 bytes in 12 compressed ones.
+    let error = decode_image(&png(4096, 4096, 8, 2, &[0])).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "PNG: compressed pixels at byte 8: expected at least 48771 bytes for 4096x4096 pixels, found 12"
+    );
+}
+
+#[test]
+fn a_file_that_is_too_long_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.png");
+    File::create(&path).unwrap().set_len(IMAGE_BYTES + 1).unwrap();
+    match read_image(&path).unwrap_err() {
+        ImageError::Content { source, .. } => assert!(matches!(*source, ImageError::TooLarge { .. })),
+        error => panic!("{error}"),
+    }
+}
+
+#[test]
+fn what_is_no_image_is_shown() {
+    let error = decode_image(b"GIF89a\x01\x00\x01").unwrap_err().to_string();
+    let expected = "expected PNG, JPEG, binary PPM or PGM, found 9 bytes starting with `GIF89a\\x01\\x00`";
+    assert_eq!(error, format!("unknown image format: {expected}"));
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_in_place_of_some_give_an_error_or_an_image(
+        sample in 0_usize..6,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+    ) {
+        let (_, mut file) = samples().swap_remove(sample);
+        for (at, byte) in changes {
+            *at.get_mut(&mut file) = byte;
+        }
+        if let Ok(image) = decode_image(&file) {
+            prop_assert_eq!(image.data.len(), image.width * image.height * 3);
+        }
+    }
+}

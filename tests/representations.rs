@@ -1,0 +1,274 @@
+//! Frames as they come out of the stream equal frames from the whole list of events.
+//!
+//! `MEISSNER_CASES` sets the number of cases (2,000 without it).
+
+use meissner_engine::representations::{
+    Completed, Consecutive, Crop, Decay, EventCounts, SignedRule, SlidingSigned, TimeSurface, VoxelGrid,
+    VoxelTime,
+};
+use meissner_engine::{Event, Sensor};
+use meissner_tests::frames::{Frames, History, Kept, What, keep, place, set};
+use meissner_tests::shared::shared;
+use meissner_tests::streams::{self, Script, Verb};
+use proptest::prelude::*;
+
+fn config() -> ProptestConfig {
+    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(2_000);
+    ProptestConfig { cases, ..ProptestConfig::default() }
+}
+
+/// A part of the sensor, from four numbers of any size.
+fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
+    let (x, y) = (x % sensor.width, y % sensor.height);
+    Crop::new(x, y, 1 + width % (sensor.width - x), 1 + height % (sensor.height - y))
+}
+
+/// The verbs of a script with absolute times: events, and moments to advance to.
+fn timed(script: &Script) -> impl Iterator<Item = (i64, &Verb, Option<Event>)> {
+    let mut now = script.origin_us;
+    script.verbs.iter().map(move |verb| match *verb {
+        Verb::Push { dt, x, y, on } => {
+            let event = script.event(now, (dt, x, y, on));
+            now = now.max(event.t_us);
+            (now, verb, Some(event))
+        }
+        Verb::Advance { dt } => {
+            now += dt;
+            (now, verb, None)
+        }
+        _ => (now, verb, None),
+    })
+}
+
+/// Every frame since time began, the open one last.
+fn all_frames(what: What, options: Consecutive, history: &History) -> Vec<Kept> {
+    let Some((epoch, now)) = history.clock() else { return vec![] };
+    let mut before = vec![0.0; what.channels() * options.crop.pixels()];
+    (0..=(now - epoch) / options.period_us)
+        .map(|k| {
+            let start_us = epoch + k * options.period_us;
+            let events = history.between(start_us, start_us + options.period_us - 1);
+            let frame = Kept::over(what, options.crop, &events, start_us, &before);
+            before.clone_from(&frame.values);
+            frame
+        })
+        .collect()
+}
+
+fn what() -> impl Strategy<Value = What> {
+    prop_oneof![
+        prop_oneof![Just(1.0f32), Just(3.0), Just(255.0)].prop_map(What::Counts),
+        Just(What::Signed(SignedRule::Sum)),
+        Just(What::Signed(SignedRule::Latest)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn consecutive_frames_equal_frames_from_all_events(
+        script in streams::script(120),
+        corner in any::<[u16; 4]>(),
+        period_us in prop_oneof![40i64..200, 200i64..3_000],
+        start in proptest::option::of(-500i64..500),
+        what in what(),
+    ) {
+        let options = Consecutive {
+            crop: crop(script.sensor, corner),
+            period_us,
+            start_us: start.map(|start| script.origin_us + start),
+        };
+        let mut frames = Frames::new(script.sensor, options, what);
+        let mut history = History::new(script.sensor, options.start_us);
+        let values = what.channels() * options.crop.pixels();
+        let mut kept = vec![];
+        for (now, verb, event) in timed(&script) {
+            match verb {
+                Verb::Push { .. } => {
+                    let event = event.expect("a push has one");
+                    history.push(event);
+                    frames.push(event, |completed| keep(&mut kept, values, completed));
+                }
+                Verb::Advance { .. } => {
+                    history.advance(now);
+                    frames.advance(now, |completed| keep(&mut kept, values, completed));
+                }
+                Verb::Predict => {
+                    let _ = frames.open();
+                }
+                Verb::Reset => {
+                    kept.extend(frames.open().map(Kept::of));
+                    prop_assert_eq!(&kept, &all_frames(what, options, &history));
+                    kept.clear();
+                    history.reset();
+                    frames.reset();
+                }
+                Verb::Snapshot => {}
+            }
+        }
+        kept.extend(frames.open().map(Kept::of));
+        prop_assert_eq!(&kept, &all_frames(what, options, &history));
+    }
+
+    #[test]
+    fn a_sliding_frame_equals_the_frame_from_the_events_of_its_span(
+        script in streams::script(200),
+        corner in any::<[u16; 4]>(),
+        span_us in prop_oneof![1i64..100, 100i64..3_000],
+        capacity in prop_oneof![1usize..40, Just(1_000)],
+        rule in prop_oneof![Just(SignedRule::Sum), Just(SignedRule::Latest)],
+    ) {
+        let (sensor, crop) = (script.sensor, crop(script.sensor, corner));
+        let mut sliding = SlidingSigned::new(sensor, crop, rule, span_us, capacity).expect("admissible");
+        let mut history = History::new(sensor, None);
+        let mut before = vec![0.0; crop.pixels()];
+        for (now, verb, event) in timed(&script) {
+            match verb {
+                Verb::Push { .. } => {
+                    let event = event.expect("a push has one");
+                    history.push(event);
+                    sliding.push(event);
+                }
+                Verb::Advance { .. } => {
+                    history.advance(now);
+                    sliding.advance(now);
+                }
+                Verb::Reset => {
+                    history.reset();
+                    sliding.reset();
+                }
+                Verb::Predict | Verb::Snapshot => {
+                    let (start_us, mut events) = history.clock().map_or((0, vec![]), |(_, now)| {
+                        (now - span_us, history.between(now - span_us, now))
+                    });
+                    events.retain(|event| place(crop, event).is_some());
+                    events.drain(..events.len().saturating_sub(capacity));
+                    let expected = Kept::over(What::Signed(rule), crop, &events, start_us, &before);
+                    let frame = Kept::of(sliding.frame());
+                    prop_assert_eq!(&frame, &expected);
+                    before = frame.values;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_time_surface_decays_from_the_latest_event_of_each_pixel_and_polarity(
+        script in streams::script(200),
+        corner in any::<[u16; 4]>(),
+        scale in prop_oneof![0.5f32..20.0, 20f32..5_000.0],
+        linear in any::<bool>(),
+    ) {
+        let (sensor, crop) = (script.sensor, crop(script.sensor, corner));
+        let decay = if linear { Decay::Linear { span_us: scale } } else { Decay::Exponential { tau_us: scale } };
+        let mut surface = TimeSurface::new(sensor, crop, decay).expect("admissible");
+        let mut history = History::new(sensor, None);
+        for (now, verb, event) in timed(&script) {
+            match verb {
+                Verb::Push { .. } => {
+                    let event = event.expect("a push has one");
+                    history.push(event);
+                    surface.push(event);
+                }
+                Verb::Advance { .. } => {
+                    history.advance(now);
+                    surface.advance(now);
+                }
+                Verb::Reset => {
+                    history.reset();
+                    surface.reset();
+                }
+                Verb::Predict | Verb::Snapshot => {
+                    let surface = surface.surface();
+                    let now = history.clock().map(|(_, now)| now);
+                    prop_assert_eq!(surface.at_us, now);
+                    let events = history.between(i64::MIN, i64::MAX);
+                    for (i, &value) in surface.values.iter().enumerate() {
+                        let here = |event: &&Event| {
+                            place(crop, event).map(|pixel| usize::from(event.on) * crop.pixels() + pixel) == Some(i)
+                        };
+                        let age = events.iter().rfind(here).and_then(|event| Some(now? - event.t_us));
+                        prop_assert_eq!(value, age.map_or(0.0, |age| decay.value(age)));
+                        let age = age.map_or(f64::INFINITY, |age| age as f64 / f64::from(scale));
+                        let exact = if linear { (1.0 - age).max(0.0) } else { (-age).exp() };
+                        prop_assert!((f64::from(value) - exact).abs() < 2e-7, "{} {}", value, exact);
+                    }
+                    let active = (0u32..).zip(surface.values).filter(|(_, value)| **value != 0.0);
+                    prop_assert_eq!(set(surface.active), active.map(|(i, _)| i).collect());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_voxel_grid_equals_its_formula_and_is_free_of_order(
+        script in streams::script(120),
+        corner in any::<[u16; 4]>(),
+        bins in 1usize..12,
+        centres in any::<bool>(),
+        window in (-20i64..200, prop_oneof![Just(0i64), 1i64..50, 50i64..5_000]),
+    ) {
+        let (sensor, crop) = (script.sensor, crop(script.sensor, corner));
+        let start = script.origin_us + window.0;
+        let end = start + window.1;
+        let time = if centres { VoxelTime::Centres } else { VoxelTime::Bins };
+        let mut grid = VoxelGrid::new(sensor, crop, bins, time, 0..=77).expect("admissible");
+        grid.push(Event::new(5, crop.x, crop.y, true));
+        grid.restart(start..=end).expect("admissible");
+        let events: Vec<Event> = timed(&script).filter_map(|(_, _, event)| event).collect();
+        let mut expected = vec![0f64; bins * crop.pixels()];
+        for &event in &events {
+            let pixel = place(crop, &event).filter(|_| (start..=end).contains(&event.t_us));
+            prop_assert_eq!(grid.push(event), pixel.is_some());
+            let Some(pixel) = pixel else { continue };
+            let steps = if centres { bins - 1 } else { bins } as f64;
+            let tau = if end > start { steps * (event.t_us - start) as f64 / (end - start) as f64 } else { 0.0 };
+            for (bin, values) in expected.chunks_exact_mut(crop.pixels()).enumerate() {
+                let weight = (1.0 - (bin as f64 - tau).abs()).max(0.0);
+                values[pixel] += if event.on { weight } else { -weight };
+            }
+        }
+        let values = grid.frame().values.to_vec();
+        for (value, expected) in values.iter().zip(&expected) {
+            prop_assert!((f64::from(*value) - expected).abs() <= 1e-12 + expected.abs() * 6e-8, "{} {}", value, expected);
+        }
+        grid.restart(start..=end).expect("admissible");
+        for &event in events.iter().rev() {
+            grid.push(event);
+            grid.frame();
+        }
+        prop_assert_eq!(grid.frame().values, &values[..]);
+    }
+}
+
+#[test]
+fn counts_of_a_recording_add_up_to_its_events() {
+    let Some(path) = shared("data/events/tactile_dots.aedat4") else { return };
+    let recording = meissner_io::read(&path).expect("a readable recording");
+    let sensor = recording.sensor.expect("AEDAT4 names its geometry");
+    let options = Consecutive::new(Crop::new(60, 30, 115, 115));
+    let mut counts = EventCounts::new(sensor, options, 1.0).expect("admissible");
+    let (mut sum, mut frames, mut empty, mut touched) = (0.0, 0, 0, 0);
+    let mut note = |completed: Completed<'_>| {
+        frames += completed.count();
+        match completed {
+            Completed::Frame(frame) => {
+                let total: f64 = frame.values.iter().copied().map(f64::from).sum();
+                assert_eq!(total, (frame.events[0] + frame.events[1]) as f64);
+                sum += total;
+                touched += frame.touched.len();
+            }
+            Completed::Empty(run) => empty += run.count,
+        }
+    };
+    for &event in &recording.events {
+        counts.push(event, &mut note);
+    }
+    let (first, last) = (recording.events[0].t_us, recording.events[recording.events.len() - 1].t_us);
+    counts.advance(last + options.period_us, &mut note);
+    let inside = recording.events.iter().filter(|event| place(options.crop, event).is_some()).count();
+    println!("{frames} frames, {empty} of them empty, {touched} pixels touched, {inside} events inside");
+    assert_eq!(frames, ((last - first) / options.period_us + 1) as u64);
+    assert_eq!(sum, inside as f64);
+}
