@@ -36,14 +36,14 @@ def output(command, **options):
     return subprocess.run([str(c) for c in command], check=True, stdout=subprocess.PIPE, text=True, **options).stdout
 
 
-def environment(with_pyg):
+def environment(with_pyg, more=()):
     """The interpreter of a virtual environment that has what the peers need."""
     python = ENVIRONMENT / "bin" / "python"
     if not python.exists():
         say(f"making {ENVIRONMENT.relative_to(ROOT)}")
         venv.create(ENVIRONMENT, with_pip=True)
     install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    output([*install, *PACKAGES])
+    output([*install, *PACKAGES, *more])
     if with_pyg:
         say("installing PyTorch Geometric; this compiles")
         output([*install, "setuptools", "wheel"])

@@ -4,6 +4,7 @@
 
 pub mod achieved;
 pub mod check;
+pub mod conv_cases;
 pub mod cost;
 pub mod kernel_cases;
 pub mod lap;

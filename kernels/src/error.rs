@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::frames::Region;
+
 /// A layer was given parameters that it cannot compute with.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -35,6 +37,28 @@ pub enum KernelError {
         index: usize,
         /// The value found.
         value: f32,
+    },
+    /// A map does not have the shape that a layer asks for.
+    #[error("{what}: expected {expected:?}, found {found:?}")]
+    Shape {
+        /// Which map, and which of its sizes.
+        what: &'static str,
+        /// Sizes asked for.
+        expected: [usize; 3],
+        /// Sizes that came.
+        found: [usize; 3],
+    },
+    /// A region reaches beyond its map, or does not lie on the kernel's tiles.
+    #[error("region {found:?}: expected {expected} of {height} x {width} outputs")]
+    Region {
+        /// The admissible regions, in words.
+        expected: &'static str,
+        /// Rows of outputs.
+        height: usize,
+        /// Outputs in a row.
+        width: usize,
+        /// The region that came.
+        found: Region,
     },
 }
 

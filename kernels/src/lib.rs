@@ -13,6 +13,7 @@
 mod dense;
 mod elementary;
 mod error;
+mod frames;
 #[allow(
     unsafe_code,
     reason = "the one place where an instruction set beyond the build's baseline is entered"
@@ -27,6 +28,10 @@ mod spline;
 pub use dense::{Activation, Dense};
 pub use elementary::{elu, exp, expm1};
 pub use error::KernelError;
+pub use frames::{
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Region, TransposedConv2x2, View,
+    WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
+};
 pub use isa::{Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;

@@ -15,11 +15,11 @@ mod portable;
 mod registers;
 mod vector;
 
-pub(crate) use panel::{accumulate, accumulate_in_four};
+pub(crate) use panel::{Runs, accumulate, accumulate_in_four, accumulate_runs, accumulate_wide};
 pub use portable::{Portable, fused};
 pub use vector::{Simd, Vector};
 
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::{LANES, Lanes, Wide};
 
 /// Work that can be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so must be all that
 /// it calls in its inner loops, or it runs with the build's baseline instructions.
@@ -106,3 +106,19 @@ pub(crate) fn flat_mut(lanes: &mut [Lanes]) -> &mut [f32] {
 }
 
 const _: () = assert!(size_of::<Lanes>() == LANES * size_of::<f32>());
+
+/// The values of `wide`, one after the other.
+#[inline(always)]
+pub(crate) fn flat_wide(wide: &[Wide]) -> &[f32] {
+    // SAFETY: as in `flat`: `Wide` is `repr(C)` around [f32; 2 LANES] and as large as that.
+    unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2 * LANES) }
+}
+
+/// The values of `wide`, to write.
+#[inline(always)]
+pub(crate) fn flat_wide_mut(wide: &mut [Wide]) -> &mut [f32] {
+    // SAFETY: as in `flat_wide`; any bits are a valid f32, and the borrow is unique.
+    unsafe { std::slice::from_raw_parts_mut(wide.as_mut_ptr().cast(), wide.len() * 2 * LANES) }
+}
+
+const _: () = assert!(size_of::<Wide>() == 2 * LANES * size_of::<f32>());

@@ -4,6 +4,10 @@
 //! speed.
 
 use super::{Simd, Vector};
+use crate::lanes::{LANES, Wide};
+
+/// Values of a [`Wide`].
+const WIDE: usize = 2 * LANES;
 
 /// acc(r, b) += sum over k of values(r stride + k) weights(b, k), where k goes from `FIRST` in steps of `STEP`,
 /// ascending, and each product is rounded once with the sum.
@@ -45,6 +49,97 @@ pub(crate) fn accumulate<
             }
         }
         k += STEP;
+    }
+    *acc = sums;
+}
+
+/// Values in memory that a sum passes over: from each of `starts`, `count` neighbours. Row r reads r `stride` further on.
+#[derive(Clone, Copy)]
+pub(crate) struct Runs<'a> {
+    pub(crate) values: &'a [f32],
+    pub(crate) starts: &'a [usize],
+    pub(crate) count: usize,
+    pub(crate) stride: usize,
+}
+
+/// acc(r, b) += sum over t, then k, of values(starts(t) + r stride + k) weights(b, t count + k), both ascending, each
+/// product rounded once with the sum.
+///
+/// # Panics
+/// If there is not a weight for each value, or `values` ends before the last that is read.
+#[inline(always)]
+pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[V; B]; R],
+    runs: Runs<'_>,
+    weights: [&[V::Memory]; B],
+) {
+    let Runs { values, starts, count, stride } = runs;
+    let total = starts.len().checked_mul(count).expect("the runs must be in memory");
+    assert!(weights.iter().all(|w| w.len() == total), "there must be a weight for each value");
+    let reach = stride.checked_mul(R - 1).and_then(|r| r.checked_add(count));
+    let last =
+        reach.and_then(|reach| values.len().checked_sub(reach)).expect("a run must end within the values");
+    assert!(starts.iter().all(|&start| start <= last), "a run must end within the values");
+    // Local, so that they are registers.
+    let mut sums = *acc;
+    let mut at = 0;
+    for &start in starts {
+        for k in 0..count {
+            // SAFETY: at = t count + k < starts.len() count, the length of every slice of weights.
+            let weights = weights.map(|w| V::load(simd, unsafe { w.get_unchecked(at) }));
+            for (r, sums) in sums.iter_mut().enumerate() {
+                // SAFETY: start + (R - 1) stride + count <= values.len(), r <= R - 1 and k < count.
+                let value = V::splat(simd, *unsafe { values.get_unchecked(start + r * stride + k) });
+                for (sum, &weight) in sums.iter_mut().zip(&weights) {
+                    *sum = sum.add_product(value, weight);
+                }
+            }
+            at += 1;
+        }
+    }
+    *acc = sums;
+}
+
+/// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16] weights(b, k), each
+/// product rounded once with the sum. The distance between rows is part of the instructions, so that they take no
+/// registers for addresses.
+///
+/// # Panics
+/// If the weights differ in length, or `values` ends before the last that is read.
+#[inline(always)]
+pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[V; B]; R],
+    values: &[Wide],
+    apart: usize,
+    weights: [&[V::Memory]; B],
+) {
+    let total = weights[0].len();
+    if total == 0 {
+        return;
+    }
+    assert!(weights.iter().all(|w| w.len() == total), "weights must have one length");
+    let last = ((total - 1) / WIDE).checked_mul(apart).and_then(|at| at.checked_add(R));
+    assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
+    // Local, so that they are registers.
+    let mut sums = *acc;
+    let (mut first, mut at) = (0, 0);
+    while first < total {
+        let count = (total - first).min(WIDE);
+        for k in 0..count {
+            // SAFETY: first + k < total, the length of every slice of weights.
+            let weights = weights.map(|w| V::load(simd, unsafe { w.get_unchecked(first + k) }));
+            for (r, sums) in sums.iter_mut().enumerate() {
+                // SAFETY: at = first / 16 apart with first <= total - 1, and r < R, so that at + r < last; k < 16.
+                let value = V::splat(simd, *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) });
+                for (sum, &weight) in sums.iter_mut().zip(&weights) {
+                    *sum = sum.add_product(value, weight);
+                }
+            }
+        }
+        first += count;
+        at += apart;
     }
     *acc = sums;
 }

@@ -1,6 +1,8 @@
 //! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
 //! the kernels to these bits. The platform's own fused multiply-add is used, so that ours is checked too.
 
+pub mod frames;
+
 use crate::dense::Activation;
 use crate::elementary::elu;
 use crate::spline::{Neighbour, SplineParts, locate};

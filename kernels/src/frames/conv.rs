@@ -1,0 +1,134 @@
+//! Direct convolutions with stride 1: y(p, o) = relu(b(o) + sum of x(p + place, i) W(o, i, place)).
+//!
+//! One chain of sums from the bias: over the input maps in order, the kernel's rows, its columns, the map's channels, all
+//! ascending. Places beyond the map add their zeros like all others.
+
+use super::layer::{Layer, Source};
+use super::region::Region;
+use super::view::{Band, View};
+use super::weights::{ConvParts, Layout, Packed};
+use crate::error::KernelError;
+use crate::isa::Isa;
+
+/// A convolution of 3 x 3 places with padding 1.
+#[derive(Clone, Debug)]
+pub struct Conv3x3(Direct<3>);
+
+/// A convolution of one place.
+#[derive(Clone, Debug)]
+pub struct Conv1x1(Direct<1>);
+
+/// A kernel of K x K places in the middle of which the output lies.
+#[derive(Clone, Debug)]
+struct Direct<const K: usize> {
+    inputs: Vec<usize>,
+    packed: Packed,
+}
+
+impl<const K: usize> Direct<K> {
+    fn new(parts: &ConvParts) -> Result<Self, KernelError> {
+        parts.check(K * K)?;
+        let packed = Packed::new(parts, parts.channels() * K * K, |row, o| {
+            let (place, i) = place(&parts.inputs, K * K, row);
+            parts.weight(Layout::OutputsFirst, K * K, [i, place, o])
+        });
+        Ok(Self { inputs: parts.inputs.clone(), packed })
+    }
+
+    fn run(
+        &self,
+        isa: Isa,
+        inputs: &[View<'_>],
+        region: Region,
+        mut out: Band<'_>,
+    ) -> Result<(), KernelError> {
+        let [height, width, _] = out.size();
+        out.check([height, width, self.packed.outputs], region)?;
+        check_inputs(&self.inputs, inputs, [height, width], K / 2)?;
+        if region.is_empty() {
+            return Ok(());
+        }
+        // The halo of K / 2 pixels is before the first place's shift by as many.
+        let source = |view: &View<'_>| view.shape.halo - K / 2;
+        let sources = std::array::from_fn(|m| {
+            let view = inputs.get(m)?;
+            Some(Source::new(*view, K, region.y + source(view), region.x + source(view)))
+        });
+        let target = out.target(region.y, region.x);
+        isa.run(Layer { packed: &self.packed, sources, rows: region.height, columns: region.width, target });
+        Ok(())
+    }
+}
+
+/// Kernel place and input channel (counted through all maps) of a packed row.
+pub(super) fn place(inputs: &[usize], places: usize, mut row: usize) -> (usize, usize) {
+    let mut before = 0;
+    for &channels in inputs {
+        if row < places * channels {
+            return (row / channels, before + row % channels);
+        }
+        row -= places * channels;
+        before += channels;
+    }
+    unreachable!("a row belongs to one of the maps")
+}
+
+/// Refuses maps that are not of the layer's number, size and channels.
+pub(super) fn check_inputs(
+    channels: &[usize],
+    inputs: &[View<'_>],
+    [height, width]: [usize; 2],
+    halo: usize,
+) -> Result<(), KernelError> {
+    if inputs.len() != channels.len() {
+        return Err(KernelError::Length {
+            tensor: "input maps",
+            expected: channels.len(),
+            found: inputs.len(),
+        });
+    }
+    inputs.iter().zip(channels).try_for_each(|(view, &c)| view.check([height, width, c], halo))
+}
+
+macro_rules! direct {
+    ($conv:ident, $k:literal) => {
+        impl $conv {
+            /// Packs a layer's parameters.
+            ///
+            /// # Errors
+            /// A size that is zero, a tensor of the wrong length, or a value that is not finite.
+            pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
+                Direct::new(parts).map(Self)
+            }
+
+            /// Output channels.
+            pub fn outputs(&self) -> usize {
+                self.0.packed.outputs
+            }
+
+            /// Products that are added for one output pixel.
+            pub fn multiply_adds(&self) -> usize {
+                self.0.packed.rows * self.0.packed.outputs
+            }
+
+            /// Computes the outputs of `region`, and leaves all others as they are. Input maps have the output's height and
+            /// width and a halo of at least the kernel's padding.
+            ///
+            /// # Errors
+            /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] of an input that does not fit,
+            /// [`KernelError::Region`] where the region is not within the band.
+            pub fn run(
+                &self,
+                isa: Isa,
+                inputs: &[View<'_>],
+                region: Region,
+                out: Band<'_>,
+            ) -> Result<(), KernelError> {
+                self.0.run(isa, inputs, region, out)
+            }
+        }
+    };
+}
+
+direct!(Conv3x3, 3);
+direct!(Conv1x1, 1);

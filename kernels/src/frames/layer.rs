@@ -1,0 +1,130 @@
+//! The one loop behind every direct convolution: sums over some places of one or two maps, for a rectangle of outputs.
+//!
+//! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), one chain of sums from the bias, each product rounded
+//! once with its sum. Blocks of 32 (or 16) outputs are outermost, so that their weights stay in the second-level cache
+//! while the positions pass by; a tile of positions shares each weight that is loaded.
+
+use super::tiles::{Tiles, in_tiles, store_some};
+use super::view::{Target, View};
+use super::weights::{BLOCK, Packed};
+use crate::isa::{Runs, Simd, Task, Vector, accumulate_runs};
+use crate::lanes::Wide;
+
+/// Places of a kernel at most.
+const PLACES: usize = 9;
+
+/// What the sums of a rectangle of outputs read from one map.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    values: &'a [f32],
+    /// For the first output; only the first `runs` count.
+    starts: [usize; PLACES],
+    runs: usize,
+    count: usize,
+    row: usize,
+    pixel: usize,
+}
+
+impl<'a> Source<'a> {
+    /// A kernel of `size` x `size` places whose first lies on the stored pixel (y, x) for the first output.
+    pub(super) fn new(view: View<'a>, size: usize, y: usize, x: usize) -> Self {
+        let (row, pixel) = (view.shape.row(), view.shape.channels);
+        // Where the places of a kernel's row are without a gap, they are one run.
+        let dense = pixel == view.channels;
+        let (columns, count) = if dense { (1, size * pixel) } else { (size, view.channels) };
+        let first = view.shape.stored(y, x) + view.first;
+        let mut starts = [0; PLACES];
+        for (i, start) in starts.iter_mut().enumerate().take(size * columns) {
+            *start = first + i / columns * row + i % columns * pixel;
+        }
+        Self { values: view.values, starts, runs: size * columns, count, row, pixel }
+    }
+}
+
+/// A rectangle of outputs.
+pub(super) struct Layer<'a> {
+    pub(super) packed: &'a Packed,
+    pub(super) sources: [Option<Source<'a>>; 2],
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    pub(super) target: Target<'a>,
+}
+
+impl Task for Layer<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let mut block = 0;
+        while S::WIDE && block + 2 <= self.packed.blocks() {
+            self.block::<S, 2>(simd, block);
+            block += 2;
+        }
+        while block < self.packed.blocks() {
+            self.block::<S, 1>(simd, block);
+            block += 1;
+        }
+    }
+}
+
+impl Layer<'_> {
+    /// All positions of B blocks of outputs.
+    #[inline(always)]
+    fn block<S: Simd, const B: usize>(&mut self, simd: S, block: usize) {
+        for y in 0..self.rows {
+            let mut row = Row::<S, B> {
+                simd,
+                packed: self.packed,
+                weights: std::array::from_fn(|b| self.packed.block(block + b)),
+                block,
+                sources: &self.sources,
+                y,
+                out: &mut self.target.values[y * self.target.row..],
+                pixel: self.target.pixel,
+            };
+            in_tiles::<S>(self.columns, &mut row);
+        }
+    }
+}
+
+/// One row of positions.
+struct Row<'a, S, const B: usize> {
+    simd: S,
+    packed: &'a Packed,
+    weights: [&'a [Wide]; B],
+    block: usize,
+    sources: &'a [Option<Source<'a>>; 2],
+    y: usize,
+    out: &'a mut [f32],
+    pixel: usize,
+}
+
+impl<S: Simd, const B: usize> Tiles for Row<'_, S, B> {
+    #[inline(always)]
+    fn tile<const R: usize>(&mut self, first: usize) {
+        let simd = self.simd;
+        let mut bias = [S::V16::splat(simd, 0.0); B];
+        for (b, bias) in bias.iter_mut().enumerate() {
+            *bias = S::V16::load(simd, &self.packed.bias[self.block + b]);
+        }
+        let mut acc = [bias; R];
+        let mut row = 0;
+        for source in self.sources.iter().flatten() {
+            let at = self.y * source.row + first * source.pixel;
+            let starts = source.starts.map(|start| start + at);
+            let starts = &starts[..source.runs];
+            let runs = Runs { values: source.values, starts, count: source.count, stride: source.pixel };
+            let rows = source.runs * source.count;
+            accumulate_runs(simd, &mut acc, runs, self.weights.map(|w| &w[row..][..rows]));
+            row += rows;
+        }
+        let zero = S::V16::splat(simd, 0.0);
+        for (r, sums) in acc.into_iter().enumerate() {
+            for (b, sum) in sums.into_iter().enumerate() {
+                let y = if self.packed.relu { sum.max(zero) } else { sum };
+                let at = (first + r) * self.pixel + (self.block + b) * BLOCK;
+                store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);
+            }
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Kernels over frames: convolutions and poolings of maps (height, width, channels), channels last.
+//!
+//! Each kernel computes the outputs of a [`Region`] alone and gives each of them the same bits whichever region it is
+//! computed in: its sum has one order, which the kernel's documentation states and which depends neither on the output's
+//! place nor on what is computed beside it.
+
+mod conv;
+mod feature_map;
+mod layer;
+mod pool;
+mod region;
+mod tiles;
+mod transposed;
+mod view;
+mod weights;
+mod winograd;
+
+pub use conv::{Conv1x1, Conv3x3};
+pub use feature_map::FeatureMap;
+pub use pool::{average_pool, global_average, max_pool_2x2};
+pub use region::Region;
+pub use transposed::TransposedConv2x2;
+pub use view::{Band, View};
+pub use weights::ConvParts;
+pub use winograd::{ConvScratch, WinogradConv3x3, WinogradTile};

@@ -1,0 +1,128 @@
+//! Poolings of maps, channel by channel.
+//!
+//! Maximum: of the pixels row by row, a later one only where it is larger. Averages: sums from +0 in the order that each
+//! function states, times the inverse of their number rounded to f32.
+
+use super::region::Region;
+use super::tiles::store_some;
+use super::view::{Band, View};
+use crate::error::KernelError;
+use crate::isa::{Isa, Simd, Task, Vector};
+use crate::lanes::LANES;
+
+/// Maximum of 2 x 2 pixels with stride 2 for the outputs in `region`; a last row or column of odd maps is left out.
+///
+/// # Errors
+/// [`KernelError::Shape`] where the output is not half as high and wide, rounded down, with as many channels;
+/// [`KernelError::Region`] where the region is not within the band.
+pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) -> Result<(), KernelError> {
+    let [height, width, channels] = input.size();
+    let mut out = out;
+    out.check([height / 2, width / 2, channels], region)?;
+    isa.run(Pool::<true> { input, size: 2, region, out: &mut out });
+    Ok(())
+}
+
+/// Average of `size` x `size` pixels with stride `size` for the outputs in `region`; rows and columns that do not fill a
+/// window are left out. The sum goes row by row.
+///
+/// # Errors
+/// [`KernelError::Size`] for a size of zero; else as [`max_pool_2x2`].
+pub fn average_pool(
+    isa: Isa,
+    size: usize,
+    input: View<'_>,
+    region: Region,
+    out: Band<'_>,
+) -> Result<(), KernelError> {
+    if size == 0 {
+        return Err(KernelError::Size { what: "pooling window", expected: "at least 1", found: 0 });
+    }
+    let [height, width, channels] = input.size();
+    let mut out = out;
+    out.check([height / size, width / size, channels], region)?;
+    isa.run(Pool::<false> { input, size, region, out: &mut out });
+    Ok(())
+}
+
+/// Average of all pixels: the sum of each row from the left, and the sum of these from the top.
+///
+/// # Errors
+/// [`KernelError::Length`] where `out` does not have a value for each channel.
+pub fn global_average(isa: Isa, input: View<'_>, out: &mut [f32]) -> Result<(), KernelError> {
+    let [_, _, expected] = input.size();
+    if out.len() != expected {
+        return Err(KernelError::Length { tensor: "global average", expected, found: out.len() });
+    }
+    isa.run(Global { input, out });
+    Ok(())
+}
+
+/// 1 / count, rounded to f32.
+#[inline(always)]
+fn inverse(count: usize) -> f32 {
+    (1.0 / count as f64) as f32
+}
+
+struct Pool<'a, 'b, const MAXIMUM: bool> {
+    input: View<'a>,
+    size: usize,
+    region: Region,
+    out: &'a mut Band<'b>,
+}
+
+impl<const MAXIMUM: bool> Task for Pool<'_, '_, MAXIMUM> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { input, size, region, out } = self;
+        let scale = S::V16::splat(simd, inverse(size * size));
+        for y in region.y..region.y + region.height {
+            for x in region.x..region.x + region.width {
+                let target = out.target(y, x).values;
+                for c in (0..input.channels).step_by(2 * LANES) {
+                    let at = |i: usize| {
+                        let pixel = input.shape.pixel(y * size + i / size, x * size + i % size);
+                        S::V16::load_slice(simd, &input.values[pixel + input.first + c..])
+                    };
+                    let mut acc = if MAXIMUM { at(0) } else { S::V16::splat(simd, 0.0) };
+                    for i in usize::from(MAXIMUM)..size * size {
+                        acc = if MAXIMUM { acc.max(at(i)) } else { acc.add(at(i)) };
+                    }
+                    let y = if MAXIMUM { acc } else { acc.mul(scale) };
+                    store_some(y, &mut target[c..input.channels.min(c + 2 * LANES)]);
+                }
+            }
+        }
+    }
+}
+
+struct Global<'a> {
+    input: View<'a>,
+    out: &'a mut [f32],
+}
+
+impl Task for Global<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { input, out } = self;
+        let [height, width, channels] = input.size();
+        let zero = S::V16::splat(simd, 0.0);
+        for c in (0..channels).step_by(2 * LANES) {
+            let mut total = zero;
+            for y in 0..height {
+                let mut row = zero;
+                for x in 0..width {
+                    let at = input.shape.pixel(y, x) + input.first + c;
+                    row = row.add(S::V16::load_slice(simd, &input.values[at..]));
+                }
+                total = total.add(row);
+            }
+            let y = total.mul(S::V16::splat(simd, inverse(height * width)));
+            store_some(y, &mut out[c..channels.min(c + 2 * LANES)]);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What a layer reads, and what it writes: some channels of a map, and of what is written, some rows.
+//!
+//! A concatenation along channels is one map into whose channels two layers write.
+
+use super::feature_map::{FeatureMap, Shape};
+use super::region::Region;
+use crate::error::KernelError;
+
+/// Neighbouring channels of a map, to read.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    pub(super) shape: Shape,
+    pub(super) values: &'a [f32],
+    pub(super) first: usize,
+    pub(super) channels: usize,
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(shape: Shape, values: &'a [f32]) -> Self {
+        Self { shape, values, first: 0, channels: shape.channels }
+    }
+
+    /// Channels `first..first + count` of these.
+    ///
+    /// # Errors
+    /// [`KernelError::Size`] where there are not as many.
+    pub fn channels(self, first: usize, count: usize) -> Result<Self, KernelError> {
+        check_channels(self.channels, first, count)?;
+        Ok(Self { first: self.first + first, channels: count, ..self })
+    }
+
+    /// (height, width, channels).
+    pub fn size(&self) -> [usize; 3] {
+        [self.shape.height, self.shape.width, self.channels]
+    }
+
+    /// The channels of pixel (y, x).
+    ///
+    /// # Panics
+    /// If the map has no such pixel.
+    pub fn pixel(&self, y: usize, x: usize) -> &'a [f32] {
+        assert!(y < self.shape.height && x < self.shape.width, "the pixel must be on the map");
+        &self.values[self.shape.pixel(y, x) + self.first..][..self.channels]
+    }
+
+    /// Refuses a view of another size, or with less halo.
+    pub(super) fn check(&self, size: [usize; 3], halo: usize) -> Result<(), KernelError> {
+        if self.size() != size {
+            return Err(KernelError::Shape { what: "input map", expected: size, found: self.size() });
+        }
+        if self.shape.halo < halo {
+            let (expected, found) = ("at least the kernel's padding", self.shape.halo);
+            return Err(KernelError::Size { what: "halo of an input map", expected, found });
+        }
+        Ok(())
+    }
+}
+
+impl<'a> From<&'a FeatureMap> for View<'a> {
+    fn from(map: &'a FeatureMap) -> Self {
+        map.view()
+    }
+}
+
+/// Neighbouring channels of some rows of a map, to write. Bands of different rows can be written at the same time.
+#[derive(Debug)]
+pub struct Band<'a> {
+    shape: Shape,
+    /// From the first pixel of the first row, as far as the next band.
+    values: &'a mut [f32],
+    first_row: usize,
+    rows: usize,
+    first: usize,
+    channels: usize,
+}
+
+impl<'a> Band<'a> {
+    pub(super) fn new(shape: Shape, values: &'a mut [f32]) -> Self {
+        let values = &mut values[shape.pixel(0, 0)..];
+        Self { shape, values, first_row: 0, rows: shape.height, first: 0, channels: shape.channels }
+    }
+
+    /// Channels `first..first + count` of these.
+    ///
+    /// # Errors
+    /// [`KernelError::Size`] where there are not as many.
+    pub fn channels(self, first: usize, count: usize) -> Result<Self, KernelError> {
+        check_channels(self.channels, first, count)?;
+        Ok(Self { first: self.first + first, channels: count, ..self })
+    }
+
+    /// The rows above `y`, a row of the map, and the rest.
+    ///
+    /// # Errors
+    /// [`KernelError::Size`] where `y` is not among the band's rows, or just below them.
+    pub fn split_at_row(self, y: usize) -> Result<(Self, Self), KernelError> {
+        let Self { shape, values, first_row, rows, first, channels } = self;
+        let above = y.checked_sub(first_row).filter(|&above| above <= rows).ok_or(KernelError::Size {
+            what: "row to split at",
+            expected: "a row of the band",
+            found: y,
+        })?;
+        let middle = (above * shape.row()).min(values.len());
+        let (upper, lower) = values.split_at_mut(middle);
+        let band = |values, first_row, rows| Self { shape, values, first_row, rows, first, channels };
+        Ok((band(upper, first_row, above), band(lower, y, rows - above)))
+    }
+
+    /// The same band for a shorter time.
+    pub fn reborrow(&mut self) -> Band<'_> {
+        let Self { shape, first_row, rows, first, channels, .. } = *self;
+        Band { shape, values: self.values, first_row, rows, first, channels }
+    }
+
+    /// (height, width, channels) of its map, with as many channels as the band has.
+    pub fn size(&self) -> [usize; 3] {
+        [self.shape.height, self.shape.width, self.channels]
+    }
+
+    /// Rows of the map that the band holds.
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        self.first_row..self.first_row + self.rows
+    }
+
+    /// Refuses a band of a map of another size, or without all rows of `region`.
+    pub(super) fn check(&self, size: [usize; 3], region: Region) -> Result<(), KernelError> {
+        if self.size() != size {
+            return Err(KernelError::Shape { what: "output map", expected: size, found: self.size() });
+        }
+        let [height, width, _] = size;
+        region.check_within(height, width)?;
+        let rows = self.rows();
+        if !region.is_empty() && (region.y < rows.start || region.y + region.height > rows.end) {
+            return Err(KernelError::Region { expected: "rows of the band", height, width, found: region });
+        }
+        Ok(())
+    }
+
+    /// From the first channel of pixel (y, x), and the values between rows and pixels.
+    #[inline]
+    pub(super) fn target(&mut self, y: usize, x: usize) -> Target<'_> {
+        let (row, pixel) = (self.shape.row(), self.shape.channels);
+        let at = (y - self.first_row) * row + x * pixel + self.first;
+        Target { values: &mut self.values[at..], row, pixel }
+    }
+}
+
+/// Where outputs go.
+pub(super) struct Target<'a> {
+    /// From the first output on.
+    pub(super) values: &'a mut [f32],
+    /// Values between rows.
+    pub(super) row: usize,
+    /// Values between outputs of a row.
+    pub(super) pixel: usize,
+}
+
+fn check_channels(all: usize, first: usize, count: usize) -> Result<(), KernelError> {
+    if count == 0 {
+        return Err(KernelError::Size { what: "channels", expected: "at least 1", found: 0 });
+    }
+    if first > all || count > all - first {
+        let found = first.saturating_add(count);
+        return Err(KernelError::Size { what: "last channel", expected: "a channel of the map", found });
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! Parameters of convolutions as files hold them, and as the kernels read them.
+
+use crate::error::{KernelError, check};
+use crate::lanes::{LANES, Wide};
+
+/// Outputs that a block of packed weights serves.
+pub(super) const BLOCK: usize = 2 * LANES;
+
+/// A convolution's parameters in `PyTorch`'s layouts.
+#[derive(Clone, Debug, Default)]
+pub struct ConvParts {
+    /// Channels of each input map, 1 or 2 of them: the layer reads their concatenation.
+    pub inputs: Vec<usize>,
+    /// Output channels O.
+    pub outputs: usize,
+    /// (O, I, kernel rows, kernel columns); of a transposed convolution (I, O, kernel rows, kernel columns). I is the sum
+    /// of `inputs`.
+    pub weight: Vec<f32>,
+    /// (O).
+    pub bias: Option<Vec<f32>>,
+    /// A batch norm after the convolution as y = scale x + shift, (O) each. Weights and bias are multiplied with it in f64
+    /// and rounded once, when the layer is made.
+    pub norm: Option<(Vec<f32>, Vec<f32>)>,
+    /// Whether a rectifier follows: y where y > 0, else +0.
+    pub relu: bool,
+}
+
+/// Whose weights of (input channel, kernel place, output channel) lie where.
+#[derive(Clone, Copy)]
+pub(super) enum Layout {
+    /// (O, I, places).
+    OutputsFirst,
+    /// (I, O, places).
+    InputsFirst,
+}
+
+impl ConvParts {
+    /// Sum of the inputs' channels.
+    pub(super) fn channels(&self) -> usize {
+        self.inputs.iter().sum()
+    }
+
+    /// Refuses sizes and tensors that do not fit a kernel of `places`.
+    pub(super) fn check(&self, places: usize) -> Result<(), KernelError> {
+        let found = self.inputs.len();
+        if found == 0 || found > 2 {
+            return Err(KernelError::Size { what: "input maps", expected: "1 or 2", found });
+        }
+        for (what, found) in [
+            ("input channels", self.inputs.iter().copied().min().unwrap_or(0)),
+            ("output channels", self.outputs),
+        ] {
+            if found == 0 || found > 1 << 16 {
+                return Err(KernelError::Size { what, expected: "1 to 65536", found });
+            }
+        }
+        check("weight", &self.weight, self.outputs * self.channels() * places)?;
+        if let Some(bias) = &self.bias {
+            check("bias", bias, self.outputs)?;
+        }
+        if let Some((scale, shift)) = &self.norm {
+            check("norm scale", scale, self.outputs)?;
+            check("norm shift", shift, self.outputs)?;
+        }
+        Ok(())
+    }
+
+    /// What the batch norm multiplies output `o` with.
+    pub(super) fn scale(&self, o: usize) -> f64 {
+        self.norm.as_ref().map_or(1.0, |(scale, _)| f64::from(scale[o]))
+    }
+
+    /// The bias of output `o` after the batch norm.
+    fn offset(&self, o: usize) -> f32 {
+        let bias = self.bias.as_ref().map_or(0.0, |bias| f64::from(bias[o]));
+        let shift = self.norm.as_ref().map_or(0.0, |(_, shift)| f64::from(shift[o]));
+        (self.scale(o) * bias + shift) as f32
+    }
+
+    /// Weight of input channel `i` at `place` for output `o` after the batch norm.
+    pub(super) fn weight(&self, layout: Layout, places: usize, of: [usize; 3]) -> f32 {
+        self.weight_f64(layout, places, of) as f32
+    }
+
+    /// The same before it is rounded.
+    pub(super) fn weight_f64(&self, layout: Layout, places: usize, [i, place, o]: [usize; 3]) -> f64 {
+        let at = match layout {
+            Layout::OutputsFirst => (o * self.channels() + i) * places + place,
+            Layout::InputsFirst => (i * self.outputs + o) * places + place,
+        };
+        f64::from(self.weight[at]) * self.scale(o)
+    }
+}
+
+/// Weights by blocks of outputs: all rows of the first sixteen, then of the next, and so on, the last filled up with
+/// zeros.
+#[derive(Clone, Debug)]
+pub(super) struct Packed {
+    pub(super) rows: usize,
+    pub(super) outputs: usize,
+    pub(super) weight: Vec<Wide>,
+    pub(super) bias: Vec<Wide>,
+    pub(super) relu: bool,
+}
+
+impl Packed {
+    /// Packs weights of which `weight(row, o)` is one.
+    pub(super) fn new(parts: &ConvParts, rows: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
+        let outputs = parts.outputs;
+        let blocks = outputs.div_ceil(BLOCK);
+        let wide = |block: usize, value: &dyn Fn(usize) -> f32| {
+            let o = |lane: usize| block * BLOCK + lane;
+            Wide(std::array::from_fn(|lane| if o(lane) < outputs { value(o(lane)) } else { 0.0 }))
+        };
+        let row = |block: usize| {
+            let (wide, weight) = (&wide, &weight);
+            (0..rows).map(move |row| wide(block, &|o| weight(row, o)))
+        };
+        Self {
+            rows,
+            outputs,
+            weight: (0..blocks).flat_map(row).collect(),
+            bias: (0..blocks).map(|block| wide(block, &|o| parts.offset(o))).collect(),
+            relu: parts.relu,
+        }
+    }
+
+    /// Blocks of outputs.
+    #[inline(always)]
+    pub(super) fn blocks(&self) -> usize {
+        self.bias.len()
+    }
+
+    /// All rows of a block.
+    #[inline(always)]
+    pub(super) fn block(&self, block: usize) -> &[Wide] {
+        &self.weight[block * self.rows..][..self.rows]
+    }
+
+    /// Outputs of a block that there are.
+    #[inline(always)]
+    pub(super) fn real(&self, block: usize) -> usize {
+        (self.outputs - block * BLOCK).min(BLOCK)
+    }
+}

@@ -1,0 +1,282 @@
+//! The tiles of a region, some at a time: transform their inputs, multiply, transform back.
+
+use std::marker::PhantomData;
+
+use super::super::region::Region;
+use super::super::tiles::{Tiles, in_tiles, most, store_some};
+use super::super::view::{Target, View};
+use super::super::weights::{BLOCK, Packed};
+use super::ConvScratch;
+use super::transform::Transform;
+use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
+use crate::lanes::Wide;
+
+/// Bytes that the transformed inputs and sums of the tiles at hand may take: a part of the second-level cache.
+const AT_HAND: usize = 1 << 19;
+
+/// A region of a layer's outputs.
+pub(super) struct Job<'a, T, const N: usize> {
+    packed: &'a Packed,
+    inputs: &'a [View<'a>],
+    channels: usize,
+    region: Region,
+    target: Target<'a>,
+    scratch: &'a mut ConvScratch,
+    /// Tiles in a row of the region.
+    columns: usize,
+    transform: PhantomData<T>,
+}
+
+/// Memory of one place for the tiles at hand: the first vector of each tile, then the second of each, and so on. One vector
+/// more than that: places whose distance is a multiple of a page would compete for the same lines of the first-level
+/// cache.
+#[derive(Clone, Copy)]
+struct Plane {
+    /// Tiles at hand.
+    tiles: usize,
+    /// Vectors between places.
+    place: usize,
+}
+
+impl Plane {
+    fn new(tiles: usize, vectors: usize) -> Self {
+        Self { tiles, place: tiles * vectors + 1 }
+    }
+}
+
+impl<'a, T: Transform<N>, const N: usize> Job<'a, T, N> {
+    pub(super) fn new(
+        packed: &'a Packed,
+        inputs: &'a [View<'a>],
+        region: Region,
+        target: Target<'a>,
+        scratch: &'a mut ConvScratch,
+    ) -> Self {
+        let columns = region.width.div_ceil(T::OUT);
+        let channels = inputs.iter().map(|view| view.channels).sum();
+        Self { packed, inputs, channels, region, target, scratch, columns, transform: PhantomData }
+    }
+}
+
+impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let tiles = self.columns * self.region.height.div_ceil(T::OUT);
+        let vectors: usize = self.inputs.iter().map(|view| view.channels.div_ceil(BLOCK)).sum();
+        let blocks = if S::WIDE { 2 } else { 1 };
+        let bytes = N * N * size_of::<Wide>() * (vectors + blocks);
+        let at_hand = (AT_HAND / bytes / most::<S>()).max(1) * most::<S>();
+        // Parts of nearly equal size, so that none is too small to share the weights that it loads.
+        let at_hand = tiles.div_ceil(tiles.div_ceil(at_hand));
+        let inputs = Plane::new(at_hand, vectors);
+        let sums = Plane::new(at_hand, blocks);
+        grow(&mut self.scratch.inputs, N * N * inputs.place);
+        grow(&mut self.scratch.sums, N * N * sums.place);
+        let mut first = 0;
+        while first < tiles {
+            let count = at_hand.min(tiles - first);
+            for t in 0..count {
+                self.read(simd, first + t, t, inputs);
+            }
+            let mut block = 0;
+            while S::WIDE && block + 2 <= self.packed.blocks() {
+                self.multiply::<S, 2>(simd, block, first, count, inputs, sums);
+                block += 2;
+            }
+            while block < self.packed.blocks() {
+                self.multiply::<S, 1>(simd, block, first, count, inputs, sums);
+                block += 1;
+            }
+            first += count;
+        }
+    }
+}
+
+impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
+    /// B^t d B of tile `tile`, number `t` of those at hand.
+    #[inline(always)]
+    fn read<S: Simd>(&mut self, simd: S, tile: usize, t: usize, plane: Plane) {
+        let ConvScratch { patch, inputs: planes, .. } = &mut *self.scratch;
+        let (y, x) =
+            (self.region.y + tile / self.columns * T::OUT, self.region.x + tile % self.columns * T::OUT);
+        let mut to = t;
+        for view in self.inputs {
+            let halo = view.shape.halo;
+            // Stored rows and columns that there are from the first place on.
+            let (y, x) = (y + halo - 1, x + halo - 1);
+            let rows = (view.shape.height + 2 * halo - y).min(N);
+            let columns = (view.shape.width + 2 * halo - x).min(N);
+            let from = view.shape.stored(y, x) + view.first;
+            let (row, pixel) = (view.shape.row(), view.shape.channels);
+            if rows == N && columns == N {
+                let grid = Grid { values: &view.values[from..], row, pixel };
+                transform_inputs::<S, T, N>(simd, grid, view.channels, &mut planes[to..], plane);
+            } else {
+                let stride = view.channels.next_multiple_of(BLOCK);
+                grow(patch, N * N * stride / BLOCK);
+                let patch = flat_wide_mut(patch);
+                patch[..N * N * stride].fill(0.0);
+                for r in 0..rows {
+                    for c in 0..columns {
+                        patch[(r * N + c) * stride..][..view.channels]
+                            .copy_from_slice(&view.values[from + r * row + c * pixel..][..view.channels]);
+                    }
+                }
+                let grid = Grid { values: patch, row: N * stride, pixel: stride };
+                transform_inputs::<S, T, N>(simd, grid, view.channels, &mut planes[to..], plane);
+            }
+            to += view.channels.div_ceil(BLOCK) * plane.tiles;
+        }
+    }
+
+    /// Outputs of B blocks for `count` tiles.
+    #[inline(always)]
+    fn multiply<S: Simd, const B: usize>(
+        &mut self,
+        simd: S,
+        block: usize,
+        first: usize,
+        count: usize,
+        inputs: Plane,
+        sums: Plane,
+    ) {
+        let mut weights: [&[Wide]; B] = [&[]; B];
+        for (b, weights) in weights.iter_mut().enumerate() {
+            *weights = self.packed.block(block + b);
+        }
+        for place in 0..N * N {
+            let mut product = Product::<S, B> {
+                simd,
+                values: &self.scratch.inputs[place * inputs.place..][..inputs.place],
+                tiles: inputs.tiles,
+                maps: self.inputs,
+                weights: part(weights, place * self.channels, self.channels),
+                out: &mut self.scratch.sums[place * sums.place..][..sums.place],
+            };
+            in_tiles::<S>(count, &mut product);
+        }
+        for t in 0..count {
+            for b in 0..B {
+                self.write(simd, first + t, block + b, b * sums.tiles + t, sums.place);
+            }
+        }
+    }
+
+    /// A^t m A of tile `tile`, bias and rectifier; m's vectors from `from` on, places `step` apart.
+    #[inline(always)]
+    fn write<S: Simd>(&mut self, simd: S, tile: usize, block: usize, from: usize, step: usize) {
+        let sums = &self.scratch.sums[from..][..=(N * N - 1) * step];
+        let zero = S::V16::splat(simd, 0.0);
+        let mut half = [[zero; N]; N];
+        for c in 0..N {
+            let mut column = [zero; N];
+            for (r, value) in column.iter_mut().enumerate() {
+                *value = S::V16::load(simd, &sums[(r * N + c) * step]);
+            }
+            for (half, value) in half.iter_mut().zip(T::output(simd, column)) {
+                half[c] = value;
+            }
+        }
+        let bias = S::V16::load(simd, &self.packed.bias[block]);
+        let (y, x) = (tile / self.columns * T::OUT, tile % self.columns * T::OUT);
+        let columns = (self.region.width - x).min(T::OUT);
+        let rows = (self.region.height - y).min(T::OUT);
+        for (r, &half) in half.iter().enumerate().take(rows) {
+            let row = T::output(simd, half);
+            let at = (y + r) * self.target.row + x * self.target.pixel + block * BLOCK;
+            for (c, &sum) in row.iter().enumerate().take(columns) {
+                let sum = sum.add(bias);
+                let sum = if self.packed.relu { sum.max(zero) } else { sum };
+                let to = &mut self.target.values[at + c * self.target.pixel..];
+                store_some(sum, &mut to[..self.packed.real(block)]);
+            }
+        }
+    }
+}
+
+/// N x N pixels in memory.
+#[derive(Clone, Copy)]
+struct Grid<'a> {
+    values: &'a [f32],
+    row: usize,
+    pixel: usize,
+}
+
+/// B^t d B of all channels of a patch.
+#[inline(always)]
+fn transform_inputs<S: Simd, T: Transform<N>, const N: usize>(
+    simd: S,
+    grid: Grid<'_>,
+    channels: usize,
+    out: &mut [Wide],
+    plane: Plane,
+) {
+    let zero = S::V16::splat(simd, 0.0);
+    for vector in 0..channels.div_ceil(BLOCK) {
+        let mut half = [[zero; N]; N];
+        for c in 0..N {
+            let mut column = [zero; N];
+            for (r, value) in column.iter_mut().enumerate() {
+                let at = r * grid.row + c * grid.pixel + vector * BLOCK;
+                *value = S::V16::load_slice(simd, &grid.values[at..]);
+            }
+            for (half, value) in half.iter_mut().zip(T::input(simd, column)) {
+                half[c] = value;
+            }
+        }
+        for (r, &half) in half.iter().enumerate() {
+            for (c, value) in T::input(simd, half).into_iter().enumerate() {
+                value.store(&mut out[(r * N + c) * plane.place + vector * plane.tiles]);
+            }
+        }
+    }
+}
+
+/// Sums of one place: tiles times blocks of outputs.
+struct Product<'a, S, const B: usize> {
+    simd: S,
+    values: &'a [Wide],
+    tiles: usize,
+    maps: &'a [View<'a>],
+    weights: [&'a [Wide]; B],
+    out: &'a mut [Wide],
+}
+
+impl<S: Simd, const B: usize> Tiles for Product<'_, S, B> {
+    #[inline(always)]
+    fn tile<const R: usize>(&mut self, first: usize) {
+        let mut acc = [[S::V16::splat(self.simd, 0.0); B]; R];
+        let (mut at, mut row) = (first, 0);
+        for map in self.maps {
+            let weights = part(self.weights, row, map.channels);
+            accumulate_wide(self.simd, &mut acc, &self.values[at..], self.tiles, weights);
+            at += map.channels.div_ceil(BLOCK) * self.tiles;
+            row += map.channels;
+        }
+        for b in 0..B {
+            let out = &mut self.out[b * self.tiles + first..][..R];
+            for (sums, out) in acc.iter().zip(out) {
+                sums[b].store(out);
+            }
+        }
+    }
+}
+
+/// Rows `first..first + count` of each block.
+#[inline(always)]
+fn part<const B: usize>(mut weights: [&[Wide]; B], first: usize, count: usize) -> [&[Wide]; B] {
+    for weights in &mut weights {
+        *weights = &weights[first..][..count];
+    }
+    weights
+}
+
+/// Makes room for `vectors`.
+#[inline(always)]
+fn grow(memory: &mut Vec<Wide>, vectors: usize) {
+    if memory.len() < vectors {
+        memory.resize(vectors, Wide::ZERO);
+    }
+}

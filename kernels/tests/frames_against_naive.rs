@@ -1,0 +1,230 @@
+//! Every kernel over frames on every instruction set against its scalar twin, bit for bit, for whole maps and for parts.
+
+use meissner_kernels::naive::frames::{self as naive, Image};
+use meissner_kernels::{
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Region,
+};
+use meissner_kernels::{TransposedConv2x2, View, WinogradConv3x3, WinogradTile};
+use meissner_kernels::{average_pool, global_average, max_pool_2x2};
+use proptest::prelude::*;
+
+const TILES: [WinogradTile; 2] = [WinogradTile::Two, WinogradTile::Four];
+
+fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
+    proptest::collection::vec(prop_oneof![4 => -2.0f32..2.0, 1 => Just(0.0), 1 => Just(-0.0)], n)
+}
+
+/// One or two images and a layer of `places` over them.
+fn case(places: usize, side: usize) -> impl Strategy<Value = (ConvParts, Vec<Image>)> {
+    let channels = proptest::collection::vec(prop_oneof![3 => 1usize..6, 2 => 1usize..36], 1..=2);
+    (1..=side, 1..=side, channels, 1usize..40).prop_flat_map(move |(height, width, channels, outputs)| {
+        let images: Vec<_> = channels
+            .iter()
+            .map(|&c| {
+                values(height * width * c).prop_map(move |values| Image {
+                    height,
+                    width,
+                    channels: c,
+                    values,
+                })
+            })
+            .collect();
+        (
+            values(channels.iter().sum::<usize>() * outputs * places),
+            proptest::option::of(values(outputs)),
+            proptest::option::of((values(outputs), values(outputs))),
+            any::<bool>(),
+            images,
+        )
+            .prop_map(move |(weight, bias, norm, relu, images)| {
+                (ConvParts { inputs: channels.clone(), outputs, weight, bias, norm, relu }, images)
+            })
+    })
+}
+
+/// A part of `height` x `width` that four fractions choose, with corners on a grid of `tile`; possibly empty.
+fn part(height: usize, width: usize, tile: usize, [a, b, c, d]: [f64; 4]) -> Region {
+    let corner =
+        |fraction: f64, size: usize| ((fraction * (size + tile) as f64) as usize / tile * tile).min(size);
+    let (y0, y1) = (corner(a.min(b), height), corner(a.max(b), height));
+    let (x0, x1) = (corner(c.min(d), width), corner(c.max(d), width));
+    // An end at the map's edge may lie off the grid, a start may not.
+    let (y0, x0) = (y0 / tile * tile, x0 / tile * tile);
+    Region { y: y0, x: x0, height: y1 - y0, width: x1 - x0 }
+}
+
+fn fractions() -> impl Strategy<Value = [f64; 4]> {
+    [0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0]
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+const UNTOUCHED: f32 = 12345.0;
+
+/// Runs `run` for the whole map and for `region`, into maps of their own and into the middle channels of wider ones, and
+/// compares each with `expected`: inside of the region its bits, outside of it what was there.
+fn check(
+    expected: &Image,
+    region: Region,
+    mut run: impl FnMut(Isa, Region, Band<'_>) -> Result<(), KernelError>,
+) -> Result<(), TestCaseError> {
+    let [height, width, channels] = [expected.height, expected.width, expected.channels];
+    for isa in Isa::available() {
+        for (region, before, after) in [(Region::all(height, width), 0, 0), (region, 0, 0), (region, 3, 2)] {
+            let wide = Image::new([height, width, before + channels + after], |_, _, _| UNTOUCHED);
+            let mut out = wide.to_map(1).unwrap();
+            let band = out.band().channels(before, channels).unwrap();
+            run(isa, region, band).unwrap();
+            let inside = |y: usize, x: usize| {
+                (region.y..region.y + region.height).contains(&y)
+                    && (region.x..region.x + region.width).contains(&x)
+            };
+            let wanted = Image::new([height, width, before + channels + after], |y, x, c| {
+                if inside(y, x) && (before..before + channels).contains(&c) {
+                    expected.at(y as isize, x as isize, c - before)
+                } else {
+                    UNTOUCHED
+                }
+            });
+            let got = Image::of(out.view());
+            prop_assert_eq!(bits(&got.values), bits(&wanted.values), "{} {:?}", isa.name(), region);
+        }
+    }
+    Ok(())
+}
+
+/// The images as maps; with `join`, as channels of one map.
+fn maps(images: &[Image], join: bool) -> Vec<FeatureMap> {
+    if !join {
+        return images.iter().map(|image| image.to_map(1).unwrap()).collect();
+    }
+    let (height, width) = (images[0].height, images[0].width);
+    let mut out =
+        FeatureMap::zeros(height, width, images.iter().map(|image| image.channels).sum(), 1).unwrap();
+    for y in 0..height {
+        for x in 0..width {
+            let pixel: Vec<f32> = images
+                .iter()
+                .flat_map(|image| (0..image.channels).map(move |c| image.at(y as isize, x as isize, c)))
+                .collect();
+            out.pixel_mut(y, x).copy_from_slice(&pixel);
+        }
+    }
+    vec![out]
+}
+
+/// What a layer over `images` reads of `maps`.
+fn views<'a>(images: &[Image], maps: &'a [FeatureMap]) -> Vec<View<'a>> {
+    if maps.len() == images.len() {
+        return maps.iter().map(FeatureMap::view).collect();
+    }
+    let mut first = 0;
+    let view = |image: &Image| {
+        first += image.channels;
+        maps[0].view().channels(first - image.channels, image.channels).unwrap()
+    };
+    images.iter().map(view).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn a_3x3_convolution_is_the_same_bits_as_its_scalar_twin(
+        (parts, images) in case(9, 19), join in any::<bool>(), at in fractions(),
+    ) {
+        let expected = naive::conv(&parts, 3, &images);
+        let (conv, maps) = (Conv3x3::new(&parts).unwrap(), maps(&images, join));
+        let views = views(&images, &maps);
+        let region = part(expected.height, expected.width, 1, at);
+        check(&expected, region, |isa, region, out| conv.run(isa, &views, region, out))?;
+    }
+
+    #[test]
+    fn a_1x1_convolution_is_the_same_bits_as_its_scalar_twin(
+        (parts, images) in case(1, 31), join in any::<bool>(), at in fractions(),
+    ) {
+        let expected = naive::conv(&parts, 1, &images);
+        let (conv, maps) = (Conv1x1::new(&parts).unwrap(), maps(&images, join));
+        let views = views(&images, &maps);
+        let region = part(expected.height, expected.width, 1, at);
+        check(&expected, region, |isa, region, out| conv.run(isa, &views, region, out))?;
+    }
+
+    #[test]
+    fn a_transposed_convolution_is_the_same_bits_as_its_scalar_twin(
+        (parts, images) in case(4, 17), join in any::<bool>(), at in fractions(),
+    ) {
+        let expected = naive::transposed(&parts, &images);
+        let (conv, maps) = (TransposedConv2x2::new(&parts).unwrap(), maps(&images, join));
+        let views = views(&images, &maps);
+        let region = part(expected.height, expected.width, 2, at);
+        check(&expected, region, |isa, Region { y, x, height, width }, out| {
+            let inputs = Region { y: y / 2, x: x / 2, height: height / 2, width: width / 2 };
+            conv.run(isa, &views, inputs, out)
+        })?;
+    }
+
+    #[test]
+    fn a_winograd_convolution_is_the_same_bits_as_its_scalar_twin(
+        (parts, images) in case(9, 15), join in any::<bool>(), at in fractions(),
+    ) {
+        let maps = maps(&images, join);
+        let views = views(&images, &maps);
+        let mut scratch = ConvScratch::default();
+        for tile in TILES {
+            let expected = naive::winograd(&parts, tile, &images);
+            let conv = WinogradConv3x3::new(&parts, tile).unwrap();
+            let region = part(expected.height, expected.width, tile.size(), at);
+            check(&expected, region, |isa, region, out| conv.run(isa, &views, region, out, &mut scratch))?;
+        }
+    }
+
+    #[test]
+    fn poolings_are_the_same_bits_as_their_scalar_twins(
+        image in (1usize..12, 1usize..12, 1usize..36).prop_flat_map(|(height, width, channels)| {
+            values(height * width * channels).prop_map(move |values| Image { height, width, channels, values })
+        }),
+        size in 1usize..4,
+        at in fractions(),
+    ) {
+        let map = image.to_map(0).unwrap();
+        if image.height > 1 && image.width > 1 {
+            let expected = naive::max_pool_2x2(&image);
+            let region = part(expected.height, expected.width, 1, at);
+            check(&expected, region, |isa, region, out| max_pool_2x2(isa, map.view(), region, out))?;
+        }
+        if image.height >= size && image.width >= size {
+            let expected = naive::average_pool(size, &image);
+            let region = part(expected.height, expected.width, 1, at);
+            check(&expected, region, |isa, region, out| average_pool(isa, size, map.view(), region, out))?;
+        }
+        for isa in Isa::available() {
+            let mut got = vec![0.0; image.channels];
+            global_average(isa, map.view(), &mut got).unwrap();
+            prop_assert_eq!(bits(&got), bits(&naive::global_average(&image)), "{}", isa.name());
+        }
+    }
+}
+
+/// More tiles than are at hand at once.
+#[test]
+fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
+    let size = [61, 70];
+    let number = |i: usize| ((i * 7919) % 1009) as f32 / 500.0 - 1.0;
+    let images = [1, 2].map(|c| Image::new([size[0], size[1], c], |y, x, c| number((y * 70 + x) * 3 + c)));
+    let weight = (0..3 * 33 * 9).map(|i| number(i * i)).collect();
+    let parts = ConvParts { inputs: vec![1, 2], outputs: 33, weight, ..ConvParts::default() };
+    let maps = maps(&images, false);
+    let views = views(&images, &maps);
+    let mut scratch = ConvScratch::default();
+    for tile in TILES {
+        let expected = naive::winograd(&parts, tile, &images);
+        let conv = WinogradConv3x3::new(&parts, tile).unwrap();
+        let region = Region { y: 8, x: 4, height: 53, width: 60 };
+        check(&expected, region, |isa, region, out| conv.run(isa, &views, region, out, &mut scratch))
+            .unwrap();
+    }
+}
