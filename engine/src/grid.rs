@@ -126,7 +126,7 @@ impl Grid {
 
     /// [`Self::search`], where `later` tells for the index of a cell, and the cell, how many of its nodes are not later
     /// than the query.
-    #[inline(always)]
+    #[inline]
     fn search_from(
         &self,
         metric: &Metric,

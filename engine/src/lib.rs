@@ -11,6 +11,7 @@ mod engine;
 mod error;
 mod event;
 mod fraction;
+pub mod frames;
 mod graph;
 mod grid;
 mod maxima;

@@ -5,7 +5,7 @@
 //! four groups of eight, (a0 + a1) + (a2 + a3), and the eight that remain as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
 //! Inputs are the rows of a matrix one after the other, each padded to whole lanes; i counts the padding.
 
-use crate::elementary::elu;
+use crate::elementary::{elu, sigmoid, tanh};
 use crate::error::{KernelError, check};
 use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
@@ -16,10 +16,14 @@ pub enum Activation {
     /// Nothing.
     #[default]
     Identity,
-    /// max(x, 0).
+    /// max(x, 0); NaN stays, to be found.
     Relu,
     /// x for x > 0, else e^x - 1.
     Elu,
+    /// 1 / (1 + e^-x).
+    Sigmoid,
+    /// The hyperbolic tangent.
+    Tanh,
 }
 
 /// A dense layer over (segments, channels) inputs.
@@ -128,13 +132,15 @@ impl Dense {
         out[o / LANES].0[o % LANES] = match self.activation {
             Activation::Identity => y,
             Activation::Relu => {
-                if y > 0.0 {
-                    y
-                } else {
+                if y < 0.0 {
                     0.0
+                } else {
+                    y
                 }
             }
             Activation::Elu => elu(y),
+            Activation::Sigmoid => sigmoid(y),
+            Activation::Tanh => tanh(y),
         };
     }
 }

@@ -4,6 +4,8 @@
 //! and evaluate expm1(r) = r + r^2 P(r) with P of degree 5, a weighted minimax fit whose relative error is below
 //! 0.01 ULP; what is left is rounding. Branch-free, so that a loop over lanes vectorises.
 
+use crate::isa::{Exponent, Portable, Vector};
+
 /// log2(e).
 const LOG2_E: f32 = std::f32::consts::LOG2_E;
 /// ln 2 to 15 bits: exact when multiplied by any n that occurs.
@@ -12,6 +14,8 @@ const LN2_HIGH: f32 = 0.693_145_75;
 const LN2_LOW: f32 = 1.428_606_8e-6;
 /// 1.5 * 2^23: adding it rounds to an integer, ties to even, and leaves that integer in the low bits.
 const ROUND: f32 = 12_582_912.0;
+/// 2^-24.
+const TWO_TO_MINUS_24: f32 = 5.960_464_5e-8;
 /// P, lowest power first.
 const P: [f32; 6] = [0.5, 0.166_666_66, 0.041_666_36, 8.333_39e-3, 1.394_082_3e-3, 1.984_589_3e-4];
 
@@ -59,6 +63,97 @@ pub fn elu(x: f32) -> f32 {
     if x > 0.0 { x } else { negative }
 }
 
+/// 1 / (1 + e^-x). Largest error 2.5 ULP over all f32, subnormal results included; `sigmoid(-inf)` is 0,
+/// `sigmoid(inf)` is 1, NaN stays NaN.
+#[inline(always)]
+pub fn sigmoid(x: f32) -> f32 {
+    // Seven lanes that nothing reads: the compiler removes them.
+    sigmoids(Portable, [[x; 8]])[0][0]
+}
+
+/// The hyperbolic tangent. Largest error 2.5 ULP over all f32; `tanh(-inf)` is -1, `tanh(inf)` is 1, the sign of zero
+/// and NaN are kept.
+#[inline(always)]
+pub fn tanh(x: f32) -> f32 {
+    // Seven lanes that nothing reads: the compiler removes them.
+    tanhs(Portable, [[x; 8]])[0][0]
+}
+
+/// [`reduce`] of several vectors, in step: replaces x by 1.5 2^23 + n and returns expm1(x - n ln 2).
+///
+/// Loops, here and below: closures passed to an array's `map` are not inlined, and so miss their instruction set.
+#[inline(always)]
+fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V; N] {
+    let splat = |v: f32| V::splat(simd, v);
+    let mut r = *x;
+    for (x, r) in x.iter_mut().zip(&mut r) {
+        *x = x.mul(splat(LOG2_E)).add(splat(ROUND));
+        let n = x.sub(splat(ROUND));
+        *r = r.sub(n.mul(splat(LN2_HIGH))).sub(n.mul(splat(LN2_LOW)));
+    }
+    let mut p = [splat(P[5]); N];
+    for c in [P[4], P[3], P[2], P[1], P[0]] {
+        for (p, &r) in p.iter_mut().zip(&r) {
+            *p = p.mul(r).add(splat(c));
+        }
+    }
+    for (p, &r) in p.iter_mut().zip(&r) {
+        *p = r.add(r.mul(r).mul(*p));
+    }
+    p
+}
+
+/// [`sigmoid`] of N vectors, in step: a processor that looks ahead over one chain of operations finds too little to do.
+#[inline(always)]
+pub(crate) fn sigmoids<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
+    let splat = |v: f32| V::splat(simd, v);
+    let (zero, one) = (splat(0.0), splat(1.0));
+    // Of -|x|, so that it neither overflows nor cancels. As in `exp`, 0 is reached at -104.
+    let mut shifted = x;
+    for x in &mut shifted {
+        *x = zero.sub(x.max(zero.sub(*x))).max(splat(-104.0));
+    }
+    let mut y = reduces(simd, &mut shifted);
+    for ((y, shifted), x) in y.iter_mut().zip(shifted).zip(x) {
+        // The power is 2^24 times too large, and therefore normal; the last product is the one that rounds.
+        let e = one.add(*y).mul(shifted.power_of_two(simd, 24)).mul(splat(TWO_TO_MINUS_24));
+        *y = e.where_negative(x, one).div(one.add(e));
+    }
+    y
+}
+
+/// [`tanh`] of N vectors, in step.
+#[inline(always)]
+pub(crate) fn tanhs<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
+    let splat = |v: f32| V::splat(simd, v);
+    let zero = splat(0.0);
+    // -m / (2 + m) of m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so that no power needs to be halved.
+    let mut shifted = x;
+    for x in &mut shifted {
+        *x = x.max(zero.sub(*x)).mul(splat(-2.0)).max(splat(-30.0));
+    }
+    let mut y = reduces(simd, &mut shifted);
+    for ((y, shifted), x) in y.iter_mut().zip(shifted).zip(x) {
+        let power = shifted.power_of_two(simd, 0);
+        let m = power.mul(*y).add(power.sub(splat(1.0)));
+        *y = m.div(m.add(splat(2.0))).with_sign(simd, x);
+    }
+    y
+}
+
+/// values(i) = e^(values(i) - m) / s with m the largest value and s the sum of these powers, in ascending order.
+///
+/// Nothing where `values` is empty. A value that is NaN makes all of them NaN.
+pub fn softmax(values: &mut [f32]) {
+    let largest = values.iter().fold(f32::NEG_INFINITY, |m, &v| if v > m { v } else { m });
+    let mut sum = 0.0;
+    for value in &mut *values {
+        *value = exp(*value - largest);
+        sum += *value;
+    }
+    values.iter_mut().for_each(|value| *value /= sum);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +194,63 @@ mod tests {
     fn expm1_is_within_its_stated_bound() {
         let (error, x) = worst(expm1, f64::exp_m1);
         assert!(error <= 1.5, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn sigmoid_is_within_its_stated_bound() {
+        // For x < 0, e^x / (1 + e^x) does not lose what 1 / (1 + e^-x) rounds away in f64 where e^-x overflows.
+        let exact =
+            |x: f64| if x < 0.0 { f64::exp(x) / (1.0 + f64::exp(x)) } else { 1.0 / (1.0 + f64::exp(-x)) };
+        let (error, x) = worst(sigmoid, exact);
+        assert!(error <= 2.5, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn tanh_is_within_its_stated_bound() {
+        let (error, x) = worst(tanh, f64::tanh);
+        assert!(error <= 2.5, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn sigmoid_and_tanh_saturate_at_their_limits() {
+        for (x, expected) in [
+            (f32::NEG_INFINITY, 0.0),
+            (-1e30, 0.0),
+            (0.0, 0.5),
+            (-0.0, 0.5),
+            (40.0, 1.0),
+            (f32::INFINITY, 1.0),
+        ] {
+            assert_eq!(sigmoid(x).to_bits(), f32::to_bits(expected), "{x}");
+        }
+        for x in [f32::INFINITY, 1e30, 20.0] {
+            assert_eq!((tanh(x), tanh(-x)), (1.0, -1.0));
+        }
+        for x in [0.0, 1e-45, 1e-40, 1e-30] {
+            assert_eq!((tanh(x).to_bits(), tanh(-x).to_bits()), (x.to_bits(), (-x).to_bits()));
+        }
+        assert!(sigmoid(f32::NAN).is_nan() && tanh(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn sigmoid_and_tanh_never_leave_their_range() {
+        for x in sweep(251).filter(|x| !x.is_nan()) {
+            assert!((0.0..=1.0).contains(&sigmoid(x)) && tanh(x).abs() <= 1.0, "{x:e}");
+        }
+    }
+
+    #[test]
+    fn a_softmax_sums_to_one_and_does_not_overflow() {
+        let mut values = [1000.0, 999.0, -1000.0];
+        softmax(&mut values);
+        let expected = [1.0 / (1.0 + f64::exp(-1.0)), 1.0 / (1.0 + f64::exp(1.0)), 0.0];
+        for (got, expected) in values.iter().zip(expected) {
+            assert!((f64::from(*got) - expected).abs() < 1e-6, "{got}, not {expected}");
+        }
+        let mut nan = [0.0, f32::NAN];
+        softmax(&mut nan);
+        assert!(nan.iter().all(|v| v.is_nan()));
+        softmax(&mut []);
     }
 
     #[test]

@@ -23,19 +23,25 @@ mod lanes;
 mod matrix;
 mod maximum;
 pub mod naive;
+mod planar;
+mod recurrent;
 mod spline;
 
 pub use dense::{Activation, Dense};
-pub use elementary::{elu, exp, expm1};
+pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
 pub use error::KernelError;
 pub use frames::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Region, TransposedConv2x2, View,
-    WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Region, SqueezeExcite, SqueezeScratch,
+    TransposedConv2x2, View, WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
 };
-pub use isa::{Isa, Portable, Simd, Task, Vector, fused};
+pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
+pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
+pub use recurrent::{
+    Lstm, LstmParts, LstmState, PlanarConvLstm, PlanarConvLstmState, Squash, lstm_update, lstm_update_rows,
+};
 pub use spline::{
     Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute, spline_multiply_adds,
 };

@@ -2,6 +2,7 @@
 //! the project.
 
 pub mod compare;
+pub mod frame_networks;
 pub mod frames;
 pub mod networks;
 pub mod random;

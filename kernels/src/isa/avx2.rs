@@ -1,10 +1,13 @@
 //! AVX2 with fused multiply-add: 16 registers of eight f32.
 
 use std::arch::x86_64::{
-    __m256, _mm256_add_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps, _mm256_set1_ps,
-    _mm256_storeu_ps, _mm256_sub_ps,
+    __m256, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
+    _mm256_castps_si256, _mm256_castsi256_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
+    _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_slli_epi32, _mm256_storeu_ps,
+    _mm256_sub_ps,
 };
 
+use super::exponent::exponent;
 use super::registers::register;
 use super::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
@@ -56,6 +59,14 @@ register!(
     Lanes,
     [_mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps],
     [_mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_max_ps]
+);
+
+exponent!(
+    Avx2,
+    F32x8,
+    [_mm256_set1_ps, _mm256_div_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_or_ps],
+    [_mm256_set1_epi32, _mm256_slli_epi32, _mm256_add_epi32, _mm256_castps_si256, _mm256_castsi256_ps],
+    |a, of, other| _mm256_blendv_ps(other, a, of)
 );
 
 impl Vector<Avx2> for [F32x8; 2] {

@@ -1,11 +1,16 @@
 //! AVX-512 (F, VL, DQ, BW) with AVX2 and FMA: 32 registers of sixteen f32.
 
 use std::arch::x86_64::{
-    __m256, __m512, _mm256_add_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps,
-    _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
-    _mm512_max_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps, _mm512_sub_ps,
+    __m256, __m512, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
+    _mm256_castps_si256, _mm256_castsi256_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
+    _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_slli_epi32, _mm256_storeu_ps,
+    _mm256_sub_ps, _mm512_add_epi32, _mm512_add_ps, _mm512_and_ps, _mm512_andnot_ps, _mm512_castps_si512,
+    _mm512_castsi512_ps, _mm512_div_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_blend_ps,
+    _mm512_max_ps, _mm512_movepi32_mask, _mm512_mul_ps, _mm512_or_ps, _mm512_set1_epi32, _mm512_set1_ps,
+    _mm512_slli_epi32, _mm512_storeu_ps, _mm512_sub_ps,
 };
 
+use super::exponent::exponent;
 use super::registers::register;
 use super::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
@@ -75,4 +80,18 @@ register!(
     Wide,
     [_mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps],
     [_mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_fmadd_ps, _mm512_max_ps]
+);
+exponent!(
+    Avx512,
+    F32x8,
+    [_mm256_set1_ps, _mm256_div_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_or_ps],
+    [_mm256_set1_epi32, _mm256_slli_epi32, _mm256_add_epi32, _mm256_castps_si256, _mm256_castsi256_ps],
+    |a, of, other| _mm256_blendv_ps(other, a, of)
+);
+exponent!(
+    Avx512,
+    F32x16,
+    [_mm512_set1_ps, _mm512_div_ps, _mm512_and_ps, _mm512_andnot_ps, _mm512_or_ps],
+    [_mm512_set1_epi32, _mm512_slli_epi32, _mm512_add_epi32, _mm512_castps_si512, _mm512_castsi512_ps],
+    |a, of, other| _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(of)), other, a)
 );

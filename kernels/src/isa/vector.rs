@@ -1,14 +1,14 @@
 //! What a kernel may do with vectors.
 
-use super::Task;
+use super::{Exponent, Task};
 use crate::lanes::{Lanes, Wide};
 
 /// An instruction set, as a value that proves that the processor has it.
 pub trait Simd: Copy {
     /// Eight f32.
-    type V8: Vector<Self, Memory = Lanes>;
+    type V8: Exponent<Self, Memory = Lanes>;
     /// Sixteen f32: one register, or several that are used as one.
-    type V16: Vector<Self, Memory = Wide>;
+    type V16: Exponent<Self, Memory = Wide>;
     /// Whether a `V16` is one register of 32, and not two of 16.
     const WIDE: bool;
 

@@ -1,10 +1,11 @@
 //! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
 //! the kernels to these bits. The platform's own fused multiply-add is used, so that ours is checked too.
 
+pub mod cells;
 pub mod frames;
 
 use crate::dense::Activation;
-use crate::elementary::elu;
+use crate::elementary::{elu, sigmoid, tanh};
 use crate::spline::{Neighbour, SplineParts, locate};
 
 /// B(e, s) of every slot of a kernel.
@@ -92,9 +93,11 @@ pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activatio
         let v: Vec<f32> = (0..8).map(|i| (acc[i] + acc[i + 8]) + (acc[i + 16] + acc[i + 24])).collect();
         let y = (((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))) + bias;
         match activation {
-            Activation::Identity => y,
-            Activation::Relu => y.max(0.0) + 0.0,
+            Activation::Relu if y < 0.0 => 0.0,
+            Activation::Identity | Activation::Relu => y,
             Activation::Elu => elu(y),
+            Activation::Sigmoid => sigmoid(y),
+            Activation::Tanh => tanh(y),
         }
     };
     weight.iter().zip(bias).map(output).collect()

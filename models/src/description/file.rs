@@ -326,8 +326,13 @@ fn grid(table: &mut Table<'_, '_>) -> Option<[usize; 2]> {
 }
 
 fn dense(table: &mut Table<'_, '_>) -> FileKind {
-    let activations =
-        [("identity", Activation::Identity), ("relu", Activation::Relu), ("elu", Activation::Elu)];
+    let activations = [
+        ("identity", Activation::Identity),
+        ("relu", Activation::Relu),
+        ("elu", Activation::Elu),
+        ("sigmoid", Activation::Sigmoid),
+        ("tanh", Activation::Tanh),
+    ];
     FileKind::Dense {
         outputs: table.integer("outputs", CHANNELS, None).map(|v| v as usize),
         bias: table.boolean("bias", true),

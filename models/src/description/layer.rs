@@ -302,5 +302,7 @@ pub(crate) fn activation_word(activation: Activation) -> &'static str {
         Activation::Identity => "identity",
         Activation::Relu => "relu",
         Activation::Elu => "elu",
+        Activation::Sigmoid => "sigmoid",
+        Activation::Tanh => "tanh",
     }
 }

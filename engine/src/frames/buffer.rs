@@ -1,0 +1,116 @@
+//! Where values are kept.
+
+use meissner_kernels::{FeatureMap, KernelError, Planes};
+
+use super::network::FrameShape;
+
+/// The values of one layer, or of several that write side by side.
+#[derive(Clone, Debug)]
+pub(super) enum Buffer {
+    /// Another buffer has them, or a layer is at work on them.
+    Away,
+    Vector(Vec<f32>),
+    Map(FeatureMap),
+    Planes(Planes),
+}
+
+impl Buffer {
+    /// Zeros.
+    pub(super) fn zeros(shape: FrameShape, planar: bool) -> Result<Self, KernelError> {
+        Ok(match shape {
+            FrameShape::Vector(values) => Self::Vector(vec![0.0; values]),
+            FrameShape::Image { channels, height, width } if planar => {
+                Self::Planes(Planes::zeros(channels, height, width))
+            }
+            FrameShape::Image { channels, height, width } => {
+                Self::Map(FeatureMap::zeros(height, width, channels, 1)?)
+            }
+        })
+    }
+
+    pub(super) fn vector(&self) -> &[f32] {
+        match self {
+            Self::Vector(values) => values,
+            _ => unreachable!("shapes were checked: a vector is kept as one"),
+        }
+    }
+
+    pub(super) fn vector_mut(&mut self) -> &mut [f32] {
+        match self {
+            Self::Vector(values) => values,
+            _ => unreachable!("shapes were checked: a vector is kept as one"),
+        }
+    }
+
+    pub(super) fn map(&self) -> &FeatureMap {
+        match self {
+            Self::Map(map) => map,
+            _ => unreachable!("shapes were checked: an image with channels last is kept as one"),
+        }
+    }
+
+    pub(super) fn map_mut(&mut self) -> &mut FeatureMap {
+        match self {
+            Self::Map(map) => map,
+            _ => unreachable!("shapes were checked: an image with channels last is kept as one"),
+        }
+    }
+
+    pub(super) fn planes(&self) -> &Planes {
+        match self {
+            Self::Planes(planes) => planes,
+            _ => unreachable!("shapes were checked: an image of planes is kept as one"),
+        }
+    }
+
+    pub(super) fn planes_mut(&mut self) -> &mut Planes {
+        match self {
+            Self::Planes(planes) => planes,
+            _ => unreachable!("shapes were checked: an image of planes is kept as one"),
+        }
+    }
+
+    /// Whether any of the values is NaN.
+    pub(super) fn has_nan(&self) -> bool {
+        match self {
+            Self::Away => false,
+            Self::Vector(values) => values.iter().any(|v| v.is_nan()),
+            Self::Map(map) => (0..map.height())
+                .any(|y| (0..map.width()).any(|x| map.pixel(y, x).iter().any(|v| v.is_nan()))),
+            Self::Planes(planes) => planes.values().any(f32::is_nan),
+        }
+    }
+
+    /// Writes the values, (channels, height, width), of the channels `first..first + channels`.
+    pub(super) fn flatten(&self, first: usize, channels: usize, out: &mut [f32]) {
+        match self {
+            Self::Away => unreachable!("a value that is read is there"),
+            Self::Vector(values) => out.copy_from_slice(values),
+            Self::Map(map) => {
+                let (height, width) = (map.height(), map.width());
+                for y in 0..height {
+                    for x in 0..width {
+                        let pixel = &map.pixel(y, x)[first..first + channels];
+                        for (c, &value) in pixel.iter().enumerate() {
+                            out[(c * height + y) * width + x] = value;
+                        }
+                    }
+                }
+            }
+            Self::Planes(planes) => {
+                for (i, row) in out.chunks_exact_mut(planes.width()).enumerate() {
+                    row.copy_from_slice(planes.row(i / planes.height(), i % planes.height()));
+                }
+            }
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Away => 0,
+            Self::Vector(values) => size_of_val(&**values),
+            Self::Map(map) => map.bytes(),
+            Self::Planes(planes) => planes.bytes(),
+        }
+    }
+}

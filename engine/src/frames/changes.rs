@@ -1,0 +1,264 @@
+//! Which pixels of a map changed, as bits, and how a change spreads from one layer to the next.
+
+use meissner_kernels::Region;
+
+/// Pixels of a word.
+const WORD: usize = 64;
+
+/// A bit for each pixel of a map of `height` x `width`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Changes {
+    height: usize,
+    width: usize,
+    /// Words of a row.
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl Changes {
+    /// None of `height` x `width` pixels.
+    pub(crate) fn none(height: usize, width: usize) -> Self {
+        let words = width.div_ceil(WORD);
+        Self { height, width, words, bits: vec![0; height * words] }
+    }
+
+    /// Becomes none of so many rows and columns. Allocates only to become larger than ever before.
+    pub(crate) fn become_none(&mut self, [height, width]: [usize; 2]) {
+        let words = width.div_ceil(WORD);
+        self.bits.clear();
+        self.bits.resize(height * words, 0);
+        (self.height, self.width, self.words) = (height, width, words);
+    }
+
+    /// Bits of a row's word `i` that are pixels.
+    fn mask(&self, i: usize) -> u64 {
+        match self.width - i * WORD {
+            rest if rest < WORD => (1 << rest) - 1,
+            _ => u64::MAX,
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.bits.fill(0);
+    }
+
+    pub(crate) fn set_all(&mut self) {
+        for y in 0..self.height {
+            for i in 0..self.words {
+                self.bits[y * self.words + i] = self.mask(i);
+            }
+        }
+    }
+
+    #[inline]
+    pub(crate) fn set(&mut self, y: usize, x: usize) {
+        self.bits[y * self.words + x / WORD] |= 1 << (x % WORD);
+    }
+
+    #[inline]
+    pub(crate) fn contains(&self, y: usize, x: usize) -> bool {
+        self.bits[y * self.words + x / WORD] >> (x % WORD) & 1 == 1
+    }
+
+    /// Marks `region`.
+    pub(crate) fn set_region(&mut self, region: Region) {
+        for y in region.y..region.y + region.height {
+            (region.x..region.x + region.width).for_each(|x| self.set(y, x));
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.bits.iter().all(|&word| word == 0)
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.bits.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// Whether any pixel of `region` is marked.
+    pub(crate) fn any_in(&self, region: Region) -> bool {
+        (region.y..region.y + region.height).any(|y| {
+            let row = &self.bits[y * self.words..][..self.words];
+            let (first, last) = (region.x / WORD, (region.x + region.width - 1) / WORD);
+            (first..=last).any(|i| {
+                let from = if i == first { u64::MAX << (region.x % WORD) } else { u64::MAX };
+                let end = region.x + region.width - i * WORD;
+                let to = if end < WORD { (1 << end) - 1 } else { u64::MAX };
+                row[i] & from & to != 0
+            })
+        })
+    }
+
+    /// Marks what is marked in `other`, of the same size.
+    pub(crate) fn include(&mut self, other: &Self) {
+        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
+            *word |= other;
+        }
+    }
+
+    /// Unmarks what is not marked in `other`, of the same size.
+    pub(crate) fn keep(&mut self, other: &Self) {
+        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
+            *word &= other;
+        }
+    }
+
+    /// Becomes what a 3 x 3 window with padding 1 makes of `other`, of the same size: the marked pixels and their eight
+    /// neighbours.
+    pub(crate) fn spread_of(&mut self, other: &Self) {
+        self.clear();
+        for y in 0..self.height {
+            for i in 0..self.words {
+                let at = y * self.words + i;
+                let word = other.bits[at];
+                if word == 0
+                    && (i == 0 || other.bits[at - 1] >> (WORD - 1) == 0)
+                    && (i + 1 == self.words || other.bits[at + 1] & 1 == 0)
+                {
+                    continue;
+                }
+                let before = if i > 0 { other.bits[at - 1] >> (WORD - 1) } else { 0 };
+                let after = if i + 1 < self.words { other.bits[at + 1] << (WORD - 1) } else { 0 };
+                let wide = (word | word << 1 | word >> 1 | before | after) & self.mask(i);
+                for row in y.saturating_sub(1)..=(y + 1).min(self.height - 1) {
+                    self.bits[row * self.words + i] |= wide;
+                }
+            }
+        }
+    }
+
+    /// Marks every pixel of a tile of `size` x `size` in which one is marked; `scratch` is overwritten.
+    pub(crate) fn fill_tiles(&mut self, size: usize, scratch: &mut Self) {
+        scratch.clone_from(self);
+        scratch.for_each_region(size, size, |tile| self.set_region(tile));
+    }
+
+    /// Becomes what windows of `size` x `size` with that stride make of `other`.
+    pub(crate) fn shrunk_from(&mut self, other: &Self, size: usize) {
+        self.clear();
+        other.for_each(|y, x| {
+            if y / size < self.height && x / size < self.width {
+                self.set(y / size, x / size);
+            }
+        });
+    }
+
+    /// Becomes what doubling makes of `other`.
+    pub(crate) fn doubled_from(&mut self, other: &Self) {
+        self.clear();
+        other.for_each(|y, x| self.set_region(Region { y: 2 * y, x: 2 * x, height: 2, width: 2 }));
+    }
+
+    /// Calls `visit` with row and column of each marked pixel.
+    pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, usize)) {
+        for (at, &word) in self.bits.iter().enumerate() {
+            let mut rest = word;
+            while rest != 0 {
+                visit(at / self.words, at % self.words * WORD + rest.trailing_zeros() as usize);
+                rest &= rest - 1;
+            }
+        }
+    }
+
+    /// Calls `visit` with regions, whole blocks of `rows` x `columns` pixels but for the last ones, that hold every marked
+    /// pixel. Blocks side by side come as one.
+    pub(crate) fn for_each_region(&self, rows: usize, columns: usize, mut visit: impl FnMut(Region)) {
+        for y in (0..self.height).step_by(rows) {
+            let height = rows.min(self.height - y);
+            let mut start = None;
+            for x in (0..self.width).step_by(columns) {
+                let width = columns.min(self.width - x);
+                let marked = self.any_in(Region { y, x, height, width });
+                match (start, marked) {
+                    (None, true) => start = Some(x),
+                    (Some(first), false) => {
+                        visit(Region { y, x: first, height, width: x - first });
+                        start = None;
+                    }
+                    _ => {}
+                }
+            }
+            if let Some(first) = start {
+                visit(Region { y, x: first, height, width: self.width - first });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn changes() -> impl Strategy<Value = Changes> {
+        (1usize..9, 1usize..150).prop_flat_map(|(height, width)| {
+            proptest::collection::vec((0..height, 0..width), 0..12).prop_map(move |pixels| {
+                let mut changes = Changes::none(height, width);
+                pixels.into_iter().for_each(|(y, x)| changes.set(y, x));
+                changes
+            })
+        })
+    }
+
+    fn of(height: usize, width: usize, marked: impl Fn(usize, usize) -> bool) -> Changes {
+        let mut out = Changes::none(height, width);
+        for y in 0..height {
+            for x in (0..width).filter(|&x| marked(y, x)) {
+                out.set(y, x);
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn changes_spread_as_windows_read(changes in changes(), size in 1usize..4) {
+            let Changes { height, width, .. } = changes;
+            let near = |y: usize, x: usize| {
+                (y.saturating_sub(1)..(y + 2).min(height))
+                    .any(|v| (x.saturating_sub(1)..(x + 2).min(width)).any(|u| changes.contains(v, u)))
+            };
+            let mut spread = Changes::none(height, width);
+            spread.spread_of(&changes);
+            prop_assert_eq!(&spread, &of(height, width, near));
+
+            let (h, w) = (height / size, width / size);
+            let below = |y: usize, x: usize| {
+                (0..size * size).any(|i| changes.contains(y * size + i / size, x * size + i % size))
+            };
+            let mut shrunk = Changes::none(h, w);
+            shrunk.shrunk_from(&changes, size);
+            prop_assert_eq!(&shrunk, &of(h, w, below));
+
+            let mut filled = changes.clone();
+            filled.fill_tiles(size, &mut Changes::default());
+            let in_tile = |y: usize, x: usize| {
+                (y / size * size..((y / size + 1) * size).min(height))
+                    .any(|v| (x / size * size..((x / size + 1) * size).min(width)).any(|u| changes.contains(v, u)))
+            };
+            prop_assert_eq!(&filled, &of(height, width, in_tile));
+
+            let mut doubled = Changes::none(2 * height, 2 * width);
+            doubled.doubled_from(&changes);
+            prop_assert_eq!(&doubled, &of(2 * height, 2 * width, |y, x| changes.contains(y / 2, x / 2)));
+        }
+
+        #[test]
+        fn regions_hold_every_marked_pixel_once(changes in changes(), rows in 1usize..5, columns in 1usize..40) {
+            let mut covered = Changes::none(changes.height, changes.width);
+            let mut pixels = 0;
+            changes.for_each_region(rows, columns, |region| {
+                assert!(changes.any_in(region));
+                covered.set_region(region);
+                pixels += region.height * region.width;
+            });
+            prop_assert_eq!(covered.count(), pixels);
+            changes.for_each(|y, x| assert!(covered.contains(y, x)));
+            let mut all = Changes::none(changes.height, changes.width);
+            all.set_all();
+            prop_assert_eq!(all.count(), changes.height * changes.width);
+            all.include(&changes);
+            prop_assert_eq!(all.count(), changes.height * changes.width);
+        }
+    }
+}

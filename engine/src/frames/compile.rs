@@ -1,0 +1,467 @@
+//! Checked parts of a frame network as what runs: shapes, kernels, and where each value is kept.
+
+use meissner_kernels::{
+    Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm, Squash,
+    SqueezeExcite, TransposedConv2x2, WinogradConv3x3, WinogradTile,
+};
+
+use super::network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+use crate::EngineError;
+
+/// Images of at most so many channels are kept as planes, if every image of a network is.
+const PLANAR_CHANNELS: usize = 4;
+/// Longest side of an image, and most channels.
+const LONGEST: usize = 1 << 14;
+/// Most values of an image or a vector.
+const MOST_VALUES: usize = 1 << 28;
+/// Most vectors that a delay keeps.
+const LONGEST_DELAY: usize = 1 << 16;
+
+/// How 3 x 3 convolutions of maps with channels last are computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Convolution {
+    /// Product by product.
+    #[default]
+    Direct,
+    /// By Winograd's minimal filtering: fewer products, another rounding: an approximation.
+    Winograd(WinogradTile),
+}
+
+/// A network of layers over images and vectors, ready to run.
+#[derive(Clone, Debug)]
+pub struct FrameNetwork {
+    pub(super) name: String,
+    pub(super) units: Vec<Unit>,
+    /// Shape and place of the frame, then of each layer's values.
+    pub(super) values: Vec<Value>,
+    pub(super) buffers: Vec<FrameShape>,
+    /// Whether images are planes.
+    pub(super) planar: bool,
+}
+
+/// A value: the frame, or what a layer writes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Value {
+    pub(super) shape: FrameShape,
+    /// The buffer that holds it, from this channel on.
+    pub(super) buffer: usize,
+    pub(super) first: usize,
+}
+
+/// A layer, ready to run.
+#[derive(Clone, Debug)]
+pub(super) struct Unit {
+    pub(super) name: String,
+    pub(super) from: usize,
+    /// The second value that it reads.
+    pub(super) with: Option<usize>,
+    pub(super) kernel: Kernel,
+    /// Whether it runs with every frame, and not only when a prediction is read.
+    pub(super) eager: bool,
+    /// Multiply-adds of all its outputs.
+    pub(super) multiply_adds: u64,
+}
+
+/// What a layer computes with.
+#[derive(Clone, Debug)]
+pub(super) enum Kernel {
+    Conv3(Box<Conv3x3>),
+    Winograd(Box<WinogradConv3x3>),
+    Conv1(Box<Conv1x1>),
+    UpConv(Box<TransposedConv2x2>),
+    PlanarConv(Box<PlanarConv3x3>),
+    MaxPool,
+    AveragePool(usize),
+    GlobalAverage,
+    Sum,
+    /// Both values lie in the buffer of their concatenation already.
+    Concat,
+    SqueezeExcite(Box<SqueezeExcite>),
+    ConvLstm(Box<ConvLstm>),
+    PlanarConvLstm(Box<PlanarConvLstm>),
+    Lstm(Box<Lstm>),
+    Delay(usize),
+    Flatten,
+    Dense(Box<Dense>),
+}
+
+/// A convolutional LSTM over a map with channels last.
+#[derive(Clone, Debug)]
+pub(super) struct ConvLstm {
+    pub(super) gates: Conv3x3,
+    pub(super) hidden: usize,
+    /// Of i, f and o, each (pixels, hidden).
+    pub(super) peepholes: Option<[Vec<f32>; 3]>,
+    pub(super) squash: Squash,
+}
+
+impl FrameNetwork {
+    /// Checks `parts` and packs their parameters.
+    ///
+    /// # Errors
+    /// [`EngineError::Network`] where a layer does not fit what it reads; [`EngineError::Layer`] where its kernel refuses its
+    /// parameters.
+    pub fn new(parts: FrameNetworkParts, convolution: Convolution) -> Result<Self, EngineError> {
+        let FrameNetworkParts { name, input, layers } = parts;
+        check_shape("frame", input)?;
+        if layers.is_empty() {
+            return Err(misfit("network", "layers", "at least one", "none".to_owned()));
+        }
+        let mut shapes = vec![input];
+        for (i, layer) in layers.iter().enumerate() {
+            for read in [Some(layer.from), with(layer)].into_iter().flatten() {
+                if read > i {
+                    let expected = "the frame or a layer before it";
+                    return Err(misfit(&layer.name, "input", expected, format!("value {read}")));
+                }
+            }
+            let shape = shape(layer, &shapes)?;
+            check_shape(&layer.name, shape)?;
+            shapes.push(shape);
+        }
+        let planar = is_planar(&layers, &shapes);
+        let (values, buffers) = places(&layers, &shapes)?;
+        let mut units = Vec::with_capacity(layers.len());
+        for (i, layer) in layers.iter().enumerate() {
+            let (kernel, each) = kernel(layer, &shapes, planar, convolution)?;
+            let multiply_adds = each * outputs_of_each(shapes[i + 1], &kernel);
+            let with = with(layer);
+            units.push(Unit {
+                name: layer.name.clone(),
+                from: layer.from,
+                with,
+                kernel,
+                eager: false,
+                multiply_adds,
+            });
+        }
+        mark_eager(&mut units);
+        Ok(Self { name, units, values, buffers, planar })
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Shape of a frame.
+    pub fn input(&self) -> FrameShape {
+        self.values[0].shape
+    }
+
+    /// Shape of the prediction.
+    pub fn output(&self) -> FrameShape {
+        self.values[self.units.len()].shape
+    }
+
+    /// Names of the layers, in order.
+    pub fn layers(&self) -> impl Iterator<Item = &str> {
+        self.units.iter().map(|unit| unit.name.as_str())
+    }
+
+    /// Multiply-adds of a frame and a prediction of which nothing is skipped.
+    pub fn multiply_adds(&self) -> u64 {
+        self.units.iter().map(|unit| unit.multiply_adds).sum()
+    }
+}
+
+fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: String) -> EngineError {
+    EngineError::Network { layer: layer.to_owned(), what, expected: expected.to_string(), found }
+}
+
+fn refused(layer: &FrameLayer) -> impl Fn(KernelError) -> EngineError + '_ {
+    |source| EngineError::Layer { layer: layer.name.clone(), source }
+}
+
+fn with(layer: &FrameLayer) -> Option<usize> {
+    match layer.kind {
+        FrameLayerKind::Concat { with } => Some(with),
+        _ => None,
+    }
+}
+
+fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineError> {
+    let sides = match shape {
+        FrameShape::Vector(values) => [values, 1, 1],
+        FrameShape::Image { channels, height, width } => [channels, height, width],
+    };
+    let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > LONGEST);
+    if sides.contains(&0) || long || shape.values() > MOST_VALUES {
+        let expected = "at least 1 value, at most 16,384 a side and 2^28 in all";
+        return Err(misfit(layer, "shape", expected, shape.to_string()));
+    }
+    Ok(())
+}
+
+/// The shape that `layer` writes.
+fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameShape, EngineError> {
+    use FrameLayerKind as Kind;
+    let from = shapes[layer.from];
+    let image = || match from {
+        FrameShape::Image { channels, height, width } => Ok([channels, height, width]),
+        FrameShape::Vector(_) => Err(misfit(&layer.name, "input", "an image", from.to_string())),
+    };
+    let vector = || match from {
+        FrameShape::Vector(values) => Ok(values),
+        FrameShape::Image { .. } => Err(misfit(&layer.name, "input", "a vector", from.to_string())),
+    };
+    let of = |channels: usize, height: usize, width: usize| FrameShape::Image { channels, height, width };
+    Ok(match &layer.kind {
+        Kind::Conv { kernel, channels, .. } => {
+            let [_, height, width] = image()?;
+            if !matches!(kernel, 1 | 3) {
+                return Err(misfit(&layer.name, "kernel", "1 or 3", kernel.to_string()));
+            }
+            of(*channels, height, width)
+        }
+        Kind::UpConv { channels, .. } => {
+            let [_, height, width] = image()?;
+            of(*channels, 2 * height, 2 * width)
+        }
+        Kind::MaxPool => {
+            let [channels, height, width] = image()?;
+            of(channels, height / 2, width / 2)
+        }
+        Kind::AveragePool { size } => {
+            let [channels, height, width] = image()?;
+            if *size == 0 {
+                return Err(misfit(&layer.name, "size", "at least 1", "0".to_owned()));
+            }
+            of(channels, height / size, width / size)
+        }
+        Kind::GlobalAverage | Kind::Sum => FrameShape::Vector(image()?[0]),
+        Kind::Concat { with } => {
+            let [channels, height, width] = image()?;
+            match shapes[*with] {
+                FrameShape::Image { channels: more, height: h, width: w } if [h, w] == [height, width] => {
+                    of(channels + more, height, width)
+                }
+                other => {
+                    let expected = format!("an image of {height} x {width} beside {from}");
+                    return Err(misfit(&layer.name, "second input", expected, other.to_string()));
+                }
+            }
+        }
+        Kind::SqueezeExcite { .. } => {
+            image()?;
+            from
+        }
+        Kind::ConvLstm { hidden, .. } => {
+            let [_, height, width] = image()?;
+            of(*hidden, height, width)
+        }
+        Kind::Lstm { hidden, .. } => {
+            vector()?;
+            FrameShape::Vector(*hidden)
+        }
+        Kind::Delay { frames } => {
+            if *frames == 0 || *frames > LONGEST_DELAY {
+                return Err(misfit(&layer.name, "frames", "1 to 65,536", frames.to_string()));
+            }
+            FrameShape::Vector(vector()?.saturating_mul(*frames))
+        }
+        Kind::Flatten => {
+            image()?;
+            FrameShape::Vector(from.values())
+        }
+        Kind::Dense { outputs, .. } => {
+            vector()?;
+            FrameShape::Vector(*outputs)
+        }
+    })
+}
+
+/// Whether every image has few channels, and every layer a kernel for planes.
+fn is_planar(layers: &[FrameLayer], shapes: &[FrameShape]) -> bool {
+    use FrameLayerKind as Kind;
+    let few = |shape: &FrameShape| match shape {
+        FrameShape::Image { channels, .. } => *channels <= PLANAR_CHANNELS,
+        FrameShape::Vector(_) => true,
+    };
+    shapes.iter().all(few)
+        && layers.iter().all(|layer| {
+            !matches!(
+                layer.kind,
+                Kind::Conv { kernel: 1, .. }
+                    | Kind::UpConv { .. }
+                    | Kind::Concat { .. }
+                    | Kind::SqueezeExcite { .. }
+                    | Kind::GlobalAverage
+                    | Kind::ConvLstm { peepholes: Some(_), .. }
+            )
+        })
+}
+
+/// Where each value is kept: in a buffer of its own, or as some channels of a concatenation's.
+fn places(
+    layers: &[FrameLayer],
+    shapes: &[FrameShape],
+) -> Result<(Vec<Value>, Vec<FrameShape>), EngineError> {
+    let mut values: Vec<Value> =
+        shapes.iter().enumerate().map(|(buffer, &shape)| Value { shape, buffer, first: 0 }).collect();
+    for (i, layer) in layers.iter().enumerate().rev() {
+        let Some(with) = with(layer) else { continue };
+        let into = values[i + 1];
+        let FrameShape::Image { channels, .. } = shapes[layer.from] else { continue };
+        for (part, first) in [(layer.from, 0), (with, channels)] {
+            // A value is kept once: what is read here must not be the frame, nor another concatenation's part.
+            let writer = part.checked_sub(1).map(|w| &layers[w]);
+            let free = values[part].buffer == part
+                && layer.from != with
+                && writer.is_some_and(|w| {
+                    // Its writer must not read what it would write beside.
+                    values[w.from].buffer != into.buffer && !matches!(w.kind, FrameLayerKind::ConvLstm { .. })
+                });
+            if !free {
+                let expected = "two layers of their own, each part of one concatenation";
+                return Err(misfit(
+                    &layer.name,
+                    "inputs",
+                    expected,
+                    format!("values {} and {with}", layer.from),
+                ));
+            }
+            values[part] = Value { buffer: into.buffer, first: into.first + first, ..values[part] };
+        }
+    }
+    Ok((values, shapes.to_vec()))
+}
+
+/// The kernel of a layer, and the multiply-adds of one output pixel or of the vector.
+fn kernel(
+    layer: &FrameLayer,
+    shapes: &[FrameShape],
+    planar: bool,
+    convolution: Convolution,
+) -> Result<(Kernel, u64), EngineError> {
+    use FrameLayerKind as Kind;
+    let from = shapes[layer.from];
+    let (channels, height, width) = match from {
+        FrameShape::Image { channels, height, width } => (channels, height, width),
+        FrameShape::Vector(values) => (values, 1, 1),
+    };
+    let refused = refused(layer);
+    let conv =
+        |inputs: Vec<usize>, outputs: usize, weight: &[f32], bias: Option<&[f32]>, relu: bool| ConvParts {
+            inputs,
+            outputs,
+            weight: weight.to_vec(),
+            bias: bias.map(<[f32]>::to_vec),
+            norm: None,
+            relu,
+        };
+    Ok(match &layer.kind {
+        Kind::Conv { kernel: 3, channels: outputs, weight, bias, relu } if planar => {
+            let conv = PlanarConv3x3::new([channels, 0], *outputs, weight, bias.as_deref(), *relu);
+            (Kernel::PlanarConv(Box::new(conv.map_err(refused)?)), (9 * channels * outputs) as u64)
+        }
+        Kind::Conv { kernel, channels: outputs, weight, bias, relu } => {
+            let parts = conv(vec![channels], *outputs, weight, bias.as_deref(), *relu);
+            let each = (kernel * kernel * channels * outputs) as u64;
+            if let (3, Convolution::Winograd(tile)) = (*kernel, convolution) {
+                let conv = WinogradConv3x3::new(&parts, tile).map_err(refused)?;
+                (Kernel::Winograd(Box::new(conv)), each)
+            } else if *kernel == 3 {
+                (Kernel::Conv3(Box::new(Conv3x3::new(&parts).map_err(refused)?)), each)
+            } else {
+                let conv = Conv1x1::new(&parts).map_err(refused)?;
+                (Kernel::Conv1(Box::new(conv)), each)
+            }
+        }
+        Kind::UpConv { channels: outputs, weight, bias } => {
+            let conv =
+                TransposedConv2x2::new(&conv(vec![channels], *outputs, weight, bias.as_deref(), false));
+            (Kernel::UpConv(Box::new(conv.map_err(refused)?)), (channels * outputs) as u64)
+        }
+        Kind::MaxPool => (Kernel::MaxPool, 0),
+        Kind::AveragePool { size } => (Kernel::AveragePool(*size), 0),
+        Kind::GlobalAverage => (Kernel::GlobalAverage, 0),
+        Kind::Sum => (Kernel::Sum, 0),
+        Kind::Concat { .. } => (Kernel::Concat, 0),
+        Kind::SqueezeExcite { reduced, down, up } => {
+            let squeeze = SqueezeExcite::new(channels, *reduced, down, up).map_err(refused)?;
+            (Kernel::SqueezeExcite(Box::new(squeeze)), channels as u64)
+        }
+        Kind::ConvLstm { hidden, weight, bias, peepholes, activation } => {
+            let squash = squash(layer, *activation)?;
+            let each = (9 * (channels + hidden) * 4 * hidden) as u64;
+            if planar {
+                let lstm = PlanarConvLstm::new(channels, *hidden, weight, Some(bias), squash);
+                return Ok((Kernel::PlanarConvLstm(Box::new(lstm.map_err(refused)?)), each));
+            }
+            let parts = conv(vec![channels, *hidden], 4 * hidden, weight, Some(bias), false);
+            let gates = Conv3x3::new(&parts).map_err(refused)?;
+            let pixels = height * width;
+            let peepholes = match peepholes {
+                Some(weight)
+                    if weight.len() == 3 * hidden * pixels && weight.iter().all(|w| w.is_finite()) =>
+                {
+                    let of = |gate: usize| {
+                        let weight = &weight[gate * hidden * pixels..];
+                        (0..pixels).flat_map(|p| (0..*hidden).map(move |c| weight[c * pixels + p])).collect()
+                    };
+                    Some([of(0), of(1), of(2)])
+                }
+                Some(weight) => {
+                    let expected = format!("{} finite values", 3 * hidden * pixels);
+                    return Err(misfit(&layer.name, "peepholes", expected, weight.len().to_string()));
+                }
+                None => None,
+            };
+            (Kernel::ConvLstm(Box::new(ConvLstm { gates, hidden: *hidden, peepholes, squash })), each)
+        }
+        Kind::Lstm { hidden, weight_ih, weight_hh, bias } => {
+            let parts = LstmParts {
+                inputs: channels,
+                hidden: *hidden,
+                weight_ih,
+                weight_hh,
+                bias_ih: Some(bias),
+                bias_hh: None,
+                squash: Squash::Tanh,
+            };
+            let lstm = Lstm::new(&parts).map_err(refused)?;
+            (Kernel::Lstm(Box::new(lstm)), (4 * hidden * (channels + hidden)) as u64)
+        }
+        Kind::Delay { frames } => (Kernel::Delay(*frames), 0),
+        Kind::Flatten => (Kernel::Flatten, 0),
+        Kind::Dense { outputs, weight, bias, activation } => {
+            let dense = Dense::new(1, channels, *outputs, weight, bias.as_deref(), *activation);
+            (Kernel::Dense(Box::new(dense.map_err(refused)?)), (channels * outputs) as u64)
+        }
+    })
+}
+
+/// How often the multiply-adds of one output occur.
+fn outputs_of_each(shape: FrameShape, kernel: &Kernel) -> u64 {
+    match (shape, kernel) {
+        (FrameShape::Image { height, width, .. }, _) => (height * width) as u64,
+        (FrameShape::Vector(_), _) => 1,
+    }
+}
+
+fn squash(layer: &FrameLayer, activation: meissner_kernels::Activation) -> Result<Squash, EngineError> {
+    match activation {
+        meissner_kernels::Activation::Tanh => Ok(Squash::Tanh),
+        meissner_kernels::Activation::Sigmoid => Ok(Squash::Sigmoid),
+        other => Err(misfit(&layer.name, "activation", "tanh or sigmoid", format!("{other:?}"))),
+    }
+}
+
+/// What a state depends on runs with every frame.
+fn mark_eager(units: &mut [Unit]) {
+    for i in (0..units.len()).rev() {
+        let keeps_state = matches!(
+            units[i].kernel,
+            Kernel::ConvLstm(_) | Kernel::PlanarConvLstm(_) | Kernel::Lstm(_) | Kernel::Delay(_)
+        );
+        if keeps_state || units[i].eager {
+            units[i].eager = true;
+            for read in [Some(units[i].from), units[i].with].into_iter().flatten() {
+                if let Some(writer) = read.checked_sub(1) {
+                    units[writer].eager = true;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! One layer at work: what it reads, what it remembers, what it writes.
+
+use meissner_kernels::{
+    ConvScratch, FeatureMap, LANES, Lanes, LstmState, Occupancy, PlanarConvLstmState, Planes, Region,
+    SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows, max_pool_2x2,
+    planar_average_pool, planar_max_pool,
+};
+
+use super::buffer::Buffer;
+use super::changes::Changes;
+use super::compile::{ConvLstm, FrameNetwork, Kernel, Unit, Value};
+use super::counters::FrameLayerCounters;
+use super::engine::{FrameOptions, Skip};
+use super::network::FrameShape;
+use super::patch::{MapPixels, Patch, PatchScratch};
+use super::step::{Pending, spread};
+
+/// Sizes are checked when a network is made.
+const FITS: &str = "the network's shapes fit its kernels";
+
+/// What a layer remembers from frame to frame.
+#[derive(Clone, Debug)]
+pub(super) enum Memory {
+    Nothing,
+    Lstm(LstmState),
+    ConvLstm(MapState),
+    PlanarConvLstm(PlanarConvLstmState, Occupancy),
+    /// The last vectors, the oldest first.
+    Delay(Vec<f32>),
+}
+
+/// Cells of a [`ConvLstm`]; its hidden state is what it writes.
+#[derive(Clone, Debug)]
+pub(super) struct MapState {
+    cell: Vec<f32>,
+    gates: FeatureMap,
+}
+
+impl Memory {
+    pub(super) fn new(unit: &Unit, network: &FrameNetwork) -> Self {
+        let from = network.values[unit.from].shape;
+        match (&unit.kernel, from) {
+            (Kernel::Lstm(lstm), _) => Self::Lstm(lstm.state()),
+            (Kernel::PlanarConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
+                Self::PlanarConvLstm(lstm.state(height, width), Occupancy::empty(height, width))
+            }
+            (Kernel::ConvLstm(lstm), FrameShape::Image { height, width, .. }) => Self::ConvLstm(MapState {
+                cell: vec![0.0; height * width * lstm.hidden],
+                gates: FeatureMap::zeros(height, width, 4 * lstm.hidden, 0).expect(FITS),
+            }),
+            (Kernel::Delay(frames), shape) => Self::Delay(vec![0.0; frames * shape.values()]),
+            _ => Self::Nothing,
+        }
+    }
+
+    pub(super) fn is_some(&self) -> bool {
+        !matches!(self, Self::Nothing)
+    }
+
+    pub(super) fn reset(&mut self) {
+        match self {
+            Self::Nothing => {}
+            Self::Lstm(state) => state.reset(),
+            Self::PlanarConvLstm(state, _) => state.reset(),
+            Self::ConvLstm(state) => state.cell.fill(0.0),
+            Self::Delay(vectors) => vectors.fill(0.0),
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Lstm(state) => state.bytes(),
+            Self::PlanarConvLstm(state, _) => state.bytes(),
+            Self::ConvLstm(state) => size_of_val(&*state.cell) + state.gates.bytes(),
+            Self::Delay(vectors) => size_of_val(&**vectors),
+        }
+    }
+}
+
+/// Room that all layers share.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    conv: ConvScratch,
+    squeeze: SqueezeScratch,
+    patch: PatchScratch,
+    dirty: Changes,
+    tiles: Changes,
+    input: Vec<Lanes>,
+    output: Vec<Lanes>,
+    values: Vec<f32>,
+}
+
+impl Scratch {
+    /// For values of at most `largest` f32.
+    pub(super) fn new(largest: usize) -> Self {
+        Self {
+            conv: ConvScratch::default(),
+            squeeze: SqueezeScratch::default(),
+            patch: PatchScratch::default(),
+            dirty: Changes::default(),
+            tiles: Changes::default(),
+            input: Vec::with_capacity(Lanes::count(largest)),
+            output: Vec::with_capacity(Lanes::count(largest)),
+            values: Vec::new(),
+        }
+    }
+}
+
+/// A layer about to run.
+pub(super) struct Run<'a> {
+    pub(super) unit: &'a Unit,
+    pub(super) options: FrameOptions,
+    pub(super) input: &'a Buffer,
+    pub(super) from: Value,
+    pub(super) to: Value,
+    pub(super) pending: &'a Pending,
+    /// What the layer gives without events, and where something else may reach.
+    pub(super) background: Option<(&'a Buffer, &'a Changes)>,
+    pub(super) memory: &'a mut Memory,
+    pub(super) scratch: &'a mut Scratch,
+    pub(super) counters: &'a mut FrameLayerCounters,
+}
+
+impl Run<'_> {
+    /// Computes what `out` needs; marks the pixels that changed. Whether any value may have.
+    pub(super) fn run(self, out: &mut Buffer, changed: &mut Changes) -> bool {
+        match &self.unit.kernel {
+            Kernel::Conv3(_)
+            | Kernel::Winograd(_)
+            | Kernel::Conv1(_)
+            | Kernel::UpConv(_)
+            | Kernel::PlanarConv(_)
+            | Kernel::MaxPool
+            | Kernel::AveragePool(_) => match out {
+                Buffer::Planes(planes) => self.planes(planes, changed),
+                _ => self.map(out.map_mut(), changed),
+            },
+            Kernel::Concat => {
+                changed.clone_from(&self.pending.pixels);
+                true
+            }
+            Kernel::SqueezeExcite(_) => self.squeeze(out.map_mut(), changed),
+            Kernel::ConvLstm(lstm) => self.conv_lstm(lstm, out.map_mut(), changed),
+            Kernel::PlanarConvLstm(_) => self.planar_conv_lstm(out.planes_mut(), changed),
+            _ => self.vector(out.vector_mut()),
+        }
+    }
+
+    fn tolerance(&self) -> Option<f32> {
+        match self.options.skip {
+            Skip::Tolerance(tolerance) => Some(tolerance),
+            Skip::Exact | Skip::Nothing => None,
+        }
+    }
+
+    fn size(&self) -> [usize; 3] {
+        match self.to.shape {
+            FrameShape::Image { channels, height, width } => [channels, height, width],
+            FrameShape::Vector(values) => [values, 1, 1],
+        }
+    }
+
+    /// A layer whose outputs read a small window, over maps with channels last.
+    fn map(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
+        let (tolerance, [channels, height, width]) = (self.tolerance(), self.size());
+        let Self { unit, options, input, from, to, pending, background, scratch, counters, .. } = self;
+        let Scratch { conv: conv_scratch, patch: patch_scratch, dirty, tiles, .. } = scratch;
+        let FrameShape::Image { channels: read, .. } = from.shape else { unreachable!("{FITS}") };
+        let view = input.map().view().channels(from.first, read).expect(FITS);
+        let isa = options.isa;
+        let compute = |pixels: &mut MapPixels<'_>, region: Region| {
+            let MapPixels { map, first, channels } = pixels;
+            let band = map.band().channels(*first, *channels).expect(FITS);
+            let halves = options.two_threads && region.height * region.width >= LARGE;
+            match &unit.kernel {
+                Kernel::Conv3(conv) if halves => {
+                    let upper = Region { height: region.height / 2, ..region };
+                    let (y, height) = (region.y + upper.height, region.height - upper.height);
+                    let (above, below) = band.split_at_row(y).expect(FITS);
+                    let (a, b) = rayon::join(
+                        || conv.run(isa, &[view], upper, above),
+                        || conv.run(isa, &[view], Region { y, height, ..region }, below),
+                    );
+                    a.and(b)
+                }
+                Kernel::Conv3(conv) => conv.run(isa, &[view], region, band),
+                Kernel::Winograd(conv) => conv.run(isa, &[view], region, band, conv_scratch),
+                Kernel::Conv1(conv) => conv.run(isa, &[view], region, band),
+                Kernel::UpConv(conv) => {
+                    // Blocks are even, and so is a doubled map.
+                    let Region { y, x, height, width } = region;
+                    let read = Region { y: y / 2, x: x / 2, height: height / 2, width: width / 2 };
+                    conv.run(isa, &[view], read, band)
+                }
+                Kernel::MaxPool => max_pool_2x2(isa, view, region, band),
+                Kernel::AveragePool(size) => average_pool(isa, *size, view, region, band),
+                _ => unreachable!("layers of other kinds run elsewhere"),
+            }
+            .expect(FITS);
+        };
+        let all = options.skip == Skip::Nothing;
+        if !all {
+            dirty.become_none([height, width]);
+            spread(&unit.kernel, &pending.pixels, dirty, tiles);
+        }
+        let patch = Patch {
+            size: [height, width],
+            dirty: (!all).then_some(&*dirty),
+            background: background.filter(|_| !all).map(|(b, reached)| (b.map(), reached)),
+            tolerance,
+        };
+        let mut pixels = MapPixels { map: out, first: to.first, channels };
+        patch.apply(&mut pixels, patch_scratch, changed, counters, compute);
+        !changed.is_empty()
+    }
+
+    /// The same over planes.
+    fn planes(self, out: &mut Planes, changed: &mut Changes) -> bool {
+        let (tolerance, [_, height, width]) = (self.tolerance(), self.size());
+        let Self { unit, options, input, pending, background, scratch, counters, .. } = self;
+        let Scratch { patch: patch_scratch, dirty, tiles, values, .. } = scratch;
+        let input = input.planes();
+        let compute = |out: &mut Planes, region: Region| match &unit.kernel {
+            Kernel::PlanarConv(conv) => {
+                let tiles = region.x / TILE..(region.x + region.width).div_ceil(TILE);
+                let region = TileRegion { rows: region.y..region.y + region.height, tiles };
+                conv.run(options.isa, [Some(input), None], None, &region, out);
+            }
+            // Poolings cost less than finding out what of them changed.
+            Kernel::MaxPool => planar_max_pool(input, out),
+            Kernel::AveragePool(size) => planar_average_pool(input, *size, values, out),
+            _ => unreachable!("layers of other kinds run elsewhere"),
+        };
+        let all = options.skip == Skip::Nothing || !matches!(unit.kernel, Kernel::PlanarConv(_));
+        if !all {
+            dirty.become_none([height, width]);
+            spread(&unit.kernel, &pending.pixels, dirty, tiles);
+        }
+        let patch = Patch {
+            size: [height, width],
+            dirty: (!all).then_some(&*dirty),
+            background: background.filter(|_| !all).map(|(b, reached)| (b.planes(), reached)),
+            tolerance,
+        };
+        patch.apply(out, patch_scratch, changed, counters, compute);
+        if all && options.skip != Skip::Nothing {
+            changed.clear();
+            spread(&unit.kernel, &pending.pixels, changed, tiles);
+        }
+        !changed.is_empty()
+    }
+
+    /// Squeeze-and-excitation couples every pixel: one changed value changes them all.
+    fn squeeze(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
+        let Kernel::SqueezeExcite(squeeze) = &self.unit.kernel else { unreachable!("{FITS}") };
+        let [channels, height, width] = self.size();
+        let isa = self.options.isa;
+        let view = self.input.map().view().channels(self.from.first, channels).expect(FITS);
+        let band = out.band().channels(self.to.first, channels).expect(FITS);
+        squeeze.run(isa, view, band, &mut self.scratch.squeeze).expect(FITS);
+        changed.set_all();
+        self.counters.computed += (height * width) as u64;
+        true
+    }
+
+    fn conv_lstm(self, lstm: &ConvLstm, out: &mut FeatureMap, changed: &mut Changes) -> bool {
+        let [hidden, height, width] = self.size();
+        let Memory::ConvLstm(MapState { cell, gates }) = self.memory else { unreachable!("{FITS}") };
+        let FrameShape::Image { channels, .. } = self.from.shape else { unreachable!("{FITS}") };
+        let x = self.input.map().view().channels(self.from.first, channels).expect(FITS);
+        let region = Region::all(height, width);
+        lstm.gates.run(self.options.isa, &[x, out.view()], region, gates.band()).expect(FITS);
+        let row = width * hidden;
+        for (y, cell) in cell.chunks_exact_mut(row).enumerate() {
+            let peepholes = lstm
+                .peepholes
+                .as_ref()
+                .map(|gates| std::array::from_fn(|gate| &gates[gate][y * row..][..row]));
+            let (gates, h) = (gates.row_mut(y), out.row_mut(y));
+            lstm_update_rows(self.options.isa, hidden, gates, peepholes, lstm.squash, cell, h);
+        }
+        changed.set_all();
+        self.counters.computed += (height * width) as u64;
+        true
+    }
+
+    fn planar_conv_lstm(self, out: &mut Planes, changed: &mut Changes) -> bool {
+        let [_, height, width] = self.size();
+        let Memory::PlanarConvLstm(state, occupancy) = self.memory else { unreachable!("{FITS}") };
+        let Kernel::PlanarConvLstm(lstm) = &self.unit.kernel else { unreachable!("{FITS}") };
+        let x = self.input.planes();
+        // Only a frame has empty places: what a layer with a state writes has none.
+        let occupied = (self.unit.from == 0 && self.options.skip != Skip::Nothing).then(|| {
+            occupancy.update(x);
+            &*occupancy
+        });
+        lstm.step(self.options.isa, Some(x), occupied, state);
+        out.clone_from(state.hidden());
+        changed.set_all();
+        let all = (height * width) as u64;
+        let empty = occupied.map_or(0, |o| all.saturating_sub((o.occupied() * TILE) as u64));
+        self.counters.computed += all - empty;
+        self.counters.absorbed += empty;
+        true
+    }
+
+    /// A layer that writes a vector.
+    fn vector(self, out: &mut [f32]) -> bool {
+        self.counters.computed += 1;
+        let Self { unit, options, input, from, memory, scratch, .. } = self;
+        match (&unit.kernel, memory) {
+            (Kernel::Lstm(lstm), Memory::Lstm(state)) => {
+                lstm.step(options.isa, input.vector(), state);
+                out.copy_from_slice(state.hidden());
+            }
+            (Kernel::Delay(frames), Memory::Delay(vectors)) => {
+                let now = input.vector();
+                vectors.copy_within(now.len().., 0);
+                let last = vectors.len() - now.len();
+                vectors[last..].copy_from_slice(now);
+                for (value, series) in out.chunks_exact_mut(*frames).enumerate() {
+                    for (frame, to) in series.iter_mut().enumerate() {
+                        *to = vectors[frame * now.len() + value];
+                    }
+                }
+            }
+            (Kernel::Dense(dense), _) => {
+                let Scratch { input: packed, output, .. } = scratch;
+                pack(input.vector(), packed);
+                output.clear();
+                output.resize(Lanes::count(out.len()), Lanes::ZERO);
+                dense.run(options.isa, packed, output);
+                for (to, lanes) in out.chunks_mut(LANES).zip(output) {
+                    to.copy_from_slice(&lanes.0[..to.len()]);
+                }
+            }
+            (kernel, _) => {
+                let FrameShape::Image { channels, height, width } = from.shape else {
+                    unreachable!("{FITS}")
+                };
+                match kernel {
+                    Kernel::Flatten => input.flatten(from.first, channels, out),
+                    Kernel::GlobalAverage => {
+                        let view = input.map().view().channels(from.first, channels).expect(FITS);
+                        global_average(options.isa, view, out).expect(FITS);
+                    }
+                    Kernel::Sum => {
+                        scratch.values.resize(channels * height * width, 0.0);
+                        input.flatten(from.first, channels, &mut scratch.values);
+                        // In f64, where sums of counts are exact.
+                        for (sum, plane) in out.iter_mut().zip(scratch.values.chunks_exact(height * width)) {
+                            *sum = plane.iter().map(|&v| f64::from(v)).sum::<f64>() as f32;
+                        }
+                    }
+                    _ => unreachable!("layers of other kinds run elsewhere"),
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Columns of a tile of planes.
+const TILE: usize = 2 * LANES;
+/// Pixels from which on two threads share a map.
+const LARGE: usize = 4096;
+
+fn pack(values: &[f32], out: &mut Vec<Lanes>) {
+    out.clear();
+    out.extend(values.chunks(LANES).map(|values| {
+        let mut lanes = Lanes::ZERO;
+        lanes.0[..values.len()].copy_from_slice(values);
+        lanes
+    }));
+}

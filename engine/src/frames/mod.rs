@@ -1,0 +1,20 @@
+//! Frame networks: images or vectors in, predictions out, with the state of recurrent layers between.
+//!
+//! A network is made of [`FrameNetworkParts`], checked and packed into a [`FrameNetwork`], and run by a [`FrameEngine`] with
+//! the verbs of the event engine: push, predict, reset, snapshot, restore. What no change reaches is not computed again
+//! (`patch.rs`), with the same bits as if it had been.
+
+mod buffer;
+mod changes;
+mod compile;
+mod counters;
+mod engine;
+mod layers;
+mod network;
+mod patch;
+mod step;
+
+pub use compile::{Convolution, FrameNetwork};
+pub use counters::{FrameCounters, FrameLayerCounters};
+pub use engine::{FrameEngine, FrameOptions, FramePrediction, FrameSnapshot, Skip};
+pub use network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};

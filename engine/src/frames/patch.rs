@@ -1,0 +1,192 @@
+//! Recomputing parts of a map: those that a change reaches, and of these what is not as it would be without events.
+//!
+//! Enters: the pixels that a change reaches, and a kernel that computes any region with the same bits as all of the map.
+//! Leaves: the map as if it had been computed whole, and the pixels that truly changed.
+
+use meissner_kernels::{FeatureMap, Planes, Region};
+
+use super::changes::Changes;
+use super::counters::FrameLayerCounters;
+
+/// Rows and columns of the blocks that are recomputed.
+const ROWS: usize = 4;
+const COLUMNS: usize = 16;
+
+/// How much less than everything is worth the trouble: above this share of a map, it is computed whole.
+const WHOLE: f64 = 0.5;
+
+/// A map that can be read and written by pixel.
+pub(super) trait Pixels {
+    /// Appends the values of `region` to `out`.
+    fn save(&self, region: Region, out: &mut Vec<f32>);
+    /// Compares the values of `region` with what [`Self::save`] kept: each pixel that moved by more than `tolerance` in
+    /// any channel (for `None`, by a bit) is passed to `changed`; the others get their old values back.
+    fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes);
+    /// A map of the same layout.
+    type Whole;
+    /// Takes the values of a pixel from `other`; whether they differed.
+    fn take(&mut self, other: &Self::Whole, y: usize, x: usize) -> bool;
+}
+
+fn moved(old: f32, new: f32, tolerance: Option<f32>) -> bool {
+    match tolerance {
+        None => old.to_bits() != new.to_bits(),
+        Some(tolerance) => (new - old).abs() > tolerance || new.is_nan(),
+    }
+}
+
+/// Some channels of a map with channels last.
+pub(super) struct MapPixels<'a> {
+    pub(super) map: &'a mut FeatureMap,
+    pub(super) first: usize,
+    pub(super) channels: usize,
+}
+
+impl MapPixels<'_> {
+    fn pixel(&mut self, y: usize, x: usize) -> &mut [f32] {
+        &mut self.map.pixel_mut(y, x)[self.first..self.first + self.channels]
+    }
+}
+
+impl Pixels for MapPixels<'_> {
+    fn save(&self, region: Region, out: &mut Vec<f32>) {
+        for y in region.y..region.y + region.height {
+            for x in region.x..region.x + region.width {
+                out.extend_from_slice(&self.map.pixel(y, x)[self.first..self.first + self.channels]);
+            }
+        }
+    }
+
+    fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes) {
+        let channels = self.channels;
+        for (i, old) in old.chunks_exact(channels).enumerate() {
+            let (y, x) = (region.y + i / region.width, region.x + i % region.width);
+            let new = self.pixel(y, x);
+            let differs = match tolerance {
+                None => new.iter().zip(old).fold(0, |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits())) != 0,
+                Some(_) => new.iter().zip(old).any(|(&new, &old)| moved(old, new, tolerance)),
+            };
+            if differs {
+                changed.set(y, x);
+            } else if tolerance.is_some() {
+                new.copy_from_slice(old);
+            }
+        }
+    }
+
+    type Whole = FeatureMap;
+
+    fn take(&mut self, other: &FeatureMap, y: usize, x: usize) -> bool {
+        let from = &other.pixel(y, x)[self.first..self.first + self.channels];
+        let to = self.pixel(y, x);
+        let differs = to.iter().zip(from).any(|(a, b)| a.to_bits() != b.to_bits());
+        to.copy_from_slice(from);
+        differs
+    }
+}
+
+impl Pixels for Planes {
+    fn save(&self, region: Region, out: &mut Vec<f32>) {
+        for channel in 0..self.channels() {
+            for y in region.y..region.y + region.height {
+                out.extend_from_slice(&self.row(channel, y)[region.x..region.x + region.width]);
+            }
+        }
+    }
+
+    fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes) {
+        let (channels, plane) = (self.channels(), region.height * region.width);
+        for y in region.y..region.y + region.height {
+            for x in region.x..region.x + region.width {
+                let at = (y - region.y) * region.width + x - region.x;
+                let differs = (0..channels).any(|c| moved(old[c * plane + at], self.row(c, y)[x], tolerance));
+                if differs {
+                    changed.set(y, x);
+                } else if tolerance.is_some() {
+                    (0..channels).for_each(|c| self.row_mut(c, y)[x] = old[c * plane + at]);
+                }
+            }
+        }
+    }
+
+    type Whole = Planes;
+
+    fn take(&mut self, other: &Planes, y: usize, x: usize) -> bool {
+        let mut differs = false;
+        for channel in 0..self.channels() {
+            let from = other.row(channel, y)[x];
+            let to = &mut self.row_mut(channel, y)[x];
+            differs |= to.to_bits() != from.to_bits();
+            *to = from;
+        }
+        differs
+    }
+}
+
+/// What there is to do on a map.
+pub(super) struct Patch<'a, W> {
+    /// Size of the map.
+    pub(super) size: [usize; 2],
+    /// Pixels that a change reaches; `None` computes everything and compares nothing.
+    pub(super) dirty: Option<&'a Changes>,
+    /// The values where nothing but zeros reaches, and the pixels that something else may reach.
+    pub(super) background: Option<(&'a W, &'a Changes)>,
+    pub(super) tolerance: Option<f32>,
+}
+
+/// Room for [`Patch::apply`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct PatchScratch {
+    todo: Changes,
+    old: Vec<f32>,
+}
+
+impl<W> Patch<'_, W> {
+    /// Brings `pixels` up to date; `changed` becomes the pixels that changed, or may have.
+    pub(super) fn apply<P: Pixels<Whole = W>>(
+        self,
+        pixels: &mut P,
+        scratch: &mut PatchScratch,
+        changed: &mut Changes,
+        counters: &mut FrameLayerCounters,
+        mut compute: impl FnMut(&mut P, Region),
+    ) {
+        let [height, width] = self.size;
+        let all = height * width;
+        let Some(dirty) = self.dirty else {
+            compute(pixels, Region::all(height, width));
+            counters.computed += all as u64;
+            changed.set_all();
+            return;
+        };
+        changed.clear();
+        let PatchScratch { todo, old } = scratch;
+        todo.clone_from(dirty);
+        if let Some((background, reached)) = self.background {
+            todo.keep(reached);
+            dirty.for_each(|y, x| {
+                if !reached.contains(y, x) {
+                    counters.absorbed += 1;
+                    if pixels.take(background, y, x) {
+                        changed.set(y, x);
+                    }
+                }
+            });
+        }
+        let count = todo.count();
+        counters.skipped += (all - dirty.count()) as u64;
+        if count as f64 > WHOLE * all as f64 && self.tolerance.is_none() {
+            compute(pixels, Region::all(height, width));
+            counters.computed += all as u64;
+            changed.include(todo);
+            return;
+        }
+        todo.for_each_region(ROWS, COLUMNS, |region| {
+            old.clear();
+            pixels.save(region, old);
+            compute(pixels, region);
+            counters.computed += (region.height * region.width) as u64;
+            pixels.compare(region, old, self.tolerance, changed);
+        });
+    }
+}

@@ -1,0 +1,379 @@
+//! The state of a frame engine, and the order in which its layers run.
+//!
+//! A layer knows which pixels of what it reads have changed since it last ran. Layers with a state, and what they read,
+//! run with every frame; the others when a prediction is read, so that the changes of several frames meet in one.
+
+use super::buffer::Buffer;
+use super::changes::Changes;
+use super::compile::{FrameNetwork, Kernel};
+use super::counters::{FrameCounters, FrameLayerCounters};
+use super::engine::{FrameOptions, Skip};
+use super::layers::{Memory, Run, Scratch};
+use super::network::FrameShape;
+use crate::EngineError;
+
+/// Everything that a frame engine remembers.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    buffers: Vec<Buffer>,
+    /// What each layer remembers from frame to frame.
+    memories: Vec<Memory>,
+    /// What each layer has yet to see.
+    pending: Vec<Pending>,
+    background: Option<Background>,
+    scratch: Scratch,
+    /// Of the layer at work.
+    changed: Changes,
+    tiles: Changes,
+    prediction: Vec<f32>,
+    frames: u64,
+    counters: FrameCounters,
+}
+
+/// Changes of what a layer reads, since it last ran.
+#[derive(Clone, Debug)]
+pub(super) struct Pending {
+    /// Of an image.
+    pub(super) pixels: Changes,
+    /// Whether there are any.
+    pub(super) any: bool,
+}
+
+/// What layers make of a frame of zeros, and what differs from it now.
+#[derive(Clone, Debug)]
+struct Background {
+    buffers: Vec<Buffer>,
+    /// For each value the pixels that something else than zeros may have reached; `None` where a state has a part in it.
+    reached: Vec<Option<Changes>>,
+}
+
+/// A map of changes for an image; an empty one for a vector.
+fn changes_of(shape: FrameShape) -> Changes {
+    match shape {
+        FrameShape::Image { height, width, .. } => Changes::none(height, width),
+        FrameShape::Vector(_) => Changes::default(),
+    }
+}
+
+impl State {
+    pub(super) fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
+        let mut state = Self::without_background(network)?;
+        if options.sparse && options.skip != Skip::Nothing {
+            let whole = FrameOptions { skip: Skip::Nothing, ..options };
+            state.push(network, whole, &vec![0.0; network.input().values()]);
+            state.predict(network, whole);
+            let mut stateful = vec![false; network.values.len()];
+            for (i, unit) in network.units.iter().enumerate() {
+                let reads = [Some(unit.from), unit.with].into_iter().flatten();
+                stateful[i + 1] = state.memories[i].is_some() || reads.into_iter().any(|read| stateful[read]);
+            }
+            let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
+                (!stateful && matches!(value.shape, FrameShape::Image { .. }))
+                    .then(|| changes_of(value.shape))
+            };
+            let reached = network.values.iter().zip(&stateful).map(reached).collect();
+            let background = Background { buffers: state.buffers, reached };
+            state = Self { background: Some(background), ..Self::without_background(network)? };
+        }
+        Ok(state)
+    }
+
+    fn without_background(network: &FrameNetwork) -> Result<Self, EngineError> {
+        let mut buffers = Vec::with_capacity(network.buffers.len());
+        for (i, &shape) in network.buffers.iter().enumerate() {
+            let buffer = if network.values.iter().any(|value| value.buffer == i) {
+                let layer = i.checked_sub(1).map_or("frame", |unit| &network.units[unit].name);
+                Buffer::zeros(shape, network.planar)
+                    .map_err(|source| EngineError::Layer { layer: layer.to_owned(), source })?
+            } else {
+                Buffer::Away
+            };
+            buffers.push(buffer);
+        }
+        let pending = network.units.iter().map(|unit| {
+            let mut pixels = changes_of(network.values[unit.from].shape);
+            pixels.set_all();
+            Pending { pixels, any: true }
+        });
+        let largest = network.values.iter().map(|value| value.shape.values()).max().unwrap_or(0);
+        Ok(Self {
+            memories: network.units.iter().map(|unit| Memory::new(unit, network)).collect(),
+            pending: pending.collect(),
+            buffers,
+            background: None,
+            scratch: Scratch::new(largest),
+            changed: Changes::default(),
+            tiles: Changes::default(),
+            prediction: vec![0.0; network.output().values()],
+            frames: 0,
+            counters: FrameCounters {
+                layers: vec![FrameLayerCounters::default(); network.units.len()],
+                ..FrameCounters::default()
+            },
+        })
+    }
+
+    /// Takes a frame that fits.
+    pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
+        self.changed.become_none(sides(network.values[0].shape));
+        let any = store(&mut self.buffers[0], frame, &mut self.changed);
+        if let Some(Background { reached, .. }) = &mut self.background
+            && let Some(Some(reached)) = reached.first_mut()
+        {
+            reached.clear();
+            mark_nonzero(&self.buffers[0], reached);
+        }
+        self.tell(network, 0, any);
+        for i in 0..network.units.len() {
+            if network.units[i].eager {
+                self.run(network, options, i);
+            }
+        }
+        self.frames += 1;
+        self.counters.frames += 1;
+    }
+
+    /// Brings the prediction up to date.
+    pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
+        for i in 0..network.units.len() {
+            // Before the first frame there is no step of a state yet.
+            if !network.units[i].eager {
+                self.run(network, options, i);
+            }
+        }
+        let value = network.values[network.units.len()];
+        let channels = match value.shape {
+            FrameShape::Image { channels, .. } => channels,
+            FrameShape::Vector(_) => 0,
+        };
+        self.buffers[value.buffer].flatten(value.first, channels, &mut self.prediction);
+        self.counters.predictions += 1;
+    }
+
+    /// Runs layer `i`, and tells those that read it.
+    fn run(&mut self, network: &FrameNetwork, options: FrameOptions, i: usize) {
+        let unit = &network.units[i];
+        let value = network.values[i + 1];
+        let pending = &mut self.pending[i];
+        let keeps_state = self.memories[i].is_some();
+        let all = match value.shape {
+            FrameShape::Image { height, width, .. } => (height * width) as u64,
+            FrameShape::Vector(_) => 1,
+        };
+        if !pending.any && !keeps_state && options.skip != Skip::Nothing {
+            self.counters.layers[i].skipped += all;
+            return;
+        }
+        // The buffer that is written leaves its place, so that all others can be read.
+        let concatenates = matches!(unit.kernel, Kernel::Concat);
+        let mut out = if concatenates {
+            Buffer::Away
+        } else {
+            std::mem::replace(&mut self.buffers[value.buffer], Buffer::Away)
+        };
+        let mut reached = self.background.as_mut().and_then(|b| b.reached[i + 1].take());
+        if let (Some(reached), Some(background)) = (&mut reached, &self.background) {
+            for read in [Some(unit.from), unit.with].into_iter().flatten() {
+                if let Some(from) = &background.reached[read] {
+                    if Some(read) == unit.with {
+                        reached.include(from);
+                    } else {
+                        spread(&unit.kernel, from, reached, &mut self.tiles);
+                    }
+                }
+            }
+        }
+        let run = Run {
+            unit,
+            options,
+            input: &self.buffers[network.values[unit.from].buffer],
+            from: network.values[unit.from],
+            to: value,
+            pending,
+            background: self.background.as_ref().map(|b| &b.buffers[value.buffer]).zip(reached.as_ref()),
+            memory: &mut self.memories[i],
+            scratch: &mut self.scratch,
+            counters: &mut self.counters.layers[i],
+        };
+        self.changed.become_none(sides(value.shape));
+        let any = run.run(&mut out, &mut self.changed);
+        if !concatenates {
+            self.buffers[value.buffer] = out;
+        }
+        if let (Some(reached), Some(background)) = (reached, &mut self.background) {
+            background.reached[i + 1] = Some(reached);
+        }
+        let pending = &mut self.pending[i];
+        pending.pixels.clear();
+        pending.any = false;
+        self.tell(network, i + 1, any);
+    }
+
+    /// Tells the layers that read `value` what changed of it.
+    fn tell(&mut self, network: &FrameNetwork, value: usize, any: bool) {
+        if !any {
+            return;
+        }
+        for (unit, pending) in network.units.iter().zip(&mut self.pending) {
+            if unit.from == value || unit.with == Some(value) {
+                pending.any = true;
+                pending.pixels.include(&self.changed);
+            }
+        }
+    }
+
+    pub(super) fn reset(&mut self, network: &FrameNetwork) {
+        self.memories.iter_mut().for_each(Memory::reset);
+        self.frames = 0;
+        // As before the first frame, values of layers with a state, and the frame itself, are zeros.
+        for (i, value) in network.values.iter().enumerate() {
+            if i == 0 || self.memories[i - 1].is_some() {
+                self.changed.become_none(sides(value.shape));
+                clear(&mut self.buffers[value.buffer]);
+                self.changed.set_all();
+                self.tell(network, i, true);
+            }
+        }
+        if let Some(Background { reached, .. }) = &mut self.background
+            && let Some(Some(reached)) = reached.first_mut()
+        {
+            reached.clear();
+        }
+    }
+
+    /// The first layer whose values hold NaN.
+    pub(super) fn not_a_number(&self, network: &FrameNetwork) -> String {
+        let nan = network.values.iter().skip(1).position(|value| self.buffers[value.buffer].has_nan());
+        nan.map_or_else(String::new, |layer| network.units[layer].name.clone())
+    }
+
+    pub(super) fn prediction(&self) -> &[f32] {
+        &self.prediction
+    }
+
+    pub(super) fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    pub(super) fn counters(&self) -> &FrameCounters {
+        &self.counters
+    }
+
+    /// Sizes of all buffers, which tell networks apart.
+    pub(super) fn layout(&self) -> String {
+        self.buffers.iter().map(|b| b.bytes().to_string()).collect::<Vec<_>>().join(", ")
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let background = self.background.iter().flat_map(|b| &b.buffers);
+        self.buffers.iter().chain(background).map(Buffer::bytes).sum::<usize>()
+            + self.memories.iter().map(Memory::bytes).sum::<usize>()
+    }
+}
+
+/// Rows and columns of a map of changes.
+fn sides(shape: FrameShape) -> [usize; 2] {
+    match shape {
+        FrameShape::Image { height, width, .. } => [height, width],
+        FrameShape::Vector(_) => [0, 0],
+    }
+}
+
+/// Where a kernel carries what is marked in `from`; `scratch` is overwritten.
+pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch: &mut Changes) {
+    match kernel {
+        Kernel::Conv3(_) | Kernel::PlanarConv(_) => to.spread_of(from),
+        // How an output is rounded depends on all that its tile reads.
+        Kernel::Winograd(conv) => {
+            to.spread_of(from);
+            to.fill_tiles(conv.tile().size(), scratch);
+        }
+        Kernel::MaxPool => to.shrunk_from(from, 2),
+        Kernel::AveragePool(size) => to.shrunk_from(from, *size),
+        Kernel::UpConv(_) => to.doubled_from(from),
+        Kernel::Conv1(_) | Kernel::Concat => to.clone_from(from),
+        // A mean over everything couples every pixel.
+        _ if from.is_empty() => to.clear(),
+        _ => to.set_all(),
+    }
+}
+
+/// Replaces the frame, and marks the pixels that differ; whether any value does.
+fn store(buffer: &mut Buffer, frame: &[f32], changed: &mut Changes) -> bool {
+    let mut any = false;
+    match buffer {
+        Buffer::Away => unreachable!("no layer is at work between frames"),
+        Buffer::Vector(values) => {
+            any = values.iter().zip(frame).any(|(a, b)| a.to_bits() != b.to_bits());
+            values.copy_from_slice(frame);
+        }
+        Buffer::Planes(planes) => {
+            let (height, width) = (planes.height(), planes.width());
+            for (i, new) in frame.chunks_exact(width).enumerate() {
+                let row = planes.row_mut(i / height, i % height);
+                if row.iter().zip(new).fold(0, |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits())) != 0 {
+                    any = true;
+                    for (x, (old, &new)) in row.iter_mut().zip(new).enumerate() {
+                        if old.to_bits() != new.to_bits() {
+                            changed.set(i % height, x);
+                            *old = new;
+                        }
+                    }
+                }
+            }
+        }
+        Buffer::Map(map) => {
+            let (height, width, channels) = (map.height(), map.width(), map.channels());
+            for y in 0..height {
+                let row = map.row_mut(y);
+                for c in 0..channels {
+                    let new = &frame[(c * height + y) * width..][..width];
+                    for (x, (pixel, &new)) in row.chunks_exact_mut(channels).zip(new).enumerate() {
+                        if pixel[c].to_bits() != new.to_bits() {
+                            pixel[c] = new;
+                            changed.set(y, x);
+                            any = true;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    any
+}
+
+/// Marks the pixels of an image that are not +0.
+fn mark_nonzero(buffer: &Buffer, marked: &mut Changes) {
+    match buffer {
+        Buffer::Planes(planes) => {
+            for channel in 0..planes.channels() {
+                for y in 0..planes.height() {
+                    for (x, value) in planes.row(channel, y).iter().enumerate() {
+                        if value.to_bits() != 0 {
+                            marked.set(y, x);
+                        }
+                    }
+                }
+            }
+        }
+        Buffer::Map(map) => {
+            for y in 0..map.height() {
+                for x in 0..map.width() {
+                    if map.pixel(y, x).iter().any(|v| v.to_bits() != 0) {
+                        marked.set(y, x);
+                    }
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+fn clear(buffer: &mut Buffer) {
+    match buffer {
+        Buffer::Away => {}
+        Buffer::Vector(values) => values.fill(0.0),
+        Buffer::Map(map) => map.clear(),
+        Buffer::Planes(planes) => planes.clear(),
+    }
+}

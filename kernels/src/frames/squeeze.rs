@@ -1,0 +1,102 @@
+//! Squeeze-and-excitation (Hu et al. 2018, Eq. 2 to 4): y(p, c) = x(p, c) s(c), s = sigmoid(W2 relu(W1 mean)).
+//!
+//! The mean is [`global_average`]'s, the two layers are [`Dense`]; each product with s is rounded.
+
+use super::pool::global_average;
+use super::region::Region;
+use super::view::{Band, View};
+use crate::dense::{Activation, Dense};
+use crate::error::KernelError;
+use crate::isa::{Isa, Simd, Task, Vector, flat};
+use crate::lanes::{LANES, Lanes};
+
+/// The two dense layers.
+#[derive(Clone, Debug)]
+pub struct SqueezeExcite {
+    down: Dense,
+    up: Dense,
+}
+
+/// Room for one image's means and factors.
+#[derive(Clone, Debug, Default)]
+pub struct SqueezeScratch {
+    mean: Vec<f32>,
+    packed: Vec<Lanes>,
+    middle: Vec<Lanes>,
+    scale: Vec<Lanes>,
+}
+
+impl SqueezeExcite {
+    /// For `channels` channels by way of `reduced`. `down` is (reduced, channels), `up` (channels, reduced).
+    ///
+    /// # Errors
+    /// A size of zero, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(channels: usize, reduced: usize, down: &[f32], up: &[f32]) -> Result<Self, KernelError> {
+        let down = Dense::new(1, channels, reduced, down, None, Activation::Relu)?;
+        let up = Dense::new(1, reduced, channels, up, None, Activation::Sigmoid)?;
+        Ok(Self { down, up })
+    }
+
+    /// Scales every channel of `input` into `out`. O(values).
+    ///
+    /// # Errors
+    /// [`KernelError::Shape`] where a map does not have the layer's channels, or the two differ in size.
+    pub fn run(
+        &self,
+        isa: Isa,
+        input: View<'_>,
+        mut out: Band<'_>,
+        scratch: &mut SqueezeScratch,
+    ) -> Result<(), KernelError> {
+        let [height, width, _] = input.size();
+        let channels = self.down.inputs();
+        input.check([height, width, channels], 0)?;
+        out.check([height, width, channels], Region::all(height, width))?;
+        let SqueezeScratch { mean, packed, middle, scale } = scratch;
+        mean.resize(channels, 0.0);
+        global_average(isa, input, mean)?;
+        packed.clear();
+        packed.extend(mean.chunks(LANES).map(|mean| {
+            let mut lanes = Lanes::ZERO;
+            lanes.0[..mean.len()].copy_from_slice(mean);
+            lanes
+        }));
+        middle.resize(Lanes::count(self.down.outputs()), Lanes::ZERO);
+        scale.resize(Lanes::count(channels), Lanes::ZERO);
+        self.down.run(isa, packed, middle);
+        self.up.run(isa, middle, scale);
+        isa.run(Apply { input, scale: &flat(scale)[..channels], out: &mut out });
+        Ok(())
+    }
+}
+
+struct Apply<'a, 'b> {
+    input: View<'a>,
+    scale: &'a [f32],
+    out: &'a mut Band<'b>,
+}
+
+impl Task for Apply<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { input, scale, out } = self;
+        let [height, width, channels] = input.size();
+        for y in 0..height {
+            for x in 0..width {
+                let from = &input.values[input.shape.pixel(y, x) + input.first..][..channels];
+                let to = &mut out.target(y, x).values[..channels];
+                let (vectors, rest) = to.as_chunks_mut::<LANES>();
+                for (i, to) in vectors.iter_mut().enumerate() {
+                    let value = S::V8::load_slice(simd, &from[i * LANES..]);
+                    value.mul(S::V8::load_slice(simd, &scale[i * LANES..])).store_slice(to);
+                }
+                let first = channels - rest.len();
+                for (to, (from, scale)) in rest.iter_mut().zip(from[first..].iter().zip(&scale[first..])) {
+                    *to = from * scale;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The inner loop of convolutions over planes: a few outputs times a few vectors of neighbouring positions.
+
+use super::{Simd, Vector};
+
+/// Where the taps of a 3 x 3 window lie: that of row dy and column dx, in channel c, at `c plane + dy stride + dx`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taps<'a> {
+    /// Values, from the first tap of the first position on.
+    pub(crate) values: &'a [f32],
+    /// From a row to the next.
+    pub(crate) stride: usize,
+    /// From a channel to the next.
+    pub(crate) plane: usize,
+}
+
+/// acc(o, b) += sum over channels, rows and columns of the window, each ascending, of weights(tap, o) values(tap + b),
+/// each product rounded once with the sum. `weights` are (channels x 9, O).
+///
+/// # Panics
+/// If `weights` are not whole windows, or the values end before the last that is read.
+#[inline(always)]
+pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[V; B]; O],
+    taps: Taps<'_>,
+    weights: &[[f32; O]],
+) {
+    let Taps { values, stride, plane } = taps;
+    if weights.is_empty() {
+        return;
+    }
+    assert!(weights.len().is_multiple_of(9), "there must be a weight for each tap");
+    let last = (weights.len() / 9 - 1) * plane + 2 * stride + 2;
+    assert!(last + B * V::LANES <= values.len(), "there must be a value for each tap");
+    // Local, so that they are registers.
+    let mut sums = *acc;
+    let (mut channel, mut k) = (0, 0);
+    while k < weights.len() {
+        let mut row = channel;
+        for _ in 0..3 {
+            for dx in 0..3 {
+                let x: [V; B] = std::array::from_fn(|b| {
+                    let at = row + dx + b * V::LANES;
+                    // SAFETY: `row` is at most (channels - 1) plane + 2 stride and dx at most 2, so that at + LANES
+                    // is at most last + B LANES, within `values`.
+                    V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) })
+                });
+                // SAFETY: k is below the number of weights: nine are counted for each turn of the outer loop, and
+                // their number is a multiple of nine.
+                let weights = unsafe { weights.get_unchecked(k) };
+                for (sums, &weight) in sums.iter_mut().zip(weights) {
+                    let weight = V::splat(simd, weight);
+                    for (sum, &x) in sums.iter_mut().zip(&x) {
+                        *sum = sum.add_product(weight, x);
+                    }
+                }
+                k += 1;
+            }
+            row += stride;
+        }
+        channel += plane;
+    }
+    *acc = sums;
+}

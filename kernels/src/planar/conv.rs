@@ -1,0 +1,259 @@
+//! 3 x 3 convolution of planes, padding 1, stride 1, over the channels of one image or of two, one after the other:
+//!
+//! ```text
+//! out(o, y, x) = b(o) + sum over c, dy, dx of w(o, c, dy, dx) in(c, y + dy - 1, x + dx - 1)
+//! ```
+//!
+//! Order of an output's sum: from +0; channels of the first image ascending, then of the second; in a channel dy,
+//! then dx, ascending; each product rounded once with the sum; then b. A tap beyond the border adds w times 0. As b
+//! is never -0, the sign of a sum that is zero reaches no output, and an image that is zero around a position may be
+//! left out there without a change of bits.
+
+use std::ops::Range;
+
+use super::occupancy::Occupancy;
+use super::planes::{Planes, TILE, TileRegion};
+use crate::error::{KernelError, check};
+use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
+
+/// Taps of a window.
+const TAPS: usize = 9;
+
+/// A convolution over one image, or over two side by side.
+#[derive(Clone, Debug)]
+pub struct PlanarConv3x3 {
+    channels: [usize; 2],
+    /// Outputs in blocks that share what is loaded.
+    blocks: Vec<Block>,
+    outputs: usize,
+    relu: bool,
+}
+
+/// The weights of neighbouring outputs.
+#[derive(Clone, Debug)]
+struct Block {
+    size: usize,
+    /// Of each image, (channels x 9, size).
+    weights: [Vec<f32>; 2],
+    bias: Vec<f32>,
+}
+
+/// Sizes of blocks.
+const SIZES: [usize; 3] = [6, 3, 1];
+
+impl PlanarConv3x3 {
+    /// A layer that reads `channels` of a first and a second image (0 where there is none) and writes `outputs` planes.
+    /// `weight` is (outputs, sum of channels, 3, 3), `bias` (outputs).
+    ///
+    /// # Errors
+    /// No channel, no output, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(
+        channels: [usize; 2],
+        outputs: usize,
+        weight: &[f32],
+        bias: Option<&[f32]>,
+        relu: bool,
+    ) -> Result<Self, KernelError> {
+        let inputs = channels[0] + channels[1];
+        for (what, found) in [("channels", inputs), ("outputs", outputs)] {
+            if found == 0 {
+                return Err(KernelError::Size { what, expected: "at least 1", found });
+            }
+        }
+        check("weight", weight, outputs * inputs * TAPS)?;
+        let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
+        check("bias", &bias, outputs)?;
+        let mut blocks = Vec::new();
+        let mut first = 0;
+        while first < outputs {
+            let size = SIZES.into_iter().find(|size| first + size <= outputs).unwrap_or(1);
+            let pack = |taps: Range<usize>| {
+                taps.flat_map(|tap| (first..first + size).map(move |o| weight[o * inputs * TAPS + tap]))
+                    .collect()
+            };
+            blocks.push(Block {
+                size,
+                weights: [pack(0..channels[0] * TAPS), pack(channels[0] * TAPS..inputs * TAPS)],
+                // + 0 makes -0 positive.
+                bias: bias[first..first + size].iter().map(|b| b + 0.0).collect(),
+            });
+            first += size;
+        }
+        Ok(Self { channels, blocks, outputs, relu })
+    }
+
+    /// Channels of the two images.
+    pub fn channels(&self) -> [usize; 2] {
+        self.channels
+    }
+
+    /// Planes written.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Computes `region` of every output plane. Of `images`, one that is `None` is zero around the region; so is the
+    /// first wherever `occupied` says that it is empty, and neither is read there. O(region x 9 x channels x
+    /// outputs).
+    ///
+    /// # Panics
+    /// If an image or `out` does not have the sizes of this layer and of each other, or the region is not within.
+    pub fn run(
+        &self,
+        isa: Isa,
+        images: [Option<&Planes>; 2],
+        occupied: Option<&Occupancy>,
+        region: &TileRegion,
+        out: &mut Planes,
+    ) {
+        assert_eq!(out.channels(), self.outputs, "the output must have the layer's planes");
+        self.check(images, occupied, out.height(), out.width());
+        assert!(
+            region.rows.end <= out.height() && region.tiles.end <= out.tiles(),
+            "the region must be within the image"
+        );
+        isa.run(Run { conv: self, images, occupied, region, out });
+    }
+
+    /// Refuses images of other sizes.
+    pub(crate) fn check(
+        &self,
+        images: [Option<&Planes>; 2],
+        occupied: Option<&Occupancy>,
+        height: usize,
+        width: usize,
+    ) {
+        assert!(
+            occupied.is_none_or(|occupied| occupied.fits(height, width)),
+            "what is occupied must be of an image of the output's size"
+        );
+        for (image, channels) in images.into_iter().zip(self.channels) {
+            let Some(image) = image else { continue };
+            assert_eq!(
+                (image.channels(), image.height(), image.width()),
+                (channels, height, width),
+                "an image must have the layer's channels and the output's size"
+            );
+        }
+    }
+}
+
+struct Run<'a> {
+    conv: &'a PlanarConv3x3,
+    images: [Option<&'a Planes>; 2],
+    occupied: Option<&'a Occupancy>,
+    region: &'a TileRegion,
+    out: &'a mut Planes,
+}
+
+impl Task for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { conv, images, occupied, region, out } = self;
+        let (width, plane) = (out.width(), out.plane());
+        let end = (region.tiles.end * TILE).min(width);
+        for y in region.rows.clone() {
+            let row = RowOut { values: out.onward_mut(y), stride: plane };
+            conv.row(simd, images, occupied, y, region.tiles.clone(), row);
+            for channel in 0..conv.outputs {
+                // What was computed beyond the width.
+                out.padded_mut(channel, y)[end..region.tiles.end * TILE].fill(0.0);
+            }
+        }
+    }
+}
+
+/// Where a row of each output goes: tile t of output o to `o stride + 16 t`.
+pub(crate) struct RowOut<'a> {
+    pub(crate) values: &'a mut [f32],
+    pub(crate) stride: usize,
+}
+
+impl PlanarConv3x3 {
+    /// Tiles of one row of every output; whole vectors are written.
+    #[inline(always)]
+    pub(crate) fn row<S: Simd>(
+        &self,
+        simd: S,
+        images: [Option<&Planes>; 2],
+        occupied: Option<&Occupancy>,
+        y: usize,
+        tiles: Range<usize>,
+        mut out: RowOut<'_>,
+    ) {
+        let mut first = 0;
+        for block in &self.blocks {
+            let mut row = Row { block, first, relu: self.relu, images, occupied, y, tiles: tiles.clone() };
+            // As many tiles together as there are registers for sums, one more per tile, and one for a weight.
+            match block.size {
+                6 => {
+                    if S::WIDE {
+                        row.run::<S, 6, 4>(simd, &mut out);
+                        row.run::<S, 6, 2>(simd, &mut out);
+                    }
+                    row.run::<S, 6, 1>(simd, &mut out);
+                }
+                3 => {
+                    if S::WIDE {
+                        row.run::<S, 3, 4>(simd, &mut out);
+                    }
+                    row.run::<S, 3, 1>(simd, &mut out);
+                }
+                _ => {
+                    row.run::<S, 1, 4>(simd, &mut out);
+                    row.run::<S, 1, 1>(simd, &mut out);
+                }
+            }
+            first += block.size;
+        }
+    }
+}
+
+/// What is left of a row of a block's outputs.
+struct Row<'a> {
+    block: &'a Block,
+    /// The block's first output.
+    first: usize,
+    relu: bool,
+    images: [Option<&'a Planes>; 2],
+    occupied: Option<&'a Occupancy>,
+    y: usize,
+    tiles: Range<usize>,
+}
+
+impl Row<'_> {
+    /// Tiles while there are B, for the O outputs of the block.
+    #[inline(always)]
+    fn run<S: Simd, const O: usize, const B: usize>(&mut self, simd: S, out: &mut RowOut<'_>) {
+        let zero = S::V16::splat(simd, 0.0);
+        while self.tiles.len() >= B {
+            let tile = self.tiles.start;
+            let empty = self.occupied.is_some_and(|o| o.is_empty_around(self.y, tile, B));
+            let mut acc = [[zero; B]; O];
+            for (image, weights) in
+                [self.images[0].filter(|_| !empty), self.images[1]].into_iter().zip(&self.block.weights)
+            {
+                // An image without channels has no first tap.
+                if let Some(image) = image.filter(|_| !weights.is_empty()) {
+                    let taps = Taps {
+                        values: image.above(self.y, tile * TILE),
+                        stride: image.stride(),
+                        plane: image.plane(),
+                    };
+                    accumulate_taps(simd, &mut acc, taps, weights.as_chunks::<O>().0);
+                }
+            }
+            for (o, acc) in acc.into_iter().enumerate() {
+                let bias = S::V16::splat(simd, self.block.bias[o]);
+                let row = &mut out.values[(self.first + o) * out.stride + tile * TILE..][..B * TILE];
+                for (sum, to) in acc.into_iter().zip(row.chunks_exact_mut(TILE)) {
+                    let y = sum.add(bias);
+                    (if self.relu { y.max(zero) } else { y }).store_slice(to);
+                }
+            }
+            self.tiles.start += B;
+        }
+    }
+}

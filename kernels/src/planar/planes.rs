@@ -1,0 +1,210 @@
+//! Channels of an image, plane after plane, in a border of zeros.
+//!
+//! A row is padded to whole [`Wide`] with at least one zero, which is the border to its right and to the left of the
+//! next row; a row of zeros lies above and below each plane, a `Wide` of zeros before the first and after the last.
+//! So a vector of any position and any of its eight neighbours can be loaded. What is not a pixel is always zero.
+
+use std::ops::Range;
+
+use crate::isa::{flat_wide, flat_wide_mut, lanes_of_wide};
+use crate::lanes::{LANES, Lanes, Wide};
+
+/// Positions in a tile of columns.
+pub(crate) const TILE: usize = 2 * LANES;
+
+/// (channels, height, width) values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planes {
+    channels: usize,
+    height: usize,
+    width: usize,
+    data: Vec<Wide>,
+}
+
+/// Rows and tiles of sixteen columns: tile t is columns 16 t..16 t + 16.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TileRegion {
+    /// Rows.
+    pub rows: Range<usize>,
+    /// Tiles of sixteen columns; the last may reach beyond the width.
+    pub tiles: Range<usize>,
+}
+
+impl Planes {
+    /// An image of zeros.
+    pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
+        let wides = channels * (height + 2) * stride(width) / TILE + 2;
+        Self { channels, height, width, data: vec![Wide::ZERO; wides] }
+    }
+
+    /// An image of `values`, (channels, height, width).
+    ///
+    /// # Panics
+    /// If `values` does not have this size.
+    pub fn from_values(channels: usize, height: usize, width: usize, values: &[f32]) -> Self {
+        let mut out = Self::zeros(channels, height, width);
+        out.set(values);
+        out
+    }
+
+    /// Replaces every value; `values` are (channels, height, width).
+    ///
+    /// # Panics
+    /// If `values` does not have this size.
+    pub fn set(&mut self, values: &[f32]) {
+        let Self { channels, height, width, .. } = *self;
+        assert_eq!(values.len(), channels * height * width, "there must be a value for each pixel");
+        if width > 0 {
+            for (i, row) in values.chunks_exact(width).enumerate() {
+                self.row_mut(i / height, i % height).copy_from_slice(row);
+            }
+        }
+    }
+
+    /// Back to zeros.
+    pub fn clear(&mut self) {
+        self.data.fill(Wide::ZERO);
+    }
+
+    /// Number of channels.
+    #[inline]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Number of rows.
+    #[inline]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Number of columns.
+    #[inline]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Every row and every tile.
+    pub fn region(&self) -> TileRegion {
+        TileRegion { rows: 0..self.height, tiles: 0..self.tiles() }
+    }
+
+    /// Tiles of sixteen columns, the last perhaps not full.
+    #[inline]
+    pub fn tiles(&self) -> usize {
+        self.width.div_ceil(TILE)
+    }
+
+    /// Row `y` of `channel`.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[inline]
+    pub fn row(&self, channel: usize, y: usize) -> &[f32] {
+        self.check(channel, y);
+        &flat_wide(&self.data)[self.start(channel, y)..][..self.width]
+    }
+
+    /// Row `y` of `channel`, to write.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[inline]
+    pub fn row_mut(&mut self, channel: usize, y: usize) -> &mut [f32] {
+        let width = self.width;
+        &mut self.padded_mut(channel, y)[..width]
+    }
+
+    /// Every value, (channels, height, width).
+    pub fn values(&self) -> impl Iterator<Item = f32> + '_ {
+        (0..self.channels * self.height)
+            .flat_map(|row| self.row(row / self.height, row % self.height).iter().copied())
+    }
+
+    /// Everything, border and padding included, for a [`crate::Dense`] layer whose weights are
+    /// [`Self::spread`].
+    #[inline]
+    pub fn lanes(&self) -> &[Lanes] {
+        lanes_of_wide(&self.data)
+    }
+
+    /// Weights on the values of such an image, (n, channels x height x width), as weights on [`Self::lanes`]:
+    /// zero where there is no pixel.
+    ///
+    /// # Panics
+    /// If `weight` is not whole images.
+    pub fn spread(&self, weight: &[f32]) -> Vec<f32> {
+        let count = self.channels * self.height * self.width;
+        assert_eq!(weight.len() % count.max(1), 0, "weights must fill whole images");
+        let mut image = Self::zeros(self.channels, self.height, self.width);
+        let mut out = Vec::new();
+        for weight in weight.chunks_exact(count.max(1)) {
+            image.set(weight);
+            out.extend_from_slice(flat_wide(&image.data));
+        }
+        out
+    }
+
+    /// Whether every value of `region`, and of the pixels around it, is zero (of either sign).
+    pub fn is_zero_around(&self, region: &TileRegion) -> bool {
+        let rows = region.rows.start.saturating_sub(1)..(region.rows.end + 1).min(self.height);
+        let from = (region.tiles.start * TILE).saturating_sub(1);
+        let to = (region.tiles.end * TILE + 1).min(self.width);
+        (0..self.channels)
+            .all(|channel| rows.clone().all(|y| self.row(channel, y)[from..to].iter().all(|&v| v == 0.0)))
+    }
+
+    /// Bytes of storage.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.data)
+    }
+
+    /// Row `y` of `channel` with its padding, to write; the padding must be zero again afterwards.
+    #[inline]
+    pub(crate) fn padded_mut(&mut self, channel: usize, y: usize) -> &mut [f32] {
+        self.check(channel, y);
+        let start = self.start(channel, y);
+        &mut flat_wide_mut(&mut self.data)[start..][..stride(self.width)]
+    }
+
+    /// Every value from (0, y, 0) on, to write; what is not a pixel must be zero again afterwards.
+    #[inline]
+    pub(crate) fn onward_mut(&mut self, y: usize) -> &mut [f32] {
+        let start = self.start(0, y);
+        &mut flat_wide_mut(&mut self.data)[start..]
+    }
+
+    /// Every value from the one above and to the left of (0, y, x) on.
+    #[inline]
+    pub(crate) fn above(&self, y: usize, x: usize) -> &[f32] {
+        &flat_wide(&self.data)[self.start(0, y) - stride(self.width) + x - 1..]
+    }
+
+    /// From a row to the next.
+    #[inline]
+    pub(crate) fn stride(&self) -> usize {
+        stride(self.width)
+    }
+
+    /// From a channel to the next.
+    #[inline]
+    pub(crate) fn plane(&self) -> usize {
+        (self.height + 2) * stride(self.width)
+    }
+
+    #[inline]
+    fn start(&self, channel: usize, y: usize) -> usize {
+        TILE + channel * self.plane() + (y + 1) * self.stride()
+    }
+
+    #[inline]
+    fn check(&self, channel: usize, y: usize) {
+        assert!(channel < self.channels && y < self.height, "there must be such a row");
+    }
+}
+
+/// A row's values and at least one zero.
+#[inline]
+fn stride(width: usize) -> usize {
+    (width + 1).next_multiple_of(TILE)
+}

@@ -1,0 +1,148 @@
+//! The convolutional LSTM cell over planes (Shi et al. 2015, without peepholes): an image x and the state h, c enter, a
+//! new state leaves.
+//!
+//! gates = w * [x, h] + b in the order of [`PlanarConv3x3`], then the gates' update. Row after row: what a row of h
+//! becomes waits until the row below has read the old one, so that the state is replaced in place.
+
+use super::gates::{Squash, Update};
+use crate::error::KernelError;
+use crate::isa::{Isa, Simd, Task, flat_wide_mut};
+use crate::lanes::Wide;
+use crate::planar::{Occupancy, PlanarConv3x3, Planes, RowOut};
+
+/// A convolutional LSTM cell of few channels.
+#[derive(Clone, Debug)]
+pub struct PlanarConvLstm {
+    gates: PlanarConv3x3,
+    hidden: usize,
+    squash: Squash,
+}
+
+/// What a convolutional LSTM cell remembers, and room for a row.
+#[derive(Clone, Debug)]
+pub struct PlanarConvLstmState {
+    hidden: Planes,
+    cell: Planes,
+    /// A row of every gate, then of what h becomes.
+    row: Vec<Wide>,
+}
+
+impl PlanarConvLstm {
+    /// A cell that reads `inputs` channels and remembers `hidden`. `weight` is (4 x hidden, inputs + hidden, 3, 3)
+    /// with gates in the order i, f, g, o and inputs before the state; `bias` is (4 x hidden).
+    ///
+    /// # Errors
+    /// A size of zero, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(
+        inputs: usize,
+        hidden: usize,
+        weight: &[f32],
+        bias: Option<&[f32]>,
+        squash: Squash,
+    ) -> Result<Self, KernelError> {
+        let gates = PlanarConv3x3::new([inputs, hidden], 4 * hidden, weight, bias, false)?;
+        Ok(Self { gates, hidden, squash })
+    }
+
+    /// The state before the first step: zeros.
+    pub fn state(&self, height: usize, width: usize) -> PlanarConvLstmState {
+        let image = Planes::zeros(self.hidden, height, width);
+        let row = vec![Wide::ZERO; 5 * self.hidden * image.tiles()];
+        PlanarConvLstmState { hidden: image.clone(), cell: image, row }
+    }
+
+    /// One step: reads `x`, replaces `state`. Where `occupied` says that `x` is empty, or where `x` is `None`, which
+    /// means an image of zeros, it costs less and gives the same bits. O(height x width x 9 x (inputs + hidden) x 4
+    /// hidden).
+    ///
+    /// # Panics
+    /// If `x` or `state` does not have this cell's sizes.
+    pub fn step(
+        &self,
+        isa: Isa,
+        x: Option<&Planes>,
+        occupied: Option<&Occupancy>,
+        state: &mut PlanarConvLstmState,
+    ) {
+        let (height, width) = (state.hidden.height(), state.hidden.width());
+        self.gates.check([x, Some(&state.hidden)], occupied, height, width);
+        assert_eq!(state.hidden.channels(), self.hidden, "the state must have the cell's channels");
+        isa.run(Step { lstm: self, x, occupied, state });
+    }
+}
+
+impl PlanarConvLstmState {
+    /// What the cell shows, h.
+    pub fn hidden(&self) -> &Planes {
+        &self.hidden
+    }
+
+    /// What the cell keeps, c.
+    pub fn cell(&self) -> &Planes {
+        &self.cell
+    }
+
+    /// Back to zeros.
+    pub fn reset(&mut self) {
+        self.hidden.clear();
+        self.cell.clear();
+    }
+
+    /// Bytes of storage.
+    pub fn bytes(&self) -> usize {
+        self.hidden.bytes() + self.cell.bytes() + size_of_val(&*self.row)
+    }
+}
+
+struct Step<'a> {
+    lstm: &'a PlanarConvLstm,
+    x: Option<&'a Planes>,
+    occupied: Option<&'a Occupancy>,
+    state: &'a mut PlanarConvLstmState,
+}
+
+impl Task for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { lstm, x, occupied, state: PlanarConvLstmState { hidden, cell, row } } = self;
+        let (height, width, tiles) = (hidden.height(), hidden.width(), hidden.tiles());
+        let (gates, next) = row.split_at_mut(4 * lstm.hidden * tiles);
+        let (gates, next) = (flat_wide_mut(gates), flat_wide_mut(next));
+        // Whole tiles, so that every vector is full.
+        let columns = if tiles == 0 { 0 } else { next.len() / lstm.hidden };
+        for y in 0..height {
+            let out = RowOut { values: gates, stride: columns };
+            lstm.gates.row(simd, [x, Some(hidden)], occupied, y, 0..tiles, out);
+            if y > 0 {
+                publish(hidden, y - 1, next, columns);
+            }
+            for channel in 0..lstm.hidden {
+                let gate = |gate: usize| &gates[(gate * lstm.hidden + channel) * columns..][..columns];
+                let cell = &mut cell.padded_mut(channel, y)[..columns];
+                Update {
+                    gates: std::array::from_fn(gate),
+                    peephole: None,
+                    squash: lstm.squash,
+                    cell: &mut *cell,
+                    hidden: &mut next[channel * columns..][..columns],
+                }
+                .run(simd);
+                cell[width..].fill(0.0);
+            }
+        }
+        if height > 0 {
+            publish(hidden, height - 1, next, columns);
+        }
+    }
+}
+
+/// Writes row `y` of every plane.
+#[inline(always)]
+fn publish(hidden: &mut Planes, y: usize, next: &[f32], columns: usize) {
+    let width = hidden.width();
+    for channel in 0..hidden.channels() {
+        hidden.row_mut(channel, y).copy_from_slice(&next[channel * columns..][..width]);
+    }
+}

@@ -1,0 +1,244 @@
+//! Frame networks: what is skipped changes no bit, and what is computed is what a change reaches.
+
+use std::sync::Arc;
+
+use meissner_engine::EngineError;
+use meissner_engine::frames::{
+    Convolution, FrameEngine, FrameNetwork, FrameNetworkParts, FrameOptions, FrameShape, Skip,
+};
+use meissner_kernels::{Isa, WinogradTile};
+use meissner_tests::compare::bits;
+use meissner_tests::frame_networks::{Style, network, sequence};
+use proptest::prelude::*;
+
+fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
+    let network = FrameNetwork::new(parts.clone(), convolution).expect("parts that fit");
+    FrameEngine::new(Arc::new(network), options).expect("options in range")
+}
+
+fn predict(engine: &mut FrameEngine) -> Vec<u32> {
+    bits(engine.predict().expect("finite values").values)
+}
+
+fn style() -> impl Strategy<Value = Style> {
+    prop_oneof![
+        3 => Just(Style::Classifier),
+        3 => any::<bool>().prop_map(|squeeze| Style::UNet { squeeze }),
+        2 => Just(Style::ConvolutionsThenLstm),
+        2 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
+            .prop_map(|(hidden, peepholes)| Style::ConvLstm { hidden, peepholes }),
+        1 => Just(Style::Delays),
+    ]
+}
+
+fn cases() -> u32 {
+    std::env::var("MEISSNER_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
+
+    #[test]
+    fn what_is_skipped_changes_no_bit(
+        style in style(),
+        channels in 1usize..4,
+        (height, width) in (1usize..7, 1usize..25).prop_map(|(h, w)| (4 * h, 4 * w)),
+        wide in prop_oneof![Just(3usize), Just(8), Just(16), Just(33)],
+        convolution in prop_oneof![
+            Just(Convolution::Direct),
+            Just(Convolution::Winograd(WinogradTile::Two)),
+            Just(Convolution::Winograd(WinogradTile::Four)),
+        ],
+        sparse in any::<bool>(),
+        every in 1usize..3,
+        seed in any::<u64>(),
+    ) {
+        let size = [channels, height, width];
+        let parts = network(style, size, wide, seed);
+        let all = FrameOptions { skip: Skip::Nothing, ..FrameOptions::default() };
+        let mut whole = engine(&parts, convolution, all);
+        let mut skipping =
+            engine(&parts, convolution, FrameOptions { sparse, two_threads: seed % 2 == 0, ..FrameOptions::default() });
+        prop_assert_eq!(predict(&mut whole), predict(&mut skipping), "before the first frame");
+        let mut middle = None;
+        for (n, frame) in sequence(12, size, seed ^ 1).iter().enumerate() {
+            whole.push(frame).expect("a frame that fits");
+            skipping.push(frame).expect("a frame that fits");
+            if n % every == 0 {
+                prop_assert_eq!(predict(&mut whole), predict(&mut skipping), "frame {}", n);
+            }
+            match n {
+                4 => middle = Some((whole.snapshot(), skipping.snapshot())),
+                7 => { whole.reset(); skipping.reset(); }
+                9 => {
+                    let (a, b) = middle.take().expect("taken before");
+                    whole.restore(&a).expect("its own snapshot");
+                    skipping.restore(&b).expect("its own snapshot");
+                }
+                _ => {}
+            }
+        }
+        prop_assert_eq!(predict(&mut whole), predict(&mut skipping));
+    }
+
+    #[test]
+    fn instruction_sets_give_the_same_bits(style in style(), seed in any::<u64>()) {
+        let size = [2, 12, 20];
+        let parts = network(style, size, 8, seed);
+        let run = |isa| {
+            let mut engine = engine(&parts, Convolution::Direct, FrameOptions { isa, ..FrameOptions::default() });
+            for frame in sequence(4, size, seed) {
+                engine.push(&frame).expect("a frame that fits");
+            }
+            predict(&mut engine)
+        };
+        let expected = run(Isa::portable());
+        for isa in Isa::available() {
+            prop_assert_eq!(&run(isa), &expected, "{}", isa.name());
+        }
+    }
+
+    #[test]
+    fn a_reset_engine_is_as_new(style in style(), seed in any::<u64>(), sparse in any::<bool>()) {
+        let size = [2, 8, 12];
+        let parts = network(style, size, 8, seed);
+        let options = FrameOptions { sparse, ..FrameOptions::default() };
+        let (mut used, mut new) =
+            (engine(&parts, Convolution::Direct, options), engine(&parts, Convolution::Direct, options));
+        for frame in sequence(5, size, seed) {
+            used.push(&frame).expect("a frame that fits");
+            predict(&mut used);
+        }
+        used.reset();
+        prop_assert_eq!(predict(&mut used), predict(&mut new));
+        for frame in sequence(5, size, !seed) {
+            used.push(&frame).expect("a frame that fits");
+            new.push(&frame).expect("a frame that fits");
+            prop_assert_eq!(predict(&mut used), predict(&mut new));
+        }
+    }
+}
+
+#[test]
+fn a_changed_pixel_computes_blocks_around_it_and_no_others() {
+    let size = [1, 64, 128];
+    let mut engine =
+        engine(&network(Style::Classifier, size, 8, 1), Convolution::Direct, FrameOptions::default());
+    let mut frame = vec![0.5; 64 * 128];
+    engine.push(&frame).expect("a frame that fits");
+    predict(&mut engine);
+    let before = engine.counters().clone();
+    frame[30 * 128 + 40] = 0.7;
+    engine.push(&frame).expect("a frame that fits");
+    predict(&mut engine);
+    let computed = |layer: usize| engine.counters().layers[layer].computed - before.layers[layer].computed;
+    // 3 x 3 pixels in blocks of 4 x 16: rows 29 to 31 and columns 39 to 41 are in one.
+    assert_eq!(computed(0), 64);
+    // Of the pooled map rows 14 and 15, columns 19 and 20; then these and their neighbours: rows 13 to 16, in two blocks.
+    assert_eq!(computed(1), 64);
+    assert_eq!(computed(2), 2 * 64);
+}
+
+#[test]
+fn an_equal_frame_computes_nothing() {
+    let size = [1, 32, 32];
+    let mut engine = engine(
+        &network(Style::UNet { squeeze: true }, size, 8, 1),
+        Convolution::Direct,
+        FrameOptions::default(),
+    );
+    let frame = vec![0.5; 32 * 32];
+    engine.push(&frame).expect("a frame that fits");
+    predict(&mut engine);
+    let before = engine.counters().clone();
+    engine.push(&frame).expect("a frame that fits");
+    predict(&mut engine);
+    let computed =
+        |c: &meissner_engine::frames::FrameCounters| c.layers.iter().map(|l| l.computed).sum::<u64>();
+    assert_eq!(computed(engine.counters()), computed(&before));
+}
+
+#[test]
+fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
+    let size = [1, 64, 128];
+    let options = FrameOptions { sparse: true, ..FrameOptions::default() };
+    let mut engine = engine(&network(Style::Classifier, size, 8, 1), Convolution::Direct, options);
+    let mut frame = vec![0.0; 64 * 128];
+    frame[20 * 128 + 70] = 1.0;
+    engine.push(&frame).expect("a frame that fits");
+    predict(&mut engine);
+    let first = engine.counters().layers[0];
+    assert_eq!((first.computed, first.absorbed), (2 * 64, 64 * 128 - 9));
+    engine.push(&vec![0.0; 64 * 128]).expect("a frame that fits");
+    predict(&mut engine);
+    let second = engine.counters().layers[0];
+    assert_eq!((second.computed, second.absorbed), (first.computed, first.absorbed + 9));
+}
+
+#[test]
+fn a_tolerance_stops_small_changes_and_bounds_what_is_lost() {
+    let size = [1, 32, 64];
+    let parts = network(Style::UNet { squeeze: false }, size, 8, 3);
+    let mut exact = engine(&parts, Convolution::Direct, FrameOptions::default());
+    let options = FrameOptions { skip: Skip::Tolerance(1e-3), ..FrameOptions::default() };
+    let mut near = engine(&parts, Convolution::Direct, options);
+    let mut computed = 0;
+    for (n, frame) in sequence(40, size, 5).iter().enumerate() {
+        let frame: Vec<f32> = frame.iter().map(|v| 0.3 + 2e-3 * v + n as f32 * 1e-5).collect();
+        exact.push(&frame).expect("a frame that fits");
+        near.push(&frame).expect("a frame that fits");
+        let (a, b) = (exact.predict().expect("finite").values, near.predict().expect("finite").values);
+        let worst = a.iter().zip(b).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
+        assert!(worst < 0.05, "frame {n}: {worst}");
+        computed = near.counters().layers[2].computed;
+    }
+    assert!(computed < exact.counters().layers[2].computed, "the tolerance saves work");
+}
+
+#[test]
+fn a_frame_of_another_size_or_with_nan_is_refused_and_changes_nothing() {
+    let size = [1, 8, 8];
+    let mut engine =
+        engine(&network(Style::Classifier, size, 8, 1), Convolution::Direct, FrameOptions::default());
+    engine.push(&[0.25; 64]).expect("a frame that fits");
+    let before = predict(&mut engine);
+    let short = engine.push(&[0.0; 63]).expect_err("63 values");
+    assert_eq!(short.to_string(), "values of a frame: expected 64 (1 x 8 x 8), found 63");
+    let mut frame = [0.0; 64];
+    frame[5] = f32::NAN;
+    let nan = engine.push(&frame).expect_err("NaN");
+    assert_eq!(nan.to_string(), "frame: expected finite values, found NaN as value 5");
+    assert_eq!(predict(&mut engine), before);
+}
+
+#[test]
+fn a_layer_that_overflows_is_named_and_predicts_nothing() {
+    let mut parts = network(Style::Classifier, [1, 8, 8], 8, 1);
+    for layer in &mut parts.layers {
+        if let meissner_engine::frames::FrameLayerKind::Conv { weight, .. } = &mut layer.kind {
+            weight.iter_mut().for_each(|w| *w *= 1e30);
+        }
+    }
+    let mut engine = engine(&parts, Convolution::Direct, FrameOptions::default());
+    engine.push(&[1.0; 64]).expect("a frame that fits");
+    let error = engine.predict().expect_err("infinities of both signs meet");
+    assert!(matches!(error, EngineError::NotANumber { .. }), "{error}");
+}
+
+#[test]
+fn parts_that_do_not_fit_are_refused_by_name() {
+    let refuse = |change: &dyn Fn(&mut FrameNetworkParts), expected: &str| {
+        let mut parts = network(Style::UNet { squeeze: false }, [1, 8, 8], 8, 1);
+        change(&mut parts);
+        let error = FrameNetwork::new(parts, Convolution::Direct).expect_err(expected);
+        assert!(error.to_string().contains(expected), "{error}");
+    };
+    refuse(&|parts| parts.layers[1].from = 7, "layer \"layer1\": input");
+    refuse(&|parts| parts.layers.clear(), "layers: expected at least one");
+    refuse(&|parts| parts.input = FrameShape::Vector(64), "expected an image, found 64 values");
+    refuse(
+        &|parts| parts.input = FrameShape::Image { channels: 1, height: 7, width: 10 },
+        "layer \"layer4\": second input",
+    );
+    refuse(&|parts| parts.input = FrameShape::Image { channels: 2, height: 8, width: 8 }, "layer \"layer0\"");
+}

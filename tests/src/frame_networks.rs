@@ -1,0 +1,198 @@
+//! Random frame networks and sequences of frames that change little.
+
+use meissner_engine::frames::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+use meissner_kernels::Activation;
+
+use crate::random::Random;
+
+/// What a network is built of, beside sizes and weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Convolutions and poolings, then dense layers.
+    Classifier,
+    /// Down, up, and concatenated; with or without squeeze-and-excitation.
+    UNet {
+        /// Which of the two.
+        squeeze: bool,
+    },
+    /// Convolutions of few channels, then an LSTM.
+    ConvolutionsThenLstm,
+    /// Two convolutional LSTMs of so many channels, then a dense layer.
+    ConvLstm {
+        /// Channels of the state.
+        hidden: usize,
+        /// Whether the gates see the cells.
+        peepholes: bool,
+    },
+    /// Sums, their recent past, and dense layers.
+    Delays,
+}
+
+/// A network under construction.
+struct Builder {
+    random: Random,
+    shapes: Vec<FrameShape>,
+    layers: Vec<FrameLayer>,
+}
+
+impl Builder {
+    fn last(&self) -> usize {
+        self.layers.len()
+    }
+
+    fn image(&self, value: usize) -> [usize; 3] {
+        match self.shapes[value] {
+            FrameShape::Image { channels, height, width } => [channels, height, width],
+            FrameShape::Vector(values) => [values, 1, 1],
+        }
+    }
+
+    /// Weights that keep activations of about the same size.
+    fn weights(&mut self, count: usize, inputs: usize) -> Vec<f32> {
+        self.random.values(count, (3.0 / inputs as f32).sqrt())
+    }
+
+    fn push(&mut self, from: usize, kind: FrameLayerKind, shape: FrameShape) -> usize {
+        let name = format!("layer{}", self.layers.len());
+        self.layers.push(FrameLayer { name, from, kind });
+        self.shapes.push(shape);
+        self.last()
+    }
+
+    fn conv(&mut self, from: usize, channels: usize, kernel: usize, relu: bool) -> usize {
+        let [read, height, width] = self.image(from);
+        let weight = self.weights(channels * read * kernel * kernel, read * kernel * kernel);
+        let bias = Some(self.random.values(channels, 0.1));
+        let kind = FrameLayerKind::Conv { kernel, channels, weight, bias, relu };
+        self.push(from, kind, FrameShape::Image { channels, height, width })
+    }
+
+    fn pool(&mut self, from: usize) -> usize {
+        let [channels, height, width] = self.image(from);
+        let shape = FrameShape::Image { channels, height: height / 2, width: width / 2 };
+        self.push(from, FrameLayerKind::MaxPool, shape)
+    }
+
+    fn squeeze(&mut self, from: usize) -> usize {
+        let [channels, ..] = self.image(from);
+        let (down, up) = (self.weights(2 * channels, channels), self.weights(2 * channels, 2));
+        let shape = self.shapes[from];
+        self.push(from, FrameLayerKind::SqueezeExcite { reduced: 2, down, up }, shape)
+    }
+
+    fn conv_lstm(&mut self, from: usize, hidden: usize, peepholes: bool) -> usize {
+        let [read, height, width] = self.image(from);
+        let weight = self.weights(4 * hidden * (read + hidden) * 9, (read + hidden) * 9);
+        let bias = self.random.values(4 * hidden, 0.1);
+        let peepholes = peepholes.then(|| self.random.values(3 * hidden * height * width, 0.5));
+        let activation = if self.random.below(2) == 0 { Activation::Tanh } else { Activation::Sigmoid };
+        let kind = FrameLayerKind::ConvLstm { hidden, weight, bias, peepholes, activation };
+        self.push(from, kind, FrameShape::Image { channels: hidden, height, width })
+    }
+
+    fn lstm(&mut self, from: usize, hidden: usize) -> usize {
+        let inputs = self.shapes[from].values();
+        let weight_ih = self.weights(4 * hidden * inputs, inputs);
+        let weight_hh = self.weights(4 * hidden * hidden, hidden);
+        let bias = self.random.values(4 * hidden, 0.1);
+        let kind = FrameLayerKind::Lstm { hidden, weight_ih, weight_hh, bias };
+        self.push(from, kind, FrameShape::Vector(hidden))
+    }
+
+    fn flatten(&mut self, from: usize) -> usize {
+        let values = self.shapes[from].values();
+        self.push(from, FrameLayerKind::Flatten, FrameShape::Vector(values))
+    }
+
+    fn dense(&mut self, from: usize, outputs: usize, activation: Activation) -> usize {
+        let inputs = self.shapes[from].values();
+        let weight = self.weights(outputs * inputs, inputs);
+        let bias = Some(self.random.values(outputs, 0.1));
+        let kind = FrameLayerKind::Dense { outputs, weight, bias, activation };
+        self.push(from, kind, FrameShape::Vector(outputs))
+    }
+}
+
+/// A network of `style` over frames of `channels` x `height` x `width`.
+pub fn network(
+    style: Style,
+    [channels, height, width]: [usize; 3],
+    width_of_layers: usize,
+    seed: u64,
+) -> FrameNetworkParts {
+    let input = FrameShape::Image { channels, height, width };
+    let mut net = Builder { random: Random::new(seed), shapes: vec![input], layers: Vec::new() };
+    let wide = width_of_layers;
+    match style {
+        Style::Classifier => {
+            let a = net.conv(0, wide, 3, true);
+            let b = net.pool(a);
+            let c = net.conv(b, 2 * wide, 3, true);
+            let d = net.conv(c, wide, 1, false);
+            let e = net.flatten(d);
+            let f = net.dense(e, 9, Activation::Relu);
+            net.dense(f, 3, Activation::Identity);
+        }
+        Style::UNet { squeeze } => {
+            let mut encoder = net.conv(0, wide, 3, true);
+            if squeeze {
+                encoder = net.squeeze(encoder);
+            }
+            let low = net.pool(encoder);
+            let low = net.conv(low, 2 * wide, 3, true);
+            let [read, h, w] = net.image(low);
+            let weight = net.weights(read * wide * 4, read);
+            let bias = Some(net.random.values(wide, 0.1));
+            let up = FrameLayerKind::UpConv { channels: wide, weight, bias };
+            let up = net.push(low, up, FrameShape::Image { channels: wide, height: 2 * h, width: 2 * w });
+            let shape = FrameShape::Image { channels: 2 * wide, height: 2 * h, width: 2 * w };
+            let both = net.push(up, FrameLayerKind::Concat { with: encoder }, shape);
+            let high = net.conv(both, wide, 3, true);
+            net.conv(high, 1, 1, false);
+        }
+        Style::ConvolutionsThenLstm => {
+            let a = net.conv(0, 3, 3, true);
+            let b = net.pool(a);
+            let c = net.conv(b, 3, 3, true);
+            let d = net.flatten(c);
+            let e = net.lstm(d, 6);
+            net.dense(e, 1, Activation::Identity);
+        }
+        Style::ConvLstm { hidden, peepholes } => {
+            let a = net.conv_lstm(0, hidden, peepholes);
+            let b = net.conv_lstm(a, hidden, peepholes);
+            let c = net.flatten(b);
+            net.dense(c, 2, Activation::Identity);
+        }
+        Style::Delays => {
+            let a = net.push(0, FrameLayerKind::Sum, FrameShape::Vector(channels));
+            let b = net.push(a, FrameLayerKind::Delay { frames: 3 }, FrameShape::Vector(3 * channels));
+            let c = net.dense(b, 5, Activation::Relu);
+            net.dense(c, 1, Activation::Identity);
+        }
+    }
+    FrameNetworkParts { name: format!("{style:?}"), input, layers: net.layers }
+}
+
+/// Frames of `channels` x `height` x `width`: mostly zero, each the one before but for a few pixels, sometimes all of them,
+/// sometimes none.
+pub fn sequence(count: usize, [channels, height, width]: [usize; 3], seed: u64) -> Vec<Vec<f32>> {
+    let mut random = Random::new(seed);
+    let mut frame = vec![0.0; channels * height * width];
+    (0..count)
+        .map(|_| {
+            match random.below(8) {
+                0 => frame.fill(0.0),
+                1 => frame = random.values(frame.len(), 1.0),
+                2 => {}
+                changes => {
+                    for _ in 0..changes {
+                        let at = random.below(frame.len() as u64) as usize;
+                        frame[at] = if random.below(3) == 0 { 0.0 } else { random.symmetric() };
+                    }
+                }
+            }
+            frame.clone()
+        })
+        .collect()
+}
