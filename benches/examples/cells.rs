@@ -7,8 +7,8 @@ use std::time::Duration;
 use meissner_benches::random::Random;
 use meissner_benches::timing::median_ns;
 use meissner_kernels::{
-    Activation, Dense, Isa, Lanes, Lstm, LstmParts, LstmState, Matrix, Occupancy, PlanarConv3x3,
-    PlanarConvLstm, PlanarConvLstmState, Planes, Squash, SqueezeExcite, lstm_update_rows,
+    Activation, Dense, FeatureMap, Isa, Lanes, Lstm, LstmParts, LstmState, Matrix, Occupancy, PlanarConv3x3,
+    PlanarConvLstm, PlanarConvLstmState, Planes, Squash, SqueezeExcite, SqueezeScratch, lstm_update_rows,
     planar_average_pool, planar_max_pool,
 };
 
@@ -19,7 +19,7 @@ const FRAMES: usize = 41;
 const SIZE: usize = 115;
 
 fn main() {
-    for isa in Isa::available() {
+    for isa in Isa::available().into_iter().rev() {
         println!("{}", isa.name());
         let report = |what: &str, call: &mut dyn FnMut()| {
             println!("  {what:<58} {:>12.2} us", median_ns(SAMPLES, SHORTEST, call) / 1e3);
@@ -184,13 +184,10 @@ fn squeeze(isa: Isa, report: impl Fn(&str, &mut dyn FnMut())) {
     let (height, width, channels) = (60, 80, 128);
     let block = SqueezeExcite::new(channels, 8, &random.values(1024, 0.5), &random.values(1024, 0.5))
         .expect("finite weights");
-    let mut scratch = block.scratch();
-    let mut image = Matrix::from_rows(channels, &random.values(height * width * channels, 1.0));
-    let row = width * channels / 8;
+    let image = random.values(height * width * channels, 1.0);
+    let image = FeatureMap::from_pixels([height, width, channels], 0, &image).expect("a map's size");
+    let (mut out, mut scratch) = (image.clone(), SqueezeScratch::default());
     report("squeeze and excitation of 60 x 80 positions of 128", &mut || {
-        let image = image.lanes_mut();
-        image.chunks_exact(row).for_each(|row| block.add(isa, row, &mut scratch));
-        let scale = block.scale(isa, &mut scratch);
-        image.chunks_exact_mut(row).for_each(|row| block.apply(isa, scale, row));
+        block.run(isa, image.view(), out.band(), &mut scratch).expect("maps of one size");
     });
 }

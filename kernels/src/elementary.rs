@@ -68,7 +68,7 @@ pub fn elu(x: f32) -> f32 {
 #[inline(always)]
 pub fn sigmoid(x: f32) -> f32 {
     // Seven lanes that nothing reads: the compiler removes them.
-    sigmoids(Portable, [[x; 8]])[0][0]
+    divided(sigmoid_quotients(Portable, [[x; 8]]))[0][0]
 }
 
 /// The hyperbolic tangent. Largest error 2.5 ULP over all f32; `tanh(-inf)` is -1, `tanh(inf)` is 1, the sign of zero
@@ -76,10 +76,14 @@ pub fn sigmoid(x: f32) -> f32 {
 #[inline(always)]
 pub fn tanh(x: f32) -> f32 {
     // Seven lanes that nothing reads: the compiler removes them.
-    tanhs(Portable, [[x; 8]])[0][0]
+    divided(tanh_quotients(Portable, [[x; 8]]))[0][0]
 }
 
-/// [`reduce`] of several vectors, in step: replaces x by 1.5 2^23 + n and returns expm1(x - n ln 2).
+/// A quotient that is yet to be divided: of N vectors numerators and denominators.
+pub(crate) type Quotients<V, const N: usize> = ([V; N], [V; N]);
+
+/// [`reduce`] of several vectors, in step, each product rounded once with its sum: replaces x by 1.5 2^23 + n and returns
+/// expm1(x - n ln 2).
 ///
 /// Loops, here and below: closures passed to an array's `map` are not inlined, and so miss their instruction set.
 #[inline(always)]
@@ -87,25 +91,29 @@ fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V
     let splat = |v: f32| V::splat(simd, v);
     let mut r = *x;
     for (x, r) in x.iter_mut().zip(&mut r) {
-        *x = x.mul(splat(LOG2_E)).add(splat(ROUND));
+        *x = splat(ROUND).add_product(*x, splat(LOG2_E));
         let n = x.sub(splat(ROUND));
-        *r = r.sub(n.mul(splat(LN2_HIGH))).sub(n.mul(splat(LN2_LOW)));
+        *r = r.add_product(n, splat(-LN2_HIGH)).add_product(n, splat(-LN2_LOW));
     }
     let mut p = [splat(P[5]); N];
     for c in [P[4], P[3], P[2], P[1], P[0]] {
         for (p, &r) in p.iter_mut().zip(&r) {
-            *p = p.mul(r).add(splat(c));
+            *p = splat(c).add_product(*p, r);
         }
     }
     for (p, &r) in p.iter_mut().zip(&r) {
-        *p = r.add(r.mul(r).mul(*p));
+        *p = r.add_product(r.mul(r), *p);
     }
     p
 }
 
-/// [`sigmoid`] of N vectors, in step: a processor that looks ahead over one chain of operations finds too little to do.
+/// [`sigmoid`] of N vectors as quotients whose denominators are 1 to 2, in step: a processor that looks ahead over one
+/// chain of operations finds too little to do.
 #[inline(always)]
-pub(crate) fn sigmoids<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
+pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
+    simd: S,
+    x: [V; N],
+) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
     let (zero, one) = (splat(0.0), splat(1.0));
     // Of -|x|, so that it neither overflows nor cancels. As in `exp`, 0 is reached at -104.
@@ -113,18 +121,21 @@ pub(crate) fn sigmoids<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; 
     for x in &mut shifted {
         *x = zero.sub(x.max(zero.sub(*x))).max(splat(-104.0));
     }
-    let mut y = reduces(simd, &mut shifted);
-    for ((y, shifted), x) in y.iter_mut().zip(shifted).zip(x) {
+    let mut above = reduces(simd, &mut shifted);
+    let mut below = above;
+    for (i, shifted) in shifted.into_iter().enumerate() {
         // The power is 2^24 times too large, and therefore normal; the last product is the one that rounds.
-        let e = one.add(*y).mul(shifted.power_of_two(simd, 24)).mul(splat(TWO_TO_MINUS_24));
-        *y = e.where_negative(x, one).div(one.add(e));
+        let power = shifted.power_of_two(simd, 24);
+        let e = power.add_product(power, above[i]).mul(splat(TWO_TO_MINUS_24));
+        above[i] = e.where_negative(x[i], one);
+        below[i] = one.add(e);
     }
-    y
+    (above, below)
 }
 
-/// [`tanh`] of N vectors, in step.
+/// [`tanh`] of N vectors as quotients whose denominators are 1 to 2, in step.
 #[inline(always)]
-pub(crate) fn tanhs<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
+pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
     let zero = splat(0.0);
     // -m / (2 + m) of m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so that no power needs to be halved.
@@ -132,13 +143,24 @@ pub(crate) fn tanhs<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N])
     for x in &mut shifted {
         *x = x.max(zero.sub(*x)).mul(splat(-2.0)).max(splat(-30.0));
     }
-    let mut y = reduces(simd, &mut shifted);
-    for ((y, shifted), x) in y.iter_mut().zip(shifted).zip(x) {
+    let mut above = reduces(simd, &mut shifted);
+    let mut below = above;
+    for (i, shifted) in shifted.into_iter().enumerate() {
         let power = shifted.power_of_two(simd, 0);
-        let m = power.mul(*y).add(power.sub(splat(1.0)));
-        *y = m.div(m.add(splat(2.0))).with_sign(simd, x);
+        let m = power.sub(splat(1.0)).add_product(power, above[i]);
+        above[i] = m.with_sign(simd, x[i]);
+        below[i] = m.add(splat(2.0));
     }
-    y
+    (above, below)
+}
+
+/// Divides.
+#[inline(always)]
+pub(crate) fn divided<S, V: Exponent<S>, const N: usize>((mut above, below): Quotients<V, N>) -> [V; N] {
+    for (above, below) in above.iter_mut().zip(below) {
+        *above = above.div(below);
+    }
+    above
 }
 
 /// values(i) = e^(values(i) - m) / s with m the largest value and s the sum of these powers, in ascending order.

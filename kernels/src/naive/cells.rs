@@ -1,14 +1,22 @@
 //! Scalar twins of the cells, and of planar convolutions and poolings: the documented order
 //! of operations, one value at a time. Images are (channels, height, width) unless said otherwise.
 
-use crate::elementary::{sigmoid, tanh};
+use crate::elementary::{sigmoid, sigmoid_quotients, tanh_quotients};
+use crate::isa::Portable;
 use crate::recurrent::{LstmParts, Squash};
 
-fn squash(squash: Squash, x: f32) -> f32 {
-    match squash {
-        Squash::Tanh => tanh(x),
-        Squash::Sigmoid => sigmoid(x),
-    }
+/// Numerator and denominator.
+fn quotient(squash: Squash, x: f32) -> [f32; 2] {
+    let (above, below) = match squash {
+        Squash::Tanh => tanh_quotients(Portable, [[x; 8]]),
+        Squash::Sigmoid => sigmoid_quotients(Portable, [[x; 8]]),
+    };
+    [above[0][0], below[0][0]]
+}
+
+/// The product of two quotients, divided once.
+fn times(a: [f32; 2], b: [f32; 2]) -> f32 {
+    (a[0] * b[0]) / (a[1] * b[1])
 }
 
 /// One element's gates i, f, g, o and weights of i, f, o on its cell: the new cell and what it shows.
@@ -19,8 +27,8 @@ pub fn lstm_update(gates: [f32; 4], peephole: Option<[f32; 3]>, by: Squash, c: f
         f = on_f.mul_add(c, f);
         o = on_o.mul_add(c, o);
     }
-    let c = sigmoid(f).mul_add(c, sigmoid(i) * squash(by, g));
-    (c, sigmoid(o) * squash(by, c))
+    let c = sigmoid(f).mul_add(c, times(quotient(Squash::Sigmoid, i), quotient(by, g)));
+    (c, times(quotient(Squash::Sigmoid, o), quotient(by, c)))
 }
 
 /// One step of an LSTM cell; replaces `h` and `c`.

@@ -6,10 +6,13 @@
 //! h = o squash(c)
 //! ```
 //!
+//! Sigmoid and tanh are quotients (`elementary.rs`); of i squash(g) and of o squash(c) the numerators and the denominators
+//! are multiplied and divided once: divisions are what takes longest here.
+//!
 //! The output gate's peephole sees the cell before the step, as i and f do (Shi et al. 2015 have it see the new one).
-//! Order: a peephole's product is rounded once with its gate; i squash(g) is rounded, then f c with it once.
+//! Order: a peephole's product is rounded once with its gate; f c is rounded once with i squash(g).
 
-use crate::elementary::{sigmoids, tanhs};
+use crate::elementary::{Quotients, divided, sigmoid_quotients, tanh_quotients};
 use crate::isa::{Exponent, Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
@@ -26,10 +29,10 @@ pub enum Squash {
 impl Squash {
     /// The function, of K vectors.
     #[inline(always)]
-    fn of<S: Simd, V: Exponent<S>, const K: usize>(self, simd: S, x: [V; K]) -> [V; K] {
+    fn of<S: Simd, V: Exponent<S>, const K: usize>(self, simd: S, x: [V; K]) -> Quotients<V, K> {
         match self {
-            Self::Tanh => tanhs(simd, x),
-            Self::Sigmoid => sigmoids(simd, x),
+            Self::Tanh => tanh_quotients(simd, x),
+            Self::Sigmoid => sigmoid_quotients(simd, x),
         }
     }
 }
@@ -160,18 +163,29 @@ fn vectors<S: Simd, const K: usize>(
 ) {
     let old = load::<S, K>(simd, cell, at);
     let i = gate(simd, gates[0], peephole.map(|p| p[0]), at, old);
-    let f = gate(simd, gates[1], peephole.map(|p| p[1]), at, old);
-    let o = gate(simd, gates[3], peephole.map(|p| p[2]), at, old);
     let g = squash.of(simd, load::<S, K>(simd, gates[2], at));
-    let mut c = old;
-    for (c, ((i, f), g)) in c.iter_mut().zip(i.into_iter().zip(f).zip(g)) {
-        *c = i.mul(g).add_product(f, *c);
+    let mut c = times(i, g);
+    let f = divided(gate(simd, gates[1], peephole.map(|p| p[1]), at, old));
+    for (c, (f, old)) in c.iter_mut().zip(f.into_iter().zip(old)) {
+        *c = c.add_product(f, old);
     }
-    let shown = squash.of(simd, c);
+    let o = gate(simd, gates[3], peephole.map(|p| p[2]), at, old);
+    let h = times(o, squash.of(simd, c));
     for k in 0..K {
         c[k].store_slice(&mut cell[at + k * WIDTH..]);
-        o[k].mul(shown[k]).store_slice(&mut hidden[at + k * WIDTH..]);
+        h[k].store_slice(&mut hidden[at + k * WIDTH..]);
     }
+}
+
+/// The product of two quotients, divided once.
+#[inline(always)]
+fn times<S, V: Exponent<S>, const K: usize>(a: Quotients<V, K>, b: Quotients<V, K>) -> [V; K] {
+    let (mut above, mut below) = a;
+    for k in 0..K {
+        above[k] = above[k].mul(b.0[k]);
+        below[k] = below[k].mul(b.1[k]);
+    }
+    divided((above, below))
 }
 
 /// K vectors of a gate from `at` on.
@@ -182,14 +196,14 @@ fn gate<S: Simd, const K: usize>(
     peephole: Option<&[f32]>,
     at: usize,
     c: [S::V16; K],
-) -> [S::V16; K] {
+) -> Quotients<S::V16, K> {
     let mut gate = load(simd, gate, at);
     if let Some(weights) = peephole {
         for ((gate, weight), c) in gate.iter_mut().zip(load::<S, K>(simd, weights, at)).zip(c) {
             *gate = gate.add_product(weight, c);
         }
     }
-    sigmoids(simd, gate)
+    sigmoid_quotients(simd, gate)
 }
 
 /// K vectors from `at` on.
