@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use meissner_engine::EngineError;
 use meissner_io::{Format, IoError};
-use meissner_models::{Description, ModelError};
+use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
 /// A subcommand gives up.
@@ -40,8 +40,13 @@ pub(crate) enum CliError {
     #[error(transparent)]
     File(IoError),
     /// A name that is neither a shipped network nor a file.
-    #[error("network {0}: expected {names} or a description file, found neither", names = Description::shipped_names().join(", "))]
+    #[error("network {0}: expected {names} or a description file, found neither", names = shipped_names())]
     UnknownNetwork(String),
+    /// A frame network stands where a network over events should.
+    #[error(
+        "network {0}: expected a network over events, found a frame network: `meissner inspect` shows it"
+    )]
+    IsFrameNetwork(String),
     /// A recording stands where a network should.
     #[error(
         "network {network}: expected a description file, found a recording ({format}): `meissner info` shows it"
@@ -82,6 +87,11 @@ pub(crate) enum CliError {
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(#[from] io::Error),
+}
+
+/// The shipped networks in one line.
+fn shipped_names() -> String {
+    AnyDescription::shipped_names().collect::<Vec<_>>().join(", ")
 }
 
 impl CliError {

@@ -4,11 +4,11 @@ use std::io::{Write, stdout};
 
 use crate::args::InspectArgs;
 use crate::error::CliError;
-use crate::model::describe;
+use crate::model::describe_any;
 
 /// Prints what `args` ask for.
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
-    let (description, _) = describe(&args.network)?;
+    let (description, _) = describe_any(&args.network)?;
     if let Some(path) = &args.svg {
         std::fs::write(path, description.to_svg())
             .map_err(|source| CliError::Write { path: path.clone(), source })?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use meissner_engine::Network;
 use meissner_io::Format;
-use meissner_models::{Description, Weights};
+use meissner_models::{AnyDescription, Description, Weights};
 
 use crate::args::Input;
 use crate::error::CliError;
@@ -24,16 +24,24 @@ pub(crate) struct Model {
     pub(crate) weights: String,
 }
 
-/// The description of a shipped network, or in a file; whether it is shipped.
+/// The description of a network over events, shipped or in a file; whether it is shipped.
 pub(crate) fn describe(network: &str) -> Result<(Description, bool), CliError> {
-    if let Some(description) = Description::shipped(network) {
+    match describe_any(network)? {
+        (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
+        (AnyDescription::Frames(_), _) => Err(CliError::IsFrameNetwork(network.to_owned())),
+    }
+}
+
+/// The description of a network of either kind, shipped or in a file; whether it is shipped.
+pub(crate) fn describe_any(network: &str) -> Result<(AnyDescription, bool), CliError> {
+    if let Some(description) = AnyDescription::shipped(network) {
         return Ok((description, true));
     }
     if !Path::new(network).exists() {
         return Err(CliError::UnknownNetwork(network.to_owned()));
     }
     let network = network.to_owned();
-    match Description::load(&network) {
+    match AnyDescription::load(&network) {
         Ok(description) => Ok((description, false)),
         Err(source) => Err(match recording_format(&network) {
             Some(format) => CliError::IsRecording { network, format },

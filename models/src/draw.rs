@@ -5,45 +5,73 @@
 //!
 //! Each tensor has its own stream of `SplitMix64` (Steele, Lea and Flood 2014), which starts at the seed plus the FNV-1a
 //! hash of the tensor's name, so that a tensor does not depend on those drawn before it. A normal value is
-//! the sum of four uniform ones, centred and scaled to variance 1 (Irwin-Hall). Convolutions and dense layers have
-//! variance 2 / inputs (He et al. 2015); of a spline convolution the inputs are its channels, for the basis of an edge
-//! sums to 1. Averaging over edges shrinks the variance further, so running variances are drawn small, as trained ones
-//! are.
+//! the sum of four uniform ones, centred and scaled to variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et
+//! al. 2015); of a spline convolution the inputs are its channels, for the basis of an edge sums to 1. Running variances
+//! are drawn around what the description expects, so that activations neither explode nor vanish.
 
-use crate::description::{Description, Needed};
+use crate::description::frames::FrameDescription;
+use crate::description::{Description, Needed, Role};
 use crate::weights::{Tensor, Weights};
+
+/// A description whose tensors can be drawn.
+pub trait Drawable: needed::Sealed {}
+
+impl Drawable for Description {}
+impl Drawable for FrameDescription {}
+
+mod needed {
+    use crate::description::frames::FrameDescription;
+    use crate::description::{Description, Needed};
+
+    /// Knows the tensors that a network needs.
+    pub trait Sealed {
+        /// The tensors.
+        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+        fn list(&self) -> Vec<Needed>;
+    }
+
+    impl Sealed for Description {
+        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+        fn list(&self) -> Vec<Needed> {
+            self.needed().collect()
+        }
+    }
+
+    impl Sealed for FrameDescription {
+        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+        fn list(&self) -> Vec<Needed> {
+            self.needed().collect()
+        }
+    }
+}
 
 /// Draws the tensors that `description` needs.
 ///
 /// # Panics
 /// Never: every tensor is drawn in the size of its shape.
-pub fn draw(description: &Description, seed: u64) -> Weights {
-    Weights::new(description.needed().map(|needed| {
+pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
+    Weights::new(description.list().into_iter().map(|needed| {
         let mut stream = SplitMix64(seed.wrapping_add(fnv1a(&needed.name)));
-        let count = needed.shape.iter().product();
         let draw = distribution(&needed);
-        let values = (0..count).map(|_| draw(&mut stream) as f32).collect();
+        let values = (0..needed.values()).map(|_| draw(&mut stream) as f32).collect();
         let tensor = Tensor::new(needed.shape, values).expect("as many values as the shape has");
         (needed.name, tensor)
     }))
 }
 
-/// How the values of a tensor are drawn: by the last part of its name and its shape.
+/// How the values of a tensor are drawn: by what it is there for.
 fn distribution(needed: &Needed) -> Box<dyn Fn(&mut SplitMix64) -> f64> {
-    let part = needed.name.rsplit('.').next().unwrap_or_default();
     let uniform = |low: f64, high: f64| -> Box<dyn Fn(&mut SplitMix64) -> f64> {
         Box::new(move |stream| low + (high - low) * stream.uniform())
     };
-    let normal = |inputs: usize| -> Box<dyn Fn(&mut SplitMix64) -> f64> {
-        let deviation = (2.0 / inputs as f64).sqrt();
-        Box::new(move |stream| deviation * stream.normal())
-    };
-    match (part, &needed.shape[..]) {
-        (_, &[_, inputs, _] | &[_, inputs]) => normal(inputs),
-        ("weight", _) => uniform(0.8, 1.2),
-        ("running_var", _) => uniform(0.1, 0.4),
-        // Means, and biases of all kinds.
-        _ => uniform(-0.1, 0.1),
+    match needed.role {
+        Role::Weight { inputs } => {
+            let deviation = (2.0 / inputs as f64).sqrt();
+            Box::new(move |stream| deviation * stream.normal())
+        }
+        Role::Scale => uniform(0.8, 1.2),
+        Role::Variance { about } => uniform(0.4 * about, 1.6 * about),
+        Role::Mean | Role::Shift => uniform(-0.1, 0.1),
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! - [`Description`]: a TOML file checked into an acyclic graph of layers ([`description`] has the format)
 //! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts
+//! - [`FrameDescription`]: the same for a network over frames ([`description::frames`] has the format), and
+//!   [`AnyDescription`] for whichever a file holds
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
@@ -26,8 +28,11 @@ mod shipped;
 pub mod systems;
 mod weights;
 
-pub use description::{Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind};
-pub use draw::draw;
+pub use description::frames::{FrameDescription, FrameKind, FrameLayer, FrameSource};
+pub use description::{
+    AnyDescription, Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind,
+};
+pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
 pub use inspect::Summary;
 pub use shipped::{DRAWN, drawn_file};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{Description, Weights, draw};
+use crate::{AnyDescription, Description, FrameDescription, Weights, draw};
 
 /// A description with the weights that it runs with.
 struct Shipped {
@@ -42,6 +42,34 @@ const SHIPPED: &[Shipped] = &[
 const NAMES: &[&str] =
     &["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 
+/// Frame networks with the seeds that their weights are drawn from when they are asked for: as files they would be
+/// many times the size of everything else.
+const FRAMES: &[(&str, &str, u64)] = &[
+    ("canf", include_str!("../networks/canf.toml"), 11),
+    ("canf-plain", include_str!("../networks/canf-plain.toml"), 12),
+    ("event-frame-cnn", include_str!("../networks/event-frame-cnn.toml"), 13),
+    ("force-cnnlstm", include_str!("../networks/force-cnnlstm.toml"), 14),
+    ("force-convlstm", include_str!("../networks/force-convlstm.toml"), 15),
+    ("force-lstm", include_str!("../networks/force-lstm.toml"), 16),
+    ("force-tdnn", include_str!("../networks/force-tdnn.toml"), 17),
+    ("slip-lstm", include_str!("../networks/slip-lstm.toml"), 18),
+    ("slip-regularised", include_str!("../networks/slip-regularised.toml"), 19),
+    ("slip-tuned", include_str!("../networks/slip-tuned.toml"), 20),
+];
+
+const FRAME_NAMES: &[&str] = &[
+    "canf",
+    "canf-plain",
+    "event-frame-cnn",
+    "force-cnnlstm",
+    "force-convlstm",
+    "force-lstm",
+    "force-tdnn",
+    "slip-lstm",
+    "slip-regularised",
+    "slip-tuned",
+];
+
 /// Weights files that are drawn, with their seeds.
 pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2), ("tactigraph-past", 3)];
 
@@ -49,8 +77,12 @@ fn find(name: &str) -> Option<&'static Shipped> {
     SHIPPED.iter().find(|shipped| shipped.name == name)
 }
 
+fn find_frames(name: &str) -> Option<(&'static str, u64)> {
+    FRAMES.iter().find(|shipped| shipped.0 == name).map(|&(_, description, seed)| (description, seed))
+}
+
 impl Description {
-    /// The description of a network that comes with the crate.
+    /// The description of a network over events that comes with the crate.
     ///
     /// # Panics
     /// Never: the tests parse every one.
@@ -65,36 +97,75 @@ impl Description {
     }
 }
 
+impl FrameDescription {
+    /// The description of a frame network that comes with the crate.
+    ///
+    /// # Panics
+    /// Never: the tests parse every one.
+    pub fn shipped(name: &str) -> Option<Self> {
+        find_frames(name)
+            .map(|(description, _)| Self::parse(description).expect("shipped descriptions are consistent"))
+    }
+
+    /// Names that [`Self::shipped`] knows.
+    pub fn shipped_names() -> &'static [&'static str] {
+        FRAME_NAMES
+    }
+}
+
+impl AnyDescription {
+    /// The description of a network of either kind that comes with the crate.
+    pub fn shipped(name: &str) -> Option<Self> {
+        let frames = || FrameDescription::shipped(name).map(Self::Frames);
+        Description::shipped(name).map(Self::Events).or_else(frames)
+    }
+
+    /// Names that [`Self::shipped`] knows: networks over events, then frame networks.
+    pub fn shipped_names() -> impl Iterator<Item = &'static str> {
+        NAMES.iter().chain(FRAME_NAMES).copied()
+    }
+}
+
 impl Weights {
     /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres",
-    /// "tactigraph-frozen" those of "tactigraph".
+    /// "tactigraph-frozen" those of "tactigraph". Those of frame networks are drawn on the spot, the same bits
+    /// everywhere.
     ///
     /// # Panics
     /// Never: the tests read every one.
     pub fn shipped(name: &str) -> Option<Self> {
+        if let Some((_, seed)) = find_frames(name) {
+            let description = FrameDescription::shipped(name)?;
+            return Some(draw(&description, seed).with_metadata(remarks(name, seed)));
+        }
         find(name).map(|shipped| Self::from_bytes(shipped.weights).expect("shipped weights are readable"))
     }
+}
+
+/// What drawn weights say about themselves.
+fn remarks(name: &str, seed: u64) -> BTreeMap<String, String> {
+    let remarks = [
+        ("about", format!("drawn, untrained, seed {seed}")),
+        ("network", name.to_owned()),
+        ("generator", "meissner_models::draw".to_owned()),
+    ];
+    remarks.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
 /// The bytes of a drawn weights file, with a remark that says so; `None` for a name that is not in [`DRAWN`].
 pub fn drawn_file(name: &str) -> Option<Vec<u8>> {
     let &(name, seed) = DRAWN.iter().find(|(drawn, _)| *drawn == name)?;
     let description = find(name).and_then(|shipped| Description::parse(shipped.description).ok())?;
-    let remarks = [
-        ("about", format!("drawn, untrained, seed {seed}")),
-        ("network", name.to_owned()),
-        ("generator", "meissner_models::draw".to_owned()),
-    ];
-    let metadata: BTreeMap<String, String> = remarks.map(|(key, value)| (key.to_owned(), value)).into();
-    Some(draw(&description, seed).to_safetensors(&metadata))
+    Some(draw(&description, seed).to_safetensors(&remarks(name, seed)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{NAMES, SHIPPED};
+    use super::{FRAME_NAMES, FRAMES, NAMES, SHIPPED};
 
     #[test]
     fn the_names_are_those_of_what_is_shipped() {
         assert!(SHIPPED.iter().map(|shipped| shipped.name).eq(NAMES.iter().copied()));
+        assert!(FRAMES.iter().map(|shipped| shipped.0).eq(FRAME_NAMES.iter().copied()));
     }
 }

@@ -5,10 +5,10 @@ mod support;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use meissner_models::{Description, Weights, draw};
+use meissner_models::{AnyDescription, Description, FrameDescription, Tensor, Weights, draw};
 use proptest::prelude::*;
-use support::SMALL;
 use support::torch::{View, file, state_dict};
+use support::{SMALL, SMALL_FRAMES};
 
 /// A description of levels with blocks; each block says its channels, kernel and whether it skips.
 fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>) -> String {
@@ -47,6 +47,32 @@ fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>
     }
     text.push_str(
         "[[layer]]\nname = \"d\"\nkind = \"dense\"\noutputs = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
+    );
+    text
+}
+
+/// A description of a frame network whose layers follow each other.
+fn chain(kinds: &[usize], channels: usize, height: usize, width: usize) -> String {
+    let mut text = format!(
+        "[network]\nname = \"any\"\n[input]\nkind = \"image\"\nchannels = 2\nheight = {height}\nwidth = {width}\nframes = \"event-counts\"\nmaximum = 3\n"
+    );
+    for (i, &kind) in kinds.iter().enumerate() {
+        let keys = match kind {
+            0 => format!(
+                "\"conv\"\nkernel = 3\nchannels = {channels}\nnorm = \"norm{i}\"\nactivation = \"relu\""
+            ),
+            1 => format!("\"upconv\"\nchannels = {channels}"),
+            2 => "\"max_pool\"".to_owned(),
+            3 => "\"average_pool\"\nsize = 2".to_owned(),
+            4 => "\"concat\"\nwith = \"frame\"".to_owned(),
+            5 => "\"squeeze_excite\"\nreduction = 2".to_owned(),
+            _ => format!("\"conv_lstm\"\nhidden = {channels}\npeepholes = true"),
+        };
+        writeln!(text, "[[layer]]\nname = \"l{i}\"\nkind = {keys}").expect("a string");
+    }
+    text.push_str("[[layer]]\nname = \"flat\"\nkind = \"flatten\"\n");
+    text.push_str(
+        "[[layer]]\nname = \"y\"\nkind = \"lstm\"\nhidden = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
     );
     text
 }
@@ -99,6 +125,47 @@ proptest! {
                 prop_assert!(lines.iter().all(|&line| (1..=text.lines().count().max(1) + 1).contains(&line)));
             }
         }
+    }
+
+    #[test]
+    fn a_frame_networks_description_with_lines_lost_or_swapped_is_read_without_a_panic(
+        lines in prop::collection::vec(any::<prop::sample::Index>(), 1..6), swap in any::<bool>(),
+    ) {
+        let mut text: Vec<&str> = SMALL_FRAMES.lines().collect();
+        for index in lines {
+            let at = index.index(text.len() - 1);
+            if swap { text.swap(at, at + 1) } else { text.remove(at); }
+        }
+        let text = text.join("\n");
+        match AnyDescription::parse(&text) {
+            Ok(AnyDescription::Frames(description)) => {
+                prop_assert!(description.network_parts(&draw(&description, 1)).is_ok());
+            }
+            Ok(AnyDescription::Events(description)) => prop_assert!(false, "{}", description.name()),
+            Err(error) => {
+                let lines: Vec<usize> = error.problems().iter().map(|p| p.line).collect();
+                prop_assert!(!lines.is_empty() && lines.is_sorted());
+                prop_assert!(lines.iter().all(|&line| (1..=text.lines().count().max(1) + 1).contains(&line)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_chain_of_layers_makes_parts_of_any_weights_with_its_tensors(
+        kinds in prop::collection::vec(0..7_usize, 0..8),
+        [channels, height, width] in prop::array::uniform3(1..40_usize),
+        seed in any::<u64>(),
+    ) {
+        let text = chain(&kinds, channels, height, width);
+        let Ok(description) = FrameDescription::parse(&text) else { return Ok(()) };
+        let weights = draw(&description, seed);
+        let parts = description.network_parts(&weights).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert_eq!(parts.layers.len(), kinds.len() + 2);
+        prop_assert!(description.unused_tensors(&weights).is_ok_and(|unused| unused.is_empty()));
+        let values: usize = weights.iter().map(|(_, t)| t.values().map_or(0, <[f32]>::len)).sum();
+        prop_assert_eq!(description.summary().values, values);
+        let finite = |t: &Tensor| t.values().is_some_and(|values| values.iter().all(|v| v.is_finite()));
+        prop_assert!(weights.iter().all(|(_, tensor)| finite(tensor)));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a run and `inspect` print.
 
-use meissner_models::Description;
+use meissner_models::{AnyDescription, Description, FrameDescription};
 
 use crate::support::{lines, meissner, text};
 
@@ -68,6 +68,27 @@ fn inspect_shows_every_layer_of_every_shipped_network() {
             assert!(table.contains(&layer.name) && dot.contains(&layer.name), "{}", layer.name);
         }
     }
+}
+
+#[test]
+fn inspect_shows_every_layer_of_every_shipped_frame_network() {
+    for name in FrameDescription::shipped_names() {
+        let description = FrameDescription::shipped(name).expect("it is shipped");
+        let table = text(&meissner(&["inspect", name]));
+        assert_eq!(table.trim_end(), description.to_table());
+        assert_eq!(text(&meissner(&["inspect", name, "--dot"])), description.to_dot());
+        let json: serde_json::Value =
+            serde_json::from_slice(&meissner(&["inspect", name, "--json"]).stdout).expect("it is JSON");
+        assert_eq!(json["multiply_adds"], description.multiply_adds());
+        assert!(description.layers().iter().all(|layer| table.contains(&layer.name)));
+    }
+}
+
+#[test]
+fn an_unknown_network_is_answered_with_all_names() {
+    let output = meissner(&["inspect", "graphless"]);
+    let message = String::from_utf8(output.stderr).expect("text");
+    assert!(AnyDescription::shipped_names().all(|name| message.contains(name)), "{message}");
 }
 
 #[test]

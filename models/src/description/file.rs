@@ -1,16 +1,17 @@
 //! A description file as it is written: tables and keys typed and in range, nothing resolved yet.
 //!
-//! Enters: text. Leaves: a [`File`], with `None` for whatever was reported as a problem.
+//! Enters: a [`Document`]. Leaves: a [`File`], with `None` for whatever was reported as a problem.
 
 use std::ops::RangeInclusive;
 
 use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Network, Normalisation, Position, Reach};
 use meissner_kernels::{Activation, SplineConv};
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 
+use super::document::{Document, NAME, name};
+use super::layer::activation_word;
 use super::problem::{ProblemKind, Problems};
-use super::table::{Given, Lines, Table, integer, shown};
+use super::table::{Given, Table, integer};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
@@ -25,10 +26,6 @@ const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MOST_NEIGHBOURS as i64;
 /// What the kernels accept.
 const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MOST_CHANNELS as i64;
 const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
-/// More layers than anyone writes; keeps drawings and searches small.
-const MOST_LAYERS: usize = 1024;
-/// Longest name of a network, a layer or an output.
-const LONGEST_NAME: usize = 80;
 
 /// A file's tables.
 #[derive(Debug)]
@@ -86,27 +83,16 @@ pub(super) enum FileKind {
     Unknown,
 }
 
-/// Reads `text`; whatever is wrong goes to `problems`. `None` where it is not TOML.
-pub(super) fn read(text: &str, problems: &mut Problems) -> Option<File> {
-    let lines = Lines::new(text);
-    let (document, errors) = DeTable::parse_recoverable(text);
-    for error in &errors {
-        let line = error.span().map_or(1, |span| lines.of(span.start));
-        problems.add(line, None, ProblemKind::Syntax(error.message().to_owned()));
-    }
-    if !errors.is_empty() {
-        return None;
-    }
-    let mut root = Table::new(document.get_ref(), &lines, 1, None, problems);
-    let is_table = |value: &DeValue<'_>| value.is_table().then_some(());
-    let network = root.required("network", "a table with the network's name", is_table);
-    let graph = root.required("graph", "a table with the rule of the event graph", is_table);
-    let output = root.required("output", "a table with the prediction's names and unit", is_table);
-    let layers = root.required("layer", "tables [[layer]]", |value| value.is_array().then_some(()));
-    root.finish();
-
-    let mut reader = FileReader { lines: &lines, normalisation: Normalisation::Fixed, problems };
-    let table = |key: &str| document.get_ref().get(key).and_then(|v| Some((v.get_ref().as_table()?, v)));
+/// Reads `document`; whatever is wrong goes to `problems`.
+pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
+    let [network, graph, output] = document.tables(
+        [
+            ("network", "a table with the network's name"),
+            ("graph", "a table with the rule of the event graph"),
+            ("output", "a table with the prediction's names and unit"),
+        ],
+        problems,
+    );
     let mut file = File {
         name: String::new(),
         span_us: DEFAULT_SPAN_US,
@@ -118,69 +104,39 @@ pub(super) fn read(text: &str, problems: &mut Problems) -> Option<File> {
         outputs: None,
         unit: String::new(),
     };
-    if let (Some(_), Some((network, at))) = (network, table("network")) {
-        reader.network(network, at, &mut file);
+    if let Some(table) = network {
+        file.network(document.open(table, problems));
     }
-    if let (Some(_), Some((graph, at))) = (graph, table("graph")) {
-        reader.graph(graph, at, &mut file);
+    if let Some(table) = graph {
+        file.graph(document.open(table, problems));
     }
-    if let (Some(_), Some((output, at))) = (output, table("output")) {
-        reader.output(output, at, &mut file);
+    let output = document.output(output, problems);
+    (file.outputs, file.unit) = (output.names, output.unit);
+    for table in document.layers(problems) {
+        let (layer, name) = document.layer(table, EVENTS, problems);
+        file.layers.push(read_layer(layer, name, table.line(), file.normalisation));
     }
-    if layers.is_some()
-        && let Some(layers) = document.get_ref().get("layer").and_then(|v| v.get_ref().as_array())
-    {
-        for layer in layers.iter().take(MOST_LAYERS) {
-            file.layers.extend(reader.layer(layer));
-        }
-        if let Some(more) = layers.get(MOST_LAYERS) {
-            let kind = ProblemKind::Value {
-                key: "layer",
-                expected: format!("at most {MOST_LAYERS} layers"),
-                found: layers.len().to_string(),
-            };
-            reader.problems.add(lines.of(more.span().start), None, kind);
-        }
-    }
-    Some(file)
+    file
 }
 
-struct FileReader<'a> {
-    lines: &'a Lines,
-    normalisation: Normalisation,
-    problems: &'a mut Problems,
-}
-
-impl FileReader<'_> {
-    fn table<'t, 'i>(
-        &'t mut self,
-        table: &'t DeTable<'i>,
-        at: &Spanned<DeValue<'i>>,
-        layer: Option<String>,
-    ) -> Table<'t, 'i> {
-        Table::new(table, self.lines, self.lines.of(at.span().start), layer, self.problems)
-    }
-
-    fn network(&mut self, table: &DeTable<'_>, at: &Spanned<DeValue<'_>>, file: &mut File) {
-        let mut table = self.table(table, at, None);
+impl File {
+    fn network(&mut self, mut table: Table<'_, '_>) {
         if let Some(name) = table.required("name", NAME, name) {
-            file.name = name.value;
+            self.name = name.value;
         }
-        file.span_us = table.integer("span_us", SPANS_US, Some(DEFAULT_SPAN_US)).unwrap_or(DEFAULT_SPAN_US);
-        file.capacity = table
+        self.span_us = table.integer("span_us", SPANS_US, Some(DEFAULT_SPAN_US)).unwrap_or(DEFAULT_SPAN_US);
+        self.capacity = table
             .integer("capacity", CAPACITIES, Some(DEFAULT_CAPACITY))
             .unwrap_or(DEFAULT_CAPACITY) as usize;
         let choices = [("fixed", Normalisation::Fixed), ("per-graph", Normalisation::PerGraph)];
-        file.normalisation = table
+        self.normalisation = table
             .choice("normalisation", &choices, Some(Normalisation::Fixed))
             .unwrap_or(Normalisation::Fixed);
         table.finish();
-        self.normalisation = file.normalisation;
     }
 
-    fn graph(&mut self, table: &DeTable<'_>, at: &Spanned<DeValue<'_>>, file: &mut File) {
+    fn graph(&mut self, mut table: Table<'_, '_>) {
         let normalisation = self.normalisation;
-        let mut table = self.table(table, at, None);
         let reach = match table.choice("kind", &[("knn", true), ("radius", false)], None) {
             Some(true) => table.integer("k", NEIGHBOURS, None).map(|k| Reach::Knn { k: k as usize }),
             Some(false) => {
@@ -217,67 +173,40 @@ impl FileReader<'_> {
             let expected = "\"window\" with normalisation = \"per-graph\", which can change every row";
             table.refuse(line, "lifetime", expected, "\"frozen\"".to_owned());
         }
-        file.scale = scale(&mut table, normalisation);
+        self.scale = scale(&mut table, normalisation);
         table.finish();
-        file.graph = reach.zip(candidates).map(|(reach, candidates)| GraphRule { reach, candidates });
+        self.graph = reach.zip(candidates).map(|(reach, candidates)| GraphRule { reach, candidates });
     }
+}
 
-    fn output(&mut self, table: &DeTable<'_>, at: &Spanned<DeValue<'_>>, file: &mut File) {
-        let mut table = self.table(table, at, None);
-        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"]";
-        file.outputs = table.required("names", expected, |value| {
-            let names: Option<Vec<String>> = value.as_array()?.iter().map(|v| name(v.get_ref())).collect();
-            names.filter(|names| !names.is_empty())
-        });
-        if let Some(unit) = table.required("unit", "the predicted values' unit, such as \"rad\"", name) {
-            file.unit = unit.value;
+fn read_layer(
+    mut table: Table<'_, '_>,
+    layer_name: String,
+    line: usize,
+    normalisation: Normalisation,
+) -> FileLayer {
+    let kinds = [("spline", 0), ("pool", 1), ("readout", 2), ("dense", 3)];
+    let kind = table.choice("kind", &kinds, None);
+    let from = table.optional("from", "the name of a layer, or \"events\"", name);
+    let kind = match kind {
+        Some(0) => spline(&mut table),
+        Some(1) => pool(&mut table, normalisation),
+        Some(2) => FileKind::Readout { grid: grid(&mut table) },
+        Some(3) => dense(&mut table),
+        _ => FileKind::Unknown,
+    };
+    let weights = match kind {
+        FileKind::Spline { .. } | FileKind::Dense { .. } => {
+            table.optional("weights", "the prefix of the layer's tensor names", name)
         }
+        _ => None,
+    };
+    // Of an unknown kind there is no telling which keys belong.
+    if !matches!(kind, FileKind::Unknown) {
         table.finish();
     }
-
-    fn layer(&mut self, value: &Spanned<DeValue<'_>>) -> Option<FileLayer> {
-        let line = self.lines.of(value.span().start);
-        let Some(contents) = value.get_ref().as_table() else {
-            let kind = ProblemKind::Value {
-                key: "layer",
-                expected: "a table [[layer]]".to_owned(),
-                found: shown(value.get_ref()),
-            };
-            self.problems.add(line, None, kind);
-            return None;
-        };
-        let normalisation = self.normalisation;
-        let known_name = contents.get("name").and_then(|v| name(v.get_ref()));
-        let mut table = self.table(contents, value, known_name);
-        let layer_name = table.required("name", NAME, name);
-        if let Some(given) = layer_name.as_ref().filter(|given| given.value == EVENTS) {
-            let expected = "another name than that of the network's input";
-            table.refuse(given.line, "name", expected, format!("{EVENTS:?}"));
-        }
-        let kinds = [("spline", 0), ("pool", 1), ("readout", 2), ("dense", 3)];
-        let kind = table.choice("kind", &kinds, None);
-        let from = table.optional("from", "the name of a layer, or \"events\"", name);
-        let kind = match kind {
-            Some(0) => spline(&mut table),
-            Some(1) => pool(&mut table, normalisation),
-            Some(2) => FileKind::Readout { grid: grid(&mut table) },
-            Some(3) => dense(&mut table),
-            _ => FileKind::Unknown,
-        };
-        let name_or_empty = layer_name.map(|given| given.value).unwrap_or_default();
-        let weights = match kind {
-            FileKind::Spline { .. } | FileKind::Dense { .. } => {
-                table.optional("weights", "the prefix of the layer's tensor names", name)
-            }
-            _ => None,
-        };
-        // Of an unknown kind there is no telling which keys belong.
-        if !matches!(kind, FileKind::Unknown) {
-            table.finish();
-        }
-        let weights = weights.map_or_else(|| name_or_empty.clone(), |given| given.value);
-        Some(FileLayer { name: name_or_empty, line, from, weights, kind })
-    }
+    let weights = weights.map_or_else(|| layer_name.clone(), |given| given.value);
+    FileLayer { name: layer_name, line, from, weights, kind }
 }
 
 fn spline(table: &mut Table<'_, '_>) -> FileKind {
@@ -326,13 +255,8 @@ fn grid(table: &mut Table<'_, '_>) -> Option<[usize; 2]> {
 }
 
 fn dense(table: &mut Table<'_, '_>) -> FileKind {
-    let activations = [
-        ("identity", Activation::Identity),
-        ("relu", Activation::Relu),
-        ("elu", Activation::Elu),
-        ("sigmoid", Activation::Sigmoid),
-        ("tanh", Activation::Tanh),
-    ];
+    let activations =
+        [Activation::Identity, Activation::Relu, Activation::Elu].map(|kind| (activation_word(kind), kind));
     FileKind::Dense {
         outputs: table.integer("outputs", CHANNELS, None).map(|v| v as usize),
         bias: table.boolean("bias", true),
@@ -352,14 +276,6 @@ fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> Option<f32>
         table.report(given.line, ProblemKind::Inapplicable { key: "scale", with });
     }
     Some(1.0)
-}
-
-const NAME: &str = "a name of 1 to 80 printable characters";
-
-fn name(value: &DeValue<'_>) -> Option<String> {
-    let name = value.as_str()?;
-    let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
-    fits.then(|| name.to_owned())
 }
 
 fn fraction(value: &DeValue<'_>) -> Option<Fraction> {

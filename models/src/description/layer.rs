@@ -6,6 +6,8 @@ use meissner_engine::{Fraction, Position};
 use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
+use super::tensors::{Needed, Role};
+
 /// A layer of a checked description.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -222,15 +224,6 @@ impl fmt::Display for ReceptiveField {
     }
 }
 
-/// A tensor that a layer needs.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Needed {
-    pub(crate) name: String,
-    pub(crate) shape: Vec<usize>,
-    /// Whether it is trained; running statistics are not.
-    pub(crate) trained: bool,
-}
-
 impl Layer {
     /// Name of one of the layer's tensors.
     pub(crate) fn tensor(&self, part: &str) -> String {
@@ -240,32 +233,32 @@ impl Layer {
     /// The tensors it needs, in the order of their use.
     pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (c, o) = (self.inputs, self.outputs);
-        let needed = |part: &str, shape: &[usize], trained| Needed {
+        let needed = |part: &str, shape: &[usize], role| Needed {
             name: self.tensor(part),
             shape: shape.to_vec(),
-            trained,
+            role,
         };
+        let weight = Role::Weight { inputs: c };
         let mut tensors = Vec::new();
         match self.kind {
             LayerKind::Spline { kernel, root, bias, norm, .. } => {
-                tensors.push(needed("conv.weight", &[kernel.iter().product(), c, o], true));
+                tensors.push(needed("conv.weight", &[kernel.iter().product(), c, o], weight));
                 if root {
-                    tensors.push(needed("conv.lin.weight", &[o, c], true));
+                    tensors.push(needed("conv.lin.weight", &[o, c], weight));
                 }
                 if bias {
-                    tensors.push(needed("conv.bias", &[o], true));
+                    tensors.push(needed("conv.bias", &[o], Role::Shift));
                 }
                 if norm {
-                    tensors.push(needed("norm.weight", &[o], true));
-                    tensors.push(needed("norm.bias", &[o], true));
-                    tensors.push(needed("norm.running_mean", &[o], false));
-                    tensors.push(needed("norm.running_var", &[o], false));
+                    // Averaging over edges shrinks the variance, so running variances are drawn small, as trained ones
+                    // are.
+                    tensors.extend(Needed::norm(&self.tensor("norm"), o, 0.25));
                 }
             }
             LayerKind::Dense { bias, .. } => {
-                tensors.push(needed("weight", &[o, c], true));
+                tensors.push(needed("weight", &[o, c], weight));
                 if bias {
-                    tensors.push(needed("bias", &[o], true));
+                    tensors.push(needed("bias", &[o], Role::Shift));
                 }
             }
             LayerKind::Pool { .. } | LayerKind::Readout { .. } => {}
@@ -292,17 +285,17 @@ fn serialize_position<S: Serializer>(position: &Position, s: S) -> Result<S::Ok,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
-fn serialize_activation<S: Serializer>(activation: &Activation, s: S) -> Result<S::Ok, S::Error> {
+pub(super) fn serialize_activation<S: Serializer>(activation: &Activation, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(activation_word(*activation))
 }
 
 /// The word a file has for an activation.
-pub(crate) fn activation_word(activation: Activation) -> &'static str {
+pub(crate) const fn activation_word(activation: Activation) -> &'static str {
     match activation {
         Activation::Identity => "identity",
         Activation::Relu => "relu",
         Activation::Elu => "elu",
-        Activation::Sigmoid => "sigmoid",
         Activation::Tanh => "tanh",
+        Activation::Sigmoid => "sigmoid",
     }
 }

@@ -56,12 +56,16 @@
 //!
 //! Layers stand in any order; who reads whom gives the order, and the order of the file decides what it leaves open.
 
+mod any;
 mod build;
+mod document;
 mod file;
+pub mod frames;
 mod layer;
 mod problem;
 mod shapes;
 mod table;
+mod tensors;
 mod wiring;
 
 use std::path::Path;
@@ -70,10 +74,16 @@ use meissner_engine::{GraphRule, Normalisation};
 
 use crate::ModelError;
 
+pub use any::AnyDescription;
+
 pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 pub use problem::{DescriptionError, Problem, ProblemKind};
 
-pub(crate) use layer::{Needed, activation_word};
+pub(crate) use layer::activation_word;
+pub(crate) use tensors::{Needed, Role};
+
+use document::Document;
+use problem::Problems;
 
 /// A checked network description.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,16 +105,16 @@ impl Description {
     /// # Errors
     /// Every inconsistency with its layer and line; those that follow from another are left out.
     pub fn parse(text: &str) -> Result<Self, DescriptionError> {
-        let mut problems = problem::Problems::default();
-        let checked = Self::check(text, &mut problems);
-        match checked {
-            Some(description) if problems.0.is_empty() => Ok(description),
-            _ => Err(DescriptionError::new(problems.0)),
-        }
+        checked(text, Self::check)
     }
 
-    fn check(text: &str, problems: &mut problem::Problems) -> Option<Self> {
-        let file = file::read(text, problems)?;
+    fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
+        if let Some(line) = document.line_of(frames::TABLE) {
+            let (expected, found) = (any::EVENTS, any::FRAMES);
+            problems.add(line, None, ProblemKind::Family { expected, found });
+            return None;
+        }
+        let file = file::read(document, problems);
         if file.layers.is_empty() && !problems.0.is_empty() {
             return None;
         }
@@ -128,10 +138,7 @@ impl Description {
     /// # Errors
     /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Description`] as [`Self::parse`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        let path = path.as_ref();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-        Ok(Self::parse(&text)?)
+        Ok(Self::parse(&text(path.as_ref())?)?)
     }
 
     /// Name, for reports.
@@ -192,4 +199,22 @@ impl Description {
     pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
         self.layers.iter().flat_map(Layer::tensors)
     }
+}
+
+/// What `check` makes of a file without problems.
+fn checked<T>(
+    text: &str,
+    check: impl FnOnce(&Document<'_>, &mut Problems) -> Option<T>,
+) -> Result<T, DescriptionError> {
+    let mut problems = Problems::default();
+    let checked = Document::parse(text, &mut problems).and_then(|document| check(&document, &mut problems));
+    match checked {
+        Some(checked) if problems.0.is_empty() => Ok(checked),
+        _ => Err(DescriptionError::new(problems.0)),
+    }
+}
+
+/// The text of the file at `path`.
+fn text(path: &Path) -> Result<String, ModelError> {
+    std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })
 }

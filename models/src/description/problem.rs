@@ -73,12 +73,24 @@ pub enum ProblemKind {
         first: usize,
     },
     /// A reference to a layer that the file does not have.
-    #[error("{key}: expected \"events\" or the name of a layer in this file, found {found:?}")]
+    #[error("{key}: expected {input:?} or the name of a layer in this file, found {found:?}")]
     UnknownReference {
+        /// The key that refers.
+        key: &'static str,
+        /// Name of the network's input.
+        input: &'static str,
+        /// The name it refers to.
+        found: String,
+    },
+    /// A reference to a layer that stands further down, in a file whose layers stand in the order of evaluation.
+    #[error("{key}: expected a layer above this one, found {found:?} on line {line}")]
+    ForwardReference {
         /// The key that refers.
         key: &'static str,
         /// The name it refers to.
         found: String,
+        /// Line of that layer.
+        line: usize,
     },
     /// A reference to a layer of a kind that cannot be read here.
     #[error("{key}: expected {expected}, found {found}")]
@@ -109,6 +121,32 @@ pub enum ProblemKind {
         expected: usize,
         /// Channels of the layer referred to.
         found: usize,
+    },
+    /// Images that are joined and have other sizes.
+    #[error("with {reference:?}: expected an image of {expected} pixels, found one of {found}")]
+    Size {
+        /// The layer referred to.
+        reference: String,
+        /// Rows x columns of the layer's first input.
+        expected: String,
+        /// Rows x columns of the layer referred to.
+        found: String,
+    },
+    /// A layer whose output would have no pixels, or more values than networks are for.
+    #[error("expected {expected}, found {found}")]
+    Extent {
+        /// What the output should be.
+        expected: String,
+        /// What it would be.
+        found: String,
+    },
+    /// A description of the other kind of network.
+    #[error("expected {expected}, found {found}")]
+    Family {
+        /// The kind that was asked for.
+        expected: &'static str,
+        /// The kind that the file describes.
+        found: &'static str,
     },
     /// Layers that read each other in a circle.
     #[error("expected an acyclic graph, found the cycle {0}")]

@@ -12,6 +12,7 @@ use super::file::{EVENTS, File, FileKind, FileLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
+use super::tensors::Needed;
 use super::wiring::{Source, Wiring};
 
 /// Most values of one tensor: 256 MiB of f32.
@@ -360,8 +361,7 @@ impl Shapes<'_> {
 
 impl Layer {
     fn counted(mut self) -> Self {
-        let count = |shape: &[usize]| shape.iter().product::<usize>();
-        self.parameters = self.tensors().iter().filter(|t| t.trained).map(|t| count(&t.shape)).sum();
+        self.parameters = self.tensors().iter().map(Needed::parameters).sum();
         self
     }
 }

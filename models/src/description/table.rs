@@ -152,7 +152,8 @@ impl<'t, 'i> Table<'t, 'i> {
         })
     }
 
-    fn defaulted<T>(
+    /// The value of `key` as `read` understands it; `default` where the key is absent, a problem where there is no default.
+    pub(super) fn defaulted<T>(
         &mut self,
         key: &'static str,
         expected: &str,
@@ -188,7 +189,7 @@ pub(super) fn integer(value: &DeValue<'_>) -> Option<i64> {
 }
 
 /// The finite number that `value` holds, whole or not.
-fn number(value: &DeValue<'_>) -> Option<f64> {
+pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Integer(_) => integer(value).map(|v| v as f64),
         DeValue::Float(v) => v.as_str().parse().ok().filter(|v: &f64| v.is_finite()),

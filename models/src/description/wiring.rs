@@ -103,7 +103,7 @@ fn sources(
             }
             names.get(name).map_or_else(
                 || {
-                    let kind = ProblemKind::UnknownReference { key, found: name.to_owned() };
+                    let kind = ProblemKind::UnknownReference { key, input: EVENTS, found: name.to_owned() };
                     problems.add(line, Some(&layer.name), kind);
                     Source::Unknown
                 },

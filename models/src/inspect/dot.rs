@@ -1,9 +1,9 @@
-//! A description's graph in the DOT language: a cluster for each level, skips dashed.
+//! A network in the DOT language: a cluster for each level, what is joined dashed.
 
 use std::fmt::Write;
 
-use super::table::kind;
-use crate::{Description, Layer, LayerKind};
+use super::view::{Node, View};
+use crate::{AnyDescription, Description, FrameDescription};
 
 impl Description {
     /// The graph in the DOT language of Graphviz.
@@ -11,52 +11,73 @@ impl Description {
     /// # Panics
     /// Never: it is written to a string.
     pub fn to_dot(&self) -> String {
+        self.view().to_dot()
+    }
+}
+
+impl FrameDescription {
+    /// The layers in the DOT language of Graphviz.
+    ///
+    /// # Panics
+    /// Never: it is written to a string.
+    pub fn to_dot(&self) -> String {
+        self.view().to_dot()
+    }
+}
+
+impl AnyDescription {
+    /// The network in the DOT language of Graphviz.
+    ///
+    /// # Panics
+    /// Never: it is written to a string.
+    pub fn to_dot(&self) -> String {
+        match self {
+            Self::Events(description) => description.to_dot(),
+            Self::Frames(description) => description.to_dot(),
+        }
+    }
+}
+
+impl View<'_> {
+    fn to_dot(&self) -> String {
         let mut dot = String::new();
         self.write_dot(&mut dot).expect("writing to a string does not fail");
         dot
     }
 
     fn write_dot(&self, dot: &mut String) -> std::fmt::Result {
-        writeln!(dot, "digraph {} {{", quoted(self.name()))?;
+        writeln!(dot, "digraph {} {{", quoted(self.name))?;
         writeln!(dot, "  rankdir = TB;\n  node [shape = box, fontname = \"sans-serif\"];")?;
-        for level in 0..self.levels() {
-            writeln!(dot, "  subgraph cluster_{level} {{")?;
-            writeln!(dot, "    label = {};", quoted(&self.level_label(level)))?;
-            if level == 0 {
-                writeln!(dot, "    \"events\" [shape = oval, label = \"events\\npolarity\"];")?;
-            }
-            for layer in self.layers().iter().filter(|layer| layer.level == Some(level)) {
-                write_node(dot, "    ", layer)?;
-            }
+        for (band, label) in self.bands.iter().enumerate() {
+            writeln!(dot, "  subgraph cluster_{band} {{")?;
+            writeln!(dot, "    label = {};", quoted(label))?;
+            self.write_members(dot, "    ", Some(band))?;
             writeln!(dot, "  }}")?;
         }
-        for layer in self.layers().iter().filter(|layer| layer.level.is_none()) {
-            write_node(dot, "  ", layer)?;
-        }
-        for layer in self.layers() {
-            writeln!(dot, "  {} -> {};", quoted(&layer.from), quoted(&layer.name))?;
-            if let LayerKind::Spline { skip: Some(skip), .. } = &layer.kind {
-                let (skip, name) = (quoted(skip), quoted(&layer.name));
-                writeln!(dot, "  {skip} -> {name} [style = dashed, label = \"+\"];")?;
+        self.write_members(dot, "  ", None)?;
+        for node in &self.nodes {
+            writeln!(dot, "  {} -> {};", quoted(node.from), quoted(node.name))?;
+            if let Some((joins, mark)) = node.joins {
+                let (joins, name) = (quoted(joins), quoted(node.name));
+                writeln!(dot, "  {joins} -> {name} [style = dashed, label = {}];", quoted(mark))?;
             }
         }
         writeln!(dot, "}}")
     }
 
-    /// What the rows of a level are.
-    pub(super) fn level_label(&self, level: usize) -> String {
-        let starts =
-            |layer: &&Layer| matches!(layer.kind, LayerKind::Pool { .. }) && layer.level == Some(level);
-        match self.layers().iter().find(starts).map(|layer| &layer.kind) {
-            Some(LayerKind::Pool { cell, .. }) => format!("level {level}: cells of {cell}"),
-            _ => format!("level {level}: events, {}", self.graph_summary()),
+    /// The boxes of a band, or of none.
+    fn write_members(&self, dot: &mut String, indent: &str, band: Option<usize>) -> std::fmt::Result {
+        if self.input.band == band {
+            let (name, label) = (self.input.name, format!("{}\n{}", self.input.name, self.input.short));
+            writeln!(dot, "{indent}{} [shape = oval, label = {}];", quoted(name), quoted(&label))?;
         }
+        self.nodes.iter().filter(|node| node.band == band).try_for_each(|node| write_node(dot, indent, node))
     }
 }
 
-fn write_node(dot: &mut String, indent: &str, layer: &Layer) -> std::fmt::Result {
-    let label = format!("{}\n{}\n{} -> {}", layer.name, kind(layer), layer.inputs, layer.outputs);
-    writeln!(dot, "{indent}{} [label = {}];", quoted(&layer.name), quoted(&label))
+fn write_node(dot: &mut String, indent: &str, node: &Node<'_>) -> std::fmt::Result {
+    let label = format!("{}\n{}\n{}", node.name, node.what, node.shapes.join(" -> "));
+    writeln!(dot, "{indent}{} [label = {}];", quoted(node.name), quoted(&label))
 }
 
 /// A quoted identifier or label.

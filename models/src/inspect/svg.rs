@@ -1,11 +1,11 @@
-//! A description's graph as an SVG picture: one box a layer from top to bottom, a band for each level, what is read
-//! from further up as curves at the sides: skips on the right, other inputs on the left.
+//! A network as an SVG picture: one box a layer from top to bottom, a band for each level, what is read from further up
+//! as curves at the sides: what is joined on the right, other inputs on the left.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::table::kind;
-use crate::{Description, Layer, LayerKind};
+use super::view::{Node, View};
+use crate::{AnyDescription, Description, FrameDescription};
 
 /// Left edge, width and height of a box, and the distance from one box's top to the next one's.
 const LEFT: usize = 150;
@@ -22,7 +22,7 @@ const TOTAL: usize = 760;
 /// Furthest that a curve bends outwards.
 const LARGEST_BEND: usize = 120;
 
-/// Fill of bands and boxes, by what the layer is.
+/// Fill of bands.
 const BANDS: [&str; 2] = ["#eef4fb", "#f3f1fa"];
 
 impl Description {
@@ -31,14 +31,35 @@ impl Description {
     /// # Panics
     /// Never: it is written to a string.
     pub fn to_svg(&self) -> String {
-        let mut svg = String::new();
-        Drawing::new(self).write(&mut svg).expect("writing to a string does not fail");
-        svg
+        Drawing::new(&self.view()).svg()
+    }
+}
+
+impl FrameDescription {
+    /// The layers as a standalone SVG picture.
+    ///
+    /// # Panics
+    /// Never: it is written to a string.
+    pub fn to_svg(&self) -> String {
+        Drawing::new(&self.view()).svg()
+    }
+}
+
+impl AnyDescription {
+    /// The network as a standalone SVG picture.
+    ///
+    /// # Panics
+    /// Never: it is written to a string.
+    pub fn to_svg(&self) -> String {
+        match self {
+            Self::Events(description) => description.to_svg(),
+            Self::Frames(description) => description.to_svg(),
+        }
     }
 }
 
 struct Drawing<'a> {
-    description: &'a Description,
+    view: &'a View<'a>,
     /// Top of each box, by the layer's name.
     tops: BTreeMap<&'a str, usize>,
     /// Level, top and bottom of each band.
@@ -47,12 +68,12 @@ struct Drawing<'a> {
 }
 
 impl<'a> Drawing<'a> {
-    fn new(description: &'a Description) -> Self {
+    fn new(view: &'a View<'a>) -> Self {
         let mut tops = BTreeMap::new();
         let mut bands: Vec<(usize, usize, usize)> = Vec::new();
         let mut y = TOP;
-        let rows = std::iter::once(("events", Some(0)))
-            .chain(description.layers().iter().map(|layer| (layer.name.as_str(), layer.level)));
+        let rows = std::iter::once((view.input.name, view.input.band))
+            .chain(view.nodes.iter().map(|node| (node.name, node.band)));
         for (name, level) in rows {
             match level {
                 Some(level) if bands.last().is_none_or(|band| band.0 != level) => {
@@ -70,11 +91,17 @@ impl<'a> Drawing<'a> {
             }
             y += PITCH;
         }
-        Self { description, tops, bands, height: y }
+        Self { view, tops, bands, height: y }
+    }
+
+    fn svg(&self) -> String {
+        let mut svg = String::new();
+        self.write(&mut svg).expect("writing to a string does not fail");
+        svg
     }
 
     fn write(&self, svg: &mut String) -> std::fmt::Result {
-        let (title, height) = (escaped(self.description.name()), self.height);
+        let (title, height) = (escaped(self.view.name), self.height);
         writeln!(
             svg,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {TOTAL} {height}\" width=\"{TOTAL}\" \
@@ -82,15 +109,14 @@ impl<'a> Drawing<'a> {
         )?;
         writeln!(svg, "<title>{title}</title>")?;
         writeln!(svg, "<rect width=\"{TOTAL}\" height=\"{height}\" fill=\"#ffffff\"/>")?;
-        let parameters = self.description.parameters();
         writeln!(
             svg,
             "<text x=\"20\" y=\"28\" font-size=\"17\" font-weight=\"bold\">{title}</text>\
-             <text x=\"20\" y=\"46\" fill=\"#555555\">{parameters} parameters, window {} ms</text>",
-            self.description.span_us() as f64 / 1000.0
+             <text x=\"20\" y=\"46\" fill=\"#555555\">{}</text>",
+            escaped(&self.view.about)
         )?;
         for &(level, top, bottom) in &self.bands {
-            let label = escaped(&self.description.level_label(level));
+            let label = escaped(&self.view.bands[level]);
             writeln!(
                 svg,
                 "<rect x=\"12\" y=\"{top}\" width=\"{}\" height=\"{}\" rx=\"8\" fill=\"{}\"/>\
@@ -101,28 +127,21 @@ impl<'a> Drawing<'a> {
                 top + 19
             )?;
         }
-        self.write_box(svg, "events", "#ffffff", "polarity of each event: -1 or 1", "1 channel")?;
-        for layer in self.description.layers() {
-            self.write_layer(svg, layer)?;
+        let input = &self.view.input;
+        self.write_box(svg, input.name, "#ffffff", &input.what, &input.shape)?;
+        for node in &self.view.nodes {
+            self.write_node(svg, node)?;
         }
         self.write_edges(svg)?;
         writeln!(svg, "</svg>")
     }
 
-    fn write_layer(&self, svg: &mut String, layer: &Layer) -> std::fmt::Result {
-        let fill = match layer.kind {
-            LayerKind::Spline { .. } => "#cfe3f7",
-            LayerKind::Pool { .. } => "#f8dfc4",
-            LayerKind::Readout { .. } => "#f5e9b8",
-            LayerKind::Dense { .. } => "#d5ecd0",
-        };
-        let shape = match layer.kind {
-            LayerKind::Pool { .. } | LayerKind::Readout { .. } => {
-                format!("{} \u{2192} {}", layer.inputs, layer.outputs)
-            }
-            _ => format!("{} \u{2192} {}, {} parameters", layer.inputs, layer.outputs, layer.parameters),
-        };
-        self.write_box(svg, &layer.name, fill, &kind(layer), &shape)
+    fn write_node(&self, svg: &mut String, node: &Node<'_>) -> std::fmt::Result {
+        let mut shape = node.shapes.join(" \u{2192} ");
+        if let Some(parameters) = node.parameters {
+            write!(shape, ", {parameters} parameters")?;
+        }
+        self.write_box(svg, node.name, node.fill, &node.what, &shape)
     }
 
     fn write_box(
@@ -147,33 +166,28 @@ impl<'a> Drawing<'a> {
     }
 
     fn write_edges(&self, svg: &mut String) -> std::fmt::Result {
-        let mut above = "events";
-        for layer in self.description.layers() {
-            let top = self.tops[layer.name.as_str()];
-            if layer.from == above {
+        let mut above = self.view.input.name;
+        for node in &self.view.nodes {
+            let top = self.tops[node.name];
+            if node.from == above {
                 let (x, from) = (LEFT + WIDTH / 2, self.tops[above] + HEIGHT);
                 writeln!(svg, "<path d=\"M{x} {from}V{top}\" fill=\"none\" stroke=\"#444444\"/>")?;
                 writeln!(svg, "<path d=\"M{x} {top}l-4 -8h8z\" fill=\"#444444\"/>")?;
             } else {
-                self.write_curve(svg, &layer.from, top, LEFT, false)?;
+                self.write_curve(svg, node.from, top, None)?;
             }
-            if let LayerKind::Spline { skip: Some(skip), .. } = &layer.kind {
-                self.write_curve(svg, skip, top, LEFT + WIDTH, true)?;
+            if let Some((joins, mark)) = node.joins {
+                self.write_curve(svg, joins, top, Some(mark))?;
             }
-            above = &layer.name;
+            above = node.name;
         }
         Ok(())
     }
 
-    /// A curve from the box of `from` to the box at `top`, along the side at `x`.
-    fn write_curve(
-        &self,
-        svg: &mut String,
-        from: &str,
-        top: usize,
-        x: usize,
-        right: bool,
-    ) -> std::fmt::Result {
+    /// A curve from the box of `from` to the box at `top`: on the right with a mark, on the left without.
+    fn write_curve(&self, svg: &mut String, from: &str, top: usize, mark: Option<&str>) -> std::fmt::Result {
+        let right = mark.is_some();
+        let x = if right { LEFT + WIDTH } else { LEFT };
         let start = self.tops[from] + HEIGHT / 2;
         let end = top + HEIGHT / 2;
         // Longer curves bend further out, so that nested ones stay apart.
@@ -186,8 +200,8 @@ impl<'a> Drawing<'a> {
             "<path d=\"M{x} {start}C{out} {start} {out} {end} {x} {end}\" fill=\"none\" stroke=\"#444444\"{dashes}/>\
              <path d=\"M{x} {end}{tip}\" fill=\"#444444\"/>"
         )?;
-        if right {
-            writeln!(svg, "<text x=\"{}\" y=\"{}\" fill=\"#444444\">+</text>", x + 12, end - 8)?;
+        if let Some(mark) = mark {
+            writeln!(svg, "<text x=\"{}\" y=\"{}\" fill=\"#444444\">{mark}</text>", x + 12, end - 8)?;
         }
         Ok(())
     }

@@ -20,17 +20,7 @@ impl fmt::Display for Description {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let summary = self.summary();
         head(&summary, f)?;
-        let rows: Vec<[String; 7]> = self.layers().iter().map(row).collect();
-        let widths: Vec<usize> = (0..HEADINGS.len())
-            .map(|column| {
-                let cells = rows.iter().map(|row| row[column].chars().count());
-                cells.chain([HEADINGS[column].len()]).max().unwrap_or(0)
-            })
-            .collect();
-        line(&HEADINGS.map(str::to_owned), &widths, f)?;
-        for row in &rows {
-            line(row, &widths, f)?;
-        }
+        aligned(HEADINGS, self.layers().iter().map(row), f)?;
         foot(self, &summary, f)
     }
 }
@@ -99,8 +89,20 @@ pub(super) fn kind(layer: &Layer) -> String {
     }
 }
 
-fn line(cells: &[String; 7], widths: &[usize], f: &mut fmt::Formatter<'_>) -> fmt::Result {
-    let padded: Vec<String> =
-        cells.iter().zip(widths).map(|(cell, &width)| format!("{cell:<width$}")).collect();
-    writeln!(f, "{}", padded.join("  ").trim_end())
+/// Writes headings and rows in columns as wide as they must be.
+pub(super) fn aligned<const N: usize>(
+    headings: [&str; N],
+    rows: impl Iterator<Item = [String; N]>,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let lines: Vec<[String; N]> = std::iter::once(headings.map(str::to_owned)).chain(rows).collect();
+    let widths: [usize; N] = std::array::from_fn(|column| {
+        lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
+    });
+    for line in &lines {
+        let padded: Vec<String> =
+            line.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        writeln!(f, "{}", padded.join("  ").trim_end())?;
+    }
+    Ok(())
 }

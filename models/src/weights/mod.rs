@@ -81,6 +81,11 @@ impl Weights {
         Self { tensors: tensors.into_iter().collect(), metadata: BTreeMap::new() }
     }
 
+    /// The same tensors with these remarks.
+    pub(crate) fn with_metadata(self, metadata: BTreeMap<String, String>) -> Self {
+        Self { metadata, ..self }
+    }
+
     /// Reads a safetensors file or a `PyTorch` state dict (`.pt`, `.pth`), whichever the content is.
     ///
     /// # Errors

@@ -72,3 +72,53 @@ pub(crate) fn changed(old: &str, new: &str) -> String {
     assert!(SMALL.contains(old), "{old:?} must be in the description");
     SMALL.replacen(old, new, 1)
 }
+
+/// A small consistent description of a frame network.
+pub(crate) const SMALL_FRAMES: &str = r#"[network]
+name = "small"
+
+[input]
+kind = "image"
+channels = 1
+height = 12
+width = 11
+frames = "tactile-image"
+steps = 5
+scaling = "image"
+
+[[layer]]
+name = "conv1"
+kind = "conv"
+channels = 3
+kernel = 3
+activation = "relu"
+
+[[layer]]
+name = "cell"
+kind = "conv_lstm"
+hidden = 2
+
+[[layer]]
+name = "join"
+kind = "concat"
+with = "conv1"
+
+[[layer]]
+name = "flat"
+kind = "flatten"
+
+[[layer]]
+name = "fc"
+kind = "dense"
+outputs = 2
+
+[output]
+names = ["left", "right"]
+unit = "logit"
+"#;
+
+/// [`SMALL_FRAMES`] with the first `old` replaced, which must be there.
+pub(crate) fn changed_frames(old: &str, new: &str) -> String {
+    assert!(SMALL_FRAMES.contains(old), "{old:?} must be in the description");
+    SMALL_FRAMES.replacen(old, new, 1)
+}

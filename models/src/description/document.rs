@@ -1,0 +1,144 @@
+//! The parts of a description file that every kind of network has: TOML, tables, names, the list of layers.
+//!
+//! Enters: text. Leaves: a [`Document`], of which tables are read key by key.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::problem::{ProblemKind, Problems};
+use super::table::{Given, Lines, Table, shown};
+
+/// More layers than anyone writes; keeps drawings and searches small.
+const MOST_LAYERS: usize = 1024;
+/// Longest name of a network, a layer or an output.
+const LONGEST_NAME: usize = 80;
+/// What [`name`] reads.
+pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
+
+/// A parsed file.
+pub(super) struct Document<'i> {
+    root: Spanned<DeTable<'i>>,
+    pub(super) lines: Lines,
+}
+
+/// A table that stands at `line`.
+#[derive(Clone, Copy)]
+pub(super) struct Entries<'d, 'i> {
+    entries: &'d DeTable<'i>,
+    line: usize,
+}
+
+/// The `[output]` table.
+#[derive(Debug)]
+pub(super) struct Output {
+    pub(super) names: Option<Given<Vec<String>>>,
+    pub(super) unit: String,
+}
+
+impl<'i> Document<'i> {
+    /// `None`, with problems, where `text` is not TOML.
+    pub(super) fn parse(text: &'i str, problems: &mut Problems) -> Option<Self> {
+        let lines = Lines::new(text);
+        let (root, errors) = DeTable::parse_recoverable(text);
+        for error in &errors {
+            let line = error.span().map_or(1, |span| lines.of(span.start));
+            problems.add(line, None, ProblemKind::Syntax(error.message().to_owned()));
+        }
+        errors.is_empty().then_some(Self { root, lines })
+    }
+
+    /// The line of a table that only networks of another kind have.
+    pub(super) fn line_of(&self, key: &str) -> Option<usize> {
+        self.root.get_ref().get(key).map(|value| self.lines.of(value.span().start))
+    }
+
+    /// Reports where the tables at the top are not `tables` (each with what it is) and `[[layer]]`. Leaves those there are.
+    pub(super) fn tables<const N: usize>(
+        &self,
+        tables: [(&'static str, &str); N],
+        problems: &mut Problems,
+    ) -> [Option<Entries<'_, 'i>>; N] {
+        let mut root = Table::new(self.root.get_ref(), &self.lines, 1, None, problems);
+        let found = tables.map(|(key, what)| {
+            root.required(key, what, |value| value.is_table().then_some(()))?;
+            let value = self.root.get_ref().get(key)?;
+            let line = self.lines.of(value.span().start);
+            value.get_ref().as_table().map(|entries| Entries { entries, line })
+        });
+        root.required("layer", "tables [[layer]]", |value| value.is_array().then_some(()));
+        root.finish();
+        found
+    }
+
+    /// The keys of a table, to be asked for.
+    pub(super) fn open<'t>(&'t self, table: Entries<'t, 'i>, problems: &'t mut Problems) -> Table<'t, 'i> {
+        Table::new(table.entries, &self.lines, table.line, None, problems)
+    }
+
+    /// The `[[layer]]` tables, at most [`MOST_LAYERS`]; anything else in their place is reported.
+    pub(super) fn layers(&self, problems: &mut Problems) -> Vec<Entries<'_, 'i>> {
+        let layers = self.root.get_ref().get("layer").and_then(|value| value.get_ref().as_array());
+        let Some(layers) = layers else { return Vec::new() };
+        let mut tables = Vec::new();
+        for layer in layers.iter().take(MOST_LAYERS) {
+            let line = self.lines.of(layer.span().start);
+            if let Some(entries) = layer.get_ref().as_table() {
+                tables.push(Entries { entries, line });
+                continue;
+            }
+            let (expected, found) = ("a table [[layer]]".to_owned(), shown(layer.get_ref()));
+            problems.add(line, None, ProblemKind::Value { key: "layer", expected, found });
+        }
+        if let Some(more) = layers.get(MOST_LAYERS) {
+            let expected = format!("at most {MOST_LAYERS} layers");
+            let kind = ProblemKind::Value { key: "layer", expected, found: layers.len().to_string() };
+            problems.add(self.lines.of(more.span().start), None, kind);
+        }
+        tables
+    }
+
+    /// The keys of a `[[layer]]` table, and its name; `input` is a name that is taken.
+    pub(super) fn layer<'t>(
+        &'t self,
+        layer: Entries<'t, 'i>,
+        input: &str,
+        problems: &'t mut Problems,
+    ) -> (Table<'t, 'i>, String) {
+        let known_name = layer.entries.get("name").and_then(|value| name(value.get_ref()));
+        let mut table = Table::new(layer.entries, &self.lines, layer.line, known_name, problems);
+        let given = table.required("name", NAME, name);
+        if let Some(given) = given.as_ref().filter(|given| given.value == input) {
+            let expected = "another name than that of the network's input";
+            table.refuse(given.line, "name", expected, format!("{input:?}"));
+        }
+        (table, given.map(|given| given.value).unwrap_or_default())
+    }
+
+    /// Reads the `[output]` table.
+    pub(super) fn output(&self, output: Option<Entries<'_, 'i>>, problems: &mut Problems) -> Output {
+        let Some(output) = output else { return Output { names: None, unit: String::new() } };
+        let mut table = self.open(output, problems);
+        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"]";
+        let names = table.required("names", expected, |value| {
+            let names: Option<Vec<String>> = value.as_array()?.iter().map(|v| name(v.get_ref())).collect();
+            names.filter(|names| !names.is_empty())
+        });
+        let unit = table.required("unit", "the predicted values' unit, such as \"rad\"", name);
+        table.finish();
+        Output { names, unit: unit.map(|given| given.value).unwrap_or_default() }
+    }
+}
+
+impl Entries<'_, '_> {
+    /// The line that the table starts on.
+    pub(super) fn line(&self) -> usize {
+        self.line
+    }
+}
+
+/// A name that reports and tables can show.
+pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
+    let name = value.as_str()?;
+    let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    fits.then(|| name.to_owned())
+}

@@ -1,0 +1,129 @@
+//! The engine's frame network from a description and weights.
+//!
+//! Enters: a checked [`FrameDescription`] and [`Weights`]. Leaves: [`FrameNetworkParts`], or every tensor that does not
+//! fit. Batch norm becomes part of weight and bias, and an LSTM's two biases become one, in f64, rounded once:
+//!
+//! ```text
+//! W' = W scale,   b' = b scale + shift
+//! ```
+
+use meissner_engine::frames::{FrameLayer as Part, FrameLayerKind as Kind, FrameNetworkParts, FrameShape};
+use meissner_kernels::Activation;
+
+use super::super::tensors::{Tensors, unused};
+use super::{FrameDescription, FrameKind, FrameLayer};
+use crate::{ModelError, Weights};
+
+impl FrameDescription {
+    /// The network with `weights`, whose names may all carry one further prefix such as "module.".
+    ///
+    /// # Errors
+    /// [`ModelError::Weights`] with every tensor that is missing, has another shape or type, or values that cannot be
+    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do.
+    pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
+        let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
+        // Every layer is read before any is missed, so that every tensor that does not fit is noted.
+        let parts: Vec<Option<Part>> = self.layers.iter().map(|layer| part(layer, &mut tensors)).collect();
+        let layers = tensors.finish(parts.into_iter().collect())?;
+        Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers })
+    }
+
+    /// Names in `weights` that [`Self::network_parts`] does not read, in order.
+    ///
+    /// # Errors
+    /// [`ModelError::Ambiguous`] as [`Self::network_parts`].
+    pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
+        unused(&self.name, self.needed(), weights)
+    }
+}
+
+fn part(layer: &FrameLayer, tensors: &mut Tensors<'_>) -> Option<Part> {
+    let values = Values::read(layer, tensors);
+    let kind = kind(layer, values?, tensors)?;
+    Some(Part { name: layer.name.clone(), from: layer.reads, kind })
+}
+
+/// A layer's tensors, in the order of [`FrameLayer::tensors`].
+struct Values<'a>(std::vec::IntoIter<&'a [f32]>);
+
+impl<'a> Values<'a> {
+    fn read(layer: &FrameLayer, tensors: &mut Tensors<'a>) -> Option<Self> {
+        let needed = layer.tensors();
+        let found: Vec<Option<&[f32]>> = needed.iter().map(|t| tensors.get(&t.name, &t.shape)).collect();
+        found.into_iter().collect::<Option<Vec<_>>>().map(|found| Self(found.into_iter()))
+    }
+
+    fn next(&mut self) -> Option<&'a [f32]> {
+        self.0.next()
+    }
+
+    fn owned(&mut self) -> Option<Vec<f32>> {
+        self.next().map(<[f32]>::to_vec)
+    }
+}
+
+fn kind(layer: &FrameLayer, mut values: Values<'_>, tensors: &mut Tensors<'_>) -> Option<Kind> {
+    Some(match layer.kind {
+        FrameKind::Conv { channels, kernel, bias, ref norm, activation } => {
+            let (weight, bias) = normed(layer, channels, bias, norm.as_deref(), &mut values, tensors)?;
+            Kind::Conv { kernel, channels, weight, bias, relu: activation == Activation::Relu }
+        }
+        FrameKind::UpConv { channels, bias } => {
+            Kind::UpConv { channels, weight: values.owned()?, bias: bias.then(|| values.owned()).flatten() }
+        }
+        FrameKind::MaxPool => Kind::MaxPool,
+        FrameKind::AveragePool { size } => Kind::AveragePool { size },
+        FrameKind::GlobalAverage => Kind::GlobalAverage,
+        FrameKind::Sum => Kind::Sum,
+        FrameKind::Concat { .. } => Kind::Concat { with: layer.joins? },
+        FrameKind::SqueezeExcite { reduction } => {
+            let FrameShape::Image { channels, .. } = layer.input else { return None };
+            Kind::SqueezeExcite { reduced: channels / reduction, down: values.owned()?, up: values.owned()? }
+        }
+        FrameKind::ConvLstm { hidden, peepholes, activation } => {
+            let (weight, bias) = (values.owned()?, values.owned()?);
+            let peepholes = peepholes.then(|| values.owned()).flatten();
+            Kind::ConvLstm { hidden, weight, bias, peepholes, activation }
+        }
+        FrameKind::Lstm { hidden, layer: number } => {
+            let (weight_ih, weight_hh) = (values.owned()?, values.owned()?);
+            let name = layer.tensor(&format!("bias_ih_l{number}"));
+            let both = values.next()?.iter().zip(values.next()?).map(|(&a, &b)| f64::from(a) + f64::from(b));
+            let bias: Option<Vec<f32>> =
+                both.enumerate().map(|(i, sum)| tensors.folded(&name, "bias", i, sum)).collect();
+            Kind::Lstm { hidden, weight_ih, weight_hh, bias: bias? }
+        }
+        FrameKind::Delay { frames } => Kind::Delay { frames },
+        FrameKind::Flatten => Kind::Flatten,
+        FrameKind::Dense { outputs, bias, ref norm, activation } => {
+            let (weight, bias) = normed(layer, outputs, bias, norm.as_deref(), &mut values, tensors)?;
+            Kind::Dense { outputs, weight, bias, activation }
+        }
+    })
+}
+
+/// Weight and bias of `outputs` rows, with batch norm in them where there is any.
+fn normed(
+    layer: &FrameLayer,
+    outputs: usize,
+    bias: bool,
+    norm: Option<&str>,
+    values: &mut Values<'_>,
+    tensors: &mut Tensors<'_>,
+) -> Option<(Vec<f32>, Option<Vec<f32>>)> {
+    let weight = values.next()?;
+    let bias = bias.then(|| values.next()).flatten();
+    let Some(norm) = norm else { return Some((weight.to_vec(), bias.map(<[f32]>::to_vec))) };
+    let norm = tensors.norm(norm, outputs)?;
+    let (name, inputs) = (layer.tensor("weight"), weight.len() / outputs);
+    let mut folded = (Vec::with_capacity(weight.len()), Vec::with_capacity(outputs));
+    for (o, row) in weight.chunks_exact(inputs).enumerate() {
+        let (scale, shift) = (norm.scales[o], norm.shifts[o]);
+        for &w in row {
+            folded.0.push(tensors.folded(&name, "weight", o, f64::from(w) * scale)?);
+        }
+        let b = bias.map_or(0.0, |bias| f64::from(bias[o]));
+        folded.1.push(tensors.folded(&name, "bias", o, b * scale + shift)?);
+    }
+    Some((folded.0, Some(folded.1)))
+}

@@ -1,0 +1,176 @@
+//! A description file of a frame network as it is written: tables and keys typed and in range, nothing resolved yet.
+//!
+//! Enters: a [`Document`]. Leaves: a [`File`], with `None` for whatever was reported as a problem.
+
+use std::ops::RangeInclusive;
+
+use meissner_kernels::Activation;
+use toml::de::DeValue;
+
+use super::super::document::{Document, NAME, Output, name};
+use super::super::layer::activation_word;
+use super::super::problem::Problems;
+use super::super::table::{Given, Table, integer};
+use super::input::{self, Input};
+use super::layer::FrameKind;
+use super::{CHANNELS, FRAME, SIDES, TABLE};
+
+/// Values that a dense layer writes.
+const OUTPUTS: RangeInclusive<i64> = 1..=1 << 16;
+/// Numbers of stacked LSTM layers.
+const STACKED: RangeInclusive<i64> = 0..=1023;
+/// Frames of a delay.
+const FRAMES: RangeInclusive<i64> = 1..=1 << 16;
+
+/// Kinds of layers; the readers of their keys are in the same order in [`kind`].
+const KINDS: [&str; 13] = [
+    "conv",
+    "upconv",
+    "max_pool",
+    "average_pool",
+    "global_average",
+    "sum",
+    "concat",
+    "squeeze_excite",
+    "conv_lstm",
+    "lstm",
+    "delay",
+    "flatten",
+    "dense",
+];
+
+/// A file's tables.
+#[derive(Debug)]
+pub(super) struct File {
+    pub(super) name: String,
+    pub(super) input: Option<Input>,
+    pub(super) layers: Vec<FileLayer>,
+    pub(super) output: Output,
+}
+
+/// A `[[layer]]` table.
+#[derive(Debug)]
+pub(super) struct FileLayer {
+    pub(super) name: String,
+    pub(super) line: usize,
+    /// What it reads; `None` is the layer before it.
+    pub(super) from: Option<Given<String>>,
+    /// What it joins to that.
+    pub(super) with: Option<Given<String>>,
+    /// Prefix of its tensors.
+    pub(super) weights: String,
+    /// What it computes; `None` where something about it was reported.
+    pub(super) kind: Option<FrameKind>,
+}
+
+/// Reads `document`; whatever is wrong goes to `problems`.
+pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
+    let [network, input, output] = document.tables(
+        [
+            ("network", "a table with the network's name"),
+            (TABLE, "a table with a frame's shape and source"),
+            ("output", "a table with the prediction's names and unit"),
+        ],
+        problems,
+    );
+    let mut network_name = None;
+    if let Some(table) = network {
+        let mut table = document.open(table, problems);
+        network_name = table.required("name", NAME, name);
+        table.finish();
+    }
+    let input = input.map(|table| input::read(document.open(table, problems)));
+    let output = document.output(output, problems);
+    let mut layers = Vec::new();
+    for table in document.layers(problems) {
+        let (layer, name) = document.layer(table, FRAME, problems);
+        layers.push(read_layer(layer, name, table.line()));
+    }
+    let name = network_name.map(|given| given.value).unwrap_or_default();
+    File { name, input, layers, output }
+}
+
+fn read_layer(mut table: Table<'_, '_>, layer_name: String, line: usize) -> FileLayer {
+    let choices: [(&str, &str); KINDS.len()] = KINDS.map(|word| (word, word));
+    let word = table.choice("kind", &choices, None);
+    let from = table.optional("from", "the name of a layer, or \"frame\"", name);
+    let mut with = None;
+    let kind = word.and_then(|word| kind(word, &mut table, &mut with));
+    let trained = matches!(word, Some("conv" | "upconv" | "squeeze_excite" | "conv_lstm" | "lstm" | "dense"));
+    let weights =
+        trained.then(|| table.optional("weights", "the prefix of the layer's tensor names", name)).flatten();
+    // Of an unknown kind there is no telling which keys belong.
+    if word.is_some() {
+        table.finish();
+    }
+    let weights = weights.map_or_else(|| layer_name.clone(), |given| given.value);
+    FileLayer { name: layer_name, line, from, with, weights, kind }
+}
+
+/// The keys of a kind. All are read before any is missed, so that every problem is reported.
+fn kind(word: &str, table: &mut Table<'_, '_>, with: &mut Option<Given<String>>) -> Option<FrameKind> {
+    let size = |value: Option<i64>| value.map(|v| v as usize);
+    Some(match word {
+        "conv" => {
+            let channels = size(table.integer("channels", CHANNELS, None));
+            let kernel = kernel(table);
+            let (bias, norm) = (table.boolean("bias", true), norm(table));
+            let activation = activation(table, &[Activation::Identity, Activation::Relu]);
+            FrameKind::Conv { channels: channels?, kernel: kernel?, bias, norm, activation: activation? }
+        }
+        "upconv" => {
+            let channels = size(table.integer("channels", CHANNELS, None));
+            let bias = table.boolean("bias", true);
+            FrameKind::UpConv { channels: channels?, bias }
+        }
+        "max_pool" => FrameKind::MaxPool,
+        "average_pool" => FrameKind::AveragePool { size: size(table.integer("size", SIDES, None))? },
+        "global_average" => FrameKind::GlobalAverage,
+        "sum" => FrameKind::Sum,
+        "concat" => {
+            *with = table.required("with", "the name of a layer, or \"frame\"", name);
+            FrameKind::Concat { with: with.as_ref()?.value.clone() }
+        }
+        "squeeze_excite" => {
+            FrameKind::SqueezeExcite { reduction: size(table.integer("reduction", CHANNELS, Some(16)))? }
+        }
+        "conv_lstm" => {
+            let hidden = size(table.integer("hidden", CHANNELS, None));
+            let peepholes = table.boolean("peepholes", false);
+            let activation = activation(table, &[Activation::Tanh, Activation::Sigmoid]);
+            FrameKind::ConvLstm { hidden: hidden?, peepholes, activation: activation? }
+        }
+        "lstm" => {
+            let hidden = size(table.integer("hidden", CHANNELS, None));
+            let layer = size(table.integer("layer", STACKED, Some(0)));
+            FrameKind::Lstm { hidden: hidden?, layer: layer? }
+        }
+        "delay" => FrameKind::Delay { frames: size(table.integer("frames", FRAMES, None))? },
+        "flatten" => FrameKind::Flatten,
+        _ => {
+            let outputs = size(table.integer("outputs", OUTPUTS, None));
+            let (bias, norm) = (table.boolean("bias", true), norm(table));
+            let activation = activation(table, &[Activation::Identity, Activation::Relu, Activation::Elu]);
+            FrameKind::Dense { outputs: outputs?, bias, norm, activation: activation? }
+        }
+    })
+}
+
+/// The prefix of batch norm's tensors, where there is any.
+fn norm(table: &mut Table<'_, '_>) -> Option<String> {
+    table.optional("norm", "the prefix of batch norm's tensor names", name).map(|given| given.value)
+}
+
+/// One of `activations`, by default the first.
+fn activation<const N: usize>(
+    table: &mut Table<'_, '_>,
+    activations: &[Activation; N],
+) -> Option<Activation> {
+    let choices = activations.map(|activation| (activation_word(activation), activation));
+    table.choice("activation", &choices, Some(activations[0]))
+}
+
+fn kernel(table: &mut Table<'_, '_>) -> Option<usize> {
+    let read = |value: &DeValue<'_>| integer(value).filter(|v| [1, 3].contains(v)).map(|v| v as usize);
+    table.required("kernel", "1 or 3", read).map(|given| given.value)
+}

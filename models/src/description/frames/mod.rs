@@ -1,0 +1,184 @@
+//! Descriptions of frame networks: a TOML file, checked into layers over images and vectors.
+//!
+//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency of the file with its line. A table `[input]` in
+//! place of `[graph]` marks a frame network.
+//!
+//! ```toml
+//! [network]
+//! name = "small"               # for reports
+//!
+//! [input]
+//! kind = "image"               # with channels, height, width; or "vector", with values
+//! channels = 2
+//! height = 115
+//! width = 115
+//! frames = "event-counts"      # what makes the frames, with its settings
+//! period_us = 10000            # (this is the default)
+//! crop = "centre"              # (this is the default) or first column and row, such as [116, 72]
+//! maximum = 8                  # count that becomes 1
+//!
+//! [[layer]]
+//! name = "conv1"
+//! kind = "conv"
+//! from = "frame"               # default: the layer before, for the first one the frame
+//! channels = 3
+//! kernel = 3                   # or 1
+//! bias = true                  # the default
+//! norm = "bn1"                 # prefix of batch norm's tensors; default: no batch norm
+//! activation = "relu"          # default: "identity"
+//! weights = "convs.0"          # prefix of its tensors; default: its name
+//!
+//! [output]
+//! names = ["force"]            # of the last layer's values; for an image, of its channels
+//! unit = "N"
+//! ```
+//!
+//! | `frames` | a frame | settings |
+//! |---|---|---|
+//! | `event-counts` | image, 2 channels | `period_us`, `crop`, `maximum` |
+//! | `signed` | image, 1 channel | `span_us` (sliding) or `period_us` (consecutive), `crop`, `rule = "sum"` or `"latest"` |
+//! | `tactile-image` | image, 1 x 12 x 11 | `steps`, `sampling = "consecutive"`, `"sliding"` or a stride, `scaling = "image"`, `"reading"` or `[minimum, maximum]` |
+//! | `electrodes` | vector, 24 values | as `tactile-image` |
+//! | `picture` | image, 3 channels | `mean` and `std` of red, green, blue in [0, 1]; `force_mean`, `force_std` in N per pixel; `pixel_mm = [x, y]`; `threshold_n`, `median_window` |
+//!
+//! | `kind` | reads -> writes | keys, with their defaults | tensors |
+//! |---|---|---|---|
+//! | `conv` | image -> image | `channels`, `kernel`, `bias = true`, `norm`, `activation = "identity"` or `"relu"` | `weight`, `bias` |
+//! | `upconv` | image -> image twice as large | `channels`, `bias = true` | `weight`, `bias` |
+//! | `max_pool` | image -> image half as large | | |
+//! | `average_pool` | image -> smaller image | `size` | |
+//! | `global_average`, `sum` | image -> a value a channel | | |
+//! | `concat` | two images -> image | `with` | |
+//! | `squeeze_excite` | image -> image | `reduction = 16` | `down.weight`, `up.weight` |
+//! | `conv_lstm` | image -> image | `hidden`, `peepholes = false`, `activation = "tanh"` or `"sigmoid"` | `gates.weight`, `gates.bias`, `peephole` |
+//! | `lstm` | vector -> vector | `hidden`, `layer = 0` | `weight_ih_l0`, `weight_hh_l0`, `bias_ih_l0`, `bias_hh_l0` |
+//! | `delay` | vector -> the last vectors | `frames` | |
+//! | `flatten` | image -> vector | | |
+//! | `dense` | vector -> vector | `outputs`, `bias = true`, `norm`, `activation = "identity"`, `"relu"` or `"elu"` | `weight`, `bias` |
+//!
+//! Layers stand in the order of evaluation: each reads layers above it, the last one predicts, and it depends on all.
+
+mod build;
+mod file;
+mod input;
+mod layer;
+mod shapes;
+mod source;
+mod tensors;
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use meissner_engine::frames::FrameShape;
+
+use super::document::Document;
+use super::problem::{ProblemKind, Problems};
+use super::{DescriptionError, Needed, any, checked, text};
+use crate::ModelError;
+
+pub(crate) use layer::serialize_shape;
+pub use layer::{FrameKind, FrameLayer};
+pub use source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
+
+/// The table that marks a frame network.
+pub(super) const TABLE: &str = "input";
+/// The input of a network: the name that layers refer to it by.
+pub(crate) const FRAME: &str = "frame";
+/// Bounds of images.
+const LONGEST_SIDE: usize = 4096;
+const MOST_CHANNELS: usize = 4096;
+const SIDES: RangeInclusive<i64> = 1..=LONGEST_SIDE as i64;
+const CHANNELS: RangeInclusive<i64> = 1..=MOST_CHANNELS as i64;
+
+/// A checked description of a frame network.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameDescription {
+    name: String,
+    input: FrameShape,
+    source: FrameSource,
+    layers: Vec<FrameLayer>,
+    outputs: Vec<String>,
+    unit: String,
+}
+
+impl FrameDescription {
+    /// Checks the text of a description file.
+    ///
+    /// # Errors
+    /// Every inconsistency with its layer and line; those that follow from another are left out.
+    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
+        checked(text, Self::check)
+    }
+
+    pub(super) fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
+        if document.line_of(TABLE).is_none()
+            && let Some(line) = document.line_of("graph")
+        {
+            let (expected, found) = (any::FRAMES, any::EVENTS);
+            problems.add(line, None, ProblemKind::Family { expected, found });
+            return None;
+        }
+        let file = file::read(document, problems);
+        let layers = shapes::check(&file, problems);
+        let input = file.input?;
+        let (outputs, unit) = (file.output.names?.value, file.output.unit);
+        Some(Self { name: file.name, input: input.shape?, source: input.source?, layers, outputs, unit })
+    }
+
+    /// Reads and checks a description file.
+    ///
+    /// # Errors
+    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Description`] as [`Self::parse`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+        Ok(Self::parse(&text(path.as_ref())?)?)
+    }
+
+    /// Name, for reports.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Shape of a frame.
+    pub fn input(&self) -> FrameShape {
+        self.input
+    }
+
+    /// What makes the frames.
+    pub fn source(&self) -> &FrameSource {
+        &self.source
+    }
+
+    /// The layers, each after those it reads; the last one predicts.
+    pub fn layers(&self) -> &[FrameLayer] {
+        &self.layers
+    }
+
+    /// Shape of the prediction.
+    pub fn output(&self) -> FrameShape {
+        self.layers.last().map_or(self.input, |layer| layer.output)
+    }
+
+    /// Names of the predicted values, or of the channels of a predicted image, and their unit.
+    pub fn outputs(&self) -> (&[String], &str) {
+        (&self.outputs, &self.unit)
+    }
+
+    /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
+    pub fn parameters(&self) -> usize {
+        self.layers.iter().map(|layer| layer.parameters).sum()
+    }
+
+    /// Products of weights with values, each with the sum that it enters, for one frame.
+    pub fn multiply_adds(&self) -> usize {
+        self.layers.iter().map(|layer| layer.multiply_adds).sum()
+    }
+
+    /// Names and shapes of the tensors that [`Self::network_parts`] needs, running statistics included.
+    pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
+        self.needed().map(|tensor| (tensor.name, tensor.shape)).collect()
+    }
+
+    pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
+        self.layers.iter().flat_map(FrameLayer::tensors)
+    }
+}

@@ -1,0 +1,273 @@
+//! What makes the frames that a network reads, with its settings: plain data for whoever runs it.
+
+use std::fmt;
+
+use meissner_engine::Sensor;
+use meissner_engine::frames::FrameShape;
+use meissner_engine::representations::{
+    Crop, ELECTRODES, Sampling, Scaling, SignedRule, TACTILE_COLUMNS, TACTILE_ROWS,
+};
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde_json::{Value, json};
+
+use crate::systems::contact_area::{ContactError, ForceNormalisation, ImageNormalisation, PixelSize};
+
+/// What makes the frames of a network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum FrameSource {
+    /// Events of each polarity per pixel, divided by a maximum, over consecutive windows
+    /// ([`EventCounts`](meissner_engine::representations::EventCounts)).
+    EventCounts {
+        /// Length of a window in microseconds.
+        period_us: i64,
+        /// Pixels that are shown.
+        place: CropPlace,
+        /// Count that becomes 1.
+        maximum: f32,
+    },
+    /// Polarities of events: [`SignedWindows`](meissner_engine::representations::SignedWindows) or
+    /// [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
+    Signed {
+        /// Which events a frame shows.
+        timing: SignedTiming,
+        /// Pixels that are shown.
+        place: CropPlace,
+        /// What a pixel shows of its events.
+        rule: SignedRule,
+    },
+    /// Images of 12 x 11 from 24 electrodes ([`TactileWindow`](meissner_engine::representations::TactileWindow)).
+    TactileImage(Readings),
+    /// The values of 24 electrodes.
+    Electrodes(Readings),
+    /// Pictures of an optical tactile sensor.
+    Picture(PictureSettings),
+}
+
+/// Where the shown pixels lie on the sensor; the network's input says how many they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CropPlace {
+    /// In the middle; with an odd rest one pixel further to the left and the top.
+    Centre,
+    /// From this pixel on.
+    At {
+        /// First column.
+        x: u16,
+        /// First row.
+        y: u16,
+    },
+}
+
+impl CropPlace {
+    /// The part of `sensor` of `width` x `height` pixels. Where the sensor is smaller it starts at the first pixel, and
+    /// the representations refuse it.
+    pub fn crop(self, width: u16, height: u16, sensor: Sensor) -> Crop {
+        let (x, y) = match self {
+            Self::Centre => {
+                (sensor.width.saturating_sub(width) / 2, sensor.height.saturating_sub(height) / 2)
+            }
+            Self::At { x, y } => (x, y),
+        };
+        Crop::new(x, y, width, height)
+    }
+}
+
+/// Which events a signed frame shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignedTiming {
+    /// Those of the last microseconds, at any time.
+    Sliding {
+        /// How many.
+        span_us: i64,
+    },
+    /// Those of consecutive windows.
+    Consecutive {
+        /// Length of a window in microseconds.
+        period_us: i64,
+    },
+}
+
+/// How readings become the frames of a sequence. The network's state starts from zero with each sequence, and the
+/// prediction is that of its last frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Readings {
+    /// Frames of a sequence.
+    pub steps: usize,
+    /// Which readings stand together.
+    pub sampling: Sampling,
+    /// What becomes 0 and 1.
+    pub scaling: Scaling,
+}
+
+/// How pictures enter, and forces leave, a network for contact areas.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureSettings {
+    /// Mean of red, green and blue, of values in [0, 1].
+    pub mean: [f32; 3],
+    /// Their standard deviations.
+    pub std: [f32; 3],
+    /// Mean of the forces in N per pixel.
+    pub force_mean: f32,
+    /// Their standard deviation.
+    pub force_std: f32,
+    /// Width and height of a pixel in mm.
+    pub pixel_mm: [f64; 2],
+    /// Force in N per pixel above which there is contact.
+    pub threshold_n: f32,
+    /// Reports whose total forces the median is taken of.
+    pub median_window: usize,
+}
+
+impl PictureSettings {
+    /// What stands before the network.
+    ///
+    /// # Errors
+    /// As [`ImageNormalisation::new`]; never for the settings of a checked description.
+    pub fn image_normalisation(&self) -> Result<ImageNormalisation, ContactError> {
+        ImageNormalisation::new(self.mean, self.std)
+    }
+
+    /// What stands behind the network.
+    ///
+    /// # Errors
+    /// As [`ForceNormalisation::new`]; never for the settings of a checked description.
+    pub fn force_normalisation(&self) -> Result<ForceNormalisation, ContactError> {
+        ForceNormalisation::new(self.force_mean, self.force_std)
+    }
+
+    /// What a pixel covers.
+    ///
+    /// # Errors
+    /// As [`PixelSize::new`]; never for the settings of a checked description.
+    pub fn pixel_size(&self) -> Result<PixelSize, ContactError> {
+        PixelSize::new(self.pixel_mm[0], self.pixel_mm[1])
+    }
+}
+
+impl FrameSource {
+    /// The word a file has for it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::EventCounts { .. } => "event-counts",
+            Self::Signed { .. } => "signed",
+            Self::TactileImage(_) => "tactile-image",
+            Self::Electrodes(_) => "electrodes",
+            Self::Picture(_) => "picture",
+        }
+    }
+
+    /// Frames after which the network's state starts from zero again; `None` where it runs on.
+    pub fn steps(&self) -> Option<usize> {
+        match self {
+            Self::TactileImage(readings) | Self::Electrodes(readings) => Some(readings.steps),
+            Self::EventCounts { .. } | Self::Signed { .. } | Self::Picture(_) => None,
+        }
+    }
+
+    /// What shapes its frames have, where `shape` is none of them.
+    pub(super) fn refuses(&self, shape: FrameShape) -> Option<String> {
+        let (expected, fits) = match (self, shape) {
+            (Self::TactileImage(_), _) => {
+                let (channels, height, width) = (1, TACTILE_ROWS, TACTILE_COLUMNS);
+                let image = FrameShape::Image { channels, height, width };
+                (format!("an image {image}"), shape == image)
+            }
+            (Self::Electrodes(_), _) => {
+                (format!("a vector of {ELECTRODES} values"), shape == FrameShape::Vector(ELECTRODES))
+            }
+            (source, _) => {
+                let channels = match source {
+                    Self::EventCounts { .. } => 2,
+                    Self::Picture(_) => 3,
+                    _ => 1,
+                };
+                let found = matches!(shape, FrameShape::Image { channels: found, .. } if found == channels);
+                (format!("an image with channels = {channels}"), found)
+            }
+        };
+        (!fits).then(|| format!("{expected}, as frames = {:?} gives", self.word()))
+    }
+
+    /// Its settings by the keys of a file.
+    fn settings(&self) -> Vec<(&'static str, Value)> {
+        match *self {
+            Self::EventCounts { period_us, place, maximum } => {
+                vec![
+                    ("period_us", json!(period_us)),
+                    ("crop", place.value()),
+                    ("maximum", json!(short(maximum))),
+                ]
+            }
+            Self::Signed { timing, place, rule } => {
+                let rule = match rule {
+                    SignedRule::Sum => "sum",
+                    SignedRule::Latest => "latest",
+                };
+                let timing = match timing {
+                    SignedTiming::Sliding { span_us } => ("span_us", json!(span_us)),
+                    SignedTiming::Consecutive { period_us } => ("period_us", json!(period_us)),
+                };
+                vec![timing, ("crop", place.value()), ("rule", json!(rule))]
+            }
+            Self::TactileImage(readings) | Self::Electrodes(readings) => readings.settings(),
+            Self::Picture(picture) => vec![
+                ("mean", json!(picture.mean.map(short))),
+                ("std", json!(picture.std.map(short))),
+                ("force_mean", json!(short(picture.force_mean))),
+                ("force_std", json!(short(picture.force_std))),
+                ("pixel_mm", json!(picture.pixel_mm)),
+                ("threshold_n", json!(short(picture.threshold_n))),
+                ("median_window", json!(picture.median_window)),
+            ],
+        }
+    }
+}
+
+impl CropPlace {
+    fn value(self) -> Value {
+        match self {
+            Self::Centre => json!("centre"),
+            Self::At { x, y } => json!([x, y]),
+        }
+    }
+}
+
+impl Readings {
+    fn settings(&self) -> Vec<(&'static str, Value)> {
+        let sampling = match self.sampling {
+            Sampling::Consecutive => json!("consecutive"),
+            Sampling::Sliding => json!("sliding"),
+            Sampling::Step { stride } => json!(stride),
+        };
+        let scaling = match self.scaling {
+            Scaling::PerImage => json!("image"),
+            Scaling::PerReading => json!("reading"),
+            Scaling::Range { minimum, maximum } => json!([short(minimum), short(maximum)]),
+        };
+        vec![("steps", json!(self.steps)), ("sampling", sampling), ("scaling", scaling)]
+    }
+}
+
+/// The shortest decimal number that is `value` as f32.
+fn short(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+impl fmt::Display for FrameSource {
+    /// In one line, with the keys of a file: "event-counts, `period_us` = 10000, ...".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        self.settings().iter().try_for_each(|(key, value)| write!(f, ", {key} = {value}"))
+    }
+}
+
+impl Serialize for FrameSource {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let mut map = s.serialize_map(None)?;
+        map.serialize_entry("frames", self.word())?;
+        for (key, value) in self.settings() {
+            map.serialize_entry(key, &value)?;
+        }
+        map.end()
+    }
+}

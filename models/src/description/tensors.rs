@@ -1,0 +1,242 @@
+//! The tensors that a network needs, found in weights.
+//!
+//! Enters: names, shapes and [`Weights`]. Leaves: values, or every tensor that does not fit. Batch norm with running
+//! statistics is one product and one sum a channel, in f64:
+//!
+//! ```text
+//! scale = gamma / sqrt(var + 1e-5),   shift = beta - mean scale
+//! ```
+
+use std::collections::BTreeSet;
+
+use crate::error::{TensorProblem, TensorProblemKind, TensorProblems};
+use crate::{ModelError, Weights};
+
+/// What batch norm adds to a variance.
+const EPSILON: f64 = 1e-5;
+
+/// A tensor that a layer needs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Needed {
+    pub(crate) name: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) role: Role,
+}
+
+/// What a tensor is there for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Role {
+    /// Products, so many of which enter a sum.
+    Weight {
+        /// How many.
+        inputs: usize,
+    },
+    /// A product of its own.
+    Scale,
+    /// What is added.
+    Shift,
+    /// Running mean.
+    Mean,
+    /// Running variance.
+    Variance {
+        /// What it is where weights are drawn.
+        about: f64,
+    },
+}
+
+impl Needed {
+    /// Batch norm over `channels`, in the order of its use.
+    pub(crate) fn norm(prefix: &str, channels: usize, about: f64) -> [Self; 4] {
+        let parts = [
+            ("weight", Role::Scale),
+            ("bias", Role::Shift),
+            ("running_mean", Role::Mean),
+            ("running_var", Role::Variance { about }),
+        ];
+        parts.map(|(part, role)| Self { name: format!("{prefix}.{part}"), shape: vec![channels], role })
+    }
+
+    /// Number of values.
+    pub(crate) fn values(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Number of trained values; running statistics are not trained.
+    pub(crate) fn parameters(&self) -> usize {
+        match self.role {
+            Role::Mean | Role::Variance { .. } => 0,
+            Role::Weight { .. } | Role::Scale | Role::Shift => self.values(),
+        }
+    }
+}
+
+/// Names in `weights` that `network` does not read, in order.
+pub(super) fn unused(
+    network: &str,
+    needed: impl Iterator<Item = Needed>,
+    weights: &Weights,
+) -> Result<Vec<String>, ModelError> {
+    let needed: Vec<String> = needed.map(|tensor| tensor.name).collect();
+    let prefix = prefix(network, &needed, weights)?;
+    let used: BTreeSet<String> = needed.iter().map(|name| format!("{prefix}{name}")).collect();
+    Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
+}
+
+/// What stands before every name: nothing where all are there as they are, else the one prefix under which all are,
+/// else the one under which most are.
+fn prefix(network: &str, needed: &[String], weights: &Weights) -> Result<String, ModelError> {
+    let mut prefixes = BTreeSet::from([String::new()]);
+    for name in weights.names() {
+        for needed in needed {
+            if let Some(prefix) = name.strip_suffix(needed.as_str()).filter(|p| p.ends_with('.')) {
+                prefixes.insert(prefix.to_owned());
+            }
+        }
+    }
+    let held =
+        |prefix: &str| needed.iter().filter(|name| weights.get(&format!("{prefix}{name}")).is_some()).count();
+    if held("") == needed.len() {
+        return Ok(String::new());
+    }
+    let whole: Vec<String> = prefixes.iter().filter(|p| held(p) == needed.len()).cloned().collect();
+    match &whole[..] {
+        // Of equals the shortest: names without a prefix are what a reader expects to be told about.
+        [] => Ok(prefixes.into_iter().max_by_key(|p| (held(p), usize::MAX - p.len())).unwrap_or_default()),
+        [prefix] => Ok(prefix.clone()),
+        _ => Err(ModelError::Ambiguous { network: network.to_owned(), prefixes: whole }),
+    }
+}
+
+/// Gives tensors of the expected shape, and notes those that do not fit.
+pub(super) struct Tensors<'a> {
+    network: &'a str,
+    weights: &'a Weights,
+    prefix: String,
+    problems: Vec<TensorProblem>,
+}
+
+impl<'a> Tensors<'a> {
+    /// The tensors of `network`, which needs those of `needed`.
+    pub(super) fn new(
+        network: &'a str,
+        needed: impl Iterator<Item = Needed>,
+        weights: &'a Weights,
+    ) -> Result<Self, ModelError> {
+        let needed: Vec<String> = needed.map(|tensor| tensor.name).collect();
+        let prefix = prefix(network, &needed, weights)?;
+        Ok(Self { network, weights, prefix, problems: Vec::new() })
+    }
+
+    /// `parts`, unless a tensor did not fit.
+    pub(super) fn finish<T>(self, parts: Option<T>) -> Result<T, ModelError> {
+        parts.filter(|_| self.problems.is_empty()).ok_or_else(|| ModelError::Weights {
+            network: self.network.to_owned(),
+            problems: TensorProblems(self.problems),
+        })
+    }
+
+    fn refuse(&mut self, tensor: String, kind: TensorProblemKind) {
+        self.problems.push(TensorProblem { tensor, kind });
+    }
+
+    /// The values of the tensor `name`, whose shape must be `expected`.
+    pub(super) fn get(&mut self, name: &str, expected: &[usize]) -> Option<&'a [f32]> {
+        let name = format!("{}{name}", self.prefix);
+        let Some(tensor) = self.weights.get(&name) else {
+            self.refuse(name, TensorProblemKind::Missing { expected: expected.to_vec() });
+            return None;
+        };
+        if tensor.shape() != expected {
+            let (expected, found) = (expected.to_vec(), tensor.shape().to_vec());
+            self.refuse(name, TensorProblemKind::Shape { expected, found });
+            return None;
+        }
+        let Some(values) = tensor.values() else {
+            self.refuse(name, TensorProblemKind::Dtype { found: tensor.dtype().to_owned() });
+            return None;
+        };
+        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+            self.refuse(name, TensorProblemKind::NotFinite { index, value: values[index] });
+            return None;
+        }
+        Some(values)
+    }
+
+    /// Batch norm over `channels`, whose scales and shifts are within f32's range.
+    pub(super) fn norm(&mut self, prefix: &str, channels: usize) -> Option<Norm> {
+        let mut part = |part: &str| self.get(&format!("{prefix}.{part}"), &[channels]);
+        let parts = [part("weight"), part("bias"), part("running_mean"), part("running_var")];
+        let [gamma, beta, mean, variance] = parts;
+        if let Some((index, &value)) = variance.and_then(|v| v.iter().enumerate().find(|(_, v)| **v < 0.0)) {
+            let name = format!("{}{prefix}.running_var", self.prefix);
+            self.refuse(name, TensorProblemKind::Variance { index, value });
+            return None;
+        }
+        let (gamma, beta, mean, variance) = (gamma?, beta?, mean?, variance?);
+        let mut norm = Norm { scales: Vec::new(), shifts: Vec::new() };
+        for index in 0..channels {
+            let scale = f64::from(gamma[index]) / (f64::from(variance[index]) + EPSILON).sqrt();
+            let shift = f64::from(beta[index]) - f64::from(mean[index]) * scale;
+            let weight = format!("{prefix}.weight");
+            self.folded(&weight, "scale", index, scale)?;
+            self.folded(&weight, "shift", index, shift)?;
+            norm.scales.push(scale);
+            norm.shifts.push(shift);
+        }
+        Some(norm)
+    }
+
+    /// `value` rounded to f32; noted at the tensor `name` where that is not finite.
+    pub(super) fn folded(&mut self, name: &str, what: &'static str, index: usize, value: f64) -> Option<f32> {
+        let rounded = value as f32;
+        if rounded.is_finite() {
+            return Some(rounded);
+        }
+        let name = format!("{}{name}", self.prefix);
+        self.refuse(name, TensorProblemKind::Folded { what, index, value });
+        None
+    }
+}
+
+/// Batch norm as one product and one sum a channel.
+#[derive(Clone, Debug)]
+pub(super) struct Norm {
+    pub(super) scales: Vec<f64>,
+    pub(super) shifts: Vec<f64>,
+}
+
+impl Norm {
+    /// Products and sums, each rounded once.
+    pub(super) fn rounded(&self) -> (Vec<f32>, Vec<f32>) {
+        let round = |values: &[f64]| values.iter().map(|&value| value as f32).collect();
+        (round(&self.scales), round(&self.shifts))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Needed, Tensors};
+    use crate::{Tensor, Weights};
+
+    #[test]
+    fn batch_norm_is_folded_in_f64_and_rounded_once() {
+        let value = |part: usize, channel: usize| 0.2 + 0.37 * part as f32 + 0.11 * channel as f32;
+        let parts = ["weight", "bias", "running_mean", "running_var"];
+        let weights = Weights::new(parts.iter().enumerate().map(|(part, name)| {
+            let values = (0..8).map(|channel| value(part, channel)).collect();
+            (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
+        }));
+        let needed = Needed::norm("blocks.0.norm", 8, 1.0);
+        let mut tensors = Tensors::new("any", needed.into_iter(), &weights).expect("one prefix");
+        let (scale, shift) = tensors.norm("blocks.0.norm", 8).expect("all four tensors").rounded();
+        let mut rounded_between = Vec::new();
+        for channel in 0..8 {
+            let [gamma, beta, mean, variance] = [0, 1, 2, 3].map(|part| value(part, channel));
+            let exact = f64::from(gamma) / (f64::from(variance) + 1e-5).sqrt();
+            assert_eq!(scale[channel], exact as f32);
+            assert_eq!(shift[channel], (f64::from(beta) - f64::from(mean) * exact) as f32);
+            rounded_between.push(beta - mean * (exact as f32));
+        }
+        assert_ne!(shift, rounded_between, "rounding in between gives other bits in some channel");
+    }
+}

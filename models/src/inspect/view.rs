@@ -1,0 +1,150 @@
+//! What the pictures draw: boxes one after the other, what each reads, and the bands that group them.
+//!
+//! Enters: a description of either kind. Leaves: a [`View`], from which DOT and SVG are written.
+
+use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
+use crate::{Description, Layer, LayerKind};
+
+use super::table::kind;
+
+/// A network as a picture shows it.
+pub(super) struct View<'a> {
+    pub(super) name: &'a str,
+    /// Below the name.
+    pub(super) about: String,
+    pub(super) input: Input,
+    /// Label of each band.
+    pub(super) bands: Vec<String>,
+    pub(super) nodes: Vec<Node<'a>>,
+}
+
+/// The box of the network's input.
+pub(super) struct Input {
+    pub(super) name: &'static str,
+    /// In a word.
+    pub(super) short: String,
+    /// In a line.
+    pub(super) what: String,
+    pub(super) shape: String,
+    pub(super) band: Option<usize>,
+}
+
+/// The box of a layer.
+pub(super) struct Node<'a> {
+    pub(super) name: &'a str,
+    pub(super) what: String,
+    /// What it reads and writes.
+    pub(super) shapes: [String; 2],
+    /// `None` where it could not have any.
+    pub(super) parameters: Option<usize>,
+    pub(super) fill: &'static str,
+    pub(super) band: Option<usize>,
+    pub(super) from: &'a str,
+    /// What else it reads, and what it does with it.
+    pub(super) joins: Option<(&'a str, &'static str)>,
+}
+
+/// Fill of boxes, by what the layer is.
+const CONVOLUTION: &str = "#cfe3f7";
+const POOLING: &str = "#f8dfc4";
+const READOUT: &str = "#f5e9b8";
+const DENSE: &str = "#d5ecd0";
+const RECURRENT: &str = "#e4d6f2";
+
+impl Description {
+    pub(super) fn view(&self) -> View<'_> {
+        View {
+            name: self.name(),
+            about: format!("{} parameters, window {} ms", self.parameters(), self.span_us() as f64 / 1000.0),
+            input: Input {
+                name: "events",
+                short: "polarity".to_owned(),
+                what: "polarity of each event: -1 or 1".to_owned(),
+                shape: "1 channel".to_owned(),
+                band: Some(0),
+            },
+            bands: (0..self.levels()).map(|level| self.level_label(level)).collect(),
+            nodes: self.layers().iter().map(node).collect(),
+        }
+    }
+
+    /// What the rows of a level are.
+    fn level_label(&self, level: usize) -> String {
+        let starts =
+            |layer: &&Layer| matches!(layer.kind, LayerKind::Pool { .. }) && layer.level == Some(level);
+        match self.layers().iter().find(starts).map(|layer| &layer.kind) {
+            Some(LayerKind::Pool { cell, .. }) => format!("level {level}: cells of {cell}"),
+            _ => format!("level {level}: events, {}", self.graph_summary()),
+        }
+    }
+}
+
+fn node(layer: &Layer) -> Node<'_> {
+    let (fill, has_parameters) = match layer.kind {
+        LayerKind::Spline { .. } => (CONVOLUTION, true),
+        LayerKind::Pool { .. } => (POOLING, false),
+        LayerKind::Readout { .. } => (READOUT, false),
+        LayerKind::Dense { .. } => (DENSE, true),
+    };
+    let joins = match &layer.kind {
+        LayerKind::Spline { skip: Some(skip), .. } => Some((skip.as_str(), "+")),
+        _ => None,
+    };
+    Node {
+        name: &layer.name,
+        what: kind(layer),
+        shapes: [layer.inputs.to_string(), layer.outputs.to_string()],
+        parameters: has_parameters.then_some(layer.parameters),
+        fill,
+        band: layer.level,
+        from: &layer.from,
+        joins,
+    }
+}
+
+impl FrameDescription {
+    pub(super) fn view(&self) -> View<'_> {
+        View {
+            name: self.name(),
+            about: format!(
+                "{} parameters, {} multiply-adds a frame",
+                self.parameters(),
+                self.multiply_adds()
+            ),
+            input: Input {
+                name: FRAME,
+                short: self.source().word().to_owned(),
+                what: self.source().word().to_owned(),
+                shape: self.input().to_string(),
+                band: None,
+            },
+            bands: Vec::new(),
+            nodes: self.layers().iter().map(frame_node).collect(),
+        }
+    }
+}
+
+fn frame_node(layer: &FrameLayer) -> Node<'_> {
+    let (fill, has_parameters) = match layer.kind {
+        FrameKind::Conv { .. } | FrameKind::UpConv { .. } | FrameKind::SqueezeExcite { .. } => {
+            (CONVOLUTION, true)
+        }
+        FrameKind::MaxPool | FrameKind::AveragePool { .. } | FrameKind::GlobalAverage | FrameKind::Sum => {
+            (POOLING, false)
+        }
+        FrameKind::ConvLstm { .. } | FrameKind::Lstm { .. } => (RECURRENT, true),
+        FrameKind::Delay { .. } => (RECURRENT, false),
+        FrameKind::Concat { .. } | FrameKind::Flatten => (READOUT, false),
+        FrameKind::Dense { .. } => (DENSE, true),
+    };
+    Node {
+        name: &layer.name,
+        what: layer.kind.to_string(),
+        shapes: [layer.input.to_string(), layer.output.to_string()],
+        parameters: has_parameters.then_some(layer.parameters),
+        fill,
+        band: None,
+        from: &layer.from,
+        joins: layer.with().map(|with| (with, "with")),
+    }
+}
