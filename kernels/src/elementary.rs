@@ -115,11 +115,11 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
     x: [V; N],
 ) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
-    let (zero, one) = (splat(0.0), splat(1.0));
+    let one = splat(1.0);
     // Of -|x|, so that it neither overflows nor cancels. As in `exp`, 0 is reached at -104.
     let mut shifted = x;
     for x in &mut shifted {
-        *x = zero.sub(x.max(zero.sub(*x))).max(splat(-104.0));
+        *x = x.with_sign(simd, splat(-1.0)).max(splat(-104.0));
     }
     let mut above = reduces(simd, &mut shifted);
     let mut below = above;
@@ -137,11 +137,10 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
 #[inline(always)]
 pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
-    let zero = splat(0.0);
     // -m / (2 + m) of m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so that no power needs to be halved.
     let mut shifted = x;
     for x in &mut shifted {
-        *x = x.max(zero.sub(*x)).mul(splat(-2.0)).max(splat(-30.0));
+        *x = x.with_sign(simd, splat(1.0)).mul(splat(-2.0)).max(splat(-30.0));
     }
     let mut above = reduces(simd, &mut shifted);
     let mut below = above;
