@@ -56,9 +56,9 @@ fn dense(random: &mut Random, inputs: usize, outputs: usize, activation: Activat
 
 /// One step of layers on top of each other.
 fn steps(isa: Isa, layers: &[Lstm], x: &[f32], states: &mut [LstmState]) {
-    for layer in 0..layers.len() {
-        let (below, states) = states.split_at_mut(layer);
-        layers[layer].step(isa, below.last().map_or(x, LstmState::hidden), &mut states[0]);
+    for (n, layer) in layers.iter().enumerate() {
+        let (below, states) = states.split_at_mut(n);
+        layer.step(isa, below.last().map_or(x, LstmState::hidden), &mut states[0]);
     }
 }
 
@@ -117,29 +117,30 @@ fn force_convlstm(isa: Isa, report: impl Fn(&str, &mut dyn FnMut())) {
         let bias = random.values(12, 0.1);
         PlanarConvLstm::new(inputs, 3, &weight, Some(&bias), Squash::Tanh).expect("finite weights")
     });
-    let mut states: Vec<_> = layers.iter().map(|layer| layer.state(SIZE, SIZE)).collect();
+    let mut states = layers.each_ref().map(|layer| layer.state(SIZE, SIZE));
+    let mut hidden = [(); 4].map(|()| Planes::zeros(3, SIZE, SIZE));
     let x = Planes::from_values(2, SIZE, SIZE, &random.values(2 * SIZE * SIZE, 1.0));
     let below = Planes::from_values(3, SIZE, SIZE, &random.values(3 * SIZE * SIZE, 1.0));
     report("force-convlstm: a layer of 3 and a frame of 115 x 115", &mut || {
-        layers[1].step(isa, Some(black_box(&below)), None, &mut states[1]);
+        layers[1].step(isa, Some(black_box(&below)), None, &mut states[1], &mut hidden[1]);
     });
     let mut occupied = Occupancy::empty(SIZE, SIZE);
     report("force-convlstm: first layer, full frame", &mut || {
         occupied.update(black_box(&x));
-        layers[0].step(isa, Some(&x), Some(&occupied), &mut states[0]);
+        layers[0].step(isa, Some(&x), Some(&occupied), &mut states[0], &mut hidden[0]);
     });
     let empty = Planes::zeros(2, SIZE, SIZE);
     report("force-convlstm: first layer, empty frame", &mut || {
         occupied.update(black_box(&empty));
-        layers[0].step(isa, Some(&empty), Some(&occupied), &mut states[0]);
+        layers[0].step(isa, Some(&empty), Some(&occupied), &mut states[0], &mut hidden[0]);
     });
     report("force-convlstm: 41 frames through 4 layers", &mut || {
         states.iter_mut().for_each(PlanarConvLstmState::reset);
+        hidden.iter_mut().for_each(Planes::clear);
         for _ in 0..FRAMES {
-            layers[0].step(isa, Some(black_box(&x)), None, &mut states[0]);
-            for layer in 1..layers.len() {
-                let (below, states) = states.split_at_mut(layer);
-                layers[layer].step(isa, Some(below[layer - 1].hidden()), None, &mut states[0]);
+            for (n, (layer, state)) in layers.iter().zip(&mut states).enumerate() {
+                let (below, above) = hidden.split_at_mut(n);
+                layer.step(isa, Some(below.last().unwrap_or(black_box(&x))), None, state, &mut above[0]);
             }
         }
     });

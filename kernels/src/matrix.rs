@@ -1,5 +1,6 @@
 //! Rows of activations, each padded to whole lanes.
 
+use crate::isa::{flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 
 /// A matrix of f32 whose rows start on lane boundaries; columns beyond `columns` hold zeros or anything finite that a
@@ -65,6 +66,19 @@ impl Matrix {
     #[inline]
     pub fn lanes_mut(&mut self) -> &mut [Lanes] {
         &mut self.data
+    }
+
+    /// The values of row `i` that count, side by side.
+    #[inline]
+    pub fn slice(&self, i: usize) -> &[f32] {
+        &flat(self.row(i))[..self.columns]
+    }
+
+    /// The values of row `i` that count, to write.
+    #[inline]
+    pub fn slice_mut(&mut self, i: usize) -> &mut [f32] {
+        let columns = self.columns;
+        &mut flat_mut(self.row_mut(i))[..columns]
     }
 
     /// The values of row `i` that count.

@@ -1,6 +1,6 @@
 //! Where values are kept.
 
-use meissner_kernels::{FeatureMap, KernelError, Planes};
+use meissner_kernels::{FeatureMap, KernelError, Lanes, Matrix, Planes};
 
 use super::network::FrameShape;
 
@@ -9,7 +9,8 @@ use super::network::FrameShape;
 pub(super) enum Buffer {
     /// Another buffer has them, or a layer is at work on them.
     Away,
-    Vector(Vec<f32>),
+    /// One row.
+    Vector(Matrix),
     Map(FeatureMap),
     Planes(Planes),
 }
@@ -18,7 +19,7 @@ impl Buffer {
     /// Zeros.
     pub(super) fn zeros(shape: FrameShape, planar: bool) -> Result<Self, KernelError> {
         Ok(match shape {
-            FrameShape::Vector(values) => Self::Vector(vec![0.0; values]),
+            FrameShape::Vector(values) => Self::Vector(Matrix::zeros(1, values)),
             FrameShape::Image { channels, height, width } if planar => {
                 Self::Planes(Planes::zeros(channels, height, width))
             }
@@ -30,12 +31,20 @@ impl Buffer {
 
     pub(super) fn vector(&self) -> &[f32] {
         match self {
-            Self::Vector(values) => values,
+            Self::Vector(values) => values.slice(0),
             _ => unreachable!("shapes were checked: a vector is kept as one"),
         }
     }
 
-    pub(super) fn vector_mut(&mut self) -> &mut [f32] {
+    /// The values of a vector in lanes.
+    pub(super) fn lanes(&self) -> &[Lanes] {
+        match self {
+            Self::Vector(values) => values.lanes(),
+            _ => unreachable!("shapes were checked: a vector is kept as one"),
+        }
+    }
+
+    pub(super) fn vector_mut(&mut self) -> &mut Matrix {
         match self {
             Self::Vector(values) => values,
             _ => unreachable!("shapes were checked: a vector is kept as one"),
@@ -74,7 +83,7 @@ impl Buffer {
     pub(super) fn has_nan(&self) -> bool {
         match self {
             Self::Away => false,
-            Self::Vector(values) => values.iter().any(|v| v.is_nan()),
+            Self::Vector(values) => values.slice(0).iter().any(|v| v.is_nan()),
             Self::Map(map) => (0..map.height())
                 .any(|y| (0..map.width()).any(|x| map.pixel(y, x).iter().any(|v| v.is_nan()))),
             Self::Planes(planes) => planes.values().any(f32::is_nan),
@@ -85,7 +94,7 @@ impl Buffer {
     pub(super) fn flatten(&self, first: usize, channels: usize, out: &mut [f32]) {
         match self {
             Self::Away => unreachable!("a value that is read is there"),
-            Self::Vector(values) => out.copy_from_slice(values),
+            Self::Vector(values) => out.copy_from_slice(values.slice(0)),
             Self::Map(map) => {
                 let (height, width) = (map.height(), map.width());
                 for y in 0..height {
@@ -105,10 +114,29 @@ impl Buffer {
         }
     }
 
+    /// Takes all values, (channels, height, width), of a frame.
+    pub(super) fn fill_from(&mut self, frame: &[f32]) {
+        match self {
+            Self::Away => unreachable!("no layer is at work between frames"),
+            Self::Vector(values) => values.slice_mut(0).copy_from_slice(frame),
+            Self::Planes(planes) => planes.set(frame),
+            Self::Map(map) => {
+                let (height, width, channels) = (map.height(), map.width(), map.channels());
+                for y in 0..height {
+                    for (x, pixel) in map.row_mut(y).chunks_exact_mut(channels).enumerate() {
+                        for (c, value) in pixel.iter_mut().enumerate() {
+                            *value = frame[(c * height + y) * width + x];
+                        }
+                    }
+                }
+            }
+        }
+    }
+
     pub(super) fn bytes(&self) -> usize {
         match self {
             Self::Away => 0,
-            Self::Vector(values) => size_of_val(&**values),
+            Self::Vector(values) => values.bytes(),
             Self::Map(map) => map.bytes(),
             Self::Planes(planes) => planes.bytes(),
         }

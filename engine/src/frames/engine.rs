@@ -96,7 +96,9 @@ impl FrameEngine {
                 (format!("{expected} ({})", self.network.input()), frame.len().to_string());
             return Err(EngineError::Option { what: "values of a frame", expected, found });
         }
-        if let Some(at) = frame.iter().position(|v| !v.is_finite()) {
+        // Without a branch, so that it takes vectors.
+        let finite = frame.iter().fold(true, |finite, v| finite & v.is_finite());
+        if let Some(at) = (!finite).then(|| frame.iter().position(|v| !v.is_finite())).flatten() {
             let (expected, found) = ("finite values".to_owned(), format!("{} as value {at}", frame[at]));
             return Err(EngineError::Option { what: "frame", expected, found });
         }

@@ -1,7 +1,7 @@
 //! One layer at work: what it reads, what it remembers, what it writes.
 
 use meissner_kernels::{
-    ConvScratch, FeatureMap, LANES, Lanes, LstmState, Occupancy, PlanarConvLstmState, Planes, Region,
+    ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes, Region,
     SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows, max_pool_2x2,
     planar_average_pool, planar_max_pool,
 };
@@ -79,32 +79,14 @@ impl Memory {
 }
 
 /// Room that all layers share.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     conv: ConvScratch,
     squeeze: SqueezeScratch,
     patch: PatchScratch,
     dirty: Changes,
     tiles: Changes,
-    input: Vec<Lanes>,
-    output: Vec<Lanes>,
     values: Vec<f32>,
-}
-
-impl Scratch {
-    /// For values of at most `largest` f32.
-    pub(super) fn new(largest: usize) -> Self {
-        Self {
-            conv: ConvScratch::default(),
-            squeeze: SqueezeScratch::default(),
-            patch: PatchScratch::default(),
-            dirty: Changes::default(),
-            tiles: Changes::default(),
-            input: Vec::with_capacity(Lanes::count(largest)),
-            output: Vec::with_capacity(Lanes::count(largest)),
-            values: Vec::new(),
-        }
-    }
 }
 
 /// A layer about to run.
@@ -295,8 +277,7 @@ impl Run<'_> {
             occupancy.update(x);
             &*occupancy
         });
-        lstm.step(self.options.isa, Some(x), occupied, state);
-        out.clone_from(state.hidden());
+        lstm.step(self.options.isa, Some(x), occupied, state, out);
         changed.set_all();
         let all = (height * width) as u64;
         let empty = occupied.map_or(0, |o| all.saturating_sub((o.occupied() * TILE) as u64));
@@ -306,39 +287,31 @@ impl Run<'_> {
     }
 
     /// A layer that writes a vector.
-    fn vector(self, out: &mut [f32]) -> bool {
+    fn vector(self, out: &mut Matrix) -> bool {
         self.counters.computed += 1;
         let Self { unit, options, input, from, memory, scratch, .. } = self;
         match (&unit.kernel, memory) {
             (Kernel::Lstm(lstm), Memory::Lstm(state)) => {
                 lstm.step(options.isa, input.vector(), state);
-                out.copy_from_slice(state.hidden());
+                out.slice_mut(0).copy_from_slice(state.hidden());
             }
             (Kernel::Delay(frames), Memory::Delay(vectors)) => {
                 let now = input.vector();
                 vectors.copy_within(now.len().., 0);
                 let last = vectors.len() - now.len();
                 vectors[last..].copy_from_slice(now);
-                for (value, series) in out.chunks_exact_mut(*frames).enumerate() {
+                for (value, series) in out.slice_mut(0).chunks_exact_mut(*frames).enumerate() {
                     for (frame, to) in series.iter_mut().enumerate() {
                         *to = vectors[frame * now.len() + value];
                     }
                 }
             }
-            (Kernel::Dense(dense), _) => {
-                let Scratch { input: packed, output, .. } = scratch;
-                pack(input.vector(), packed);
-                output.clear();
-                output.resize(Lanes::count(out.len()), Lanes::ZERO);
-                dense.run(options.isa, packed, output);
-                for (to, lanes) in out.chunks_mut(LANES).zip(output) {
-                    to.copy_from_slice(&lanes.0[..to.len()]);
-                }
-            }
+            (Kernel::Dense(dense), _) => dense.run(options.isa, input.lanes(), out.row_mut(0)),
             (kernel, _) => {
                 let FrameShape::Image { channels, height, width } = from.shape else {
                     unreachable!("{FITS}")
                 };
+                let out = out.slice_mut(0);
                 match kernel {
                     Kernel::Flatten => input.flatten(from.first, channels, out),
                     Kernel::GlobalAverage => {
@@ -365,12 +338,3 @@ impl Run<'_> {
 const TILE: usize = 2 * LANES;
 /// Pixels from which on two threads share a map.
 const LARGE: usize = 4096;
-
-fn pack(values: &[f32], out: &mut Vec<Lanes>) {
-    out.clear();
-    out.extend(values.chunks(LANES).map(|values| {
-        let mut lanes = Lanes::ZERO;
-        lanes.0[..values.len()].copy_from_slice(values);
-        lanes
-    }));
-}

@@ -95,13 +95,12 @@ impl State {
             pixels.set_all();
             Pending { pixels, any: true }
         });
-        let largest = network.values.iter().map(|value| value.shape.values()).max().unwrap_or(0);
         Ok(Self {
             memories: network.units.iter().map(|unit| Memory::new(unit, network)).collect(),
             pending: pending.collect(),
             buffers,
             background: None,
-            scratch: Scratch::new(largest),
+            scratch: Scratch::default(),
             changed: Changes::default(),
             tiles: Changes::default(),
             prediction: vec![0.0; network.output().values()],
@@ -116,7 +115,13 @@ impl State {
     /// Takes a frame that fits.
     pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
         self.changed.become_none(sides(network.values[0].shape));
-        let any = store(&mut self.buffers[0], frame, &mut self.changed);
+        let any = if options.skip == Skip::Nothing {
+            self.changed.set_all();
+            self.buffers[0].fill_from(frame);
+            true
+        } else {
+            store(&mut self.buffers[0], frame, &mut self.changed)
+        };
         if let Some(Background { reached, .. }) = &mut self.background
             && let Some(Some(reached)) = reached.first_mut()
         {
@@ -304,6 +309,7 @@ fn store(buffer: &mut Buffer, frame: &[f32], changed: &mut Changes) -> bool {
     match buffer {
         Buffer::Away => unreachable!("no layer is at work between frames"),
         Buffer::Vector(values) => {
+            let values = values.slice_mut(0);
             any = values.iter().zip(frame).any(|(a, b)| a.to_bits() != b.to_bits());
             values.copy_from_slice(frame);
         }
@@ -372,7 +378,7 @@ fn mark_nonzero(buffer: &Buffer, marked: &mut Changes) {
 fn clear(buffer: &mut Buffer) {
     match buffer {
         Buffer::Away => {}
-        Buffer::Vector(values) => values.fill(0.0),
+        Buffer::Vector(values) => values.slice_mut(0).fill(0.0),
         Buffer::Map(map) => map.clear(),
         Buffer::Planes(planes) => planes.clear(),
     }

@@ -18,10 +18,9 @@ pub struct PlanarConvLstm {
     squash: Squash,
 }
 
-/// What a convolutional LSTM cell remembers, and room for a row.
+/// What a convolutional LSTM cell remembers beside what it shows, and room for a row.
 #[derive(Clone, Debug)]
 pub struct PlanarConvLstmState {
-    hidden: Planes,
     cell: Planes,
     /// A row of every gate, then of what h becomes.
     row: Vec<Wide>,
@@ -44,39 +43,34 @@ impl PlanarConvLstm {
         Ok(Self { gates, hidden, squash })
     }
 
-    /// The state before the first step: zeros.
+    /// The state before the first step: zeros. What the cell shows, h, is the caller's: zeros too.
     pub fn state(&self, height: usize, width: usize) -> PlanarConvLstmState {
-        let image = Planes::zeros(self.hidden, height, width);
-        let row = vec![Wide::ZERO; 5 * self.hidden * image.tiles()];
-        PlanarConvLstmState { hidden: image.clone(), cell: image, row }
+        let cell = Planes::zeros(self.hidden, height, width);
+        let row = vec![Wide::ZERO; 5 * self.hidden * cell.tiles()];
+        PlanarConvLstmState { cell, row }
     }
 
-    /// One step: reads `x`, replaces `state`. Where `occupied` says that `x` is empty, or where `x` is `None`, which
+    /// One step: reads `x`, replaces `state` and `hidden`. Where `occupied` says that `x` is empty, or where `x` is `None`, which
     /// means an image of zeros, it costs less and gives the same bits. O(height x width x 9 x (inputs + hidden) x 4
     /// hidden).
     ///
     /// # Panics
-    /// If `x` or `state` does not have this cell's sizes.
+    /// If `x`, `state` or `hidden` does not have this cell's sizes.
     pub fn step(
         &self,
         isa: Isa,
         x: Option<&Planes>,
         occupied: Option<&Occupancy>,
         state: &mut PlanarConvLstmState,
+        hidden: &mut Planes,
     ) {
-        let (height, width) = (state.hidden.height(), state.hidden.width());
-        self.gates.check([x, Some(&state.hidden)], occupied, height, width);
-        assert_eq!(state.hidden.channels(), self.hidden, "the state must have the cell's channels");
-        isa.run(Step { lstm: self, x, occupied, state });
+        self.gates.check([x, Some(hidden)], occupied, state.cell.height(), state.cell.width());
+        assert_eq!(state.cell.channels(), self.hidden, "the state must have the cell's channels");
+        isa.run(Step { lstm: self, x, occupied, state, hidden });
     }
 }
 
 impl PlanarConvLstmState {
-    /// What the cell shows, h.
-    pub fn hidden(&self) -> &Planes {
-        &self.hidden
-    }
-
     /// What the cell keeps, c.
     pub fn cell(&self) -> &Planes {
         &self.cell
@@ -84,13 +78,12 @@ impl PlanarConvLstmState {
 
     /// Back to zeros.
     pub fn reset(&mut self) {
-        self.hidden.clear();
         self.cell.clear();
     }
 
     /// Bytes of storage.
     pub fn bytes(&self) -> usize {
-        self.hidden.bytes() + self.cell.bytes() + size_of_val(&*self.row)
+        self.cell.bytes() + size_of_val(&*self.row)
     }
 }
 
@@ -99,6 +92,7 @@ struct Step<'a> {
     x: Option<&'a Planes>,
     occupied: Option<&'a Occupancy>,
     state: &'a mut PlanarConvLstmState,
+    hidden: &'a mut Planes,
 }
 
 impl Task for Step<'_> {
@@ -106,7 +100,7 @@ impl Task for Step<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { lstm, x, occupied, state: PlanarConvLstmState { hidden, cell, row } } = self;
+        let Self { lstm, x, occupied, state: PlanarConvLstmState { cell, row }, hidden } = self;
         let (height, width, tiles) = (hidden.height(), hidden.width(), hidden.tiles());
         let (gates, next) = row.split_at_mut(4 * lstm.hidden * tiles);
         let (gates, next) = (flat_wide_mut(gates), flat_wide_mut(next));
