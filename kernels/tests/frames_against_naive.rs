@@ -228,3 +228,32 @@ fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
             .unwrap();
     }
 }
+
+proptest! {
+    #[test]
+    fn a_second_map_of_zeros_may_be_left_out(
+        (parts, image) in (1usize..6, 1usize..6, 1usize..40).prop_flat_map(|(a, b, o)| (
+            (values(9 * (a + b) * o), values(o)).prop_map(move |(weight, bias)| ConvParts {
+                inputs: vec![a, b], outputs: o, weight, bias: Some(bias), ..ConvParts::default()
+            }),
+            (1usize..5, 1usize..20)
+                .prop_flat_map(move |(h, w)| (Just([h, w, a]), values(h * w * a))),
+        )),
+    ) {
+        let ([height, width, _], values) = (image.0, &image.1);
+        let x = FeatureMap::from_pixels(image.0, 1, values).unwrap();
+        let zeros = FeatureMap::zeros(height, width, parts.inputs[1], 1).unwrap();
+        let conv = Conv3x3::new(&parts).unwrap();
+        let region = Region::all(height, width);
+        for isa in Isa::available() {
+            let (mut with, mut without) = (
+                FeatureMap::zeros(height, width, parts.outputs, 0).unwrap(),
+                FeatureMap::zeros(height, width, parts.outputs, 0).unwrap(),
+            );
+            conv.run(isa, &[x.view(), zeros.view()], region, with.band()).unwrap();
+            conv.run(isa, &[x.view()], region, without.band()).unwrap();
+            let all = |map: &FeatureMap| bits(&naive::Image::of(map.view()).values);
+            prop_assert_eq!(all(&with), all(&without), "{}", isa.name());
+        }
+    }
+}

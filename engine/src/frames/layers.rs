@@ -32,6 +32,8 @@ pub(super) enum Memory {
 /// Cells of a [`ConvLstm`]; its hidden state is what it writes.
 #[derive(Clone, Debug)]
 pub(super) struct MapState {
+    /// Whether there has been no step yet: what the cell shows is zeros.
+    new: bool,
     cell: Vec<f32>,
     gates: FeatureMap,
 }
@@ -45,6 +47,7 @@ impl Memory {
                 Self::PlanarConvLstm(lstm.state(height, width), Occupancy::empty(height, width))
             }
             (Kernel::ConvLstm(lstm), FrameShape::Image { height, width, .. }) => Self::ConvLstm(MapState {
+                new: true,
                 cell: vec![0.0; height * width * lstm.hidden],
                 gates: FeatureMap::zeros(height, width, 4 * lstm.hidden, 0).expect(FITS),
             }),
@@ -62,7 +65,10 @@ impl Memory {
             Self::Nothing => {}
             Self::Lstm(state) => state.reset(),
             Self::PlanarConvLstm(state, _) => state.reset(),
-            Self::ConvLstm(state) => state.cell.fill(0.0),
+            Self::ConvLstm(state) => {
+                state.cell.fill(0.0);
+                state.new = true;
+            }
             Self::Delay(vectors) => vectors.fill(0.0),
         }
     }
@@ -248,11 +254,13 @@ impl Run<'_> {
 
     fn conv_lstm(self, lstm: &ConvLstm, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let [hidden, height, width] = self.size();
-        let Memory::ConvLstm(MapState { cell, gates }) = self.memory else { unreachable!("{FITS}") };
+        let Memory::ConvLstm(MapState { new, cell, gates }) = self.memory else { unreachable!("{FITS}") };
         let FrameShape::Image { channels, .. } = self.from.shape else { unreachable!("{FITS}") };
         let x = self.input.map().view().channels(self.from.first, channels).expect(FITS);
         let region = Region::all(height, width);
-        lstm.gates.run(self.options.isa, &[x, out.view()], region, gates.band()).expect(FITS);
+        let inputs = [x, out.view()];
+        let inputs = if std::mem::take(new) { &inputs[..1] } else { &inputs[..] };
+        lstm.gates.run(self.options.isa, inputs, region, gates.band()).expect(FITS);
         let row = width * hidden;
         for (y, cell) in cell.chunks_exact_mut(row).enumerate() {
             let peepholes = lstm

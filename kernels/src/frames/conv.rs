@@ -1,7 +1,8 @@
 //! Direct convolutions with stride 1: y(p, o) = relu(b(o) + sum of x(p + place, i) W(o, i, place)).
 //!
 //! One chain of sums from the bias: over the input maps in order, the kernel's rows, its columns, the map's channels, all
-//! ascending. Places beyond the map add their zeros like all others.
+//! ascending. Places beyond the map add their zeros like all others. At the end +0 is added, so that no output is -0: a map
+//! of zeros leaves no trace then, and need not be read.
 
 use super::layer::{Layer, Source};
 use super::region::Region;
@@ -73,14 +74,14 @@ pub(super) fn place(inputs: &[usize], places: usize, mut row: usize) -> (usize, 
     unreachable!("a row belongs to one of the maps")
 }
 
-/// Refuses maps that are not of the layer's number, size and channels.
+/// Refuses more maps than the layer reads, none, and maps of another size or with other channels.
 pub(super) fn check_inputs(
     channels: &[usize],
     inputs: &[View<'_>],
     [height, width]: [usize; 2],
     halo: usize,
 ) -> Result<(), KernelError> {
-    if inputs.len() != channels.len() {
+    if inputs.is_empty() || inputs.len() > channels.len() {
         return Err(KernelError::Length {
             tensor: "input maps",
             expected: channels.len(),
@@ -111,7 +112,8 @@ macro_rules! direct {
                 self.0.packed.rows * self.0.packed.outputs
             }
 
-            /// Computes the outputs of `region`, and leaves all others as they are. Input maps have the output's height and
+            /// Computes the outputs of `region`, and leaves all others as they are. A second input map that is left out is zero
+            /// everywhere. Input maps have the output's height and
             /// width and a halo of at least the kernel's padding.
             ///
             /// # Errors

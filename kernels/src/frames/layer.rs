@@ -121,6 +121,7 @@ impl<S: Simd, const B: usize> Tiles for Row<'_, S, B> {
         let zero = S::V16::splat(simd, 0.0);
         for (r, sums) in acc.into_iter().enumerate() {
             for (b, sum) in sums.into_iter().enumerate() {
+                let sum = sum.add(zero);
                 let y = if self.packed.relu { sum.max(zero) } else { sum };
                 let at = (first + r) * self.pixel + (self.block + b) * BLOCK;
                 store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);

@@ -56,6 +56,7 @@ fn bias(parts: &ConvParts, o: usize) -> f32 {
 }
 
 fn finish(parts: &ConvParts, y: f32) -> f32 {
+    let y = y + 0.0;
     if parts.relu && y < 0.0 { 0.0 } else { y }
 }
 

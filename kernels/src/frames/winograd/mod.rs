@@ -103,6 +103,10 @@ impl WinogradConv3x3 {
         let [height, width, _] = out.size();
         out.check([height, width, self.packed.outputs], region)?;
         region.check_tiles(self.tile.size(), height, width)?;
+        if inputs.len() != self.inputs.len() {
+            let (expected, found) = (self.inputs.len(), inputs.len());
+            return Err(KernelError::Length { tensor: "input maps", expected, found });
+        }
         check_inputs(&self.inputs, inputs, [height, width], 1)?;
         if region.is_empty() {
             return Ok(());

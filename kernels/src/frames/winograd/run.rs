@@ -188,6 +188,7 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
             let at = (y + r) * self.target.row + x * self.target.pixel + block * BLOCK;
             for (c, &sum) in row.iter().enumerate().take(columns) {
                 let sum = sum.add(bias);
+                let sum = sum.add(zero);
                 let sum = if self.packed.relu { sum.max(zero) } else { sum };
                 let to = &mut self.target.values[at + c * self.target.pixel..];
                 store_some(sum, &mut to[..self.packed.real(block)]);
