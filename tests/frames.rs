@@ -132,10 +132,10 @@ fn a_changed_pixel_computes_blocks_around_it_and_no_others() {
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
     let computed = |layer: usize| engine.counters().layers[layer].computed - before.layers[layer].computed;
-    // 3 x 3 pixels in blocks of 4 x 16: rows 29 to 31 and columns 39 to 41 are in one.
-    assert_eq!(computed(0), 64);
-    // Of the pooled map rows 14 and 15, columns 19 and 20; then these and their neighbours: rows 13 to 16, in two blocks.
+    // 3 x 3 pixels, which pool to 2 x 2, in one block of 4 x 16; the convolution runs with the pooling.
     assert_eq!(computed(1), 64);
+    assert_eq!(computed(0), 4 * 64);
+    // Of the pooled map rows 14 and 15, columns 19 and 20; then these and their neighbours: rows 13 to 16, in two blocks.
     assert_eq!(computed(2), 2 * 64);
 }
 
@@ -167,12 +167,13 @@ fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
     frame[20 * 128 + 70] = 1.0;
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
-    let first = engine.counters().layers[0];
-    assert_eq!((first.computed, first.absorbed), (2 * 64, 64 * 128 - 9));
+    // What it reaches pools to 2 x 2 pixels in one block.
+    let first = engine.counters().layers[1];
+    assert_eq!((first.computed, first.absorbed), (64, 32 * 64 - 4));
     engine.push(&vec![0.0; 64 * 128]).expect("a frame that fits");
     predict(&mut engine);
-    let second = engine.counters().layers[0];
-    assert_eq!((second.computed, second.absorbed), (first.computed, first.absorbed + 9));
+    let second = engine.counters().layers[1];
+    assert_eq!((second.computed, second.absorbed), (first.computed, first.absorbed + 4));
 }
 
 #[test]

@@ -38,6 +38,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ways.push(("direct, two threads", Convolution::Direct, true));
     }
     let (mut ms, mut error) = (BTreeMap::new(), BTreeMap::new());
+    if let Ok(only) = std::env::var("ONLY") {
+        ways.retain(|(way, ..)| *way == only);
+    }
     for (way, convolution, two_threads) in ways {
         let network = FrameNetwork::new(description.network_parts(&weights)?, convolution)?;
         let options = FrameOptions { skip: Skip::Nothing, two_threads, ..FrameOptions::default() };

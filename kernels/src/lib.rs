@@ -31,8 +31,9 @@ pub use dense::{Activation, Dense};
 pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
 pub use error::KernelError;
 pub use frames::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Region, SqueezeExcite, SqueezeScratch,
-    TransposedConv2x2, View, WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, PooledConv3x3, PooledScratch, Region,
+    SqueezeExcite, SqueezeScratch, TransposedConv2x2, View, WinogradConv3x3, WinogradTile, average_pool,
+    global_average, max_pool_2x2,
 };
 pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};

@@ -2,7 +2,8 @@
 
 use meissner_kernels::naive::frames::{self as naive, Image};
 use meissner_kernels::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Region,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, PooledConv3x3,
+    PooledScratch, Region,
 };
 use meissner_kernels::{TransposedConv2x2, View, WinogradConv3x3, WinogradTile};
 use meissner_kernels::{average_pool, global_average, max_pool_2x2};
@@ -230,6 +231,20 @@ fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
 }
 
 proptest! {
+    #[test]
+    fn a_pooled_convolution_is_the_same_bits_as_one_after_the_other((parts, images) in case(9, 30), at in fractions()) {
+        if images[0].height < 2 || images[0].width < 2 {
+            return Ok(());
+        }
+        let expected = naive::max_pool_2x2(&naive::conv(&parts, 3, &images));
+        let maps: Vec<_> = images.iter().map(|image| image.to_map(1).unwrap()).collect();
+        let views: Vec<_> = maps.iter().map(FeatureMap::view).collect();
+        let pooled = PooledConv3x3::new(Conv3x3::new(&parts).unwrap());
+        let mut scratch = PooledScratch::default();
+        let region = part(expected.height, expected.width, 1, at);
+        check(&expected, region, |isa, region, out| pooled.run(isa, &views, region, out, &mut scratch))?;
+    }
+
     #[test]
     fn a_second_map_of_zeros_may_be_left_out(
         (parts, image) in (1usize..6, 1usize..6, 1usize..40).prop_flat_map(|(a, b, o)| (

@@ -30,6 +30,11 @@ impl Changes {
         (self.height, self.width, self.words) = (height, width, words);
     }
 
+    /// Rows and columns.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.height, self.width]
+    }
+
     /// Bits of a row's word `i` that are pixels.
     fn mask(&self, i: usize) -> u64 {
         match self.width - i * WORD {

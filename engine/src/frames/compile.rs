@@ -1,8 +1,8 @@
 //! Checked parts of a frame network as what runs: shapes, kernels, and where each value is kept.
 
 use meissner_kernels::{
-    Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm, Squash,
-    SqueezeExcite, TransposedConv2x2, WinogradConv3x3, WinogradTile,
+    Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm,
+    PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3, WinogradTile,
 };
 
 use super::network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
@@ -56,6 +56,8 @@ pub(super) struct Unit {
     /// The second value that it reads.
     pub(super) with: Option<usize>,
     pub(super) kernel: Kernel,
+    /// Whether it computes the layer that it reads too.
+    pub(super) fused: bool,
     /// Whether it runs with every frame, and not only when a prediction is read.
     pub(super) eager: bool,
     /// Multiply-adds of all its outputs.
@@ -66,6 +68,8 @@ pub(super) struct Unit {
 #[derive(Clone, Debug)]
 pub(super) enum Kernel {
     Conv3(Box<Conv3x3>),
+    /// With the maximum over 2 x 2 pixels behind it; the layer itself only passes on what changed.
+    PooledConv(Box<PooledConv3x3>),
     Winograd(Box<WinogradConv3x3>),
     Conv1(Box<Conv1x1>),
     UpConv(Box<TransposedConv2x2>),
@@ -74,8 +78,9 @@ pub(super) enum Kernel {
     AveragePool(usize),
     GlobalAverage,
     Sum,
-    /// Both values lie in the buffer of their concatenation already.
-    Concat,
+    /// Passes on what changed: both values of a concatenation lie in its buffer already, and a convolution may run with the
+    /// pooling that is all that reads it.
+    PassOn,
     SqueezeExcite(Box<SqueezeExcite>),
     ConvLstm(Box<ConvLstm>),
     PlanarConvLstm(Box<PlanarConvLstm>),
@@ -120,7 +125,7 @@ impl FrameNetwork {
             shapes.push(shape);
         }
         let planar = is_planar(&layers, &shapes);
-        let (values, buffers) = places(&layers, &shapes)?;
+        let (mut values, buffers) = places(&layers, &shapes)?;
         let mut units = Vec::with_capacity(layers.len());
         for (i, layer) in layers.iter().enumerate() {
             let (kernel, each) = kernel(layer, &shapes, planar, convolution)?;
@@ -131,10 +136,12 @@ impl FrameNetwork {
                 from: layer.from,
                 with,
                 kernel,
+                fused: false,
                 eager: false,
                 multiply_adds,
             });
         }
+        fuse_poolings(&mut units, &mut values);
         mark_eager(&mut units);
         Ok(Self { name, units, values, buffers, planar })
     }
@@ -377,7 +384,7 @@ fn kernel(
         Kind::AveragePool { size } => (Kernel::AveragePool(*size), 0),
         Kind::GlobalAverage => (Kernel::GlobalAverage, 0),
         Kind::Sum => (Kernel::Sum, 0),
-        Kind::Concat { .. } => (Kernel::Concat, 0),
+        Kind::Concat { .. } => (Kernel::PassOn, 0),
         Kind::SqueezeExcite { reduced, down, up } => {
             let squeeze = SqueezeExcite::new(channels, *reduced, down, up).map_err(refused)?;
             (Kernel::SqueezeExcite(Box::new(squeeze)), channels as u64)
@@ -445,6 +452,29 @@ fn squash(layer: &FrameLayer, activation: meissner_kernels::Activation) -> Resul
         meissner_kernels::Activation::Tanh => Ok(Squash::Tanh),
         meissner_kernels::Activation::Sigmoid => Ok(Squash::Sigmoid),
         other => Err(misfit(&layer.name, "activation", "tanh or sigmoid", format!("{other:?}"))),
+    }
+}
+
+/// Joins a convolution with the maximum that alone reads it, so that the map between them need not be written.
+fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
+    for i in 1..units.len() {
+        let Some(conv) = units[i].from.checked_sub(1) else { continue };
+        let read_by = |unit: &Unit| unit.from == conv + 1 || unit.with == Some(conv + 1);
+        let alone = units.iter().filter(|unit| read_by(unit)).count() == 1;
+        let own = values[conv + 1].buffer == conv + 1;
+        if alone
+            && own
+            && matches!((&units[conv].kernel, &units[i].kernel), (Kernel::Conv3(_), Kernel::MaxPool))
+        {
+            let Kernel::Conv3(kernel) = std::mem::replace(&mut units[conv].kernel, Kernel::PassOn) else {
+                continue;
+            };
+            units[i].kernel = Kernel::PooledConv(Box::new(PooledConv3x3::new(*kernel)));
+            units[i].fused = true;
+            // What the pooling reads now.
+            let Value { buffer, first, .. } = values[units[conv].from];
+            values[conv + 1] = Value { buffer, first, ..values[conv + 1] };
+        }
     }
 }
 

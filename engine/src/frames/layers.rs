@@ -1,8 +1,8 @@
 //! One layer at work: what it reads, what it remembers, what it writes.
 
 use meissner_kernels::{
-    ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes, Region,
-    SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows, max_pool_2x2,
+    ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes, PooledScratch,
+    Region, SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows, max_pool_2x2,
     planar_average_pool, planar_max_pool,
 };
 
@@ -88,6 +88,8 @@ impl Memory {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     conv: ConvScratch,
+    /// One for each thread.
+    pooled: [PooledScratch; 2],
     squeeze: SqueezeScratch,
     patch: PatchScratch,
     dirty: Changes,
@@ -119,12 +121,13 @@ impl Run<'_> {
             | Kernel::Conv1(_)
             | Kernel::UpConv(_)
             | Kernel::PlanarConv(_)
+            | Kernel::PooledConv(_)
             | Kernel::MaxPool
             | Kernel::AveragePool(_) => match out {
                 Buffer::Planes(planes) => self.planes(planes, changed),
                 _ => self.map(out.map_mut(), changed),
             },
-            Kernel::Concat => {
+            Kernel::PassOn => {
                 changed.clone_from(&self.pending.pixels);
                 true
             }
@@ -153,8 +156,14 @@ impl Run<'_> {
     fn map(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let (tolerance, [channels, height, width]) = (self.tolerance(), self.size());
         let Self { unit, options, input, from, to, pending, background, scratch, counters, .. } = self;
-        let Scratch { conv: conv_scratch, patch: patch_scratch, dirty, tiles, .. } = scratch;
-        let FrameShape::Image { channels: read, .. } = from.shape else { unreachable!("{FITS}") };
+        let Scratch {
+            conv: conv_scratch, pooled: pooled_scratch, patch: patch_scratch, dirty, tiles, ..
+        } = scratch;
+        let read = match (&unit.kernel, from.shape) {
+            (Kernel::PooledConv(conv), _) => conv.reads(),
+            (_, FrameShape::Image { channels, .. }) => channels,
+            (_, FrameShape::Vector(_)) => unreachable!("{FITS}"),
+        };
         let view = input.map().view().channels(from.first, read).expect(FITS);
         let isa = options.isa;
         let compute = |pixels: &mut MapPixels<'_>, region: Region| {
@@ -163,16 +172,26 @@ impl Run<'_> {
             let halves = options.two_threads && region.height * region.width >= LARGE;
             match &unit.kernel {
                 Kernel::Conv3(conv) if halves => {
-                    let upper = Region { height: region.height / 2, ..region };
-                    let (y, height) = (region.y + upper.height, region.height - upper.height);
-                    let (above, below) = band.split_at_row(y).expect(FITS);
+                    let (upper, lower) = split(region);
+                    let (above, below) = band.split_at_row(lower.y).expect(FITS);
                     let (a, b) = rayon::join(
                         || conv.run(isa, &[view], upper, above),
-                        || conv.run(isa, &[view], Region { y, height, ..region }, below),
+                        || conv.run(isa, &[view], lower, below),
                     );
                     a.and(b)
                 }
                 Kernel::Conv3(conv) => conv.run(isa, &[view], region, band),
+                Kernel::PooledConv(conv) if halves => {
+                    let (upper, lower) = split(region);
+                    let (above, below) = band.split_at_row(lower.y).expect(FITS);
+                    let [first, second] = &mut *pooled_scratch;
+                    let (a, b) = rayon::join(
+                        || conv.run(isa, &[view], upper, above, first),
+                        || conv.run(isa, &[view], lower, below, second),
+                    );
+                    a.and(b)
+                }
+                Kernel::PooledConv(conv) => conv.run(isa, &[view], region, band, &mut pooled_scratch[0]),
                 Kernel::Winograd(conv) => conv.run(isa, &[view], region, band, conv_scratch),
                 Kernel::Conv1(conv) => conv.run(isa, &[view], region, band),
                 Kernel::UpConv(conv) => {
@@ -346,3 +365,9 @@ impl Run<'_> {
 const TILE: usize = 2 * LANES;
 /// Pixels from which on two threads share a map.
 const LARGE: usize = 4096;
+
+/// The upper and the lower half.
+fn split(region: Region) -> (Region, Region) {
+    let upper = Region { height: region.height / 2, ..region };
+    (upper, Region { y: region.y + upper.height, height: region.height - upper.height, ..region })
+}

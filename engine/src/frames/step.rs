@@ -170,8 +170,8 @@ impl State {
             return;
         }
         // The buffer that is written leaves its place, so that all others can be read.
-        let concatenates = matches!(unit.kernel, Kernel::Concat);
-        let mut out = if concatenates {
+        let passes_on = matches!(unit.kernel, Kernel::PassOn);
+        let mut out = if passes_on {
             Buffer::Away
         } else {
             std::mem::replace(&mut self.buffers[value.buffer], Buffer::Away)
@@ -202,7 +202,13 @@ impl State {
         };
         self.changed.become_none(sides(value.shape));
         let any = run.run(&mut out, &mut self.changed);
-        if !concatenates {
+        if unit.fused {
+            // Four pixels of the layer below for each of this one.
+            let FrameLayerCounters { computed, skipped, absorbed } = self.counters.layers[i];
+            self.counters.layers[unit.from - 1] =
+                FrameLayerCounters { computed: 4 * computed, skipped: 4 * skipped, absorbed: 4 * absorbed };
+        }
+        if !passes_on {
             self.buffers[value.buffer] = out;
         }
         if let (Some(reached), Some(background)) = (reached, &mut self.background) {
@@ -296,7 +302,12 @@ pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch:
         Kernel::MaxPool => to.shrunk_from(from, 2),
         Kernel::AveragePool(size) => to.shrunk_from(from, *size),
         Kernel::UpConv(_) => to.doubled_from(from),
-        Kernel::Conv1(_) | Kernel::Concat => to.clone_from(from),
+        Kernel::PooledConv(_) => {
+            scratch.become_none(from.size());
+            scratch.spread_of(from);
+            to.shrunk_from(scratch, 2);
+        }
+        Kernel::Conv1(_) | Kernel::PassOn => to.clone_from(from),
         // A mean over everything couples every pixel.
         _ if from.is_empty() => to.clear(),
         _ => to.set_all(),

@@ -132,5 +132,16 @@ macro_rules! direct {
     };
 }
 
+impl Conv3x3 {
+    /// Channels of the input maps.
+    pub(super) fn inputs(&self) -> &[usize] {
+        &self.0.inputs
+    }
+
+    pub(super) fn packed(&self) -> &Packed {
+        &self.0.packed
+    }
+}
+
 direct!(Conv3x3, 3);
 direct!(Conv1x1, 1);

@@ -1,0 +1,118 @@
+//! A 3 x 3 convolution whose outputs meet only in a maximum over 2 x 2 pixels: the bits of the one after the other, without
+//! the map between them. That map would be four times as large as what is kept, and memory is what such layers wait for.
+
+use super::conv::{Conv3x3, check_inputs};
+use super::layer::{Layer, Source};
+use super::region::Region;
+use super::tiles::store_some;
+use super::view::{Band, Target, View};
+use crate::error::KernelError;
+use crate::isa::{Isa, Simd, Task, Vector, flat_wide_mut};
+use crate::lanes::{LANES, Wide};
+
+/// Values of the strip of outputs that is at hand: it should stay in the second-level cache.
+const STRIP: usize = 1 << 16;
+
+/// The two layers as one.
+#[derive(Clone, Debug)]
+pub struct PooledConv3x3 {
+    conv: Conv3x3,
+}
+
+/// Room for a strip of outputs before they are pooled; grows to what the largest layer needs.
+#[derive(Clone, Debug, Default)]
+pub struct PooledScratch {
+    strip: Vec<Wide>,
+}
+
+impl PooledConv3x3 {
+    /// `conv`, then the maximum.
+    pub fn new(conv: Conv3x3) -> Self {
+        Self { conv }
+    }
+
+    /// Output channels.
+    pub fn outputs(&self) -> usize {
+        self.conv.outputs()
+    }
+
+    /// Channels of the input maps together.
+    pub fn reads(&self) -> usize {
+        self.conv.inputs().iter().sum()
+    }
+
+    /// Computes the pooled outputs of `region`, and leaves all others as they are. Input maps have a halo of at least 1 and
+    /// twice the output's height and width, or one more.
+    ///
+    /// # Errors
+    /// As [`Conv3x3::run`].
+    pub fn run(
+        &self,
+        isa: Isa,
+        inputs: &[View<'_>],
+        region: Region,
+        mut out: Band<'_>,
+        scratch: &mut PooledScratch,
+    ) -> Result<(), KernelError> {
+        let [height, width] = inputs.first().map_or([0; 2], |view| [view.shape.height, view.shape.width]);
+        let outputs = self.outputs();
+        out.check([height / 2, width / 2, outputs], region)?;
+        check_inputs(self.conv.inputs(), inputs, [height, width], 1)?;
+        if region.is_empty() {
+            return Ok(());
+        }
+        let row = 2 * region.width * outputs;
+        let most = (STRIP / (2 * row)).clamp(1, region.height);
+        // A vector more, so that whole ones may be read to the end.
+        scratch.strip.resize(scratch.strip.len().max((2 * most * row).div_ceil(2 * LANES) + 1), Wide::ZERO);
+        let mut y = region.y;
+        while y < region.y + region.height {
+            let rows = most.min(region.y + region.height - y);
+            let sources = std::array::from_fn(|m| {
+                let view = inputs.get(m)?;
+                let margin = view.shape.halo - 1;
+                Some(Source::new(*view, 3, 2 * y + margin, 2 * region.x + margin))
+            });
+            let strip = flat_wide_mut(&mut scratch.strip);
+            let target = Target { values: &mut *strip, row, pixel: outputs };
+            let packed = self.conv.packed();
+            isa.run(Layer { packed, sources, rows: 2 * rows, columns: 2 * region.width, target });
+            let to = out.target(y, region.x);
+            isa.run(Pool { strip, outputs, rows, columns: region.width, to });
+            y += rows;
+        }
+        Ok(())
+    }
+}
+
+/// Maximum of a strip of (2 rows, 2 columns, outputs), in the order of [`max_pool_2x2`](super::max_pool_2x2).
+struct Pool<'a> {
+    strip: &'a [f32],
+    outputs: usize,
+    rows: usize,
+    columns: usize,
+    to: Target<'a>,
+}
+
+impl Task for Pool<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { strip, outputs, rows, columns, to } = self;
+        let row = 2 * columns * outputs;
+        for y in 0..rows {
+            for x in 0..columns {
+                let first = 2 * y * row + 2 * x * outputs;
+                let to = &mut to.values[y * to.row + x * to.pixel..];
+                for c in (0..outputs).step_by(2 * LANES) {
+                    let at = first + c;
+                    let load = |at: usize| S::V16::load_slice(simd, &strip[at..]);
+                    let above = load(at).max(load(at + outputs));
+                    let all = above.max(load(at + row)).max(load(at + row + outputs));
+                    store_some(all, &mut to[c..outputs.min(c + 2 * LANES)]);
+                }
+            }
+        }
+    }
+}
