@@ -132,11 +132,11 @@ fn a_changed_pixel_computes_blocks_around_it_and_no_others() {
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
     let computed = |layer: usize| engine.counters().layers[layer].computed - before.layers[layer].computed;
-    // 3 x 3 pixels, which pool to 2 x 2, in one block of 4 x 16; the convolution runs with the pooling.
-    assert_eq!(computed(1), 64);
-    assert_eq!(computed(0), 4 * 64);
-    // Of the pooled map rows 14 and 15, columns 19 and 20; then these and their neighbours: rows 13 to 16, in two blocks.
-    assert_eq!(computed(2), 2 * 64);
+    // 3 x 3 pixels, which pool to rows 14 and 15, columns 19 and 20: two blocks of 2 x 2. The convolution runs with the pooling.
+    assert_eq!(computed(1), 8);
+    assert_eq!(computed(0), 4 * 8);
+    // These and their neighbours: rows 13 to 16 and columns 18 to 21 are in 3 x 2 blocks.
+    assert_eq!(computed(2), 24);
 }
 
 #[test]
@@ -167,9 +167,9 @@ fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
     frame[20 * 128 + 70] = 1.0;
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
-    // What it reaches pools to 2 x 2 pixels in one block.
+    // What it reaches pools to rows 9 and 10 of two columns: two blocks.
     let first = engine.counters().layers[1];
-    assert_eq!((first.computed, first.absorbed), (64, 32 * 64 - 4));
+    assert_eq!((first.computed, first.absorbed), (8, 32 * 64 - 4));
     engine.push(&vec![0.0; 64 * 128]).expect("a frame that fits");
     predict(&mut engine);
     let second = engine.counters().layers[1];

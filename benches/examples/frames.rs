@@ -1,16 +1,24 @@
 //! Times a frame network on given weights and an input, for `benches/peers/frames.py`.
 //!
-//!     cargo run --release -p meissner-benches --example frames -- NETWORK FILE [--runs N]
+//!     cargo run --release -p meissner-benches --example frames -- NETWORK FILE [--runs N] [--recording FILE]...
 //!
 //! FILE holds the network's weights, an input x and the answer y. The answer is compared before anything is timed, to 1e-4
 //! of its largest magnitude. Prints one JSON object: the instruction set, and by way of computing the median milliseconds
 //! of the whole input with nothing skipped, and the largest error relative to the largest magnitude.
+//!
+//! An image network is also timed with exact skipping, on a sequence in which a tenth of the image changes, a rectangle that
+//! moves. With --recording it is timed on the signed frames of a recording instead, 150 ms long and 10 ms apart, those
+//! in which something changes: milliseconds a frame, everything included, and the predictions compared in bits.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use meissner_benches::random::Random;
+use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
+use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::{FrameDescription, Weights};
 
@@ -18,35 +26,84 @@ const LARGEST_ERROR: f32 = 1e-4;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [name, file, rest @ ..] = &arguments[..] else {
-        return Err("usage: frames NETWORK FILE [--runs N]".into());
-    };
-    let runs = match rest {
-        [flag, runs] if flag == "--runs" => runs.parse::<usize>()?.max(1),
-        _ => 15,
-    };
+    let usage = "usage: frames NETWORK FILE [--runs N] [--recording FILE]...";
+    let [name, file, rest @ ..] = &arguments[..] else { return Err(usage.into()) };
+    let (mut runs, mut recordings) = (15, Vec::new());
+    for pair in rest.chunks(2) {
+        match pair {
+            [flag, n] if flag == "--runs" => runs = n.parse::<usize>()?.max(1),
+            [flag, path] if flag == "--recording" => recordings.push(path),
+            _ => return Err(usage.into()),
+        }
+    }
     let description = FrameDescription::shipped(name).ok_or("no shipped frame network of that name")?;
     let weights = Weights::load(file)?;
-    let values = |tensor| weights.get(tensor).and_then(|t| t.values()).ok_or("the file holds no x and y");
-    let (x, y) = (values("x")?, values("y")?);
-    let steps = x.len() / description.input().values();
-    let images = matches!(description.input(), FrameShape::Image { .. });
-    let mut ways = vec![("direct", Convolution::Direct, false)];
-    if images && steps == 1 {
-        ways.push(("winograd 2x2", Convolution::Winograd(WinogradTile::Two), false));
-        ways.push(("winograd 4x4", Convolution::Winograd(WinogradTile::Four), false));
-        ways.push(("direct, two threads", Convolution::Direct, true));
-    }
+    let case = Case::new(&description, &weights)?;
     let (mut ms, mut error) = (BTreeMap::new(), BTreeMap::new());
-    if let Ok(only) = std::env::var("ONLY") {
-        ways.retain(|(way, ..)| *way == only);
+    if recordings.is_empty() {
+        let mut ways = vec![("direct", Convolution::Direct, false)];
+        let one_image = case.steps == 1 && matches!(description.input(), FrameShape::Image { .. });
+        if one_image {
+            ways.push(("winograd 2x2", Convolution::Winograd(WinogradTile::Two), false));
+            ways.push(("winograd 4x4", Convolution::Winograd(WinogradTile::Four), false));
+            ways.push(("direct, two threads", Convolution::Direct, true));
+        }
+        for (way, convolution, two_threads) in ways {
+            let options = FrameOptions { skip: Skip::Nothing, two_threads, ..FrameOptions::default() };
+            let (median, worst) = case.whole(case.engine(convolution, options)?, runs)?;
+            ms.insert(way.to_owned(), median);
+            error.insert(way.to_owned(), worst);
+        }
+        if one_image {
+            let frames = moving_rectangle(case.x, description.input(), runs + 1);
+            let skipping = case.sequence(&frames, FrameOptions::default())?;
+            ms.insert("direct, a tenth changes".to_owned(), skipping);
+        }
     }
-    for (way, convolution, two_threads) in ways {
-        let network = FrameNetwork::new(description.network_parts(&weights)?, convolution)?;
-        let options = FrameOptions { skip: Skip::Nothing, two_threads, ..FrameOptions::default() };
-        let mut engine = FrameEngine::new(Arc::new(network), options)?;
+    for path in recordings {
+        let frames = signed_frames(Path::new(path), description.input())?;
+        let options = FrameOptions { sparse: true, ..FrameOptions::default() };
+        let name = Path::new(path).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let name = name.unwrap_or_default();
+        ms.insert(format!("direct, {name}"), case.sequence(&frames, options)?);
+    }
+    println!("{}", serde_json::json!({ "isa": Isa::best().name(), "ms": ms, "error": error }));
+    Ok(())
+}
+
+/// A network with weights, an input and the answer.
+struct Case<'a> {
+    description: &'a FrameDescription,
+    weights: &'a Weights,
+    x: &'a [f32],
+    y: &'a [f32],
+    steps: usize,
+}
+
+impl<'a> Case<'a> {
+    fn new(
+        description: &'a FrameDescription,
+        weights: &'a Weights,
+    ) -> Result<Self, Box<dyn std::error::Error>> {
+        let values = |tensor| weights.get(tensor).and_then(|t| t.values()).ok_or("the file holds no x and y");
+        let (x, y) = (values("x")?, values("y")?);
+        Ok(Self { description, weights, x, y, steps: x.len() / description.input().values() })
+    }
+
+    fn engine(
+        &self,
+        convolution: Convolution,
+        options: FrameOptions,
+    ) -> Result<FrameEngine, Box<dyn std::error::Error>> {
+        let network = FrameNetwork::new(self.description.network_parts(self.weights)?, convolution)?;
+        Ok(FrameEngine::new(Arc::new(network), options)?)
+    }
+
+    /// Median milliseconds of the whole input, and the largest error.
+    fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f32), Box<dyn std::error::Error>> {
+        let Self { x, y, steps, .. } = *self;
         let mut answer = Vec::new();
-        let mut forward = |answer: &mut Vec<f32>| -> Result<(), Box<dyn std::error::Error>> {
+        let mut forward = |answer: &mut Vec<f32>| -> Result<(), EngineError> {
             answer.clear();
             engine.reset();
             for frame in x.chunks_exact(x.len() / steps) {
@@ -65,7 +122,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let largest = y.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let worst = answer.iter().zip(y).fold(0.0f32, |m, (a, b)| m.max((a - b).abs())) / largest;
         if answer.len() != y.len() || worst > LARGEST_ERROR {
-            return Err(format!("{name}, {way}: error {worst:e}, expected at most {LARGEST_ERROR:e}").into());
+            return Err(format!("error {worst:e}, expected at most {LARGEST_ERROR:e}").into());
         }
         let mut times = Vec::with_capacity(runs);
         for _ in 0..runs {
@@ -74,9 +131,90 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             times.push(start.elapsed().as_secs_f64() * 1e3);
         }
         times.sort_by(f64::total_cmp);
-        ms.insert(way, times[runs / 2]);
-        error.insert(way, worst);
+        Ok((times[runs / 2], worst))
     }
-    println!("{}", serde_json::json!({ "isa": Isa::best().name(), "ms": ms, "error": error }));
-    Ok(())
+
+    /// Mean milliseconds a frame after the first; every prediction has the bits of one with nothing skipped.
+    fn sequence(
+        &self,
+        frames: &[Vec<f32>],
+        options: FrameOptions,
+    ) -> Result<f64, Box<dyn std::error::Error>> {
+        let all = FrameOptions { skip: Skip::Nothing, sparse: false, ..options };
+        let mut whole = self.engine(Convolution::Direct, all)?;
+        let mut engine = self.engine(Convolution::Direct, options)?;
+        let mut seconds = 0.0;
+        for (n, frame) in frames.iter().enumerate() {
+            let start = Instant::now();
+            engine.push(frame)?;
+            let prediction = engine.predict()?.values;
+            if n > 0 {
+                seconds += start.elapsed().as_secs_f64();
+            }
+            // Every tenth: computing everything takes as long as ten frames.
+            if n % 10 == 0 {
+                whole.push(frame)?;
+                let expected = whole.predict()?.values;
+                if !prediction.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()) {
+                    return Err(format!("frame {n}: skipping changed the prediction").into());
+                }
+            }
+        }
+        Ok(seconds * 1e3 / (frames.len().max(2) - 1) as f64)
+    }
+}
+
+/// The image `x`, again and again with the values of a rectangle replaced, a tenth of it, each time elsewhere.
+fn moving_rectangle(x: &[f32], shape: FrameShape, count: usize) -> Vec<Vec<f32>> {
+    let FrameShape::Image { channels, height, width } = shape else { return Vec::new() };
+    let (rows, columns) = (height * 316 / 1000, width * 316 / 1000);
+    let mut random = Random::new(1);
+    let mut frame = x.to_vec();
+    (0..count)
+        .map(|n| {
+            let (y, x) = (n * 37 % (height - rows), n * 61 % (width - columns));
+            for c in 0..channels {
+                for row in y..y + rows {
+                    let values = random.values(columns, 1.0);
+                    frame[(c * height + row) * width + x..][..columns].copy_from_slice(&values);
+                }
+            }
+            frame.clone()
+        })
+        .collect()
+}
+
+/// Signed frames of 150 ms, 10 ms apart, that differ from the one before, in the upper left of `shape`; 400 at most.
+fn signed_frames(path: &Path, shape: FrameShape) -> Result<Vec<Vec<f32>>, Box<dyn std::error::Error>> {
+    let FrameShape::Image { channels: 1, height, width } = shape else {
+        return Err("one channel is needed".into());
+    };
+    let recording = meissner_io::read(path)?;
+    let sensor = recording.sensor.ok_or("the recording does not name its sensor")?;
+    let crop = Crop::whole(sensor);
+    let capacity = SlidingSigned::DEFAULT_CAPACITY;
+    let mut window = SlidingSigned::new(sensor, crop, SignedRule::Sum, 150_000, capacity)?;
+    let mut frames = Vec::new();
+    let mut due: Option<i64> = None;
+    for event in recording.events {
+        let end = *due.get_or_insert(event.t_us + 10_000);
+        if event.t_us >= end {
+            window.advance(end);
+            let mut frame = vec![0.0; height * width];
+            let values = window.frame().values;
+            for (to, from) in
+                frame.chunks_exact_mut(width).zip(values.chunks_exact(usize::from(sensor.width)))
+            {
+                let columns = from.len().min(width);
+                to[..columns].copy_from_slice(&from[..columns]);
+            }
+            frames.push(frame);
+            due = Some(end + (event.t_us - end) / 10_000 * 10_000 + 10_000);
+            if frames.len() == 400 {
+                break;
+            }
+        }
+        window.push(event);
+    }
+    Ok(frames)
 }

@@ -216,6 +216,8 @@ impl Run<'_> {
             dirty: (!all).then_some(&*dirty),
             background: background.filter(|_| !all).map(|(b, reached)| (b.map(), reached)),
             tolerance,
+            // Small, for a call costs little, and even, for a transposed convolution writes 2 x 2; whole tiles for Winograd.
+            block: if matches!(unit.kernel, Kernel::Winograd(_)) { [4, 8] } else { [2, 2] },
         };
         let mut pixels = MapPixels { map: out, first: to.first, channels };
         patch.apply(&mut pixels, patch_scratch, changed, counters, compute);
@@ -249,6 +251,7 @@ impl Run<'_> {
             dirty: (!all).then_some(&*dirty),
             background: background.filter(|_| !all).map(|(b, reached)| (b.planes(), reached)),
             tolerance,
+            block: [4, TILE],
         };
         patch.apply(out, patch_scratch, changed, counters, compute);
         if all && options.skip != Skip::Nothing {

@@ -8,12 +8,8 @@ use meissner_kernels::{FeatureMap, Planes, Region};
 use super::changes::Changes;
 use super::counters::FrameLayerCounters;
 
-/// Rows and columns of the blocks that are recomputed.
-const ROWS: usize = 4;
-const COLUMNS: usize = 16;
-
 /// How much less than everything is worth the trouble: above this share of a map, it is computed whole.
-const WHOLE: f64 = 0.5;
+const WHOLE: f64 = 0.75;
 
 /// A map that can be read and written by pixel.
 pub(super) trait Pixels {
@@ -132,6 +128,8 @@ pub(super) struct Patch<'a, W> {
     /// The values where nothing but zeros reaches, and the pixels that something else may reach.
     pub(super) background: Option<(&'a W, &'a Changes)>,
     pub(super) tolerance: Option<f32>,
+    /// Rows and columns of the blocks that are recomputed.
+    pub(super) block: [usize; 2],
 }
 
 /// Room for [`Patch::apply`].
@@ -174,19 +172,22 @@ impl<W> Patch<'_, W> {
             });
         }
         let count = todo.count();
-        counters.skipped += (all - dirty.count()) as u64;
+        let before = counters.computed;
+        let others = (all - (dirty.count() - count)) as u64;
         if count as f64 > WHOLE * all as f64 && self.tolerance.is_none() {
             compute(pixels, Region::all(height, width));
-            counters.computed += all as u64;
+            counters.computed += others;
             changed.include(todo);
             return;
         }
-        todo.for_each_region(ROWS, COLUMNS, |region| {
+        todo.for_each_region(self.block[0], self.block[1], |region| {
             old.clear();
             pixels.save(region, old);
             compute(pixels, region);
             counters.computed += (region.height * region.width) as u64;
             pixels.compare(region, old, self.tolerance, changed);
         });
+        // Blocks may hold absorbed pixels beside those that had to be computed.
+        counters.skipped += others.saturating_sub(counters.computed - before);
     }
 }
