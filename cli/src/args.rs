@@ -11,6 +11,7 @@ use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::Format;
 
 pub(crate) use crate::bench::BenchArgs;
+pub(crate) use crate::run::RunArgs;
 
 pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
                       or do not fit), 2 on bad usage. A reader that closes the pipe ends the program with status 0.";
@@ -39,44 +40,15 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
 }
 
-/// `meissner run`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
-pub(crate) struct RunArgs {
-    /// Events and network.
-    #[command(flatten)]
-    pub(crate) input: Input,
-    /// Recompute what an event changes, or every row at every prediction. The values are the same, bit for bit.
-    #[arg(long, value_enum, default_value_t = Mode::Incremental)]
-    pub(crate) mode: Mode,
-    /// When a prediction is read: after every accepted event, at the end, after every N accepted events, or every N
-    /// microseconds of stream time.
-    ///
-    /// Every N microseconds: at the first event's time + N, + 2N, and so on, as soon as an event later than that
-    /// arrives, and once more at the first such time at or after the last event. Each prediction is for the window at
-    /// its time, also in a gap between events. Once a gap has emptied the window, its remaining times are left out:
-    /// nothing can change before the next event.
-    #[arg(long, value_name = "event|end|N|Nus", default_value = "10000us")]
-    pub(crate) every: Every,
-    /// One JSON object a line: predictions, then a summary.
-    ///
-    /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
-    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
-    /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
-    ///
-    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
-    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
-    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
-    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// What `run` and `bench` work on.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Input {
     /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV, npy), or - for CSV lines (t_us,x,y,p) on standard input as
     /// they arrive. Without it: a small synthetic press and release that the program holds.
+    ///
+    /// For a network over electrodes: CSV with a column for each of the 24, or - for the same on standard input. For a
+    /// network over pictures: a PNG, JPEG, PPM or PGM file, a folder of them, or a list of paths, one a line.
+    #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
     /// Name of a shipped network, or a description file (.toml, which needs --weights).
     #[arg(long, value_name = "NAME|FILE.toml", default_value = crate::model::DEFAULT_NETWORK)]

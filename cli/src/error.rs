@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use meissner_engine::EngineError;
-use meissner_io::{Format, IoError};
+use meissner_engine::representations::RepresentationError;
+use meissner_io::{Format, ImageError, IoError};
+use meissner_models::systems::contact_area::ContactError;
 use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
@@ -47,6 +49,88 @@ pub(crate) enum CliError {
         "network {0}: expected a network over events, found a frame network: `meissner inspect` shows it"
     )]
     IsFrameNetwork(String),
+    /// An option that means nothing to the kind of network.
+    #[error("{option} is for {fits}: network {network} is {kind}")]
+    Misfit {
+        /// The option.
+        option: &'static str,
+        /// What it is for.
+        fits: String,
+        /// The network.
+        network: String,
+        /// What the network is.
+        kind: &'static str,
+    },
+    /// Predictions were asked for between two frames.
+    #[error(
+        "--every: expected `end` or a multiple of {period_us}us, since network {network} reads a frame every \
+         {period_us} us, found {found}"
+    )]
+    BetweenFrames {
+        /// The network.
+        network: String,
+        /// Length of a frame.
+        period_us: i64,
+        /// What was asked for.
+        found: String,
+    },
+    /// The network needs an input that the program does not hold.
+    #[error("network {network}: expected {expected} as INPUT, found {found}")]
+    NoInput {
+        /// The network.
+        network: String,
+        /// What it reads.
+        expected: &'static str,
+        /// What there is.
+        found: &'static str,
+    },
+    /// A picture of another size than the network's.
+    #[error(
+        "{}: expected {}x{} pixels, as network {network} reads them, found {}x{}",
+        path.display(), expected.0, expected.1, found.0, found.1
+    )]
+    PictureSize {
+        /// The file.
+        path: PathBuf,
+        /// The network.
+        network: String,
+        /// Width and height that it reads.
+        expected: (usize, usize),
+        /// Width and height of the picture.
+        found: (usize, usize),
+    },
+    /// A network over pictures that predicts no map of forces.
+    #[error("network {network}: expected a prediction of {expected}, a force for each pixel, found {found}")]
+    NoForceMap {
+        /// The network.
+        network: String,
+        /// The shape that fits.
+        expected: String,
+        /// The shape that it has.
+        found: String,
+    },
+    /// Overlays of two pictures would be one file, or an overlay the picture itself.
+    #[error("--overlay: {} would replace {other}; choose another folder or other names", path.display())]
+    OverlayTaken {
+        /// The overlay.
+        path: PathBuf,
+        /// What it would replace.
+        other: String,
+    },
+    /// Frames cannot be made of the input; the reason names both.
+    #[error("network {network}: {source}")]
+    Frames {
+        /// The network.
+        network: String,
+        /// Why.
+        source: RepresentationError,
+    },
+    /// An image cannot be read or written; the reason names it.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A setting of what stands around the network is refused.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
     /// A recording stands where a network should.
     #[error(
         "network {network}: expected a description file, found a recording ({format}): `meissner info` shows it"
@@ -76,6 +160,14 @@ pub(crate) enum CliError {
     /// The engine refuses, or found that a result is not a number.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// A file cannot be opened.
+    #[error("cannot open {}: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// A file cannot be written.
     #[error("{}: {source}", path.display())]
     Write {
@@ -112,7 +204,13 @@ impl CliError {
     /// 2 where other arguments would help, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::NoGeometry { .. } | Self::NoWeights(_) | Self::NotWritable(_) => ExitCode::from(2),
+            Self::NoGeometry { .. }
+            | Self::NoWeights(_)
+            | Self::NotWritable(_)
+            | Self::Misfit { .. }
+            | Self::BetweenFrames { .. }
+            | Self::NoInput { .. }
+            | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),
         }
     }

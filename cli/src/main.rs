@@ -5,6 +5,7 @@
 //! | `args` | what can be asked for on the command line |
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
+//! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
 //! | `bench/` | `meissner bench` |
 //! | `schedule` | when predictions are read |
@@ -20,6 +21,7 @@ mod args;
 mod bench;
 mod convert;
 mod error;
+mod frame_feed;
 mod header;
 mod info;
 mod inspect;

@@ -56,28 +56,36 @@ fn recording_format(path: &str) -> Option<Format> {
     (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
 }
 
+/// The weights that `args` ask for, and where they come from; `shipped` says whether the description is.
+pub(crate) fn weights(args: &Input, shipped: bool) -> Result<(Weights, String), CliError> {
+    if let Some(path) = &args.weights {
+        let label = path.display().to_string();
+        return match Weights::load(path) {
+            Ok(weights) => Ok((weights, label)),
+            Err(source) => Err(CliError::Weights { weights: label, source }),
+        };
+    }
+    match Weights::shipped(&args.network).filter(|_| shipped) {
+        Some(weights) => Ok((weights, "shipped with the network".to_owned())),
+        None => Err(CliError::NoWeights(args.network.clone())),
+    }
+}
+
+/// Where `weights` come from, with what they say about themselves.
+pub(crate) fn labelled(label: String, weights: &Weights) -> String {
+    let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
+    label + &about.unwrap_or_default()
+}
+
 impl Model {
     /// The network that `args` ask for.
     pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
         let (description, shipped) = describe(&args.network)?;
-        let (weights, label) = match &args.weights {
-            Some(path) => {
-                let label = path.display().to_string();
-                match Weights::load(path) {
-                    Ok(weights) => (weights, label),
-                    Err(source) => return Err(CliError::Weights { weights: label, source }),
-                }
-            }
-            None => match Weights::shipped(&args.network).filter(|_| shipped) {
-                Some(weights) => (weights, "shipped with the network".to_owned()),
-                None => return Err(CliError::NoWeights(args.network.clone())),
-            },
-        };
+        let (weights, label) = weights(args, shipped)?;
         let network = description
             .network(&weights)
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
         let (names, unit) = description.outputs();
-        let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
         // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
@@ -89,7 +97,7 @@ impl Model {
             multiply_adds,
             network: adapted(network, args)?,
             outputs: names.iter().map(|name| format!("{name} ({unit})")).collect(),
-            weights: label + &about.unwrap_or_default(),
+            weights: labelled(label, &weights),
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use meissner_engine::Counters;
+use meissner_engine::{Counters, EventCounters};
 use serde::Serialize;
 
 use crate::text::{Table, grouped};
@@ -109,5 +109,10 @@ impl Skips {
 
 /// Dropped events by reason.
 pub(crate) fn dropped(counters: &Counters) -> BTreeMap<&'static str, u64> {
-    counters.events.dropped().iter().map(|&(reason, count)| (reason.name(), count)).collect()
+    dropped_of(&counters.events)
+}
+
+/// The same of events alone.
+pub(crate) fn dropped_of(events: &EventCounters) -> BTreeMap<&'static str, u64> {
+    events.dropped().iter().map(|&(reason, count)| (reason.name(), count)).collect()
 }

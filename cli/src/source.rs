@@ -11,7 +11,7 @@ use crate::error::CliError;
 /// A synthetic press and release; see `cli/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/press_release_synthetic.evt3");
 const EMBEDDED_NAME: &str = "press_release_synthetic.evt3 (embedded; synthetic, not a real sensor)";
-const STDIN_NAME: &str = "standard input";
+pub(crate) const STDIN_NAME: &str = "standard input";
 
 /// A stream of events, and what is known about it.
 pub(crate) struct Source {

@@ -31,7 +31,7 @@ struct Last<'a> {
 
 /// f32 values with the digits of the equal f64: the shortest digits of an f32 do not survive every reader that goes
 /// through f64 (7.038531e-26 is one that does not), these do.
-struct Values<'a>(&'a [f32]);
+pub(super) struct Values<'a>(pub(super) &'a [f32]);
 
 impl Serialize for Values<'_> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -48,24 +48,34 @@ impl<W: Write> JsonLines<W> {
         serde_json::to_writer(&mut self.out, line)?;
         self.out.write_all(b"\n")
     }
+
+    /// The line of a prediction.
+    pub(super) fn prediction(&mut self, line: &impl Serialize) -> io::Result<()> {
+        self.line(line)?;
+        if self.live { self.out.flush() } else { Ok(()) }
+    }
+
+    /// The last line.
+    pub(super) fn last(&mut self, line: &impl Serialize) -> io::Result<()> {
+        self.line(line)?;
+        self.out.flush()
+    }
 }
 
 impl<W: Write> Report for JsonLines<W> {
     fn reading(&mut self, reading: &Reading<'_>) -> io::Result<()> {
         let prediction = &reading.prediction;
-        self.line(&Line {
+        self.prediction(&Line {
             t_us: prediction.t_us,
             value: Values(prediction.values),
             nodes: prediction.nodes,
             rows: prediction.rows,
             update_us: microseconds(reading.update),
-        })?;
-        if self.live { self.out.flush() } else { Ok(()) }
+        })
     }
 
     fn summary(&mut self, summary: &Summary) -> io::Result<()> {
-        self.line(&Last { summary })?;
-        self.out.flush()
+        self.last(&Last { summary })
     }
 }
 

@@ -1,9 +1,13 @@
-//! `meissner run`: events through a network, predictions and measurements out.
+//! `meissner run`: input through a network, predictions and measurements out. Frame networks are in [`frames`]; the rest
+//! is about networks over events.
 //!
 //! Events are pushed as fast as they come. Only pushes, moves of time and predictions are timed: neither reading nor
 //! writing.
 
+mod args;
+mod frames;
 mod json;
+mod lines;
 mod machine;
 mod report;
 mod summary;
@@ -14,24 +18,34 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{Event, Outcome};
+use meissner_models::AnyDescription;
 
-use crate::args::{Mode, RunArgs};
+use crate::args::{Every, Mode};
 use crate::error::CliError;
 use crate::header::header;
 use crate::latency::Latency;
-use crate::model::Model;
+use crate::model::{Model, describe_any};
 use crate::progress::Progress;
 use crate::schedule::{Last, Schedule};
 use crate::source::{self, Source};
+pub(crate) use args::RunArgs;
+use frames::Kind;
 use json::JsonLines;
 use machine::Machine;
 use report::{Reading, Report};
 use summary::Summary;
 use table::People;
 
+/// Predictions of networks over events, where nothing else is asked for.
+const EVERY: Every = Every::StreamUs(10_000);
+
 /// Runs what `args` ask for, to standard output.
 pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let input = &args.input;
+    if let (AnyDescription::Frames(description), shipped) = describe_any(&input.network)? {
+        return frames::run(args, description, shipped);
+    }
+    Kind::EventGraph.check(args)?;
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
@@ -54,7 +68,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         Box::new(People::new(out, &model.outputs, total, progress.clone())?)
     };
     let mut runner = Runner {
-        schedule: Schedule::new(args.every, sensor, input.late.into()),
+        schedule: Schedule::new(args.every.unwrap_or(EVERY), sensor, input.late.into()),
         machine,
         report: &mut *report,
         push: Latency::new(),

@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use super::lines::Lines;
 use super::report::{Reading, Report};
 use super::summary::Summary;
 use crate::latency::{Quantiles, microseconds};
@@ -9,20 +10,9 @@ use crate::progress::Progress;
 use crate::skips::Skips;
 use crate::text::{Table, grouped};
 
-/// About so many predictions of a file are shown; of a live stream, all are.
-const SHOWN: u64 = 40;
-
 /// Writes for people.
 pub(crate) struct People<W> {
-    out: W,
-    progress: Progress,
-    /// How many events there are to take, where that is known.
-    total: Option<u64>,
-    /// Which of [`SHOWN`] equal parts of the events the last line was in.
-    part: Option<u64>,
-    shown: u64,
-    /// The newest line, where it has not been shown.
-    held: Option<String>,
+    lines: Lines<W>,
 }
 
 impl<W: Write> People<W> {
@@ -39,43 +29,18 @@ impl<W: Write> People<W> {
         }
         writeln!(out, "  {:>8}  {:>9}  {:>11}", "nodes", "rows", "update (us)")?;
         out.flush()?;
-        Ok(Self { out, progress, total, part: None, shown: 0, held: None })
-    }
-
-    fn show(&mut self, line: &str) -> io::Result<()> {
-        self.shown += 1;
-        let out = &mut self.out;
-        self.progress.suspend(|| {
-            writeln!(out, "{line}")?;
-            out.flush()
-        })
+        Ok(Self { lines: Lines::new(out, total, progress) })
     }
 }
 
 impl<W: Write> Report for People<W> {
     fn reading(&mut self, reading: &Reading<'_>) -> io::Result<()> {
-        let part = self.total.map(|total| reading.taken.saturating_mul(SHOWN) / total.max(1));
-        let line = line(reading, self.total);
-        if part.is_some() && self.part == part {
-            self.held = Some(line);
-            return Ok(());
-        }
-        self.part = part;
-        self.held = None;
-        self.show(&line)
+        let line = line(reading, self.lines.total());
+        self.lines.line(reading.taken, line)
     }
 
     fn summary(&mut self, summary: &Summary) -> io::Result<()> {
-        // The last prediction is always shown.
-        if let Some(line) = self.held.take() {
-            self.show(&line)?;
-        }
-        self.progress.finish();
-        let out = &mut self.out;
-        if self.shown < summary.predictions {
-            let (shown, all) = (grouped(self.shown), grouped(summary.predictions));
-            writeln!(out, "({shown} of {all} predictions shown; --json shows every one)")?;
-        }
+        let out = self.lines.end(summary.predictions)?;
         counts(out, summary)?;
         latencies(out, summary)?;
         summary.skips.write(out)?;
@@ -116,18 +81,23 @@ fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
 }
 
 fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
+    quantiles(out, &[("push", summary.push_us), ("predict", summary.predict_us)])?;
+    if let Some(rate) = summary.events_per_s {
+        let rate = grouped(rate.round() as u64);
+        writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;
+    }
+    Ok(())
+}
+
+/// Writes a row for each of `latencies` that was measured.
+pub(super) fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantiles>)]) -> io::Result<()> {
     let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
-    for (name, quantiles) in [("push", summary.push_us), ("predict", summary.predict_us)] {
+    for &(name, quantiles) in latencies {
         if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {
             let cells = [p50, p90, p99, p999, max].map(|us| format!("{us:.2}"));
             table.row(std::iter::once(name.to_owned()).chain(cells));
         }
     }
     writeln!(out)?;
-    table.write(out)?;
-    if let Some(rate) = summary.events_per_s {
-        let rate = grouped(rate.round() as u64);
-        writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;
-    }
-    Ok(())
+    table.write(out)
 }

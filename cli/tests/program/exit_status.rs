@@ -4,7 +4,7 @@ use std::process::Output;
 
 use crate::support::{argument, default_recording, file, meissner, meissner_reading, message};
 
-fn fails(output: &Output, status: i32, expected: &[&str]) {
+pub(crate) fn fails(output: &Output, status: i32, expected: &[&str]) {
     let message = message(output);
     assert_eq!(output.status.code(), Some(status), "{message}");
     assert!(output.stdout.is_empty(), "nothing is printed as if it were a result");
@@ -101,13 +101,7 @@ fn a_bad_line_on_standard_input_is_bad_input_and_is_named() {
 #[test]
 fn networks_and_weights_that_cannot_be_had_or_do_not_fit_are_bad_input() {
     fails(&meissner(&["run", "--network", "graphless"]), 1, &["graphless", "tactigraph-past"]);
-    for command in ["run", "bench"] {
-        fails(
-            &meissner(&[command, "--network", "canf"]),
-            1,
-            &["canf", "a frame network", "`meissner inspect`"],
-        );
-    }
+    fails(&meissner(&["bench", "--network", "canf"]), 1, &["canf", "a frame network", "`meissner inspect`"]);
     fails(&meissner(&["inspect", "graphless"]), 1, &["graphless"]);
     fails(&meissner(&["run", "--weights", "no/such.safetensors"]), 1, &["no/such.safetensors"]);
     let (_folder, path) = file("own.toml", OWN_NETWORK.replace("spline", "spiral"));

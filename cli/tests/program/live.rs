@@ -34,6 +34,36 @@ fn a_prediction_is_written_before_the_next_event_is_sent() {
 }
 
 #[test]
+fn a_frames_prediction_is_written_before_more_is_sent_than_completes_it() {
+    let header = (1..=24).map(|e| format!("e{e}")).collect::<Vec<_>>().join(",");
+    let reading = ["2000"; 24].join(",") + "\n";
+    let windows = [format!("{header}\n{}", reading.repeat(5)), reading.repeat(5)];
+    // The second event completes the first one's window.
+    let frames = ["0,60,60,1\n10000,60,60,1\n".to_owned(), "20000,60,60,1\n".to_owned()];
+    for (arguments, parts) in [
+        (&["run", "-", "--network", "slip-regularised", "--json"][..], windows),
+        (&["run", "-", "--network", "force-tdnn", "--sensor", "120x120", "--json"], frames),
+    ] {
+        let mut child = command(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut input = child.stdin.take().expect("standard input is piped");
+        let mut output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+        for part in parts {
+            input.write_all(part.as_bytes()).expect("the program reads");
+            // This would wait forever if the line were held back.
+            let line = output.next().expect("there is a line").expect("it is text");
+            let line: Value = serde_json::from_str(&line).expect("the line is JSON");
+            assert!(line["value"].is_array(), "{line}");
+        }
+        drop(input);
+        assert!(child.wait().expect("the program ends").success());
+    }
+}
+
+#[test]
 fn with_a_limit_the_program_ends_before_the_stream_does() {
     let mut child = command(&["run", "-", "--sensor", "8x8", "--limit", "2", "--every", "event", "--json"])
         .stdin(Stdio::piped())

@@ -1,0 +1,138 @@
+//! `meissner run`: what can be asked for.
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use meissner_engine::frames::Convolution;
+use meissner_kernels::WinogradTile;
+
+use crate::args::{Every, Input, Mode, STATUS};
+
+/// At the end of the long help.
+const EXAMPLES: &str = "\
+Examples:
+  meissner run touch.aedat4 --network tactigraph-past --every event
+  meissner run touch.aedat4 --network event-frame-cnn --every 5000us --json
+  meissner run press.aedat4 --network force-convlstm --threads 2
+  camera | meissner run - --sensor 346x260 --network force-lstm --json
+  meissner run slip.csv --network slip-regularised
+  biotac | meissner run - --network slip-tuned --json
+  meissner run images/ --network canf --overlay maps --reference images/untouched.png";
+
+/// `meissner run`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{STATUS}"))]
+pub(crate) struct RunArgs {
+    /// Input and network.
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// Recompute what an event changes, or every row at every prediction. The values are the same, bit for bit.
+    #[arg(long, value_enum, default_value_t = Mode::Incremental)]
+    pub(crate) mode: Mode,
+    /// When a prediction is read: after every accepted event, at the end, after every N accepted events, or every N
+    /// microseconds of stream time [default: 10000us, or every frame].
+    ///
+    /// Every N microseconds: at the first event's time + N, + 2N, and so on, as soon as an event later than that
+    /// arrives, and once more at the first such time at or after the last event. Each prediction is for the window at
+    /// its time, also in a gap between events. Once a gap has emptied the window, its remaining times are left out:
+    /// nothing can change before the next event.
+    ///
+    /// Frame networks over consecutive windows of events predict after every frame, at the end, or every N microseconds
+    /// with N a multiple of the windows' length. Over a sliding window, a frame is formed and predicted for whenever one
+    /// is due. In both, empty frames count like others (see --longest-silence).
+    #[arg(long, value_name = "event|end|N|Nus")]
+    pub(crate) every: Option<Every>,
+    /// One JSON object a line: predictions, then a summary.
+    ///
+    /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
+    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
+    /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
+    ///
+    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
+    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
+    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
+    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
+    ///
+    /// Frame networks, a prediction over events: {"t_us": end of the newest frame's window, "value", "frames": frames
+    /// that the state has seen, "events": events in the newest frame, "update_us": microseconds spent since the last
+    /// prediction in making frames and in the network}. Over electrodes: {"line" and "time_s" (null without a column of
+    /// time) of the newest reading, "value", "probabilities": softmax of the values, "class": name of the largest,
+    /// "update_us"}; probabilities and class are null where the unit is not "logit". Over pictures: {"image":
+    /// path, "area_mm2", "force_n", "median_force_n", "centroid": {"x_px", "y_px", "x_mm", "y_mm"} (null without a
+    /// contact), "baseline": {"area_mm2", "centroid"} (null without --reference), "overlay": path (null without
+    /// --overlay), "update_us"}.
+    ///
+    /// Their last line: {"summary": {"input": {"kind": "events", "electrodes" or "pictures", and its counts}, "frames":
+    /// pushed, "predictions", "prepare_us": making a frame, for each event, reading or picture, "push_us" and
+    /// "predict_us": as above, for each frame and prediction, "frames_per_s": frames over all that time, "pixels":
+    /// {"computed", "skipped", "absorbed"}, "layers": [the same for each layer]}}.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// How a frame network runs.
+    #[command(flatten)]
+    pub(crate) frames: FrameArgs,
+}
+
+/// What can be asked for where the network reads frames.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Frame networks")]
+pub(crate) struct FrameArgs {
+    /// Let a pixel that moved by no more than this in any channel keep its values: an approximation. Without it what
+    /// no change reaches is kept, with the same bits as if it had been computed.
+    #[arg(long, value_name = "X", value_parser = number)]
+    pub(crate) tolerance: Option<f32>,
+    /// Compute everything, at every frame.
+    #[arg(long, conflicts_with = "tolerance")]
+    pub(crate) no_skip: bool,
+    /// How 3 x 3 convolutions of many channels are computed; Winograd's ways round otherwise: an approximation
+    /// [default: direct].
+    #[arg(long, value_enum, value_name = "direct|winograd2|winograd4")]
+    pub(crate) convolution: Option<Way>,
+    /// Threads that share the rows of large maps [default: 1].
+    #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub(crate) threads: Option<u8>,
+    /// Most consecutive frames without events that are pushed, each a step of the network; after them the state is
+    /// that before the first frame, until events come again. The summary counts both [default: 6000].
+    ///
+    /// 6000 is a minute of frames of 10 ms.
+    #[arg(long, value_name = "FRAMES")]
+    pub(crate) longest_silence: Option<u64>,
+    /// Write each picture with forces, outline and centroid drawn over it to this folder, as PNG with the same name.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) overlay: Option<PathBuf>,
+    /// Force in N per pixel that has the overlay's strongest colour [default: the strongest force of each picture].
+    #[arg(long, value_name = "X", requires = "overlay", value_parser = number)]
+    pub(crate) full_scale: Option<f32>,
+    /// Picture without contact: adds the area and the centroid of where others differ from it by more than 10 of 255
+    /// levels, in the mean over 5 x 5 pixels.
+    #[arg(long, value_name = "IMAGE")]
+    pub(crate) reference: Option<PathBuf>,
+}
+
+/// How 3 x 3 convolutions are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Way {
+    /// Product by product.
+    Direct,
+    /// Winograd's filtering of 2 x 2 pixels.
+    Winograd2,
+    /// Winograd's filtering of 4 x 4 pixels.
+    Winograd4,
+}
+
+impl From<Way> for Convolution {
+    fn from(way: Way) -> Self {
+        match way {
+            Way::Direct => Self::Direct,
+            Way::Winograd2 => Self::Winograd(WinogradTile::Two),
+            Way::Winograd4 => Self::Winograd(WinogradTile::Four),
+        }
+    }
+}
+
+/// Reads a finite number of at least 0.
+fn number(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
+    number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
+}

@@ -1,0 +1,264 @@
+//! Networks over frames of events: a recording or standard input, a prediction a frame.
+
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Event, Outcome};
+use serde::Serialize;
+
+use super::FrameModel;
+use super::header::header;
+use super::machine::Machine;
+use super::report::Report;
+use super::summary::{EventCounts, InputCounts, Summary};
+use crate::args::Every;
+use crate::error::CliError;
+use crate::frame_feed::{Fed, FrameFeed};
+use crate::latency::microseconds;
+use crate::progress::Progress;
+use crate::run::json::Values;
+use crate::run::{EVERY, RunArgs};
+use crate::skips::dropped_of;
+use crate::source::{self, Source};
+use crate::text::grouped;
+
+/// Empty frames in a row that are pushed where nothing else is asked for.
+const LONGEST_SILENCE: u64 = 6000;
+
+/// A prediction, as programs see it.
+#[derive(Serialize)]
+struct Line<'a> {
+    t_us: i64,
+    value: Values<'a>,
+    frames: u64,
+    events: u64,
+    update_us: f64,
+}
+
+pub(super) fn run(args: &RunArgs, model: &FrameModel, machine: Machine) -> Result<(), CliError> {
+    let input = &args.input;
+    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let sensor = source.sensor(input.sensor)?;
+    let every = args.every.unwrap_or(EVERY);
+    let feed = FrameFeed::new(&model.description, sensor, input.late.into(), every);
+    let mut feed = feed
+        .map_err(|source| CliError::Frames { network: input.network.clone(), source })?
+        .ok_or_else(|| CliError::IsFrameNetwork(input.network.clone()))?;
+    let predictions = Predictions::new(args, &feed)?;
+
+    let limit = input.limit.unwrap_or(u64::MAX);
+    let total = source.remaining().map(|remaining| remaining.min(limit));
+    let live = input.recording.as_deref().is_some_and(source::is_stdin);
+    let progress = Progress::new(total, args.json);
+    let report = Report::new(args.json, live, total, progress.clone(), |out| {
+        let events = source.remaining().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
+        let about = format!("{}, {sensor} pixels{events}", source.format);
+        header(out, args, model, machine.options(), &[&source.name, &about])?;
+        headings(out, &model.outputs())
+    })?;
+    let mut steps = Steps {
+        machine,
+        report,
+        predictions,
+        longest_silence: args.frames.longest_silence.unwrap_or(LONGEST_SILENCE),
+        zeros: vec![0.0; model.description.input().values()],
+        epoch_us: None,
+        newest: None,
+        silence: 0,
+        empty: 0,
+        left_out: 0,
+        resets: 0,
+        taken: 0,
+        values: Vec::with_capacity(model.description.output().values()),
+        outputs: model.outputs().len(),
+    };
+    for event in source.take(usize::try_from(limit).unwrap_or(usize::MAX)) {
+        steps.event(&mut feed, event?)?;
+        progress.set(steps.taken);
+    }
+    feed.finish(|fed| steps.take(fed))?;
+    steps.end()?;
+    progress.finish();
+    let counters = feed.counters();
+    let counts = EventCounts {
+        events: counters.pushed,
+        accepted: counters.accepted,
+        dropped: dropped_of(counters),
+        clamped: counters.clamped,
+        outside_crop: feed.outside_crop(),
+        evicted: feed.evicted(),
+        empty_frames: steps.empty,
+        empty_frames_left_out: steps.left_out,
+        resets: steps.resets,
+    };
+    let summary = Summary::new(&steps.machine, InputCounts::Events(counts));
+    Ok(steps.report.summary(&summary)?)
+}
+
+fn headings(out: &mut impl std::io::Write, outputs: &[String]) -> std::io::Result<()> {
+    write!(out, "{:>5}  {:>13}", "done", "time (ms)")?;
+    for output in outputs {
+        write!(out, "  {output:>12}")?;
+    }
+    writeln!(out, "  {:>8}  {:>11}", "events", "update (us)")
+}
+
+/// After which frames a prediction is read.
+#[derive(Clone, Copy, Debug)]
+enum Predictions {
+    End,
+    /// Every so many frames; and how many came since the last one.
+    Frames {
+        every: u64,
+        since: u64,
+    },
+}
+
+impl Predictions {
+    /// What `args` ask for, where `feed` gives the frames.
+    fn new(args: &RunArgs, feed: &FrameFeed) -> Result<Self, CliError> {
+        let found = match (args.every, feed.period_us()) {
+            (Some(Every::End), Some(_)) => return Ok(Self::End),
+            // The feed delivers a frame whenever a prediction is due.
+            (None, _) | (_, None) => return Ok(Self::Frames { every: 1, since: 0 }),
+            (Some(Every::StreamUs(us)), Some(period_us)) if us % period_us == 0 => {
+                return Ok(Self::Frames { every: (us / period_us) as u64, since: 0 });
+            }
+            (Some(Every::StreamUs(us)), Some(_)) => format!("{us}us"),
+            (Some(Every::Events(events)), Some(_)) => format!("every {events} events"),
+        };
+        let (network, period_us) = (args.input.network.clone(), feed.period_us().unwrap_or_default());
+        Err(CliError::BetweenFrames { network, period_us, found })
+    }
+
+    /// A frame has been pushed; whether a prediction is due.
+    fn is_due(&mut self) -> bool {
+        let Self::Frames { every, since } = self else { return false };
+        *since += 1;
+        let is_due = since == every;
+        if is_due {
+            *since = 0;
+        }
+        is_due
+    }
+}
+
+/// Pushes frames and reads predictions when they are due.
+struct Steps {
+    machine: Machine,
+    report: Report,
+    predictions: Predictions,
+    longest_silence: u64,
+    zeros: Vec<f32>,
+    /// Time of the first accepted event.
+    epoch_us: Option<i64>,
+    /// Time and events of the newest frame.
+    newest: Option<(i64, u64)>,
+    /// Empty frames since the last one with events.
+    silence: u64,
+    empty: u64,
+    left_out: u64,
+    resets: u64,
+    taken: u64,
+    /// The newest prediction.
+    values: Vec<f32>,
+    /// How many columns show it.
+    outputs: usize,
+}
+
+impl Steps {
+    fn event(&mut self, feed: &mut FrameFeed, event: Event) -> Result<(), CliError> {
+        self.taken += 1;
+        let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
+        let outcome = feed.push(event, |fed| {
+            let spent = start.elapsed();
+            self.machine.spent(spent);
+            prepare += spent;
+            // The first frame may come with the first event.
+            self.epoch_us.get_or_insert(event.t_us);
+            let taken = self.take(fed);
+            start = Instant::now();
+            taken
+        })?;
+        let spent = start.elapsed();
+        self.machine.spent(spent);
+        self.machine.prepare.record(prepare + spent);
+        if outcome == Outcome::Accepted {
+            self.epoch_us.get_or_insert(event.t_us);
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, fed: Fed<'_>) -> Result<(), CliError> {
+        match fed {
+            Fed::Frame { values, t_us, events } => {
+                self.silence = 0;
+                self.machine.push(values)?;
+                self.pushed(t_us, events)
+            }
+            Fed::Empty { count, t_us, period_us } => self.silence(count, t_us, period_us),
+        }
+    }
+
+    /// Takes `count` empty frames: up to the longest silence they are pushed, then the state is reset.
+    fn silence(&mut self, count: u64, t_us: i64, period_us: i64) -> Result<(), CliError> {
+        let pushed = count.min(self.longest_silence.saturating_sub(self.silence));
+        let zeros = std::mem::take(&mut self.zeros);
+        for i in 0..pushed {
+            self.machine.push(&zeros)?;
+            self.empty += 1;
+            self.pushed(t_us.saturating_add(period_us.saturating_mul(i as i64)), 0)?;
+        }
+        self.zeros = zeros;
+        if pushed < count {
+            // Once in a silence, however many runs it has.
+            if self.silence <= self.longest_silence {
+                self.machine.reset();
+                self.resets += 1;
+            }
+            self.left_out += count - pushed;
+        }
+        self.silence = self.silence.saturating_add(count);
+        Ok(())
+    }
+
+    fn pushed(&mut self, t_us: i64, events: u64) -> Result<(), CliError> {
+        self.newest = Some((t_us, events));
+        if self.predictions.is_due() { self.predict() } else { Ok(()) }
+    }
+
+    fn predict(&mut self) -> Result<(), CliError> {
+        let Some((t_us, events)) = self.newest else { return Ok(()) };
+        let values = &mut self.values;
+        let frames = self.machine.predict(|predicted| {
+            values.clear();
+            values.extend_from_slice(predicted.values);
+            Ok::<_, CliError>(predicted.frames)
+        })?;
+        let update_us = microseconds(self.machine.take_update());
+        let line = Line { t_us, value: Values(&self.values), frames, events, update_us };
+        let (taken, epoch_us, outputs) = (self.taken, self.epoch_us.unwrap_or(t_us), self.outputs);
+        self.report.prediction(taken, &line, |total| {
+            let done = total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
+            let time_ms = (i128::from(t_us) - i128::from(epoch_us)) as f64 / 1e3;
+            let values = columns(&self.values, outputs);
+            format!("{done:>5}  {time_ms:>13.3}{values}  {:>8}  {update_us:>11.1}", grouped(events))
+        })?;
+        Ok(())
+    }
+
+    /// Reads what is due at the end.
+    fn end(&mut self) -> Result<(), CliError> {
+        match self.predictions {
+            Predictions::End => self.predict(),
+            Predictions::Frames { .. } => Ok(()),
+        }
+    }
+}
+
+/// A column for each of `outputs`: its value, or for an image the mean of its channel.
+fn columns(values: &[f32], outputs: usize) -> String {
+    let each = values.len() / outputs.max(1);
+    let mean = |channel: &[f32]| channel.iter().map(|&v| f64::from(v)).sum::<f64>() / each as f64;
+    let columns = values.chunks_exact(each.max(1)).map(|channel| format!("  {:>12.6}", mean(channel)));
+    columns.collect::<Vec<_>>().concat()
+}

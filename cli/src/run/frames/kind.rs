@@ -1,0 +1,71 @@
+//! What a network reads, and which options mean something to it.
+
+use meissner_models::{FrameDescription, FrameSource};
+
+use crate::args::{Late, Mode};
+use crate::error::CliError;
+use crate::run::RunArgs;
+
+/// What a network reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::run) enum Kind {
+    /// Events, one by one.
+    EventGraph,
+    /// Frames of events.
+    EventFrames,
+    /// Readings of electrodes.
+    Electrodes,
+    /// Pictures.
+    Pictures,
+}
+
+use Kind::{Electrodes, EventFrames, EventGraph, Pictures};
+
+impl Kind {
+    /// What the network of `description` reads.
+    pub(super) fn of(description: &FrameDescription) -> Self {
+        match description.source() {
+            FrameSource::TactileImage(_) | FrameSource::Electrodes(_) => Electrodes,
+            FrameSource::Picture(_) => Pictures,
+            _ => EventFrames,
+        }
+    }
+
+    /// What messages call such a network.
+    fn name(self) -> &'static str {
+        match self {
+            EventGraph => "a network over events",
+            EventFrames => "a network over frames of events",
+            Electrodes => "a network over electrodes",
+            Pictures => "a network over pictures",
+        }
+    }
+
+    /// Refuses what `args` ask for and such a network does not know.
+    pub(in crate::run) fn check(self, args: &RunArgs) -> Result<(), CliError> {
+        let (input, frames) = (&args.input, &args.frames);
+        let all_frames: &[Self] = &[EventFrames, Electrodes, Pictures];
+        let events: &[Self] = &[EventGraph, EventFrames];
+        let options: [(&str, bool, &[Self]); 14] = [
+            ("--sensor", input.sensor.is_some(), events),
+            ("--late clamp", input.late == Late::Clamp, events),
+            ("--every", args.every.is_some(), events),
+            ("--span-us", input.span_us.is_some(), &[EventGraph]),
+            ("--capacity", input.capacity.is_some(), &[EventGraph]),
+            ("--mode batch", args.mode == Mode::Batch, &[EventGraph]),
+            ("--tolerance", frames.tolerance.is_some(), all_frames),
+            ("--no-skip", frames.no_skip, all_frames),
+            ("--convolution", frames.convolution.is_some(), all_frames),
+            ("--threads", frames.threads.is_some(), all_frames),
+            ("--longest-silence", frames.longest_silence.is_some(), &[EventFrames]),
+            ("--overlay", frames.overlay.is_some(), &[Pictures]),
+            ("--full-scale", frames.full_scale.is_some(), &[Pictures]),
+            ("--reference", frames.reference.is_some(), &[Pictures]),
+        ];
+        let misfit = options.into_iter().find(|(_, given, kinds)| *given && !kinds.contains(&self));
+        misfit.map_or(Ok(()), |(option, _, kinds)| {
+            let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
+            Err(CliError::Misfit { option, fits, network: input.network.clone(), kind: self.name() })
+        })
+    }
+}

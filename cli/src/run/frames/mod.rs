@@ -1,0 +1,76 @@
+//! `meissner run` for frame networks: events, electrodes or pictures into frames, frames into predictions.
+//!
+//! What the description's `[input]` says decides what is read ([`Kind`]). Only making frames, pushing them and
+//! predictions are timed: neither reading nor writing.
+
+mod electrodes;
+mod events;
+mod header;
+mod kind;
+mod machine;
+mod overlay;
+mod pictures;
+mod report;
+mod summary;
+
+use std::sync::Arc;
+
+use meissner_engine::frames::{FrameNetwork, FrameOptions, Skip};
+use meissner_models::{FrameDescription, FrameSource};
+
+use super::args::{RunArgs, Way};
+use crate::error::CliError;
+use crate::model::{labelled, weights};
+pub(super) use kind::Kind;
+use machine::Machine;
+
+/// A frame network that can run, and what to say about it.
+struct FrameModel {
+    description: FrameDescription,
+    network: Arc<FrameNetwork>,
+    /// Where the weights come from, and what they say about themselves.
+    weights: String,
+}
+
+/// Runs the network of `description`, which is `shipped` or of a file, as `args` ask for.
+pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) -> Result<(), CliError> {
+    let kind = Kind::of(&description);
+    kind.check(args)?;
+    let model = FrameModel::load(args, description, shipped)?;
+    let options = FrameOptions {
+        skip: match args.frames.tolerance {
+            Some(tolerance) => Skip::Tolerance(tolerance),
+            None if args.frames.no_skip => Skip::Nothing,
+            None => Skip::Exact,
+        },
+        sparse: kind == Kind::EventFrames,
+        two_threads: args.frames.threads == Some(2),
+        ..FrameOptions::default()
+    };
+    let machine = Machine::new(Arc::clone(&model.network), options)?;
+    match *model.description.source() {
+        FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) => {
+            electrodes::run(args, &model, machine, readings)
+        }
+        FrameSource::Picture(settings) => pictures::run(args, &model, machine, settings),
+        _ => events::run(args, &model, machine),
+    }
+}
+
+impl FrameModel {
+    fn load(args: &RunArgs, description: FrameDescription, shipped: bool) -> Result<Self, CliError> {
+        let (weights, label) = weights(&args.input, shipped)?;
+        let parts = description
+            .network_parts(&weights)
+            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
+        let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
+        let network = Arc::new(FrameNetwork::new(parts, convolution)?);
+        Ok(Self { description, network, weights: labelled(label, &weights) })
+    }
+
+    /// Names of the predicted values, with their unit.
+    fn outputs(&self) -> Vec<String> {
+        let (names, unit) = self.description.outputs();
+        names.iter().map(|name| format!("{name} ({unit})")).collect()
+    }
+}

@@ -1,0 +1,202 @@
+//! What a run of a frame network amounts to: counts and latencies, in the names of the JSON summary.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use meissner_engine::frames::FrameLayerCounters;
+use serde::Serialize;
+
+use super::machine::Machine;
+use crate::latency::Quantiles;
+use crate::run::table::quantiles;
+use crate::text::{Table, grouped};
+
+/// The whole run.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary {
+    /// What was read.
+    input: InputCounts,
+    /// Frames pushed.
+    frames: u64,
+    /// Predictions read.
+    pub(super) predictions: u64,
+    prepare_us: Option<Quantiles>,
+    push_us: Option<Quantiles>,
+    predict_us: Option<Quantiles>,
+    /// Frames per second spent in making and pushing them and in predictions.
+    frames_per_s: Option<f64>,
+    /// Over all layers.
+    pixels: Pixels,
+    layers: Vec<LayerPixels>,
+}
+
+/// What was read.
+#[derive(Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub(super) enum InputCounts {
+    Events(EventCounts),
+    Electrodes(ElectrodeCounts),
+    Pictures {
+        /// Pictures read.
+        pictures: u64,
+    },
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct EventCounts {
+    /// Events taken.
+    pub(super) events: u64,
+    pub(super) accepted: u64,
+    /// The others, by reason.
+    pub(super) dropped: BTreeMap<&'static str, u64>,
+    /// Late events that entered at the newest time.
+    pub(super) clamped: u64,
+    /// Accepted events beside the part of the sensor that frames show.
+    pub(super) outside_crop: u64,
+    /// Events that left a sliding window early because it was full.
+    pub(super) evicted: u64,
+    /// Frames without events that were pushed.
+    pub(super) empty_frames: u64,
+    /// Frames without events that were not, beyond the longest silence.
+    pub(super) empty_frames_left_out: u64,
+    /// Resets of the state after the longest silence.
+    pub(super) resets: u64,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct ElectrodeCounts {
+    /// Rows that were readings.
+    pub(super) readings: u64,
+    /// Rows that were none; each began a new window.
+    pub(super) rows_refused: u64,
+    pub(super) values_out_of_range: u64,
+    /// Readings too early or too late after the one before.
+    pub(super) rows_off_rate: u64,
+    /// Readings of a window.
+    pub(super) steps: usize,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct Pixels {
+    computed: u64,
+    /// Left as they were: nothing that they read had changed.
+    skipped: u64,
+    /// Taken from what the layer makes of zeros.
+    absorbed: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct LayerPixels {
+    name: String,
+    #[serde(flatten)]
+    pixels: Pixels,
+}
+
+impl Summary {
+    pub(super) fn new(machine: &Machine, input: InputCounts) -> Self {
+        let counters = machine.counters();
+        let layers: Vec<LayerPixels> = machine
+            .layers()
+            .zip(&counters.layers)
+            .map(|(name, &FrameLayerCounters { computed, skipped, absorbed })| LayerPixels {
+                name: name.to_owned(),
+                pixels: Pixels { computed, skipped, absorbed },
+            })
+            .collect();
+        let spent = machine.prepare.total() + machine.push.total() + machine.predict.total();
+        let seconds = spent.as_secs_f64();
+        let frames = counters.frames;
+        Self {
+            input,
+            frames,
+            predictions: counters.predictions,
+            prepare_us: machine.prepare.quantiles(),
+            push_us: machine.push.quantiles(),
+            predict_us: machine.predict.quantiles(),
+            frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
+            pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
+                computed: sum.computed + layer.pixels.computed,
+                skipped: sum.skipped + layer.pixels.skipped,
+                absorbed: sum.absorbed + layer.pixels.absorbed,
+            }),
+            layers,
+        }
+    }
+
+    /// Writes counts and tables with units.
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(out)?;
+        self.input.write(out)?;
+        writeln!(out, "frames       {} pushed", grouped(self.frames))?;
+        writeln!(out, "predictions  {}", grouped(self.predictions))?;
+        let latencies = [("prepare", self.prepare_us), ("push", self.push_us), ("predict", self.predict_us)];
+        quantiles(out, &latencies)?;
+        if let Some(rate) = self.frames_per_s {
+            writeln!(
+                out,
+                "  {rate:.1} frames/s, counting the time in preparing, pushing and predicting only"
+            )?;
+        }
+        let mut table = Table::new(&["layer (pixels)", "computed", "skipped", "absorbed", "computed (%)"]);
+        let mut row = |name: &str, Pixels { computed, skipped, absorbed }: Pixels| {
+            let all = computed + skipped + absorbed;
+            let share = match all {
+                0 => "-".to_owned(),
+                _ => format!("{:.2}", computed as f64 / all as f64 * 100.0),
+            };
+            table.row([name.to_owned(), grouped(computed), grouped(skipped), grouped(absorbed), share]);
+        };
+        for layer in &self.layers {
+            row(&layer.name, layer.pixels);
+        }
+        row("all", self.pixels);
+        writeln!(out)?;
+        table.write(out)
+    }
+}
+
+impl InputCounts {
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        match self {
+            Self::Events(counts) => counts.write(out),
+            Self::Electrodes(counts) => counts.write(out),
+            Self::Pictures { pictures } => writeln!(out, "pictures     {}", grouped(*pictures)),
+        }
+    }
+}
+
+impl EventCounts {
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(out, "events       {} taken, {} accepted", grouped(self.events), grouped(self.accepted))?;
+        for (reason, &count) in self.dropped.iter().filter(|&(_, &count)| count > 0) {
+            writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
+        }
+        let notes = [
+            (self.clamped, "late events entered at the newest time"),
+            (self.outside_crop, "events beside the part of the sensor that frames show"),
+            (self.evicted, "events left their window early because it was full"),
+            (self.empty_frames, "frames without events"),
+            (self.empty_frames_left_out, "frames without events left out, beyond the longest silence"),
+            (self.resets, "resets of the state in a silence"),
+        ];
+        for (count, note) in notes.into_iter().filter(|&(count, _)| count > 0) {
+            writeln!(out, "             {} {note}", grouped(count))?;
+        }
+        Ok(())
+    }
+}
+
+impl ElectrodeCounts {
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        writeln!(out, "readings     {}, in windows of {}", grouped(self.readings), self.steps)?;
+        let warnings = [
+            (self.rows_refused, "rows are no readings; each begins a new window"),
+            (self.values_out_of_range, "values beyond the sensor's range of 0 to 4095"),
+            (self.rows_off_rate, "readings off their time at 100 Hz by more than 20 %"),
+        ];
+        for (count, warning) in warnings.into_iter().filter(|&(count, _)| count > 0) {
+            writeln!(out, "warning      {} {warning}", grouped(count))?;
+        }
+        Ok(())
+    }
+}
