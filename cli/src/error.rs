@@ -117,6 +117,30 @@ pub(crate) enum CliError {
         /// What it would replace.
         other: String,
     },
+    /// A network over events stands where a frame network should.
+    #[error("network {0}: expected a frame network, found a network over events")]
+    IsEventNetwork(String),
+    /// A frame network whose frames are not made of events.
+    #[error(
+        "network {network}: bench expects a frame network whose frames are made of events (event-counts, signed), \
+         found frames = {found:?}: `meissner inspect` shows it"
+    )]
+    FramesOfOther {
+        /// Its name or its file.
+        network: String,
+        /// The word for its frames.
+        found: &'static str,
+    },
+    /// An option that does not go with the others.
+    #[error("{option}: expected {expected}, found {found}")]
+    Option {
+        /// The option.
+        option: &'static str,
+        /// What would do.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
     /// Frames cannot be made of the input; the reason names both.
     #[error("network {network}: {source}")]
     Frames {
@@ -208,6 +232,7 @@ impl CliError {
             | Self::NoWeights(_)
             | Self::NotWritable(_)
             | Self::Misfit { .. }
+            | Self::Option { .. }
             | Self::BetweenFrames { .. }
             | Self::NoInput { .. }
             | Self::OverlayTaken { .. } => ExitCode::from(2),

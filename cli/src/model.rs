@@ -50,24 +50,22 @@ pub(crate) fn describe_any(network: &str) -> Result<(AnyDescription, bool), CliE
     }
 }
 
-/// The format of the file at `path` where it is plainly a recording: CSV and N-MNIST have no marks of their own.
-fn recording_format(path: &str) -> Option<Format> {
-    let format = meissner_io::detect(&std::fs::read(path).ok()?)?;
-    (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
-}
-
-/// The weights that `args` ask for, and where they come from; `shipped` says whether the description is.
-pub(crate) fn weights(args: &Input, shipped: bool) -> Result<(Weights, String), CliError> {
-    if let Some(path) = &args.weights {
-        let label = path.display().to_string();
-        return match Weights::load(path) {
-            Ok(weights) => Ok((weights, label)),
-            Err(source) => Err(CliError::Weights { weights: label, source }),
+/// The weights in the file at `path`, or those shipped for `network`; where they come from.
+pub(crate) fn weights(
+    network: &str,
+    shipped: bool,
+    path: Option<&Path>,
+) -> Result<(Weights, String), CliError> {
+    let Some(path) = path else {
+        return match Weights::shipped(network).filter(|_| shipped) {
+            Some(weights) => Ok((weights, "shipped with the network".to_owned())),
+            None => Err(CliError::NoWeights(network.to_owned())),
         };
-    }
-    match Weights::shipped(&args.network).filter(|_| shipped) {
-        Some(weights) => Ok((weights, "shipped with the network".to_owned())),
-        None => Err(CliError::NoWeights(args.network.clone())),
+    };
+    let label = path.display().to_string();
+    match Weights::load(path) {
+        Ok(weights) => Ok((weights, label)),
+        Err(source) => Err(CliError::Weights { weights: label, source }),
     }
 }
 
@@ -77,11 +75,17 @@ pub(crate) fn labelled(label: String, weights: &Weights) -> String {
     label + &about.unwrap_or_default()
 }
 
+/// The format of the file at `path` where it is plainly a recording: CSV and N-MNIST have no marks of their own.
+fn recording_format(path: &str) -> Option<Format> {
+    let format = meissner_io::detect(&std::fs::read(path).ok()?)?;
+    (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
+}
+
 impl Model {
     /// The network that `args` ask for.
     pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
         let (description, shipped) = describe(&args.network)?;
-        let (weights, label) = weights(args, shipped)?;
+        let (weights, label) = weights(&args.network, shipped, args.weights.as_deref())?;
         let network = description
             .network(&weights)
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;

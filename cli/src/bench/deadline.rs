@@ -84,7 +84,8 @@ impl Deadline {
         Ok(deadline)
     }
 
-    fn new(period_us: i64) -> Self {
+    /// No period yet.
+    pub(super) fn new(period_us: i64) -> Self {
         Self {
             period_us,
             ends_us: None,
@@ -113,7 +114,7 @@ impl Deadline {
     }
 
     /// Notes the period that ends at `end_us`, in which as many `events` entered or left.
-    fn record(&mut self, events: u64, end_us: i64, work: Duration) {
+    pub(super) fn record(&mut self, events: u64, end_us: i64, work: Duration) {
         let period = Duration::from_micros(self.period_us.unsigned_abs());
         let (least, most) = bin(events);
         let of_bin =

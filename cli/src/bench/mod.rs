@@ -7,12 +7,19 @@
 //! | `phases` | which events belong to a burst |
 //! | `deadline` | the work of each period of stream time |
 //! | `memory` | the process's peak |
+//! | `part`, `moments` | the events that are measured, and when frames are taken of them |
+//! | `frames/` | the same for a frame network |
+//! | `compare/` | a network over events against a frame network |
 //! | `report` | all results, as they are written as JSON |
 //! | `table`, `plot` | the same for people |
 
 mod args;
+mod compare;
 mod deadline;
+mod frames;
 mod memory;
+mod moments;
+mod part;
 mod pass;
 mod phases;
 mod plot;
@@ -26,16 +33,19 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{Event, Options};
+use meissner_models::AnyDescription;
 
 pub(crate) use args::BenchArgs;
 
+use crate::args::Every;
 use crate::error::CliError;
 use crate::header::header;
 use crate::latency::{Latency, microseconds};
-use crate::model::Model;
+use crate::model::{Model, describe_any};
 use crate::progress::Progress;
 use crate::source::Source;
 use deadline::Deadline;
+use part::Part;
 use pass::{Measured, Passes};
 use phases::Phases;
 use report::Report;
@@ -44,8 +54,20 @@ use report::Report;
 const CLOCK_READS: u32 = 2000;
 const CLOCK_RUNS: usize = 50;
 
+/// Period of the deadline report where none is asked for.
+const PERIOD_US: i64 = 1000;
+
 /// Measures what `args` ask for, and reports to standard output.
 pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
+    match (describe_any(&args.input.network)?, &args.compare) {
+        ((AnyDescription::Frames(_), _), _) => frames::bench(args),
+        ((AnyDescription::Events(_), _), Some(name)) => compare::compare(args, name),
+        ((AnyDescription::Events(_), _), None) => bench_events(args),
+    }
+}
+
+/// A network over events.
+fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
@@ -55,18 +77,21 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     }
     let mut out = BufWriter::new(stdout().lock());
     let recording = source.name.clone();
-    let limit = input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
     let mut heading = Vec::new();
     header(&mut heading, &model, "incremental", &source, sensor)?;
-    let events = source.take(limit).collect::<Result<Vec<Event>, CliError>>()?;
+    let part = Part { from_us: args.from_s, for_us: args.for_s };
+    if part.is_some() {
+        writeln!(heading, "part         {part}")?;
+    }
+    let events = taken(source, args)?;
 
     let phases = Phases::new(&events, sensor, input.late.into(), args.burst_rate);
     let warmup = usize::try_from(args.warmup).unwrap_or(usize::MAX).min(events.len());
     let total = events.len() as u64 * (u64::from(args.repeat) + 2) + warmup as u64;
     let progress = Progress::new(Some(total), args.json);
     let network = Arc::new(model.network.clone());
-    let mut passes =
-        Passes { network, sensor, late: input.late.into(), every: args.every, progress, taken: 0 };
+    let every = args.every.unwrap_or(Every::Events(1));
+    let mut passes = Passes { network, sensor, late: input.late.into(), every, progress, taken: 0 };
 
     let clock_us = clock_us();
     passes.latency(&events[..warmup], &phases, false, &mut Measured::new())?;
@@ -78,7 +103,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     // Before the other passes, whose bookkeeping is not the engine's.
     let peak_resident_bytes = memory::peak_resident_bytes();
     let staged = passes.latency(&events, &phases, true, &mut Measured::new())?;
-    let deadline = Deadline::measure(&mut passes, &events, args.period_us)?;
+    let deadline = Deadline::measure(&mut passes, &events, args.period_us.unwrap_or(PERIOD_US))?;
     passes.progress.finish();
 
     let report = Report {
@@ -107,6 +132,12 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
         table::write(&mut out, &report)?;
     }
     Ok(out.flush()?)
+}
+
+/// The events of the part of `source` that `args` ask for.
+fn taken(source: Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
+    let limit = args.input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
+    Part { from_us: args.from_s, for_us: args.for_s }.take(source, limit)
 }
 
 /// Finds out before minutes of measuring, not after them, and leaves what is there as it is.

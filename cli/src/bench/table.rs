@@ -43,13 +43,15 @@ fn counts(out: &mut impl Write, report: &Report) -> io::Result<()> {
 
 const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "max"];
 
-fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
+/// A row's quantiles.
+pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
     let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max } } = *distribution;
     let times = [mean, p50, p90, p99, p999, max].map(|us| format!("{us:.2}"));
     std::iter::once(grouped(count)).chain(times)
 }
 
-fn headings<'a>(first: &'a [&'a str]) -> Vec<&'a str> {
+/// `first`, then the names of [`cells`].
+pub(super) fn headings<'a>(first: &'a [&'a str]) -> Vec<&'a str> {
     first.iter().copied().chain(QUANTILES).collect()
 }
 
@@ -133,15 +135,20 @@ fn stages(out: &mut impl Write, report: &Report) -> io::Result<()> {
     writeln!(out, "  in a pass of its own, with a clock around each stage")
 }
 
+/// `bytes` in units of 2^20.
+pub(super) fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
 fn memory(out: &mut impl Write, report: &Report) -> io::Result<()> {
-    let mebibytes = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
     let peak = report.memory.peak_resident_bytes.map_or_else(String::new, |bytes| {
         format!("; the process at most {} resident, with the recording", mebibytes(bytes))
     });
     writeln!(out, "\nmemory       {} of state{peak}", mebibytes(report.memory.state_bytes))
 }
 
-fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::Result<()> {
+/// Writes the deadline report.
+pub(super) fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::Result<()> {
     let &DeadlineReport { period_us, periods, missed, excess_max_us, lag_max_us, .. } = deadline;
     let without = match deadline.periods_without_work {
         0 => String::new(),

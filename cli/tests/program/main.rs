@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod bench_frames;
 mod default_recording;
 mod equality;
 mod every;

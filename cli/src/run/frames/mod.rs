@@ -59,7 +59,7 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
 
 impl FrameModel {
     fn load(args: &RunArgs, description: FrameDescription, shipped: bool) -> Result<Self, CliError> {
-        let (weights, label) = weights(&args.input, shipped)?;
+        let (weights, label) = weights(&args.input.network, shipped, args.input.weights.as_deref())?;
         let parts = description
             .network_parts(&weights)
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;

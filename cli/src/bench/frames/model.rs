@@ -1,0 +1,199 @@
+//! A frame network over events: what runs, what its layers cost, and which part of the sensor it sees.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use meissner_engine::frames::{Convolution, FrameLayerCounters, FrameNetwork, FrameShape};
+use meissner_engine::representations::Crop;
+use meissner_engine::{LatePolicy, Sensor};
+use meissner_models::description::frames::{CropPlace, SignedTiming};
+use meissner_models::{AnyDescription, FrameDescription, FrameKind, FrameLayer, FrameSource};
+
+use super::super::moments::End;
+use crate::args::Every;
+use crate::error::CliError;
+use crate::frame_feed::FrameFeed;
+use crate::model::{describe_any, labelled, weights};
+
+/// From one frame to the next, where neither the network nor the command line says: 10 ms, as in the force networks.
+const PERIOD_US: i64 = 10_000;
+
+/// A frame network that can run over events.
+pub(in super::super) struct FrameModel {
+    pub(in super::super) network: Arc<FrameNetwork>,
+    /// Of each layer.
+    pub(in super::super) costs: Vec<LayerCost>,
+    /// Where the weights come from, and what they say about themselves.
+    pub(in super::super) weights: String,
+    description: FrameDescription,
+    place: CropPlace,
+    /// Length of its windows, where they follow one another.
+    windows_us: Option<i64>,
+    size: [u16; 2],
+}
+
+/// What a layer's pixels cost; a layer over vectors has one.
+#[derive(Clone, Debug)]
+pub(in super::super) struct LayerCost {
+    pub(in super::super) name: String,
+    pub(super) pixels: u64,
+    /// Of all its pixels.
+    multiply_adds: u64,
+    /// Of one pixel that is absorbed: where the frame has nothing, a convolutional LSTM still reads its hidden state.
+    absorbed: u64,
+}
+
+/// The part of the sensor that frames show.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Field {
+    pub(in super::super) crop: Crop,
+    pub(in super::super) sensor: Sensor,
+}
+
+impl FrameModel {
+    /// The frame network `name`, shipped or in a file, with the weights in the file at `path` or those shipped.
+    pub(in super::super) fn load(name: &str, path: Option<&Path>) -> Result<Self, CliError> {
+        let (description, shipped) = match describe_any(name)? {
+            (AnyDescription::Frames(description), shipped) => (description, shipped),
+            (AnyDescription::Events(_), _) => return Err(CliError::IsEventNetwork(name.to_owned())),
+        };
+        let (place, windows_us) = match *description.source() {
+            FrameSource::EventCounts { place, period_us, .. }
+            | FrameSource::Signed { place, timing: SignedTiming::Consecutive { period_us }, .. } => {
+                (place, Some(period_us))
+            }
+            FrameSource::Signed { place, timing: SignedTiming::Sliding { .. }, .. } => (place, None),
+            source => return Err(frames_of_other(name, source)),
+        };
+        let FrameShape::Image { height, width, .. } = description.input() else {
+            return Err(frames_of_other(name, *description.source()));
+        };
+        let (weights, label) = weights(name, shipped, path)?;
+        let parts = description
+            .network_parts(&weights)
+            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
+        let network = FrameNetwork::new(parts, Convolution::Direct)?;
+        Ok(Self {
+            network: Arc::new(network),
+            costs: description.layers().iter().map(LayerCost::new).collect(),
+            weights: labelled(label, &weights),
+            place,
+            windows_us,
+            // A description's sides fit.
+            size: [width as u16, height as u16],
+            description,
+        })
+    }
+
+    /// What makes its frames, with the keys of a description.
+    pub(in super::super) fn source(&self) -> &FrameSource {
+        self.description.source()
+    }
+
+    /// Microseconds from one frame to the next, where `asked` says or does not.
+    pub(in super::super) fn period_us(&self, asked: Option<Every>) -> Result<i64, CliError> {
+        let period_us = match (asked, self.windows_us) {
+            (None, windows_us) => windows_us.unwrap_or(PERIOD_US),
+            (Some(Every::StreamUs(asked_us)), None) => asked_us,
+            (Some(Every::StreamUs(asked_us)), Some(windows_us)) if asked_us == windows_us => asked_us,
+            (Some(every), windows_us) => {
+                let expected = windows_us.map_or_else(
+                    || "microseconds from frame to frame, such as 10000us".to_owned(),
+                    |us| format!("{us}us, the length of the windows of {}", self.network.name()),
+                );
+                let found = match every {
+                    Every::Events(1) => "event".to_owned(),
+                    Every::Events(events) => events.to_string(),
+                    Every::StreamUs(us) => format!("{us}us"),
+                    Every::End => "end".to_owned(),
+                };
+                return Err(CliError::Option { option: "--every", expected, found });
+            }
+        };
+        Ok(period_us)
+    }
+
+    /// Which events belong to a frame at a moment.
+    pub(in super::super) fn end(&self) -> End {
+        if self.windows_us.is_some() { End::Excluded } else { End::Included }
+    }
+
+    /// What its frames show of `sensor`.
+    pub(in super::super) fn field(&self, sensor: Sensor) -> Field {
+        let [width, height] = self.size;
+        let crop = self.place.crop(width, height, sensor);
+        let side = |side: u16, first: u16, count: u16| side.max(first.saturating_add(count));
+        let around =
+            Sensor::new(side(sensor.width, crop.x, crop.width), side(sensor.height, crop.y, crop.height));
+        Field { crop: self.place.crop(width, height, around), sensor }
+    }
+
+    /// The feed of its frames over `field`, of events that were accepted before, every `period_us`.
+    pub(in super::super) fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, CliError> {
+        let every = Every::StreamUs(period_us);
+        let feed = FrameFeed::new(&self.description, field.around(), LatePolicy::Drop, every)
+            .map_err(|source| CliError::Frames { network: self.network.name().to_owned(), source })?;
+        feed.ok_or_else(|| frames_of_other(self.network.name(), *self.source()))
+    }
+
+    /// Multiply-adds of what `counters` counted.
+    pub(in super::super) fn multiply_adds(&self, counters: &[FrameLayerCounters]) -> u64 {
+        self.costs.iter().zip(counters).map(|(cost, counters)| cost.of(counters)).sum()
+    }
+}
+
+fn frames_of_other(network: &str, source: FrameSource) -> CliError {
+    CliError::FramesOfOther { network: network.to_owned(), found: source.word() }
+}
+
+impl LayerCost {
+    fn new(layer: &FrameLayer) -> Self {
+        let pixels = match layer.output {
+            FrameShape::Image { height, width, .. } => (height * width) as u64,
+            FrameShape::Vector(_) => 1,
+        };
+        let absorbed = match layer.kind {
+            // Four gates of 3 x 3.
+            FrameKind::ConvLstm { hidden, .. } => (36 * hidden * hidden) as u64,
+            _ => 0,
+        };
+        let (name, multiply_adds) = (layer.name.clone(), layer.multiply_adds as u64);
+        Self { name, pixels, multiply_adds, absorbed }
+    }
+
+    /// Multiply-adds of the pixels that `counters` counted.
+    pub(in super::super) fn of(&self, counters: &FrameLayerCounters) -> u64 {
+        // In u128: a recording's pixels times a layer's products can exceed a u64.
+        let computed =
+            u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
+        u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)
+    }
+}
+
+impl Field {
+    /// A sensor that has every pixel of the crop.
+    fn around(self) -> Sensor {
+        let side = |side: u16, first: u16, count: u16| side.max(first.saturating_add(count));
+        let Crop { x, y, width, height } = self.crop;
+        Sensor::new(side(self.sensor.width, x, width), side(self.sensor.height, y, height))
+    }
+
+    /// Whether frames have pixels that the sensor has not.
+    pub(in super::super) fn is_padded(self) -> bool {
+        self.around() != self.sensor
+    }
+}
+
+impl std::fmt::Display for Field {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { crop, sensor } = *self;
+        if crop == Crop::whole(sensor) {
+            return write!(f, "all {}x{} pixels", crop.width, crop.height);
+        }
+        write!(f, "{crop}")?;
+        if self.is_padded() {
+            write!(f, ", zeros where the sensor of {sensor} has no pixels")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,105 @@
+//! The part of a recording that is measured.
+//!
+//! Enters: seconds on the command line, and all events. Leaves: the events with `first + from <= t < first + from + for`,
+//! where `first` is the time of the recording's first event.
+
+use meissner_engine::{Event, Network};
+
+use crate::error::CliError;
+
+/// A part of a recording, in microseconds from its first event on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Part {
+    pub(super) from_us: Option<i64>,
+    pub(super) for_us: Option<i64>,
+}
+
+impl Part {
+    /// Whether it leaves anything out.
+    pub(super) fn is_some(self) -> bool {
+        self.from_us.is_some() || self.for_us.is_some()
+    }
+
+    /// The events of this part, at most `limit`.
+    pub(super) fn take(
+        self,
+        events: impl Iterator<Item = Result<Event, CliError>>,
+        limit: usize,
+    ) -> Result<Vec<Event>, CliError> {
+        let mut first_us = None;
+        let inside = |event: &Result<Event, CliError>| {
+            let Ok(event) = event else { return true };
+            self.holds(*first_us.get_or_insert(event.t_us), event.t_us)
+        };
+        events.filter(inside).take(limit).collect()
+    }
+
+    fn holds(self, first_us: i64, t_us: i64) -> bool {
+        // In i128: times may lie anywhere.
+        let begin = i128::from(first_us) + i128::from(self.from_us.unwrap_or(0));
+        let t_us = i128::from(t_us);
+        (self.from_us.is_none() || t_us >= begin)
+            && self.for_us.is_none_or(|length| t_us < begin + i128::from(length))
+    }
+}
+
+impl std::fmt::Display for Part {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let seconds = |us: i64| us as f64 / 1e6;
+        write!(f, "from {} s on", seconds(self.from_us.unwrap_or(0)))?;
+        self.for_us.map_or(Ok(()), |length| write!(f, ", for {} s", seconds(length)))
+    }
+}
+
+/// Reads seconds from the first event on, as microseconds.
+pub(super) fn start_us(text: &str) -> Result<i64, String> {
+    microseconds(text, 0)
+}
+
+/// Reads a length in seconds, as microseconds.
+pub(super) fn length_us(text: &str) -> Result<i64, String> {
+    microseconds(text, 1)
+}
+
+fn microseconds(text: &str, least: i64) -> Result<i64, String> {
+    let us = text.parse::<f64>().ok().filter(|s| s.is_finite()).map(|s| (s * 1e6).round() as i64);
+    us.filter(|us| (least..=Network::LONGEST_SPAN_US).contains(us)).ok_or_else(|| {
+        let from = if least == 0 { "from 0 on" } else { "above 0" };
+        format!("expected a number of seconds {from} such as 2.5")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Part, length_us, start_us};
+    use meissner_engine::Event;
+
+    fn times(part: Part, times: &[i64]) -> Vec<i64> {
+        let events = times.iter().map(|&t| Ok(Event::new(t, 0, 0, true)));
+        part.take(events, usize::MAX).expect("no event is an error").iter().map(|event| event.t_us).collect()
+    }
+
+    #[test]
+    fn a_part_begins_at_its_start_and_ends_before_its_end() {
+        let all = [100, 1099, 1100, 1101, 1599, 1600];
+        assert_eq!(times(Part::default(), &all), all);
+        assert_eq!(times(Part { from_us: Some(1000), for_us: None }, &all), all[2..]);
+        assert_eq!(times(Part { from_us: None, for_us: Some(1000) }, &all), all[..2]);
+        assert_eq!(times(Part { from_us: Some(1000), for_us: Some(500) }, &all), all[2..5]);
+        assert_eq!(times(Part { from_us: Some(1), for_us: Some(1) }, &[i64::MAX, i64::MIN]), [0; 0]);
+    }
+
+    #[test]
+    fn a_whole_recording_holds_events_before_its_first_one() {
+        assert_eq!(times(Part::default(), &[5, 3]), [5, 3]);
+    }
+
+    #[test]
+    fn seconds_are_finite_and_not_negative_and_lengths_not_0() {
+        assert_eq!((start_us("0"), start_us("2.5"), length_us("0.000001")), (Ok(0), Ok(2_500_000), Ok(1)));
+        for wrong in ["-1", "nan", "inf", "1e300", "", "2s"] {
+            assert!(start_us(wrong).is_err() && length_us(wrong).is_err(), "{wrong}");
+        }
+        assert!(length_us("0").is_err());
+    }
+}
