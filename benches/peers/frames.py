@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Frame networks beside ONNX Runtime and PyTorch: the same weights, one thread, in one run.
 
-    python3 benches/peers/frames.py [--json] [--python PATH] [--runs N] [NETWORK ...]
+    python3 benches/peers/frames.py [--json] [--python PATH] [--runs N] [--recording FILE] [NETWORK ...]
 
 Makes a virtual environment in target/peers-venv (or uses the one that --python names), draws weights in PyTorch, writes
 them with an input and PyTorch's answer to a safetensors file, and gives that file to `--example frames`, which compares
 answers before it times. Ours is measured before and after theirs; the mean of the two medians stands in the table.
+
+With --recording (again for each), event-frame-cnn also runs on the frames of a recording, skipping what no event reaches.
 """
 import argparse
 import json
@@ -19,10 +21,14 @@ HERE = pathlib.Path(__file__).resolve().parent
 MORE = ["onnx", "onnxruntime", "safetensors"]
 
 
-def ours(file, name, runs):
+def ours(file, name, runs, recordings):
     """Figures of the `frames` example: milliseconds by way of computing."""
     command = ["cargo", "run", "--release", "--quiet", "-p", "meissner-benches", "--example", "frames", "--"]
-    return json.loads(output([*command, name, file, "--runs", str(runs)], cwd=ROOT))
+    figures = json.loads(output([*command, name, file, "--runs", str(runs)], cwd=ROOT))
+    if recordings and name == "event-frame-cnn":
+        flags = [flag for path in recordings for flag in ("--recording", path.resolve())]
+        figures["ms"] |= json.loads(output([*command, name, file, *flags], cwd=ROOT))["ms"]
+    return figures
 
 
 def main():
@@ -31,6 +37,7 @@ def main():
     parser.add_argument("--json", action="store_true", help="print one JSON object a line instead of a table")
     parser.add_argument("--python", type=pathlib.Path, help="use an existing environment's interpreter")
     parser.add_argument("--runs", type=int, default=15, help="runs that a median is taken of")
+    parser.add_argument("--recording", type=pathlib.Path, action="append", default=[], help="a recording of events")
     parser.add_argument("networks", nargs="*", metavar="NETWORK", help=f"some of {', '.join(names)}")
     args = parser.parse_args()
 
@@ -39,26 +46,27 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     single = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     if not args.json:
-        print(f"{'network':<18}{'computed':<22}{'ours, ms':>10}{'onnxruntime':>13}{'ratio':>8}{'torch':>10}{'ratio':>8}{'error':>10}")
+        print(f"{'network':<18}{'computed':<26}{'ours, ms':>10}{'onnxruntime':>13}{'ratio':>8}{'torch':>10}{'ratio':>8}{'error':>10}")
     for name in args.networks or names:
         file = folder / f"{name}.safetensors"
         measure = [python, HERE / "measure_frames.py", name, file, "--runs", str(args.runs)]
         output([*measure, "--export"], env=single)
         say(f"{name}: ours")
-        before = ours(file, name, args.runs)
+        before = ours(file, name, args.runs, args.recording)
         say(f"{name}: theirs")
         theirs = json.loads(output(measure, env=single))
-        after = ours(file, name, args.runs)
+        after = ours(file, name, args.runs, args.recording)
         for way, first in before["ms"].items():
             ms = (first + after["ms"][way]) / 2
             row = dict(network=name, computed=way, ours_ms=ms, onnxruntime_ms=theirs["onnxruntime"], torch_ms=theirs["torch"],
-                       ratio=ms / theirs["onnxruntime"], error=before["error"][way], isa=before["isa"],
+                       ratio=ms / theirs["onnxruntime"], error=before["error"].get(way), isa=before["isa"],
                        ours_runs_ms=[first, after["ms"][way]], versions=theirs["versions"])
             if args.json:
                 print(json.dumps(row), flush=True)
             else:
-                print(f"{name:<18}{way:<22}{ms:>10.3f}{row['onnxruntime_ms']:>13.3f}{row['ratio']:>8.2f}"
-                      f"{row['torch_ms']:>10.3f}{ms / row['torch_ms']:>8.2f}{row['error']:>10.1e}", flush=True)
+                print(f"{name:<18}{way:<26}{ms:>10.3f}{row['onnxruntime_ms']:>13.3f}{row['ratio']:>8.2f}"
+                      f"{row['torch_ms']:>10.3f}{ms / row['torch_ms']:>8.2f}"
+                      + ("" if row["error"] is None else f"{row['error']:>10.1e}"), flush=True)
 
 
 if __name__ == "__main__":
