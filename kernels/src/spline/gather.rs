@@ -58,19 +58,23 @@ pub(super) fn eight_slots<S: Simd>(
     basis.extend(neighbours.iter().map(|n| basis_of_eight(n.u)));
     let stride = sums.len() / 8;
     let mut lane = 0;
+    while S::WIDE && lane + 4 <= stride {
+        eight_slots_of_lanes::<S, S::V16, 2>(simd, neighbours, features, basis, lane, sums);
+        lane += 4;
+    }
     while S::WIDE && lane + 2 <= stride {
-        eight_slots_of_lanes::<S, S::V16>(simd, neighbours, features, basis, lane, sums);
+        eight_slots_of_lanes::<S, S::V16, 1>(simd, neighbours, features, basis, lane, sums);
         lane += 2;
     }
     while lane < stride {
-        eight_slots_of_lanes::<S, S::V8>(simd, neighbours, features, basis, lane, sums);
+        eight_slots_of_lanes::<S, S::V8, 1>(simd, neighbours, features, basis, lane, sums);
         lane += 1;
     }
 }
 
-/// The channels of one vector, from lane `lane`.
+/// The channels of B vectors, from lane `lane`.
 #[inline(always)]
-fn eight_slots_of_lanes<S: Simd, V: Vector<S>>(
+fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
     simd: S,
     neighbours: &[Neighbour],
     features: &Matrix,
@@ -79,15 +83,25 @@ fn eight_slots_of_lanes<S: Simd, V: Vector<S>>(
     sums: &mut [Lanes],
 ) {
     let stride = sums.len() / 8;
-    let mut acc = [V::splat(simd, 0.0); 8];
+    let mut acc = [[V::splat(simd, 0.0); B]; 8];
     for (n, basis) in neighbours.iter().zip(basis) {
-        let x = V::load_slice(simd, &flat(features.row(n.row as usize))[lane * LANES..]);
-        for (acc, &b) in acc.iter_mut().zip(&basis.0) {
-            *acc = acc.add_product(V::splat(simd, b), x);
+        let row = &flat(features.row(n.row as usize))[lane * LANES..][..B * V::LANES];
+        let mut x = [V::splat(simd, 0.0); B];
+        for (b, x) in x.iter_mut().enumerate() {
+            *x = V::load_slice(simd, &row[b * V::LANES..]);
+        }
+        for (acc, &weight) in acc.iter_mut().zip(&basis.0) {
+            let weight = V::splat(simd, weight);
+            for (acc, &x) in acc.iter_mut().zip(&x) {
+                *acc = acc.add_product(weight, x);
+            }
         }
     }
     for (slot, acc) in acc.into_iter().enumerate() {
-        acc.store_slice(&mut flat_mut(sums)[(slot * stride + lane) * LANES..]);
+        let to = &mut flat_mut(sums)[(slot * stride + lane) * LANES..][..B * V::LANES];
+        for (b, acc) in acc.into_iter().enumerate() {
+            acc.store_slice(&mut to[b * V::LANES..]);
+        }
     }
 }
 
