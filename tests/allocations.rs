@@ -2,15 +2,18 @@
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
 use meissner_engine::representations::{
     Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
     SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
 use meissner_engine::{Engine, Event, Sensor};
+use meissner_kernels::WinogradTile;
 use meissner_models::{Description, Weights};
+use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::random::Random;
 use meissner_tests::shared::shared;
 
@@ -93,6 +96,43 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         let second = pass(span + 10 * 150_000);
         println!("{name}: {warm_up} allocations in the first pass, {second} in the second");
         assert_eq!(second, 0, "{name}");
+    }
+}
+
+#[test]
+fn frames_after_the_first_few_allocate_nothing() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let styles = [
+        Style::Classifier,
+        Style::UNet { squeeze: true },
+        Style::ConvolutionsThenLstm,
+        Style::ConvLstm { hidden: 3, peepholes: false },
+        Style::ConvLstm { hidden: 16, peepholes: true },
+        Style::Delays,
+    ];
+    let size = [2, 32, 48];
+    for (style, convolution) in styles.into_iter().flat_map(|style| {
+        [Convolution::Direct, Convolution::Winograd(WinogradTile::Two)]
+            .map(|convolution| (style, convolution))
+    }) {
+        for sparse in [false, true] {
+            let network =
+                FrameNetwork::new(network(style, size, 16, 1), convolution).expect("parts that fit");
+            let options = FrameOptions { sparse, ..FrameOptions::default() };
+            let mut engine = FrameEngine::new(Arc::new(network), options).expect("options in range");
+            let frames = sequence(40, size, 2);
+            let mut pass = || {
+                let before = COUNT.load(Ordering::Relaxed);
+                for frame in &frames {
+                    engine.push(frame).expect("a frame that fits");
+                    engine.predict().expect("finite");
+                }
+                engine.reset();
+                COUNT.load(Ordering::Relaxed) - before
+            };
+            pass();
+            assert_eq!(pass(), 0, "{style:?}, {convolution:?}, sparse {sparse}");
+        }
     }
 }
 

@@ -6,13 +6,25 @@ use meissner_kernels::Region;
 const WORD: usize = 64;
 
 /// A bit for each pixel of a map of `height` x `width`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Changes {
     height: usize,
     width: usize,
     /// Words of a row.
     words: usize,
     bits: Vec<u64>,
+}
+
+impl Clone for Changes {
+    fn clone(&self) -> Self {
+        Self { bits: self.bits.clone(), ..*self }
+    }
+
+    /// Without an allocation where there is room: the derived one always allocates.
+    fn clone_from(&mut self, other: &Self) {
+        self.bits.clone_from(&other.bits);
+        (self.height, self.width, self.words) = (other.height, other.width, other.words);
+    }
 }
 
 impl Changes {
