@@ -9,7 +9,7 @@ use meissner_kernels::{Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch,
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
 use crate::network::{Block, Level};
-use crate::rows::RowSet;
+use crate::rows::{GrowingSet, RowSet};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Activations {
@@ -21,7 +21,7 @@ pub(crate) struct Activations {
     rewired: RowSet,
     /// For each feature, rows that hold NaN.
     nan: Vec<RowSet>,
-    dirty: RowSet,
+    dirty: GrowingSet,
     scratch: SplineScratch,
     /// What a group of rows came to.
     rows: Vec<Lanes>,
@@ -35,7 +35,7 @@ impl Activations {
             changed: vec![RowSet::new(rows); channels.len()],
             rewired: RowSet::new(rows),
             nan: vec![RowSet::new(rows); channels.len()],
-            dirty: RowSet::new(rows),
+            dirty: GrowingSet::new(rows),
             scratch: SplineScratch::default(),
             rows: vec![Lanes::ZERO; widest * SplineConv::GROUP],
         }
