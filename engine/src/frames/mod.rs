@@ -12,6 +12,7 @@ mod engine;
 mod layers;
 mod network;
 mod patch;
+mod shapes;
 mod step;
 
 pub use compile::{Convolution, FrameNetwork};

@@ -1,0 +1,115 @@
+//! The shapes that layers write, and what does not fit.
+
+use super::network::{FrameLayer, FrameLayerKind, FrameShape};
+use crate::EngineError;
+
+/// Longest side of an image, and most channels.
+const LONGEST: usize = 1 << 14;
+/// Most values of an image or a vector.
+const MOST_VALUES: usize = 1 << 28;
+/// Most vectors that a delay keeps.
+const LONGEST_DELAY: usize = 1 << 16;
+
+pub(super) fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: String) -> EngineError {
+    EngineError::Network { layer: layer.to_owned(), what, expected: expected.to_string(), found }
+}
+
+/// The second value that a layer reads.
+pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
+    match layer.kind {
+        FrameLayerKind::Concat { with } => Some(with),
+        _ => None,
+    }
+}
+
+/// Refuses shapes that are empty or too large.
+pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineError> {
+    let sides = match shape {
+        FrameShape::Vector(values) => [values, 1, 1],
+        FrameShape::Image { channels, height, width } => [channels, height, width],
+    };
+    let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > LONGEST);
+    if sides.contains(&0) || long || shape.values() > MOST_VALUES {
+        let expected = "at least 1 value, at most 16,384 a side and 2^28 in all";
+        return Err(misfit(layer, "shape", expected, shape.to_string()));
+    }
+    Ok(())
+}
+
+/// The shape that `layer` writes.
+pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameShape, EngineError> {
+    use FrameLayerKind as Kind;
+    let from = shapes[layer.from];
+    let image = || match from {
+        FrameShape::Image { channels, height, width } => Ok([channels, height, width]),
+        FrameShape::Vector(_) => Err(misfit(&layer.name, "input", "an image", from.to_string())),
+    };
+    let vector = || match from {
+        FrameShape::Vector(values) => Ok(values),
+        FrameShape::Image { .. } => Err(misfit(&layer.name, "input", "a vector", from.to_string())),
+    };
+    let of = |channels: usize, height: usize, width: usize| FrameShape::Image { channels, height, width };
+    Ok(match &layer.kind {
+        Kind::Conv { kernel, channels, .. } => {
+            let [_, height, width] = image()?;
+            if !matches!(kernel, 1 | 3) {
+                return Err(misfit(&layer.name, "kernel", "1 or 3", kernel.to_string()));
+            }
+            of(*channels, height, width)
+        }
+        Kind::UpConv { channels, .. } => {
+            let [_, height, width] = image()?;
+            of(*channels, 2 * height, 2 * width)
+        }
+        Kind::MaxPool => {
+            let [channels, height, width] = image()?;
+            of(channels, height / 2, width / 2)
+        }
+        Kind::AveragePool { size } => {
+            let [channels, height, width] = image()?;
+            if *size == 0 {
+                return Err(misfit(&layer.name, "size", "at least 1", "0".to_owned()));
+            }
+            of(channels, height / size, width / size)
+        }
+        Kind::GlobalAverage | Kind::Sum => FrameShape::Vector(image()?[0]),
+        Kind::Concat { with } => {
+            let [channels, height, width] = image()?;
+            match shapes[*with] {
+                FrameShape::Image { channels: more, height: h, width: w } if [h, w] == [height, width] => {
+                    of(channels + more, height, width)
+                }
+                other => {
+                    let expected = format!("an image of {height} x {width} beside {from}");
+                    return Err(misfit(&layer.name, "second input", expected, other.to_string()));
+                }
+            }
+        }
+        Kind::SqueezeExcite { .. } => {
+            image()?;
+            from
+        }
+        Kind::ConvLstm { hidden, .. } => {
+            let [_, height, width] = image()?;
+            of(*hidden, height, width)
+        }
+        Kind::Lstm { hidden, .. } => {
+            vector()?;
+            FrameShape::Vector(*hidden)
+        }
+        Kind::Delay { frames } => {
+            if *frames == 0 || *frames > LONGEST_DELAY {
+                return Err(misfit(&layer.name, "frames", "1 to 65,536", frames.to_string()));
+            }
+            FrameShape::Vector(vector()?.saturating_mul(*frames))
+        }
+        Kind::Flatten => {
+            image()?;
+            FrameShape::Vector(from.values())
+        }
+        Kind::Dense { outputs, .. } => {
+            vector()?;
+            FrameShape::Vector(*outputs)
+        }
+    })
+}
