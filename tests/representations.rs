@@ -7,7 +7,7 @@ use meissner_engine::representations::{
     VoxelTime,
 };
 use meissner_engine::{Event, Sensor};
-use meissner_tests::frames::{Frames, History, Kept, What, keep, place, set};
+use meissner_tests::event_frames::{Frames, History, Kept, What, keep, place, set};
 use meissner_tests::shared::shared;
 use meissner_tests::streams::{self, Script, Verb};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Elementary functions of f32, the same bits everywhere.
 //!
-//! Both reduce x = n ln 2 + r with |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part times n is exact)
+//! All reduce x = n ln 2 + r with |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part times n is exact)
 //! and evaluate expm1(r) = r + r^2 P(r) with P of degree 5, a weighted minimax fit whose relative error is below
 //! 0.01 ULP; what is left is rounding. Branch-free, so that a loop over lanes vectorises.
 

@@ -2,8 +2,8 @@
 //! the project.
 
 pub mod compare;
+pub mod event_frames;
 pub mod frame_networks;
-pub mod frames;
 pub mod networks;
 pub mod random;
 pub mod shared;

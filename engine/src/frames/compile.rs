@@ -51,8 +51,6 @@ pub(super) struct Unit {
     /// The second value that it reads.
     pub(super) with: Option<usize>,
     pub(super) kernel: Kernel,
-    /// Whether it computes the layer that it reads too.
-    pub(super) fused: bool,
     /// Whether it runs with every frame, and not only when a prediction is read.
     pub(super) eager: bool,
     /// Multiply-adds of all its outputs.
@@ -131,7 +129,6 @@ impl FrameNetwork {
                 from: layer.from,
                 with,
                 kernel,
-                fused: false,
                 eager: false,
                 multiply_adds,
             });
@@ -363,7 +360,6 @@ fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
                 continue;
             };
             units[i].kernel = Kernel::PooledConv(Box::new(PooledConv3x3::new(*kernel)));
-            units[i].fused = true;
             // What the pooling reads now.
             let Value { buffer, first, .. } = values[units[conv].from];
             values[conv + 1] = Value { buffer, first, ..values[conv + 1] };

@@ -26,6 +26,8 @@ pub(super) struct State {
     changed: Changes,
     tiles: Changes,
     prediction: Vec<f32>,
+    /// Whether the last layer's values have changed since `prediction` was taken of them.
+    stale: bool,
     frames: u64,
     counters: FrameCounters,
 }
@@ -104,6 +106,7 @@ impl State {
             changed: Changes::default(),
             tiles: Changes::default(),
             prediction: vec![0.0; network.output().values()],
+            stale: true,
             frames: 0,
             counters: FrameCounters {
                 layers: vec![FrameLayerCounters::default(); network.units.len()],
@@ -146,12 +149,14 @@ impl State {
                 self.run(network, options, i);
             }
         }
-        let value = network.values[network.units.len()];
-        let channels = match value.shape {
-            FrameShape::Image { channels, .. } => channels,
-            FrameShape::Vector(_) => 0,
-        };
-        self.buffers[value.buffer].flatten(value.first, channels, &mut self.prediction);
+        if std::mem::take(&mut self.stale) {
+            let value = network.values[network.units.len()];
+            let channels = match value.shape {
+                FrameShape::Image { channels, .. } => channels,
+                FrameShape::Vector(_) => 0,
+            };
+            self.buffers[value.buffer].flatten(value.first, channels, &mut self.prediction);
+        }
         self.counters.predictions += 1;
     }
 
@@ -202,7 +207,7 @@ impl State {
         };
         self.changed.become_none(sides(value.shape));
         let any = run.run(&mut out, &mut self.changed);
-        if unit.fused {
+        if matches!(unit.kernel, Kernel::PooledConv(_)) {
             // Four pixels of the layer below for each of this one.
             let FrameLayerCounters { computed, skipped, absorbed } = self.counters.layers[i];
             self.counters.layers[unit.from - 1] =
@@ -225,6 +230,7 @@ impl State {
         if !any {
             return;
         }
+        self.stale |= value == network.units.len();
         for (unit, pending) in network.units.iter().zip(&mut self.pending) {
             if unit.from == value || unit.with == Some(value) {
                 pending.any = true;

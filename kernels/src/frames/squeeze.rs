@@ -7,7 +7,7 @@ use super::region::Region;
 use super::view::{Band, View};
 use crate::dense::{Activation, Dense};
 use crate::error::KernelError;
-use crate::isa::{Isa, Simd, Task, Vector, flat};
+use crate::isa::{Isa, Simd, Task, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 
 /// The two dense layers.
@@ -20,8 +20,7 @@ pub struct SqueezeExcite {
 /// Room for one image's means and factors.
 #[derive(Clone, Debug, Default)]
 pub struct SqueezeScratch {
-    mean: Vec<f32>,
-    packed: Vec<Lanes>,
+    mean: Vec<Lanes>,
     middle: Vec<Lanes>,
     scale: Vec<Lanes>,
 }
@@ -52,18 +51,14 @@ impl SqueezeExcite {
         let channels = self.down.inputs();
         input.check([height, width, channels], 0)?;
         out.check([height, width, channels], Region::all(height, width))?;
-        let SqueezeScratch { mean, packed, middle, scale } = scratch;
-        mean.resize(channels, 0.0);
-        global_average(isa, input, mean)?;
-        packed.clear();
-        packed.extend(mean.chunks(LANES).map(|mean| {
-            let mut lanes = Lanes::ZERO;
-            lanes.0[..mean.len()].copy_from_slice(mean);
-            lanes
-        }));
+        let SqueezeScratch { mean, middle, scale } = scratch;
+        // Anew, so that the padding is zero whatever layer used the scratch before.
+        mean.clear();
+        mean.resize(Lanes::count(channels), Lanes::ZERO);
+        global_average(isa, input, &mut flat_mut(mean)[..channels])?;
         middle.resize(Lanes::count(self.down.outputs()), Lanes::ZERO);
         scale.resize(Lanes::count(channels), Lanes::ZERO);
-        self.down.run(isa, packed, middle);
+        self.down.run(isa, mean, middle);
         self.up.run(isa, middle, scale);
         isa.run(Apply { input, scale: &flat(scale)[..channels], out: &mut out });
         Ok(())
