@@ -8,6 +8,7 @@ use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
 use meissner_io::{Format, ImageError, IoError};
 use meissner_models::systems::contact_area::ContactError;
+use meissner_models::systems::slip::DecisionError;
 use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
@@ -155,6 +156,9 @@ pub(crate) enum CliError {
     /// A setting of what stands around the network is refused.
     #[error(transparent)]
     Contact(#[from] ContactError),
+    /// How a decision is to be held makes no sense.
+    #[error(transparent)]
+    Decision(#[from] DecisionError),
     /// A recording stands where a network should.
     #[error(
         "network {network}: expected a description file, found a recording ({format}): `meissner info` shows it"
@@ -235,6 +239,7 @@ impl CliError {
             | Self::Option { .. }
             | Self::BetweenFrames { .. }
             | Self::NoInput { .. }
+            | Self::Decision(_)
             | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),
         }

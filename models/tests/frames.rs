@@ -106,7 +106,7 @@ fn sources_are_settings_of_the_engines_representations() {
     assert_eq!(timing, SignedTiming::Sliding { span_us: 150_000 });
     assert_eq!(place.crop(346, 260, Sensor::new(346, 260)), Crop::whole(Sensor::new(346, 260)));
     let FrameSource::TactileImage(readings) = *shipped("slip-tuned").source() else { panic!("images") };
-    assert_eq!((readings.steps, readings.sampling), (5, Sampling::Consecutive));
+    assert_eq!((readings.steps, readings.sampling), (5, Sampling::Sliding));
     let FrameSource::Picture(picture) = *shipped("canf").source() else { panic!("pictures") };
     assert!(picture.image_normalisation().is_ok() && picture.force_normalisation().is_ok());
     assert_eq!(picture.pixel_size().expect("a size").area_mm2(1), 0.06 * 0.06);

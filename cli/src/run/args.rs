@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use meissner_engine::frames::Convolution;
+use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
 
 use crate::args::{Every, Input, Mode, STATUS};
@@ -17,7 +18,7 @@ Examples:
   meissner run press.aedat4 --network force-convlstm --threads 2
   camera | meissner run - --sensor 346x260 --network force-lstm --json
   meissner run slip.csv --network slip-regularised
-  biotac | meissner run - --network slip-tuned --json
+  biotac | meissner run - --network slip-lstm --hold 5 --least-probability 0.6 --json
   meissner run images/ --network canf --overlay maps --reference images/untouched.png";
 
 /// `meissner run`.
@@ -56,22 +57,27 @@ pub(crate) struct RunArgs {
     ///
     /// Frame networks, a prediction over events: {"t_us": end of the newest frame's window, "value", "frames": frames
     /// that the state has seen, "events": events in the newest frame, "update_us": microseconds spent since the last
-    /// prediction in making frames and in the network}. Over electrodes: {"line" and "time_s" (null without a column of
-    /// time) of the newest reading, "value", "probabilities": softmax of the values, "class": name of the largest,
-    /// "update_us"}; probabilities and class are null where the unit is not "logit". Over pictures: {"image":
-    /// path, "area_mm2", "force_n", "median_force_n", "centroid": {"x_px", "y_px", "x_mm", "y_mm"} (null without a
-    /// contact), "baseline": {"area_mm2", "centroid"} (null without --reference), "overlay": path (null without
-    /// --overlay), "update_us"}.
+    /// prediction in making frames and in the network}. Over electrodes: {"line" and "time_s" (null without a column
+    /// of time) of the newest reading, "value", "probabilities": softmax of the values, "class": name of the largest,
+    /// "decision": name of the class that stands and "held": windows for which it has stood, from 1 (null before the
+    /// first decision, see --hold), "update_us"}; where the unit is not "logit", probabilities, class, decision and
+    /// held are null. Over pictures: {"image": path, "area_mm2", "force_n", "median_force_n", "centroid": {"x_px",
+    /// "y_px", "x_mm", "y_mm"} (null without a contact), "baseline": {"area_mm2", "centroid"} (null without
+    /// --reference), "overlay": path (null without --overlay), "update_us"}.
     ///
-    /// Their last line: {"summary": {"input": {"kind": "events", "electrodes" or "pictures", and its counts}, "frames":
-    /// pushed, "predictions", "prepare_us": making a frame, for each event, reading or picture, "push_us" and
-    /// "predict_us": as above, for each frame and prediction, "frames_per_s": frames over all that time, "pixels":
-    /// {"computed", "skipped", "absorbed"}, "layers": [the same for each layer]}}.
+    /// Their last line: {"summary": {"input": {"kind": "events", "electrodes" or "pictures", and its counts},
+    /// "frames": pushed, "predictions", "prepare_us": making a frame, for each event, reading or picture, "push_us"
+    /// and "predict_us": as above, for each frame and prediction, "decision_us" (over electrodes, where there was a
+    /// prediction): from a reading whose line has been parsed to the decision behind it, "frames_per_s": frames over
+    /// all that time, "pixels": {"computed", "skipped", "absorbed"}, "layers": [the same for each layer]}}.
     #[arg(long)]
     pub(crate) json: bool,
     /// How a frame network runs.
     #[command(flatten)]
     pub(crate) frames: FrameArgs,
+    /// What is made of readings and decisions.
+    #[command(flatten)]
+    pub(crate) electrodes: ElectrodeArgs,
 }
 
 /// What can be asked for where the network reads frames.
@@ -110,6 +116,40 @@ pub(crate) struct FrameArgs {
     pub(crate) reference: Option<PathBuf>,
 }
 
+/// What can be asked for where the network reads electrodes.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Electrodes")]
+pub(crate) struct ElectrodeArgs {
+    /// Which readings stand together in a window, in place of what the description says: the newest ones, with a
+    /// prediction a reading (sliding), those of windows that do not overlap (consecutive), or every Nth reading, in
+    /// windows that do not overlap (N) [default of the shipped networks: sliding].
+    ///
+    /// The paper on direction of slip trains and evaluates on windows that do not overlap: use consecutive to compare
+    /// with its figures, sliding in a controller.
+    ///
+    /// A window begins anew, and the decision is forgotten, at a row that is no reading (too few fields, text, NaN: a
+    /// warning names its line), and where the CSV has a column of time, at a reading more than 50 ms later (5 periods
+    /// of 100 Hz) or earlier than the one before. What such a reading would complete is no window of readings that
+    /// follow each other. A repeated time parts nothing: it may be coarser than the readings. The summary counts each
+    /// of these, values beyond 0 to 4095 and intervals more than 20 % off 10 ms; the latter two are used as they are.
+    /// Nothing is printed while readings stay away or a new window fills: a controller should not act on an old line.
+    #[arg(long, value_name = "consecutive|sliding|N", value_parser = sampling)]
+    pub(crate) sampling: Option<Sampling>,
+    /// A decision changes only when N windows in a row agree on another class [default: 1, each window decides].
+    ///
+    /// The first decision, too, needs N windows that agree; until then there is none. With sliding windows at 100 Hz a
+    /// decision comes 10 (N - 1) ms after the first window that would have made it. A window in which the class that
+    /// stands, or a third one, is the most probable ends a run of windows that agree. Where a window begins anew (see
+    /// --sampling) the decision is forgotten rather than kept: what was decided before a break may no longer hold.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) hold: Option<u32>,
+    /// A window whose largest probability is below P has no say: the decision stands [default: 0].
+    ///
+    /// Such a window ends a run of windows that agree: with --hold N, each of the last N windows is to be that sure.
+    #[arg(long, value_name = "P", value_parser = probability)]
+    pub(crate) least_probability: Option<f32>,
+}
+
 /// How 3 x 3 convolutions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Way {
@@ -135,4 +175,22 @@ impl From<Way> for Convolution {
 fn number(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
+}
+
+/// Reads a number from 0 to 1.
+fn probability(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number: &f32| (0.0..=1.0).contains(number));
+    number.ok_or_else(|| "expected a number from 0 to 1, such as 0.6".to_owned())
+}
+
+/// Reads which readings stand together.
+fn sampling(text: &str) -> Result<Sampling, String> {
+    let stride = || text.parse().ok().filter(|stride| (1..=1 << 16).contains(stride));
+    match text {
+        "consecutive" => Ok(Sampling::Consecutive),
+        "sliding" => Ok(Sampling::Sliding),
+        _ => stride()
+            .map(|stride| Sampling::Step { stride })
+            .ok_or_else(|| "expected consecutive, sliding, or a stride from 1 to 65536".to_owned()),
+    }
 }

@@ -64,11 +64,13 @@ pub(crate) fn predicted(engine: &mut FrameEngine) -> Vec<u32> {
 
 #[test]
 fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
-    let event_graph = ["--tolerance=0", "--no-skip", "--convolution=direct", "--threads=1", "--overlay=o"];
-    let event_frames = ["--mode=batch", "--span-us=5", "--capacity=5", "--overlay=o", "--reference=r.png"];
+    let event_graph =
+        ["--tolerance=0", "--no-skip", "--convolution=direct", "--threads=1", "--overlay=o", "--hold=3"];
+    let event_frames =
+        ["--mode=batch", "--span-us=5", "--capacity=5", "--overlay=o", "--reference=r.png", "--sampling=2"];
     let electrodes =
         ["--mode=batch", "--span-us=5", "--every=end", "--late=clamp", "--sensor=3x3", "--longest-silence=4"];
-    let pictures = ["--mode=batch", "--capacity=5", "--every=event", "--sensor=3x3", "--longest-silence=4"];
+    let pictures = ["--mode=batch", "--capacity=5", "--every=event", "--sensor=3x3", "--least-probability=1"];
     for (network, options) in [
         ("graphres", &event_graph[..]),
         ("force-lstm", &event_frames),
@@ -109,7 +111,8 @@ fn a_network_without_its_input_says_what_it_needs() {
 #[test]
 fn the_help_has_an_example_for_each_kind_of_network() {
     let help = text(&meissner(&["run", "--help"]));
-    for network in ["event-frame-cnn", "force-lstm", "slip-regularised", "canf --overlay"] {
+    for network in ["event-frame-cnn", "force-lstm", "slip-regularised", "slip-lstm --hold", "canf --overlay"]
+    {
         assert!(help.contains(&format!("--network {network}")), "{network}: {help}");
     }
 }

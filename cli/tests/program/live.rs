@@ -64,6 +64,45 @@ fn a_frames_prediction_is_written_before_more_is_sent_than_completes_it() {
 }
 
 #[test]
+fn a_decision_is_written_before_the_next_reading_is_sent() {
+    let header = (1..=24).map(|e| format!("e{e}")).collect::<Vec<_>>().join(",");
+    for json in [&["--json"][..], &[]] {
+        let arguments = [&["run", "-", "--network", "slip-lstm", "--hold", "3"], json].concat();
+        let mut child = command(&arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut input = child.stdin.take().expect("standard input is piped");
+        let output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+        let mut output = output.map(|line| line.expect("it is text"));
+        writeln!(input, "{header}").expect("the program reads");
+        for reading in 1..=12 {
+            let row = (0..24).map(|e| (2000 + 7 * reading + e * e).to_string()).collect::<Vec<_>>();
+            writeln!(input, "{}", row.join(",")).expect("the program reads");
+            if reading < 5 {
+                continue;
+            }
+            if json.is_empty() {
+                // This would wait forever if the line were held back.
+                let starts = format!("{:>7}  ", reading + 1);
+                assert!(output.any(|line| line.starts_with(&starts)), "there is a line");
+            } else {
+                let line: Value =
+                    serde_json::from_str(&output.next().expect("there is a line")).expect("JSON");
+                assert_eq!(line["line"], reading + 1);
+                assert_eq!(line["decision"].is_string(), reading >= 7, "three windows agree: {line}");
+                assert_eq!(line["held"].as_i64(), (reading >= 7).then(|| reading - 6), "{line}");
+            }
+        }
+        drop(input);
+        assert!(output.next().is_some(), "there is a summary");
+        drop(output);
+        assert!(child.wait().expect("the program ends").success());
+    }
+}
+
+#[test]
 fn with_a_limit_the_program_ends_before_the_stream_does() {
     let mut child = command(&["run", "-", "--sensor", "8x8", "--limit", "2", "--every", "event", "--json"])
         .stdin(Stdio::piped())

@@ -9,6 +9,7 @@ mod every;
 mod exit_status;
 mod files;
 mod frames;
+mod frames_decisions;
 mod frames_electrodes;
 mod frames_events;
 mod frames_pictures;

@@ -35,12 +35,11 @@ impl Columns {
         prefixes.sort_unstable();
         prefixes.dedup();
         let [prefix] = prefixes[..] else {
-            let expected = format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1");
             let actual = match prefixes.len() {
                 0 => shown(line),
                 _ => format!("the prefixes `{}`", prefixes.join("`, `")),
             };
-            return refuse(expected, actual);
+            return refuse(expected(), actual);
         };
         for index in 0..ELECTRODES {
             let found = electrodes.iter().flatten().filter(|(_, e)| *e == index).count();
@@ -71,6 +70,11 @@ impl Columns {
     pub(super) fn role(&self, index: usize) -> Option<(Role, &str)> {
         self.columns[index].as_ref().map(|(role, name)| (*role, name.as_str()))
     }
+}
+
+/// What a header has to hold.
+pub(super) fn expected() -> String {
+    format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1")
 }
 
 /// What stands before an electrode's number, and its index from 0; `None` where `name` is no electrode's.

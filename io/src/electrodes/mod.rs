@@ -5,11 +5,11 @@
 //! 3530,3662,3582, ... ,3119
 //! ```
 //!
-//! The header is required. An electrode's column ends in `e1` to `e24` or `electrode1` to `electrode24` (upper or
-//! lower case, with `_`, a space or nothing between) after a prefix that all 24 share, such as a finger's; the columns
-//! may stand in any order. A column `t`, `time` or `timestamp` is the time in seconds; with `_s`, `_ms`, `_us` or `_ns`
-//! after it, in that unit. Other columns are passed over. Fields, quotes, comments, blank lines, line ends and the byte
-//! order mark are as in the CSV of events.
+//! The header is required, also where no row follows. An electrode's column ends in `e1` to `e24` or `electrode1` to
+//! `electrode24` (upper or lower case, with `_`, a space or nothing between) after a prefix that all 24 share, such as
+//! a finger's; the columns may stand in any order. A column `t`, `time` or `timestamp` is the time in seconds; with
+//! `_s`, `_ms`, `_us` or `_ns` after it, in that unit. Other columns are passed over. Fields, quotes, comments, blank
+//! lines, line ends and the byte order mark are as in the CSV of events.
 //!
 //! Invariant: a reading is delivered as soon as its line is there, and nothing is allocated for it; each of its values
 //! is finite.
@@ -47,7 +47,7 @@ pub struct Reading {
 /// than what the reader's own buffer holds. A line takes O(its length).
 ///
 /// A row that is no reading gives an error with its line, and the next call goes on with the row after it; a caller
-/// who wants all or nothing stops at the first error. After a bad header, a line of more than
+/// who wants all or nothing stops at the first error. After a bad header or none, a line of more than
 /// [`crate::limits::LINE_BYTES`] or a reader's failure there are no more items. What is suspicious but can be read is
 /// delivered and counted in [`Self::warnings`].
 ///
@@ -70,6 +70,9 @@ pub struct Electrodes<R: BufRead> {
     warnings: ElectrodeWarnings,
     /// Time of the row before, where that was a reading with a time.
     last_s: Option<f64>,
+    /// Whether the row before was a reading.
+    unbroken: bool,
+    follows: bool,
     ended: bool,
 }
 
@@ -78,7 +81,16 @@ impl<R: BufRead> Electrodes<R> {
     pub fn new(input: R, settings: ElectrodeSettings) -> Self {
         let lines = Lines::new(input);
         let warnings = ElectrodeWarnings::default();
-        Self { lines, settings, columns: None, warnings, last_s: None, ended: false }
+        Self {
+            lines,
+            settings,
+            columns: None,
+            warnings,
+            last_s: None,
+            unbroken: false,
+            follows: false,
+            ended: false,
+        }
     }
 
     /// What was suspicious in the readings that have been delivered so far.
@@ -86,11 +98,23 @@ impl<R: BufRead> Electrodes<R> {
         self.warnings
     }
 
+    /// Whether the reading that was delivered last follows the one delivered before it, so that both may stand in a
+    /// window: no refused row lies between them, and where both have times, neither a gap
+    /// ([`ElectrodeSettings::longest_gap`]) nor a step back in time. A repeated time does not part them, because times
+    /// may be coarser than the readings. False for the first reading, and where none has been delivered.
+    pub fn follows(&self) -> bool {
+        self.follows
+    }
+
     /// The next reading; what ends the iteration sets `ended`.
     fn advance(&mut self) -> Result<Option<Reading>, IoError> {
+        let mut end = 1;
         loop {
             self.ended = true;
-            let Some((line, number)) = self.lines.next()? else { return Ok(None) };
+            let Some((line, number)) = self.lines.next()? else {
+                return if self.columns.is_some() { Ok(None) } else { Err(no_header(end)) };
+            };
+            end = number + 1;
             if line.is_empty() || line.starts_with(b"#") {
                 continue;
             }
@@ -101,9 +125,11 @@ impl<R: BufRead> Electrodes<R> {
             self.ended = false;
             // Across a row that is refused there is no interval to be judged.
             let last_s = self.last_s.take();
+            let unbroken = std::mem::take(&mut self.unbroken);
             let reading = columns.reading(line, number)?;
             self.last_s = reading.time_s;
-            self.settings.count(&reading, last_s, &mut self.warnings);
+            self.unbroken = true;
+            self.follows = self.settings.count(&reading, last_s, &mut self.warnings) && unbroken;
             return Ok(Some(reading));
         }
     }
@@ -151,6 +177,11 @@ impl Columns {
 /// The number that a field is; each type rounds for itself.
 fn parse<T: FromStr>(field: &[u8]) -> Option<T> {
     str::from_utf8(bare(field)).ok()?.parse().ok()
+}
+
+/// The input ended at line `number` without a header.
+fn no_header(number: u64) -> IoError {
+    malformed("header", number, header::expected(), "the end of the input".to_owned())
 }
 
 fn malformed(what: &'static str, line: u64, expected: String, actual: String) -> IoError {

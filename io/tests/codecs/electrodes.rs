@@ -162,6 +162,53 @@ fn across_a_refused_row_no_interval_is_judged() {
     assert_eq!(readings.warnings().rows_off_rate, 0);
 }
 
+/// Whether each reading follows the one before it, and how many gaps, repeated and earlier times there were.
+fn followed(text: &str) -> (Vec<bool>, [u64; 3]) {
+    let mut readings = readings(text);
+    let mut follows = vec![];
+    while let Some(item) = readings.next() {
+        follows.extend(item.is_ok().then(|| readings.follows()));
+    }
+    let warnings = readings.warnings();
+    (follows, [warnings.gaps, warnings.times_repeated, warnings.times_backwards])
+}
+
+#[test]
+fn a_reading_behind_a_refused_row_a_gap_or_a_step_back_in_time_does_not_follow() {
+    // From one to the next: 10, 50, 51, 0 and -1 ms; then 10 ms across a refused row.
+    let times_ms = ["0", "10", "60", "111", "111", "110", "x", "120", "130"];
+    let rows = times_ms.map(|t| format!("{t},{}\n", row(0))).concat();
+    let (follows, counts) = followed(&format!("t_ms,{}\n{rows}", header("e")));
+    assert_eq!(follows, [false, true, true, false, true, false, false, true]);
+    assert_eq!(counts, [1, 1, 1]);
+    let rows =
+        [row(0), "# a comment parts nothing\n".to_owned(), row(1), "1,2".to_owned(), row(2)].join("\n");
+    assert_eq!(followed(&format!("{}\n{rows}", header("e"))), (vec![false, true, false], [0; 3]));
+}
+
+#[test]
+fn the_longest_gap_is_a_setting() {
+    let text = format!("t_ms,{}\n0,{}\n20,{}\n41,{}\n", header("e"), row(0), row(0), row(0));
+    let settings = ElectrodeSettings { longest_gap: 2.0, ..ElectrodeSettings::default() };
+    let mut readings = Electrodes::new(text.as_bytes(), settings);
+    let follows: Vec<bool> = std::iter::from_fn(|| readings.next().map(|_| readings.follows())).collect();
+    assert_eq!((follows, readings.warnings().gaps), (vec![false, true, false], 1));
+}
+
+#[test]
+fn an_input_without_a_header_is_refused_and_one_without_rows_is_not() {
+    for (text, line) in [("", 1), ("\n# by hand\n", 3), ("# by hand", 2)] {
+        let mut readings = readings(text);
+        let error = readings.next().unwrap().unwrap_err().to_string();
+        let expected = "expected columns e1 to e24 of one prefix, such as ff_e1, found the end of the input";
+        assert_eq!(error, format!("CSV: header at line {line}: {expected}"));
+        assert!(readings.next().is_none());
+    }
+    for end in ["", "\n", "\r\n"] {
+        assert_eq!(read(&format!("{}{end}", header("e"))).unwrap(), []);
+    }
+}
+
 #[test]
 fn a_reading_is_there_as_soon_as_its_line_is() {
     let (reader, mut writer) = io::pipe().unwrap();

@@ -2,3 +2,4 @@
 //! network's output into what a controller reads.
 
 pub mod contact_area;
+pub mod slip;

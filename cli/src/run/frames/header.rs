@@ -34,5 +34,5 @@ pub(super) fn header(
     let description = &model.description;
     writeln!(out, "network      {}: {skip}{way}{threads}", description.name())?;
     writeln!(out, "weights      {}", model.weights)?;
-    writeln!(out, "frames       {}: {}\n", description.input(), description.source())
+    writeln!(out, "frames       {}: {}\n", description.input(), model.source)
 }

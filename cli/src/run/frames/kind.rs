@@ -43,10 +43,10 @@ impl Kind {
 
     /// Refuses what `args` ask for and such a network does not know.
     pub(in crate::run) fn check(self, args: &RunArgs) -> Result<(), CliError> {
-        let (input, frames) = (&args.input, &args.frames);
+        let (input, frames, electrodes) = (&args.input, &args.frames, &args.electrodes);
         let all_frames: &[Self] = &[EventFrames, Electrodes, Pictures];
         let events: &[Self] = &[EventGraph, EventFrames];
-        let options: [(&str, bool, &[Self]); 14] = [
+        let options: [(&str, bool, &[Self]); 17] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--late clamp", input.late == Late::Clamp, events),
             ("--every", args.every.is_some(), events),
@@ -61,6 +61,9 @@ impl Kind {
             ("--overlay", frames.overlay.is_some(), &[Pictures]),
             ("--full-scale", frames.full_scale.is_some(), &[Pictures]),
             ("--reference", frames.reference.is_some(), &[Pictures]),
+            ("--sampling", electrodes.sampling.is_some(), &[Electrodes]),
+            ("--hold", electrodes.hold.is_some(), &[Electrodes]),
+            ("--least-probability", electrodes.least_probability.is_some(), &[Electrodes]),
         ];
         let misfit = options.into_iter().find(|(_, given, kinds)| *given && !kinds.contains(&self));
         misfit.map_or(Ok(()), |(option, _, kinds)| {

@@ -16,6 +16,8 @@ pub(super) struct Machine {
     pub(super) prepare: Latency,
     pub(super) push: Latency,
     pub(super) predict: Latency,
+    /// From a reading to the decision behind it, for readings that have one.
+    pub(super) decision: Latency,
     /// Time spent since the last prediction.
     update: Duration,
 }
@@ -36,6 +38,7 @@ impl Machine {
             prepare: Latency::new(),
             push: Latency::new(),
             predict: Latency::new(),
+            decision: Latency::new(),
             update: Duration::ZERO,
         })
     }

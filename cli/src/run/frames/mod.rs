@@ -16,6 +16,7 @@ mod summary;
 use std::sync::Arc;
 
 use meissner_engine::frames::{FrameNetwork, FrameOptions, Skip};
+use meissner_engine::representations::Sampling;
 use meissner_models::{FrameDescription, FrameSource};
 
 use super::args::{RunArgs, Way};
@@ -27,6 +28,8 @@ use machine::Machine;
 /// A frame network that can run, and what to say about it.
 struct FrameModel {
     description: FrameDescription,
+    /// What the description says makes the frames, with what the arguments say in its place.
+    source: FrameSource,
     network: Arc<FrameNetwork>,
     /// Where the weights come from, and what they say about themselves.
     weights: String,
@@ -48,7 +51,7 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
         ..FrameOptions::default()
     };
     let machine = Machine::new(Arc::clone(&model.network), options)?;
-    match *model.description.source() {
+    match model.source {
         FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) => {
             electrodes::run(args, &model, machine, readings)
         }
@@ -59,13 +62,14 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
 
 impl FrameModel {
     fn load(args: &RunArgs, description: FrameDescription, shipped: bool) -> Result<Self, CliError> {
+        let source = with_sampling(*description.source(), args.electrodes.sampling);
         let (weights, label) = weights(&args.input.network, shipped, args.input.weights.as_deref())?;
         let parts = description
             .network_parts(&weights)
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
         let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
         let network = Arc::new(FrameNetwork::new(parts, convolution)?);
-        Ok(Self { description, network, weights: labelled(label, &weights) })
+        Ok(Self { description, source, network, weights: labelled(label, &weights) })
     }
 
     /// Names of the predicted values, with their unit.
@@ -73,4 +77,12 @@ impl FrameModel {
         let (names, unit) = self.description.outputs();
         names.iter().map(|name| format!("{name} ({unit})")).collect()
     }
+}
+
+/// `source` with `sampling` in place of its own, where it has one and another is given.
+fn with_sampling(mut source: FrameSource, sampling: Option<Sampling>) -> FrameSource {
+    if let FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) = &mut source {
+        readings.sampling = sampling.unwrap_or(readings.sampling);
+    }
+    source
 }

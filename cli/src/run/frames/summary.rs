@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use meissner_engine::frames::FrameLayerCounters;
 use serde::Serialize;
 
+use super::electrodes::ElectrodeCounts;
 use super::machine::Machine;
 use crate::latency::Quantiles;
 use crate::run::table::quantiles;
@@ -23,6 +24,9 @@ pub(super) struct Summary {
     prepare_us: Option<Quantiles>,
     push_us: Option<Quantiles>,
     predict_us: Option<Quantiles>,
+    /// Over electrodes: from a reading to the decision behind it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decision_us: Option<Quantiles>,
     /// Frames per second spent in making and pushing them and in predictions.
     frames_per_s: Option<f64>,
     /// Over all layers.
@@ -63,19 +67,6 @@ pub(super) struct EventCounts {
     pub(super) resets: u64,
 }
 
-#[derive(Debug, Serialize)]
-pub(super) struct ElectrodeCounts {
-    /// Rows that were readings.
-    pub(super) readings: u64,
-    /// Rows that were none; each began a new window.
-    pub(super) rows_refused: u64,
-    pub(super) values_out_of_range: u64,
-    /// Readings too early or too late after the one before.
-    pub(super) rows_off_rate: u64,
-    /// Readings of a window.
-    pub(super) steps: usize,
-}
-
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 struct Pixels {
     computed: u64,
@@ -113,6 +104,7 @@ impl Summary {
             prepare_us: machine.prepare.quantiles(),
             push_us: machine.push.quantiles(),
             predict_us: machine.predict.quantiles(),
+            decision_us: machine.decision.quantiles(),
             frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
             pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
                 computed: sum.computed + layer.pixels.computed,
@@ -129,7 +121,12 @@ impl Summary {
         self.input.write(out)?;
         writeln!(out, "frames       {} pushed", grouped(self.frames))?;
         writeln!(out, "predictions  {}", grouped(self.predictions))?;
-        let latencies = [("prepare", self.prepare_us), ("push", self.push_us), ("predict", self.predict_us)];
+        let latencies = [
+            ("prepare", self.prepare_us),
+            ("push", self.push_us),
+            ("predict", self.predict_us),
+            ("decision", self.decision_us),
+        ];
         quantiles(out, &latencies)?;
         if let Some(rate) = self.frames_per_s {
             writeln!(
@@ -181,21 +178,6 @@ impl EventCounts {
         ];
         for (count, note) in notes.into_iter().filter(|&(count, _)| count > 0) {
             writeln!(out, "             {} {note}", grouped(count))?;
-        }
-        Ok(())
-    }
-}
-
-impl ElectrodeCounts {
-    fn write(&self, out: &mut impl Write) -> io::Result<()> {
-        writeln!(out, "readings     {}, in windows of {}", grouped(self.readings), self.steps)?;
-        let warnings = [
-            (self.rows_refused, "rows are no readings; each begins a new window"),
-            (self.values_out_of_range, "values beyond the sensor's range of 0 to 4095"),
-            (self.rows_off_rate, "readings off their time at 100 Hz by more than 20 %"),
-        ];
-        for (count, warning) in warnings.into_iter().filter(|&(count, _)| count > 0) {
-            writeln!(out, "warning      {} {warning}", grouped(count))?;
         }
         Ok(())
     }

@@ -1,0 +1,154 @@
+//! Networks over readings of 24 electrodes: CSV from a file or standard input, a prediction a window.
+//!
+//! Enters: a reading a line, at 100 Hz. Leaves: for each complete window a prediction and, where its values are of
+//! classes, the decision that stands behind it ([`DecisionFilter`]), written before the next line is read.
+//!
+//! Invariant: the readings of a window follow each other, and so do the windows that a decision rests on. Both begin
+//! anew, the decision forgotten, behind a row that is no reading, which is reported with its line, and with a reading
+//! whose time is more than 5 periods after that of the one before, or earlier, which is counted; that reading is the
+//! first of the new window. Other intervals off the rate, repeated times and values beyond the sensor's range are
+//! counted and change nothing. Without a column of time, readings are taken to follow each other.
+
+mod counts;
+mod line;
+mod windows;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, stdin};
+use std::path::Path;
+
+use meissner_engine::representations::{TactileForm, TactileWindow};
+use meissner_io::{ElectrodeSettings, Electrodes, IoError, Reading};
+use meissner_models::FrameSource;
+use meissner_models::description::frames::Readings;
+use meissner_models::systems::slip::DecisionFilter;
+
+use super::FrameModel;
+use super::header::header;
+use super::machine::Machine;
+use super::report::Report;
+use super::summary::{InputCounts, Summary};
+use crate::error::CliError;
+use crate::progress::Progress;
+use crate::run::RunArgs;
+use crate::source;
+pub(super) use counts::ElectrodeCounts;
+use line::Outputs;
+use windows::Windows;
+
+pub(super) fn run(
+    args: &RunArgs,
+    model: &FrameModel,
+    machine: Machine,
+    readings: Readings,
+) -> Result<(), CliError> {
+    let network = &args.input.network;
+    let path = args.input.recording.as_deref().ok_or_else(|| CliError::NoInput {
+        network: network.clone(),
+        expected: "CSV with a column for each of 24 electrodes, in a file or as -",
+        found: "no INPUT",
+    })?;
+    let (names, unit) = model.description.outputs();
+    let outputs = Outputs { names, unit };
+    let filter = filter(args, outputs)?;
+    let (name, live) = (path.display().to_string(), source::is_stdin(path));
+    let name = if live { source::STDIN_NAME.to_owned() } else { name };
+    let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
+    // A header that does not fit is found before anything is printed.
+    let mut first = next(&mut rows, &name)?;
+    let form = match model.source {
+        FrameSource::TactileImage(_) => TactileForm::Image,
+        _ => TactileForm::Reading,
+    };
+    let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
+        .map_err(|source| CliError::Frames { network: network.clone(), source })?;
+    let report = Report::new(args.json, live, None, Progress::new(None, args.json), |out| {
+        let about = "CSV of 24 electrodes, 100 readings a second";
+        header(out, args, model, machine.options(), &[&name, about])?;
+        outputs.write_headings(out)
+    })?;
+    let mut windows = Windows::new(machine, report, outputs, window, filter);
+
+    let (mut taken, mut refused) = (0, 0);
+    let limit = args.input.limit.unwrap_or(u64::MAX);
+    while taken + refused < limit {
+        let Some(row) = first.take() else { break };
+        let problem = match row {
+            Ok(reading) => {
+                let problem = windows.take(&reading, rows.follows())?;
+                problem.map(|problem| format!("line {}: {problem}", reading.line))
+            }
+            Err(error) => Some(error.to_string()),
+        };
+        match problem {
+            None => taken += 1,
+            Some(problem) => {
+                refused += 1;
+                windows.begin_anew();
+                eprintln!("warning: {name}: {problem}");
+            }
+        }
+        if taken + refused < limit {
+            first = next(&mut rows, &name)?;
+        }
+    }
+    let warnings = rows.warnings();
+    let counts = ElectrodeCounts {
+        readings: taken,
+        rows_refused: refused,
+        values_out_of_range: warnings.values_out_of_range,
+        rows_off_rate: warnings.rows_off_rate,
+        gaps: warnings.gaps,
+        times_backwards: warnings.times_backwards,
+        times_repeated: warnings.times_repeated,
+        steps: readings.steps,
+        decisions: windows.decisions(),
+    };
+    let summary = Summary::new(&windows.machine, InputCounts::Electrodes(counts));
+    if summary.predictions == 0 {
+        let steps = readings.steps;
+        eprintln!(
+            "warning: {name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
+        );
+    }
+    Ok(windows.report.summary(&summary)?)
+}
+
+/// How decisions are held.
+///
+/// # Errors
+/// The network's values are not of classes, and options ask for decisions.
+fn filter(args: &RunArgs, outputs: Outputs<'_>) -> Result<DecisionFilter, CliError> {
+    let asked = &args.electrodes;
+    let options =
+        [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
+    if let Some((option, _)) = options.into_iter().find(|(_, given)| *given && !outputs.are_classes()) {
+        let expected = format!("network {} to predict classes, in logit", args.input.network);
+        return Err(CliError::Option { option, expected, found: format!("values in {}", outputs.unit) });
+    }
+    Ok(DecisionFilter::new(asked.hold.unwrap_or(1), asked.least_probability.unwrap_or(0.0))?)
+}
+
+fn open(path: &Path) -> Result<Box<dyn BufRead>, CliError> {
+    if source::is_stdin(path) {
+        return Ok(Box::new(stdin().lock()));
+    }
+    let file = File::open(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+    Ok(Box::new(BufReader::new(file)))
+}
+
+/// The next row: a reading, or what is wrong with it alone.
+///
+/// # Errors
+/// What ends the rows.
+fn next<R: BufRead>(
+    rows: &mut Electrodes<R>,
+    name: &str,
+) -> Result<Option<Result<Reading, IoError>>, CliError> {
+    match rows.next() {
+        Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {
+            Err(CliError::recording(name, error))
+        }
+        row => Ok(row),
+    }
+}
