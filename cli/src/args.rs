@@ -11,6 +11,8 @@ use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::Format;
 
 pub(crate) use crate::bench::BenchArgs;
+pub(crate) use crate::eval::EvalArgs;
+pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
 
 pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
@@ -38,6 +40,10 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Write a recording in another format.
     Convert(ConvertArgs),
+    /// Judge networks on a labelled data set: accuracies, precision, recall, F1, confusion matrices.
+    Eval(EvalArgs),
+    /// Write what a network reads, with labels, for training.
+    Prepare(PrepareArgs),
 }
 
 /// What `run` and `bench` work on.

@@ -6,11 +6,14 @@ use std::process::ExitCode;
 
 use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
+use meissner_io::datasets::DatasetError;
 use meissner_io::{Format, ImageError, IoError};
 use meissner_models::systems::contact_area::ContactError;
-use meissner_models::systems::slip::DecisionError;
+use meissner_models::systems::slip::{DecisionError, SlipError};
 use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
+
+use crate::eval::TrainingError;
 
 /// A subcommand gives up.
 #[derive(Debug, Error)]
@@ -159,6 +162,49 @@ pub(crate) enum CliError {
     /// How a decision is to be held makes no sense.
     #[error(transparent)]
     Decision(#[from] DecisionError),
+    /// A data set is not there or is laid out in another way; the reason names the path.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A network or a recording has nothing to do with direction of slip; the reason names it.
+    #[error(transparent)]
+    Slip(#[from] SlipError),
+    /// A file of a training does not fit the evaluation.
+    #[error("training {}: {source}", path.display())]
+    Training {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: TrainingError,
+    },
+    /// A folder holds no training of a network.
+    #[error("--trainings {}: expected safetensors files with metadata \"network\" = {expected}, found {found}", folder.display())]
+    NoTrainings {
+        /// The folder.
+        folder: PathBuf,
+        /// The networks.
+        expected: String,
+        /// What there is.
+        found: String,
+    },
+    /// A description file has no shipped weights, and no folder has others.
+    #[error("network {0}: a description file comes without weights; add --trainings DIR")]
+    NeedsTrainings(String),
+    /// Threads cannot be started.
+    #[error("--threads {threads}: {source}")]
+    Threads {
+        /// How many.
+        threads: usize,
+        /// Why.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// A recording of a slip cannot be cut into windows.
+    #[error("recording {recording}: {source}")]
+    SlipRecording {
+        /// The recording.
+        recording: String,
+        /// Why.
+        source: SlipError,
+    },
     /// A recording stands where a network should.
     #[error(
         "network {network}: expected a description file, found a recording ({format}): `meissner info` shows it"
@@ -234,6 +280,7 @@ impl CliError {
         match self {
             Self::NoGeometry { .. }
             | Self::NoWeights(_)
+            | Self::NeedsTrainings(_)
             | Self::NotWritable(_)
             | Self::Misfit { .. }
             | Self::Option { .. }

@@ -8,9 +8,13 @@
 //! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
 //! | `bench/` | `meissner bench` |
+//! | `eval/` | `meissner eval` |
+//! | `prepare/` | `meissner prepare` |
+//! | `slip/` | the data set of slips, for `prepare` and `eval` |
 //! | `schedule` | when predictions are read |
 //! | `latency`, `skips` | what both measure |
-//! | `header`, `progress`, `text` | how both are shown to people |
+//! | `header`, `progress`, `text`, `svg` | how results are shown to people |
+//! | `output` | files that are written |
 //! | `inspect`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
@@ -21,17 +25,22 @@ mod args;
 mod bench;
 mod convert;
 mod error;
+mod eval;
 mod frame_feed;
 mod header;
 mod info;
 mod inspect;
 mod latency;
 mod model;
+mod output;
+mod prepare;
 mod progress;
 mod run;
 mod schedule;
 mod skips;
+mod slip;
 mod source;
+mod svg;
 mod text;
 
 use std::process::ExitCode;
@@ -47,6 +56,8 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Info(args) => info::info(&args),
         Command::Convert(args) => convert::convert(&args),
+        Command::Eval(args) => eval::eval(&args),
+        Command::Prepare(args) => prepare::prepare(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -17,7 +17,7 @@
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
 //! Beside them: images for frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]) and readings of
-//! electrodes from CSV ([`Electrodes`]).
+//! electrodes from CSV ([`Electrodes`]), and labelled sets of such recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -41,6 +41,7 @@ mod check;
 mod codec;
 mod csv;
 mod dat;
+pub mod datasets;
 mod detect;
 mod electrodes;
 mod error;
@@ -50,6 +51,7 @@ mod format;
 mod images;
 pub mod limits;
 mod names;
+mod natural;
 mod nmnist;
 mod npy;
 mod prophesee;

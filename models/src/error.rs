@@ -55,6 +55,19 @@ pub enum ModelError {
         /// The prefixes.
         prefixes: Vec<String>,
     },
+    /// Weights were trained on frames that were made in another way than the description says.
+    #[error(
+        "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its [input] says, found \
+         {found}"
+    )]
+    Preparation {
+        /// Name of the network.
+        network: String,
+        /// The description's frames, steps and scaling.
+        expected: String,
+        /// Those of the weights.
+        found: String,
+    },
     /// The engine refused the network.
     #[error(transparent)]
     Engine(#[from] meissner_engine::EngineError),

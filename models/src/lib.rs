@@ -1,13 +1,14 @@
 //! Network descriptions and weights: what a network is, in a file, and the numbers that it computes with.
 //!
 //! - [`Description`]: a TOML file checked into an acyclic graph of layers ([`description`] has the format)
-//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts
+//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`TensorFile`]: arrays to be written
 //! - [`FrameDescription`]: the same for a network over frames ([`description::frames`] has the format), and
 //!   [`AnyDescription`] for whichever a file holds
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
-//! - [`systems`]: what stands around a network: normalisation, reports, overlays
+//! - [`metrics`]: confusion, accuracy, precision, recall, F1, and how sure they are
+//! - [`systems`]: what stands around a network: normalisation, windows, reports, overlays
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
@@ -24,6 +25,7 @@ pub mod description;
 mod draw;
 mod error;
 pub mod inspect;
+pub mod metrics;
 mod shipped;
 pub mod systems;
 mod weights;
@@ -36,4 +38,4 @@ pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
 pub use inspect::Summary;
 pub use shipped::{DRAWN, drawn_file};
-pub use weights::{FormatError, Tensor, Weights};
+pub use weights::{FormatError, Tensor, TensorFile, Weights};

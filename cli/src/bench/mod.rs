@@ -26,9 +26,7 @@ mod plot;
 mod report;
 mod table;
 
-use std::fs::{self, OpenOptions};
 use std::io::{self, BufWriter, Write, stdout};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -42,6 +40,7 @@ use crate::error::CliError;
 use crate::header::header;
 use crate::latency::{Latency, microseconds};
 use crate::model::{Model, describe_any};
+use crate::output;
 use crate::progress::Progress;
 use crate::source::Source;
 use deadline::Deadline;
@@ -73,7 +72,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
     let sensor = source.sensor(input.sensor)?;
     if let Some(path) = &args.svg {
-        check_writable(path)?;
+        output::check_writable(path)?;
     }
     let mut out = BufWriter::new(stdout().lock());
     let recording = source.name.clone();
@@ -121,8 +120,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
         ..Report::measured(&model, &engine, &staged, &measured, &phases, args.repeat, peak_resident_bytes)
     };
     if let Some(path) = &args.svg {
-        let svg = plot::svg(&report, &measured);
-        fs::write(path, svg).map_err(|source| CliError::Write { path: path.clone(), source })?;
+        output::write(path, plot::svg(&report, &measured))?;
     }
     if args.json {
         serde_json::to_writer(&mut out, &report).map_err(io::Error::from)?;
@@ -138,12 +136,6 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 fn taken(source: Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
     let limit = args.input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
     Part { from_us: args.from_s, for_us: args.for_s }.take(source, limit)
-}
-
-/// Finds out before minutes of measuring, not after them, and leaves what is there as it is.
-fn check_writable(path: &Path) -> Result<(), CliError> {
-    let opened = OpenOptions::new().create(true).append(true).open(path);
-    opened.map(drop).map_err(|source| CliError::Write { path: path.to_owned(), source })
 }
 
 /// What measuring nothing takes, in microseconds: the least mean of several runs, since an interruption can only add.

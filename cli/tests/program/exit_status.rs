@@ -46,6 +46,9 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["bench", "--mode", "batch"],
         &["info"],
         &["inspect", "graphres", "--dot", "--json"],
+        &["prepare", "slip", "data"],
+        &["eval", "slip"],
+        &["eval", "slip", "data", "--threads", "0"],
         &["nothing"],
     ] {
         fails(&meissner(arguments), 2, &["error: "]);

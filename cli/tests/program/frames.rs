@@ -45,7 +45,7 @@ impl OwnNetwork {
 }
 
 /// An engine of the network of `description`, with all defaults.
-fn engine(description: &FrameDescription, weights: &Weights) -> FrameEngine {
+pub(crate) fn engine(description: &FrameDescription, weights: &Weights) -> FrameEngine {
     let parts = description.network_parts(weights).expect("the weights fit");
     let network = FrameNetwork::new(parts, Convolution::Direct).expect("the parts fit");
     FrameEngine::new(Arc::new(network), FrameOptions::default()).expect("options in range")

@@ -17,7 +17,6 @@ mod error;
 mod format;
 mod image;
 mod jpeg;
-mod natural;
 mod png;
 mod pnm;
 mod sequence;

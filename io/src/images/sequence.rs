@@ -7,8 +7,8 @@ use std::vec;
 use super::error::ImageError;
 use super::format::ImageFormat;
 use super::image::{Image, read_bounded, read_image};
-use super::natural;
 use crate::error::Place;
+use crate::natural;
 
 /// The images of a sequence with their paths, one at a time, each read when it is asked for.
 ///

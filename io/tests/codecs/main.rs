@@ -5,6 +5,7 @@
 mod aedat4;
 mod csv;
 mod dat;
+mod datasets;
 mod detect;
 mod electrodes;
 mod encoders;

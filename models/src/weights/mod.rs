@@ -3,6 +3,7 @@
 //! Enters: bytes, of which nothing is trusted. Leaves: [`Weights`], floating-point tensors as f32 and of all others the
 //! name, type and shape. Invariant: memory stays within a small multiple of the file's size, and no byte is executed.
 
+mod file;
 mod format;
 mod pickle;
 mod safetensors;
@@ -15,6 +16,7 @@ use std::path::Path;
 
 use crate::ModelError;
 
+pub use file::TensorFile;
 pub use format::FormatError;
 
 /// Largest file that is read.

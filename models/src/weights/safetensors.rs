@@ -1,13 +1,11 @@
-//! safetensors: read through the `safetensors` crate, which checks every offset; written here, so that the same weights
-//! give the same bytes (the crate orders metadata by a random hash).
+//! safetensors: read through the `safetensors` crate, which checks every offset; written by [`TensorFile`].
 
 use std::collections::BTreeMap;
 
 use safetensors::tensor::{Dtype, SafeTensors};
-use serde::Serialize;
 
 use super::scalar::Float;
-use super::{FormatError, Tensor, Weights};
+use super::{FormatError, Tensor, TensorFile, Weights};
 
 /// Reads the bytes of a safetensors file.
 pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
@@ -44,41 +42,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
     Ok(Weights { tensors, metadata })
 }
 
-/// A tensor in the header.
-#[derive(Serialize)]
-struct Info<'a> {
-    dtype: &'static str,
-    shape: &'a [usize],
-    data_offsets: [usize; 2],
-}
-
-/// An entry of the header.
-#[derive(Serialize)]
-#[serde(untagged)]
-enum Entry<'a> {
-    Metadata(&'a BTreeMap<String, String>),
-    Tensor(Info<'a>),
-}
-
-/// The bytes of a safetensors file: header length, header, values in the order of the names.
+/// The bytes of a safetensors file with the floating-point tensors.
 pub(super) fn write(weights: &Weights, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    let mut header = BTreeMap::new();
-    let mut data = Vec::new();
+    let mut file = TensorFile::new(metadata.clone());
     for (name, tensor) in weights.iter() {
-        let Some(values) = tensor.values() else { continue };
-        let start = data.len();
-        data.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-        let info = Info { dtype: "F32", shape: tensor.shape(), data_offsets: [start, data.len()] };
-        header.insert(name, Entry::Tensor(info));
+        if let Some(values) = tensor.values() {
+            file.f32(name, tensor.shape(), values);
+        }
     }
-    if !metadata.is_empty() {
-        header.insert("__metadata__", Entry::Metadata(metadata));
-    }
-    let mut header = serde_json::to_vec(&header).expect("names, numbers and strings always serialise");
-    // Values start at a multiple of 8, which readers that map the file rely on.
-    header.resize(header.len().next_multiple_of(8), b' ');
-    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
-    bytes.extend(header);
-    bytes.extend(data);
-    bytes
+    file.into_bytes()
 }

@@ -19,8 +19,10 @@ impl FrameDescription {
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, has another shape or type, or values that cannot be
-    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do.
+    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do; [`ModelError::Preparation`] where they say
+    /// that they were trained on frames that were made in another way ([`Self::preparation`]).
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
+        self.check_preparation(weights)?;
         let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
         // Every layer is read before any is missed, so that every tensor that does not fit is noted.
         let parts: Vec<Option<Part>> = self.layers.iter().map(|layer| part(layer, &mut tensors)).collect();

@@ -62,6 +62,7 @@ mod build;
 mod file;
 mod input;
 mod layer;
+mod preparation;
 mod shapes;
 mod source;
 mod tensors;

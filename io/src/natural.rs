@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 /// Compares two names: digit runs by value, all else byte by byte; names that are equal so far (`img1`, `img01`)
 /// byte by byte as a whole. A total order; O(length), numbers of any length.
-pub(super) fn compare(a: &[u8], b: &[u8]) -> Ordering {
+pub(crate) fn compare(a: &[u8], b: &[u8]) -> Ordering {
     let (mut x, mut y) = (a, b);
     loop {
         let order = match (x.first(), y.first()) {

@@ -1,0 +1,85 @@
+//! Windows of all recordings as one network reads them, and what it makes of them.
+//!
+//! Recordings are shared by threads, each with an engine of its own. Every window starts from the state before the first
+//! frame, so neither the number of threads nor the order reaches a bit of a result.
+
+use std::sync::Arc;
+
+use meissner_engine::EngineError;
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_models::systems::slip::SlipWindows;
+use meissner_models::{FrameDescription, Weights};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use crate::error::CliError;
+use crate::slip::SlipData;
+
+/// The windows of every recording.
+pub(super) struct Windows {
+    /// Of each recording (windows, steps, frame).
+    frames: Vec<Vec<f32>>,
+    /// Windows of each recording.
+    pub(super) counts: Vec<usize>,
+    /// Values of a window, and of a frame.
+    lengths: (usize, usize),
+}
+
+impl Windows {
+    /// The windows of `data` as `description` reads them.
+    pub(super) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, CliError> {
+        let mut windows = SlipWindows::new(description)?;
+        let lengths = (windows.steps() * windows.frame_len(), windows.frame_len());
+        let mut cut = Self { frames: Vec::new(), counts: Vec::new(), lengths };
+        for index in 0..data.recordings.len() {
+            let mut frames = Vec::new();
+            cut.counts.push(data.cut(index, &mut windows, &mut frames, None)?);
+            cut.frames.push(frames);
+        }
+        Ok(cut)
+    }
+
+    /// All windows, by recording.
+    pub(super) fn all(&self) -> Vec<Vec<usize>> {
+        self.counts.iter().map(|&count| (0..count).collect()).collect()
+    }
+
+    /// The outputs of `engine` for the windows `chosen` of each recording, in that order.
+    pub(super) fn logits(
+        &self,
+        pool: &ThreadPool,
+        engine: &FrameEngine,
+        chosen: &[Vec<usize>],
+    ) -> Result<Vec<Vec<f32>>, EngineError> {
+        let of_recording = |engine: &mut FrameEngine, (frames, chosen): (&Vec<f32>, &Vec<usize>)| {
+            let mut logits = Vec::new();
+            for window in chosen {
+                let (window_len, frame_len) = self.lengths;
+                engine.reset();
+                for frame in frames[window * window_len..][..window_len].chunks_exact(frame_len) {
+                    engine.push(frame)?;
+                }
+                logits.extend_from_slice(engine.predict()?.values);
+            }
+            Ok(logits)
+        };
+        let recordings = || {
+            let recordings = self.frames.par_iter().zip(chosen);
+            recordings.map_init(|| engine.clone(), of_recording).collect::<Vec<_>>()
+        };
+        // The first error in the order of the recordings, not of time.
+        pool.install(recordings).into_iter().collect()
+    }
+}
+
+/// The network of `description` with `weights`, which `label` names.
+pub(super) fn engine(
+    description: &FrameDescription,
+    weights: &Weights,
+    label: &str,
+) -> Result<FrameEngine, CliError> {
+    let parts = description.network_parts(weights);
+    let parts = parts.map_err(|source| CliError::Weights { weights: label.to_owned(), source })?;
+    let network = Arc::new(FrameNetwork::new(parts, Convolution::Direct)?);
+    Ok(FrameEngine::new(network, FrameOptions::default())?)
+}

@@ -1,0 +1,17 @@
+//! Files that the program writes.
+
+use std::fs::{self, OpenOptions};
+use std::path::Path;
+
+use crate::error::CliError;
+
+/// Finds out before minutes of work, not after them, and leaves what is there as it is.
+pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
+    let opened = OpenOptions::new().create(true).append(true).open(path);
+    opened.map(drop).map_err(|source| CliError::Write { path: path.to_owned(), source })
+}
+
+/// Writes `content` to the file at `path`, which is replaced where it exists.
+pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), CliError> {
+    fs::write(path, content).map_err(|source| CliError::Write { path: path.to_owned(), source })
+}

@@ -1,0 +1,174 @@
+//! Networks judged on a data set of slips, with the weights that they are shipped with.
+
+use meissner_models::Weights;
+use serde_json::Value;
+
+use crate::exit_status::fails;
+use crate::slip_data::{CLASSES, SlipFolder, class, outputs};
+use crate::support::{argument, meissner, message, shared, text};
+
+/// The JSON object of a successful evaluation.
+pub(crate) fn report(arguments: &[&str]) -> Value {
+    let output = meissner(&[&["eval", "slip"][..], arguments, &["--json", "-"]].concat());
+    assert!(output.status.success(), "{}", message(&output));
+    serde_json::from_str(&text(&output)).expect("one JSON object")
+}
+
+/// The confusion matrix of the engine's own predictions on the recordings of object `object`.
+pub(crate) fn confusion(outputs: &[Vec<Vec<u32>>], object: usize) -> Vec<Vec<u64>> {
+    let mut counts = vec![vec![0; 7]; 7];
+    for (truth, row) in counts.iter_mut().enumerate() {
+        outputs[truth * 4 + object].iter().for_each(|window| row[class(window)] += 1);
+    }
+    counts
+}
+
+pub(crate) fn counts(matrix: &Value) -> Vec<Vec<u64>> {
+    serde_json::from_value(matrix.clone()).expect("a matrix of counts")
+}
+
+#[test]
+fn figures_are_those_of_the_engines_own_predictions() {
+    let data = SlipFolder::new();
+    for network in ["slip-lstm", "slip-regularised"] {
+        let report = report(&[argument(data.path()), "--network", network]);
+        let outputs = outputs(network, &Weights::shipped(network).expect("with weights"));
+        let judged = &report["networks"][0];
+        assert_eq!((&judged["network"], &report["classes"]), (&network.into(), &CLASSES.as_slice().into()));
+        // The sets' order is not that of the objects' names.
+        for (i, (set, object)) in
+            [("Basic", 2), ("Solids", 0), ("Small", 1), ("Textures", 3)].iter().enumerate()
+        {
+            let judged = &judged["sets"][i];
+            let expected = confusion(&outputs, *object);
+            assert_eq!(
+                (judged["set"].as_str(), counts(&judged["confusion"])),
+                (Some(*set), expected.clone())
+            );
+            let total: u64 = expected.iter().flatten().sum();
+            let hits: u64 = (0..7).map(|class| expected[class][class]).sum();
+            assert_eq!(judged["accuracy"]["mean"], hits as f64 / total as f64);
+            assert_eq!((&judged["windows"], &judged["trainings"]), (&total.into(), &1.into()));
+            assert_eq!((&judged["accuracy"]["std"], &judged["trained_on"]), (&Value::Null, &false.into()));
+            assert_eq!(judged["each"][0]["seed"], Value::Null);
+        }
+    }
+}
+
+#[test]
+fn the_number_of_threads_reaches_no_bit() {
+    let data = SlipFolder::new();
+    let run = |threads: &str| {
+        let logits = data.path().join(format!("logits-{threads}"));
+        let arguments = [argument(data.path()), "--threads", threads, "--logits", argument(&logits)];
+        let mut report = report(&arguments);
+        // The logits of another run lie in the folder and are listed.
+        report["data"]["notes"] = Value::Null;
+        (report, std::fs::read(&logits).expect("it was written"))
+    };
+    let one = run("1");
+    assert_eq!(one.0["networks"].as_array().map(Vec::len), Some(3), "every shipped network");
+    assert!(one == run("2") && one == run("7"));
+}
+
+#[test]
+fn logits_are_the_engines_in_the_order_of_the_windows() {
+    let data = SlipFolder::new();
+    let path = data.path().join("logits");
+    report(&[argument(data.path()), "--network", "slip-tuned", "--logits", argument(&path)]);
+    let file = Weights::load(&path).expect("a valid file");
+    let logits = file.get("slip-tuned.shipped").expect("named by network and seed");
+    let outputs = outputs("slip-tuned", &Weights::shipped("slip-tuned").expect("with weights"));
+    let expected: Vec<u32> = outputs.into_iter().flatten().flatten().collect();
+    let found: Vec<u32> = logits.values().expect("floats").iter().map(|value| value.to_bits()).collect();
+    assert_eq!((logits.shape(), found), (&[7 * 8, 7][..], expected));
+}
+
+#[test]
+fn the_text_shows_every_table_with_the_figures_of_others() {
+    let data = SlipFolder::new();
+    let output = meissner(&["eval", "slip", argument(data.path()), "--network", "slip-lstm"]);
+    assert!(output.status.success(), "{}", message(&output));
+    let text = text(&output);
+    for expected in [
+        "28 recordings",
+        "drawn, untrained",
+        "strippes",
+        "82.56",
+        "65.3",
+        "support-vector machine",
+        "precision",
+        "slip-lstm on Textures: true class by row",
+        "judged in",
+    ] {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
+    assert!(!text.contains("trained on") && !text.contains("cross-validation"), "{text}");
+}
+
+#[test]
+fn the_drawing_has_a_matrix_for_each_network_and_set_and_bars() {
+    let data = SlipFolder::new();
+    let (svg, json) = (data.path().join("slip.svg"), data.path().join("slip.json"));
+    let arguments =
+        ["eval", "slip", argument(data.path()), "--svg", argument(&svg), "--json", argument(&json)];
+    let output = meissner(&arguments);
+    assert!(output.status.success() && text(&output).contains("accuracy"), "{}", message(&output));
+    let report: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");
+    let svg = std::fs::read_to_string(svg).expect("it was written");
+    let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
+    let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
+    for network in report["networks"].as_array().expect("a list") {
+        let name = network["network"].as_str().expect("a name");
+        for set in network["sets"].as_array().expect("a list") {
+            let title = format!("{name}, {}", set["set"].as_str().expect("a name"));
+            assert!(texts.contains(&title.as_str()), "{title}: {texts:?}");
+            let accuracy = 100.0 * set["accuracy"]["mean"].as_f64().expect("a number");
+            assert!(texts.iter().any(|text| text.starts_with(&format!("{accuracy:.2} %, 1 training"))));
+        }
+    }
+    for expected in ["Direction of slip", "paper (reference)", "predicted", "Textures"] {
+        assert!(texts.contains(&expected), "{expected}: {texts:?}");
+    }
+    // 12 matrices with 49 cells, 12 bars.
+    assert!(document.descendants().filter(|node| node.has_tag_name("rect")).count() > 12 * 49 + 12);
+}
+
+#[test]
+fn what_cannot_be_judged_is_bad_input_or_bad_usage() {
+    let data = SlipFolder::new();
+    let path = argument(data.path());
+    fails(
+        &meissner(&["eval", "slip", "no/such/folder"]),
+        1,
+        &["no/such/folder: expected a folder", "aw, cw"],
+    );
+    fails(
+        &meissner(&["eval", "slip", path, "--network", "canf"]),
+        1,
+        &["canf", "\"picture\"", "\"electrodes\""],
+    );
+    fails(&meissner(&["eval", "slip", path, "--network", "graphres"]), 1, &["graphres", "a frame network"]);
+    fails(&meissner(&["eval", "slip", path, "--network", "slipless"]), 1, &["slipless", "slip-lstm"]);
+    let twice = ["eval", "slip", path, "--network", "slip-lstm", "--network", "slip-lstm"];
+    fails(&meissner(&twice), 2, &["--network", "each network once"]);
+    fails(&meissner(&["eval", "slip", path, "--svg", "no/such/slip.svg"]), 1, &["no/such/slip.svg"]);
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let own = folder.path().join("own.toml");
+    std::fs::write(&own, include_str!("../../../models/networks/slip-lstm.toml")).expect("written");
+    fails(&meissner(&["eval", "slip", path, "--network", argument(&own)]), 2, &["--trainings DIR"]);
+    fails(&meissner(&["eval", "slip", argument(folder.path())]), 1, &["<class>/<object><number>.csv"]);
+}
+
+#[test]
+fn the_published_data_set_is_judged_by_set() {
+    let Some(data) = shared("data/biotac_dos") else { return };
+    let report = report(&[argument(&data), "--network", "slip-lstm"]);
+    let sets = report["networks"][0]["sets"].as_array().expect("a list");
+    assert_eq!(sets.len(), 4);
+    assert_eq!(sets.iter().filter_map(|set| set["windows"].as_u64()).sum::<u64>(), 16_799);
+    assert_eq!(report["data"]["recordings"], 306);
+    for matrix in sets.iter().map(|set| counts(&set["confusion"])) {
+        assert!(matrix.iter().all(|row| row.iter().sum::<u64>() > 0), "every set has every class");
+    }
+}

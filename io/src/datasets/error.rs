@@ -1,0 +1,75 @@
+//! What can be wrong with a folder of recordings.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::error::IoError;
+
+/// A folder is not the data set that it should be.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DatasetError {
+    /// The data set is not there.
+    #[error("{}: expected a folder with a folder for each of {}, found {found}", path.display(), expected.join(", "))]
+    NoFolder {
+        /// Where it should be.
+        path: PathBuf,
+        /// The classes.
+        expected: Vec<String>,
+        /// What is there.
+        found: &'static str,
+    },
+    /// A folder cannot be listed.
+    #[error("cannot list {}: {source}", path.display())]
+    List {
+        /// The folder.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// Folders that stand for none of the classes.
+    #[error("{}: expected folders {}, found also {}", path.display(), expected.join(", "), found.join(", "))]
+    UnknownClasses {
+        /// The data set.
+        path: PathBuf,
+        /// The classes.
+        expected: Vec<String>,
+        /// The other folders, in order.
+        found: Vec<String>,
+    },
+    /// No class has a recording.
+    #[error("{}: expected recordings <class>/<object><number>.csv of the classes {}, found none", path.display(), expected.join(", "))]
+    NoRecordings {
+        /// The data set.
+        path: PathBuf,
+        /// The classes.
+        expected: Vec<String>,
+    },
+    /// A recording's name does not say its object.
+    #[error("{}: expected an object's name and a number, such as pen178.csv, found {found:?}", path.display())]
+    Name {
+        /// The recording.
+        path: PathBuf,
+        /// Its name.
+        found: String,
+    },
+    /// A recording holds no readings.
+    #[error("{}: expected rows of readings below a header, found none", path.display())]
+    Empty {
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A recording cannot be opened.
+    #[error(transparent)]
+    File(IoError),
+    /// A recording cannot be read; the reason has the line.
+    #[error("{}: {source}", path.display())]
+    Recording {
+        /// The recording.
+        path: PathBuf,
+        /// Why.
+        source: IoError,
+    },
+}

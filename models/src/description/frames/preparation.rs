@@ -1,0 +1,144 @@
+//! How the readings that weights were trained on were prepared: what a description and its weights must agree on.
+//!
+//! Weights say it in their metadata under `preparation`, as a JSON object with the words of a description's `[input]`:
+//!
+//! ```text
+//! {"frames":"tactile-image","steps":5,"scaling":"image"}
+//! ```
+//!
+//! How readings are sampled is no part of it: a network that was trained on windows that do not overlap may run on sliding
+//! ones. Weights that say nothing are taken as they are.
+
+use serde_json::{Map, Value};
+
+use super::{FrameDescription, FrameSource};
+use crate::{ModelError, Weights};
+
+/// The key of the metadata.
+pub(crate) const KEY: &str = "preparation";
+/// The keys of the object, in order.
+const KEYS: [&str; 3] = ["frames", "steps", "scaling"];
+
+impl FrameDescription {
+    /// What weights that are trained for this description carry as metadata `preparation`: frames, steps and scaling in the
+    /// words of `[input]`, as a JSON object. `None` where frames are not made of readings of electrodes.
+    pub fn preparation(&self) -> Option<String> {
+        match self.source() {
+            FrameSource::TactileImage(_) | FrameSource::Electrodes(_) => {
+                let settings = self.settings();
+                let entries = KEYS.iter().filter_map(|&key| Some(format!("{key:?}:{}", settings.get(key)?)));
+                Some(format!("{{{}}}", entries.collect::<Vec<_>>().join(",")))
+            }
+            _ => None,
+        }
+    }
+
+    /// `Ok` where `weights` do not say how their frames were prepared, or say the same as this description.
+    pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
+        let Some(found) = weights.metadata().get(KEY) else { return Ok(()) };
+        let expected = self.preparation();
+        let read = |text: &str| serde_json::from_str::<Map<String, Value>>(text).ok().map(normal);
+        if expected.as_deref().and_then(read).is_some_and(|expected| read(found) == Some(expected)) {
+            return Ok(());
+        }
+        Err(ModelError::Preparation {
+            network: self.name().to_owned(),
+            expected: expected.unwrap_or_else(|| format!("none, since frames = {:?}", self.source().word())),
+            found: found.clone(),
+        })
+    }
+
+    fn settings(&self) -> Map<String, Value> {
+        match serde_json::to_value(self.source()) {
+            Ok(Value::Object(settings)) => settings,
+            _ => Map::new(),
+        }
+    }
+}
+
+/// The entries that count, with numbers as the engine takes them, so that 3488 and 3488.0 are the same.
+fn normal(entries: Map<String, Value>) -> Map<String, Value> {
+    let number = |value: Value| value.as_f64().map_or(value, |number| Value::from(number as f32));
+    let entries = entries.into_iter().map(|(key, value)| {
+        let value = match value {
+            Value::Array(list) => list.into_iter().map(number).collect(),
+            value => number(value),
+        };
+        (key, value)
+    });
+    // Sampling may be there and does not count.
+    entries.filter(|(key, _)| key != "sampling").collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::KEY;
+    use crate::{FrameDescription, ModelError, draw};
+
+    fn description(network: &str, scaling: &str) -> FrameDescription {
+        let text = match network {
+            "slip-lstm" => include_str!("../../../networks/slip-lstm.toml"),
+            _ => include_str!("../../../networks/slip-tuned.toml"),
+        };
+        let from = if network == "slip-lstm" { "scaling = \"reading\"" } else { "scaling = \"image\"" };
+        FrameDescription::parse(&text.replace(from, &format!("scaling = {scaling}"))).expect("consistent")
+    }
+
+    fn built(description: &FrameDescription, preparation: Option<&str>) -> Result<(), ModelError> {
+        let metadata: BTreeMap<_, _> =
+            preparation.iter().map(|text| (KEY.to_owned(), (*text).to_owned())).collect();
+        description.network_parts(&draw(description, 1).with_metadata(metadata)).map(drop)
+    }
+
+    #[test]
+    fn the_preparation_has_the_words_of_the_file() {
+        let of = |network, scaling| description(network, scaling).preparation().expect("over readings");
+        assert_eq!(
+            of("slip-lstm", "\"reading\""),
+            r#"{"frames":"electrodes","steps":5,"scaling":"reading"}"#
+        );
+        assert_eq!(
+            of("slip-tuned", "[0, 3488.1]"),
+            r#"{"frames":"tactile-image","steps":5,"scaling":[0.0,3488.1]}"#
+        );
+        assert_eq!(FrameDescription::shipped("force-lstm").expect("shipped").preparation(), None);
+    }
+
+    #[test]
+    fn weights_that_say_the_same_or_nothing_fit() {
+        let range = description("slip-tuned", "[0, 3488.1]");
+        built(&range, None).unwrap();
+        built(&range, range.preparation().as_deref()).unwrap();
+        let other_words =
+            r#"{ "sampling": 3, "scaling": [0, 3488.10], "steps": 5.0, "frames": "tactile-image" }"#;
+        built(&range, Some(other_words)).unwrap();
+    }
+
+    #[test]
+    fn weights_that_were_trained_on_other_frames_are_refused_with_both() {
+        let image = description("slip-tuned", "\"image\"");
+        for found in [
+            r#"{"frames":"electrodes","steps":5,"scaling":"image"}"#,
+            r#"{"frames":"tactile-image","steps":4,"scaling":"image"}"#,
+            r#"{"frames":"tactile-image","steps":5,"scaling":[0,3488]}"#,
+            r#"{"frames":"tactile-image","steps":5}"#,
+            r#"{"frames":"tactile-image","steps":5,"scaling":"image","order":"reversed"}"#,
+            "image",
+        ] {
+            let error = built(&image, Some(found)).expect_err(found);
+            assert!(matches!(error, ModelError::Preparation { .. }), "{error}");
+            let message = error.to_string();
+            let expected = image.preparation().expect("over readings");
+            assert!(message.contains(&expected) && message.contains(found), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_network_over_events_refuses_weights_for_readings() {
+        let force = FrameDescription::shipped("force-tdnn").expect("shipped");
+        let error = built(&force, Some("{}")).unwrap_err().to_string();
+        assert!(error.contains("event-counts"), "{error}");
+    }
+}
