@@ -109,6 +109,8 @@ fn frames_after_the_first_few_allocate_nothing() {
         Style::ConvLstm { hidden: 3, peepholes: false },
         Style::ConvLstm { hidden: 16, peepholes: true },
         Style::Delays,
+        Style::Committee { vector: false },
+        Style::Committee { vector: true },
     ];
     let size = [2, 32, 48];
     for (style, convolution) in styles.into_iter().flat_map(|style| {
@@ -151,6 +153,8 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
     let mut voxels = VoxelGrid::new(sensor, options.crop, 5, VoxelTime::Bins, 0..=1).expect("admissible");
     let mut tactile =
         TactileWindow::new(5, Sampling::Sliding, Scaling::PerImage, TactileForm::Image).expect("admissible");
+    let both = Scaling::ReadingAndRange { minimum: 0.0, maximum: 4_096.0 };
+    let mut twice = TactileWindow::new(5, Sampling::Sliding, both, TactileForm::Reading).expect("admissible");
     let span = events[events.len() - 1].t_us - events[0].t_us;
     let mut pass = |shift: i64| {
         let before = COUNT.load(Ordering::Relaxed);
@@ -170,6 +174,7 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
                 assert!(!surface.surface().active.is_empty());
                 assert!(voxels.frame().events > 0);
                 images += usize::from(tactile.push(&[i as f32; ELECTRODES]).expect("finite").is_some());
+                images += usize::from(twice.push(&[i as f32; ELECTRODES]).expect("finite").is_some());
             }
         }
         assert!(frames > 100 && images > 100);

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use meissner_engine::EngineError;
 use meissner_engine::frames::{
-    Convolution, FrameEngine, FrameNetwork, FrameNetworkParts, FrameOptions, FrameShape, Skip,
+    Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions,
+    FrameShape, Skip,
 };
-use meissner_kernels::{Isa, WinogradTile};
+use meissner_kernels::{Activation, Isa, WinogradTile};
 use meissner_tests::compare::bits;
 use meissner_tests::frame_networks::{Style, network, sequence};
+use meissner_tests::random::Random;
 use proptest::prelude::*;
 
 fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
@@ -28,6 +30,7 @@ fn style() -> impl Strategy<Value = Style> {
         2 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
             .prop_map(|(hidden, peepholes)| Style::ConvLstm { hidden, peepholes }),
         1 => Just(Style::Delays),
+        3 => any::<bool>().prop_map(|vector| Style::Committee { vector }),
     ]
 }
 
@@ -116,6 +119,103 @@ proptest! {
             new.push(&frame).expect("a frame that fits");
             prop_assert_eq!(predict(&mut used), predict(&mut new));
         }
+    }
+}
+
+/// Layers over a vector of 6 values, each with what it reads.
+fn over_a_vector(layers: Vec<(usize, FrameLayerKind)>) -> FrameNetworkParts {
+    let name = |(i, (from, kind))| FrameLayer { name: format!("layer{i}"), from, kind };
+    let layers = layers.into_iter().enumerate().map(name).collect();
+    FrameNetworkParts { name: "vectors".to_owned(), input: FrameShape::Vector(6), layers }
+}
+
+fn lstm_of_6() -> FrameLayerKind {
+    let mut random = Random::new(7);
+    let [weight_ih, weight_hh, bias] = [4 * 5 * 6, 4 * 5 * 5, 4 * 5].map(|count| random.values(count, 0.7));
+    FrameLayerKind::Lstm { hidden: 5, weight_ih, weight_hh, bias }
+}
+
+#[test]
+fn a_concatenation_of_vectors_is_the_values_of_one_and_then_of_the_other() {
+    let (lstm, delay) = (lstm_of_6(), FrameLayerKind::Delay { frames: 3 });
+    let join = |with| FrameLayerKind::Concat { with };
+    // Both read the frame; the frame stands behind them.
+    let parts = over_a_vector(vec![(0, lstm.clone()), (0, delay.clone()), (1, join(2)), (3, join(0))]);
+    for skip in [Skip::Exact, Skip::Nothing, Skip::Tolerance(0.0)] {
+        let options = FrameOptions { skip, ..FrameOptions::default() };
+        let make = |parts| engine(&parts, Convolution::Direct, options);
+        let mut joined = make(parts.clone());
+        let mut alone = [&lstm, &delay].map(|kind| make(over_a_vector(vec![(0, kind.clone())])));
+        for (n, frame) in sequence(40, [1, 1, 6], 3).iter().enumerate() {
+            if n % 9 == 8 {
+                joined.reset();
+                alone.iter_mut().for_each(FrameEngine::reset);
+                assert_eq!(predict(&mut joined), [0; 5 + 18 + 6], "before the first frame");
+            }
+            joined.push(frame).expect("a frame that fits");
+            alone.iter_mut().for_each(|engine| engine.push(frame).expect("a frame that fits"));
+            // Several frames may meet in a prediction.
+            if n % 4 != 1 {
+                let expected = [predict(&mut alone[0]), predict(&mut alone[1]), bits(frame)].concat();
+                assert_eq!(predict(&mut joined), expected, "frame {n}, {skip:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_vector_may_be_appended_to_itself() {
+    let parts = over_a_vector(vec![(0, FrameLayerKind::Concat { with: 0 })]);
+    let mut engine = engine(&parts, Convolution::Direct, FrameOptions::default());
+    let frame = [1.0, -2.0, 3.0, -4.0, 5.0, -6.0];
+    engine.push(&frame).expect("a frame that fits");
+    assert_eq!(predict(&mut engine), bits(&[frame, frame].concat()));
+    let layer = engine.counters().layers[0];
+    engine.push(&frame).expect("a frame that fits");
+    assert_eq!(predict(&mut engine), bits(&[frame, frame].concat()));
+    let again = engine.counters().layers[0];
+    assert_eq!((again.computed, again.skipped), (layer.computed, layer.skipped + 1), "nothing has changed");
+}
+
+#[test]
+fn before_the_first_frame_what_a_state_reads_is_that_of_zeros() {
+    let mut random = Random::new(9);
+    let dense = FrameLayerKind::Dense {
+        outputs: 6,
+        weight: random.values(36, 1.0),
+        bias: Some((1..7).map(|b| b as f32).collect()),
+        activation: Activation::Identity,
+    };
+    // The LSTM and the prediction read the dense layer.
+    let parts = over_a_vector(vec![(0, dense), (1, lstm_of_6()), (1, FrameLayerKind::Concat { with: 2 })]);
+    let expected = bits(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    for skip in [Skip::Exact, Skip::Nothing] {
+        let mut engine =
+            engine(&parts, Convolution::Direct, FrameOptions { skip, ..FrameOptions::default() });
+        assert_eq!(predict(&mut engine), expected, "a new engine");
+        engine.push(&[0.5; 6]).expect("a frame that fits");
+        assert_ne!(predict(&mut engine), expected);
+        engine.reset();
+        assert_eq!(predict(&mut engine), expected, "a reset engine");
+    }
+}
+
+#[test]
+fn an_image_and_a_vector_are_not_concatenated() {
+    let sum = || FrameLayer { name: "sum".to_owned(), from: 0, kind: FrameLayerKind::Sum };
+    let join =
+        |from, with| FrameLayer { name: "join".to_owned(), from, kind: FrameLayerKind::Concat { with } };
+    for (from, with, expected) in [
+        (0, 1, "an image of 4 x 5 beside 2 x 4 x 5, found 2 values"),
+        (1, 0, "a vector beside 2 values, found 2 x 4 x 5"),
+    ] {
+        let parts = FrameNetworkParts {
+            name: "mixed".to_owned(),
+            input: FrameShape::Image { channels: 2, height: 4, width: 5 },
+            layers: vec![sum(), join(from, with)],
+        };
+        let error = FrameNetwork::new(parts, Convolution::Direct).expect_err(expected).to_string();
+        assert!(error.contains("layer \"join\": second input") && error.ends_with(expected), "{error}");
     }
 }
 

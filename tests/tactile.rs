@@ -33,9 +33,11 @@ proptest! {
             Just(Scaling::PerImage),
             Just(Scaling::PerReading),
             Just(Scaling::Range { minimum: 0.0, maximum: 3_488.0 }),
+            Just(Scaling::ReadingAndRange { minimum: 1_911.0, maximum: 3_743.0 }),
         ],
         image in any::<bool>(),
     ) {
+        let image = image && !matches!(scaling, Scaling::ReadingAndRange { .. });
         let form = if image { TactileForm::Image } else { TactileForm::Reading };
         let mut window = TactileWindow::new(steps, sampling, scaling, form).expect("admissible");
         let mut streamed = vec![];
@@ -66,6 +68,9 @@ fn make(reading: &[f32; ELECTRODES], scaling: Scaling, image: bool) -> Vec<f32> 
         values.iter().map(one).collect()
     };
     let before = match scaling {
+        Scaling::ReadingAndRange { minimum, maximum } => {
+            return [scale(reading, own(reading)), scale(reading, (minimum, maximum))].concat();
+        }
         Scaling::PerImage => reading.to_vec(),
         Scaling::PerReading => scale(reading, own(reading)),
         Scaling::Range { minimum, maximum } => scale(reading, (minimum, maximum)),

@@ -71,6 +71,8 @@ fn chain(kinds: &[usize], channels: usize, height: usize, width: usize) -> Strin
         writeln!(text, "[[layer]]\nname = \"l{i}\"\nkind = {keys}").expect("a string");
     }
     text.push_str("[[layer]]\nname = \"flat\"\nkind = \"flatten\"\n");
+    text.push_str("[[layer]]\nname = \"past\"\nkind = \"delay\"\nframes = 2\n");
+    text.push_str("[[layer]]\nname = \"both\"\nkind = \"concat\"\nwith = \"flat\"\n");
     text.push_str(
         "[[layer]]\nname = \"y\"\nkind = \"lstm\"\nhidden = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
     );
@@ -160,7 +162,7 @@ proptest! {
         let Ok(description) = FrameDescription::parse(&text) else { return Ok(()) };
         let weights = draw(&description, seed);
         let parts = description.network_parts(&weights).map_err(|e| TestCaseError::fail(e.to_string()))?;
-        prop_assert_eq!(parts.layers.len(), kinds.len() + 2);
+        prop_assert_eq!(parts.layers.len(), kinds.len() + 4);
         prop_assert!(description.unused_tensors(&weights).is_ok_and(|unused| unused.is_empty()));
         let values: usize = weights.iter().map(|(_, t)| t.values().map_or(0, <[f32]>::len)).sum();
         prop_assert_eq!(description.summary().values, values);

@@ -26,6 +26,11 @@ pub enum Style {
     },
     /// Sums, their recent past, and dense layers.
     Delays,
+    /// LSTMs, delays and dense layers over one vector, appended to each other in a random order.
+    Committee {
+        /// Whether the frame is that vector, with as many values as the image would have.
+        vector: bool,
+    },
 }
 
 /// A network under construction.
@@ -99,6 +104,43 @@ impl Builder {
         self.push(from, kind, FrameShape::Vector(hidden))
     }
 
+    fn delay(&mut self, from: usize, frames: usize) -> usize {
+        let values = self.shapes[from].values();
+        self.push(from, FrameLayerKind::Delay { frames }, FrameShape::Vector(frames * values))
+    }
+
+    fn append(&mut self, from: usize, with: usize) -> usize {
+        let values = self.shapes[from].values() + self.shapes[with].values();
+        self.push(from, FrameLayerKind::Concat { with }, FrameShape::Vector(values))
+    }
+
+    /// Vectors that are appended to each other, and what is made of them; the last layer reads the last of them.
+    fn committee(&mut self, read: usize) {
+        let delay = self.delay(read, 3);
+        let mut members = vec![
+            read,
+            delay,
+            self.lstm(read, 5),
+            self.dense(read, 4, Activation::Identity),
+            self.dense(delay, 7, Activation::Relu),
+        ];
+        for _ in 0..6 {
+            let [a, b] = [(); 2].map(|()| members[self.random.below(members.len() as u64) as usize]);
+            let both = self.append(a, b);
+            members.push(match self.random.below(4) {
+                0 => self.lstm(both, 3),
+                _ if self.shapes[both].values() > 4096 => self.dense(both, 6, Activation::Relu),
+                1 => self.delay(both, 2),
+                2 => self.dense(both, 6, Activation::Relu),
+                _ => both,
+            });
+        }
+        let [.., a, b, c] = members[..] else { return };
+        let last = self.append(b, c);
+        let last = self.append(last, a);
+        self.dense(last, 2, Activation::Identity);
+    }
+
     fn flatten(&mut self, from: usize) -> usize {
         let values = self.shapes[from].values();
         self.push(from, FrameLayerKind::Flatten, FrameShape::Vector(values))
@@ -120,7 +162,10 @@ pub fn network(
     width_of_layers: usize,
     seed: u64,
 ) -> FrameNetworkParts {
-    let input = FrameShape::Image { channels, height, width };
+    let input = match style {
+        Style::Committee { vector: true } => FrameShape::Vector(channels * height * width),
+        _ => FrameShape::Image { channels, height, width },
+    };
     let mut net = Builder { random: Random::new(seed), shapes: vec![input], layers: Vec::new() };
     let wide = width_of_layers;
     match style {
@@ -166,9 +211,16 @@ pub fn network(
         }
         Style::Delays => {
             let a = net.push(0, FrameLayerKind::Sum, FrameShape::Vector(channels));
-            let b = net.push(a, FrameLayerKind::Delay { frames: 3 }, FrameShape::Vector(3 * channels));
+            let b = net.delay(a, 3);
             let c = net.dense(b, 5, Activation::Relu);
             net.dense(c, 1, Activation::Identity);
+        }
+        Style::Committee { vector: true } => net.committee(0),
+        Style::Committee { vector: false } => {
+            let a = net.conv(0, 3, 3, true);
+            let b = net.pool(a);
+            let c = net.flatten(b);
+            net.committee(c);
         }
     }
     FrameNetworkParts { name: format!("{style:?}"), input, layers: net.layers }

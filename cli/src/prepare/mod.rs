@@ -52,7 +52,8 @@ pub(crate) struct SlipArgs {
 /// What the file holds.
 const TENSORS: &str = "\
 Tensors, the windows in the order of the recordings and of time:
-  frames     F32 (windows, steps, 1, 12, 11) or (windows, steps, 24): what the network reads
+  frames     F32 (windows, steps, 1, 12, 11), (windows, steps, 24) or, scaled in two ways, (windows, steps, 48): what
+             the network reads
   readings   F32 (windows, steps, 24): the same readings in the sensor's counts
   label      I64 (windows): index into classes
   recording  I64 (windows): index into recordings

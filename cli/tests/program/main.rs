@@ -19,4 +19,5 @@ mod live;
 mod output;
 mod prepare;
 mod slip_data;
+mod slip_views;
 mod support;

@@ -2,6 +2,7 @@
 
 use meissner_kernels::{FeatureMap, KernelError, Lanes, Matrix, Planes};
 
+use super::changes::Changes;
 use super::network::FrameShape;
 
 /// The values of one layer, or of several that write side by side.
@@ -130,6 +131,88 @@ impl Buffer {
                     }
                 }
             }
+        }
+    }
+
+    /// Replaces the frame, and marks the pixels that differ; whether any value does.
+    pub(super) fn store(&mut self, frame: &[f32], changed: &mut Changes) -> bool {
+        let mut any = false;
+        match self {
+            Self::Away => unreachable!("no layer is at work between frames"),
+            Self::Vector(values) => {
+                let values = values.slice_mut(0);
+                any = values.iter().zip(frame).any(|(a, b)| a.to_bits() != b.to_bits());
+                values.copy_from_slice(frame);
+            }
+            Self::Planes(planes) => {
+                let (height, width) = (planes.height(), planes.width());
+                for (i, new) in frame.chunks_exact(width).enumerate() {
+                    let row = planes.row_mut(i / height, i % height);
+                    if row.iter().zip(new).fold(0, |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits())) != 0 {
+                        any = true;
+                        for (x, (old, &new)) in row.iter_mut().zip(new).enumerate() {
+                            if old.to_bits() != new.to_bits() {
+                                changed.set(i % height, x);
+                                *old = new;
+                            }
+                        }
+                    }
+                }
+            }
+            Self::Map(map) => {
+                let (height, width, channels) = (map.height(), map.width(), map.channels());
+                for y in 0..height {
+                    let row = map.row_mut(y);
+                    for c in 0..channels {
+                        let new = &frame[(c * height + y) * width..][..width];
+                        for (x, (pixel, &new)) in row.chunks_exact_mut(channels).zip(new).enumerate() {
+                            if pixel[c].to_bits() != new.to_bits() {
+                                pixel[c] = new;
+                                changed.set(y, x);
+                                any = true;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        any
+    }
+
+    /// Marks the pixels of an image that are not +0.
+    pub(super) fn mark_nonzero(&self, marked: &mut Changes) {
+        match self {
+            Self::Planes(planes) => {
+                for channel in 0..planes.channels() {
+                    for y in 0..planes.height() {
+                        for (x, value) in planes.row(channel, y).iter().enumerate() {
+                            if value.to_bits() != 0 {
+                                marked.set(y, x);
+                            }
+                        }
+                    }
+                }
+            }
+            Self::Map(map) => {
+                for y in 0..map.height() {
+                    for x in 0..map.width() {
+                        if map.pixel(y, x).iter().any(|v| v.to_bits() != 0) {
+                            marked.set(y, x);
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Makes all values zero.
+    pub(super) fn clear(&mut self) {
+        match self {
+            Self::Away => {}
+            Self::Vector(values) => values.slice_mut(0).fill(0.0),
+            Self::Map(map) => map.clear(),
+            Self::Planes(planes) => planes.clear(),
         }
     }
 

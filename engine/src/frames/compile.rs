@@ -71,9 +71,11 @@ pub(super) enum Kernel {
     AveragePool(usize),
     GlobalAverage,
     Sum,
-    /// Passes on what changed: both values of a concatenation lie in its buffer already, and a convolution may run with the
+    /// Passes on what changed: both images of a concatenation lie in its buffer already, and a convolution may run with the
     /// pooling that is all that reads it.
     PassOn,
+    /// Copies two vectors, one behind the other: the second would not begin at a whole lane, as a dense layer writes it.
+    Append,
     SqueezeExcite(Box<SqueezeExcite>),
     ConvLstm(Box<ConvLstm>),
     PlanarConvLstm(Box<PlanarConvLstm>),
@@ -176,20 +178,18 @@ fn is_planar(layers: &[FrameLayer], shapes: &[FrameShape]) -> bool {
         FrameShape::Vector(_) => true,
     };
     shapes.iter().all(few)
-        && layers.iter().all(|layer| {
-            !matches!(
-                layer.kind,
-                Kind::Conv { kernel: 1, .. }
-                    | Kind::UpConv { .. }
-                    | Kind::Concat { .. }
-                    | Kind::SqueezeExcite { .. }
-                    | Kind::GlobalAverage
-                    | Kind::ConvLstm { peepholes: Some(_), .. }
-            )
+        && layers.iter().all(|layer| match layer.kind {
+            Kind::Concat { .. } => matches!(shapes[layer.from], FrameShape::Vector(_)),
+            Kind::Conv { kernel: 1, .. }
+            | Kind::UpConv { .. }
+            | Kind::SqueezeExcite { .. }
+            | Kind::GlobalAverage
+            | Kind::ConvLstm { peepholes: Some(_), .. } => false,
+            _ => true,
         })
 }
 
-/// Where each value is kept: in a buffer of its own, or as some channels of a concatenation's.
+/// Where each value is kept: in a buffer of its own, or as some channels of a concatenated image's.
 fn places(
     layers: &[FrameLayer],
     shapes: &[FrameShape],
@@ -274,7 +274,10 @@ fn kernel(
         Kind::AveragePool { size } => (Kernel::AveragePool(*size), 0),
         Kind::GlobalAverage => (Kernel::GlobalAverage, 0),
         Kind::Sum => (Kernel::Sum, 0),
-        Kind::Concat { .. } => (Kernel::PassOn, 0),
+        Kind::Concat { .. } => match from {
+            FrameShape::Image { .. } => (Kernel::PassOn, 0),
+            FrameShape::Vector(_) => (Kernel::Append, 0),
+        },
         Kind::SqueezeExcite { reduced, down, up } => {
             let squeeze = SqueezeExcite::new(channels, *reduced, down, up).map_err(refused)?;
             (Kernel::SqueezeExcite(Box::new(squeeze)), channels as u64)

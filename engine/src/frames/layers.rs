@@ -102,6 +102,8 @@ pub(super) struct Run<'a> {
     pub(super) unit: &'a Unit,
     pub(super) options: FrameOptions,
     pub(super) input: &'a Buffer,
+    /// The second value that the layer reads.
+    pub(super) with: Option<&'a Buffer>,
     pub(super) from: Value,
     pub(super) to: Value,
     pub(super) pending: &'a Pending,
@@ -319,7 +321,7 @@ impl Run<'_> {
     /// A layer that writes a vector.
     fn vector(self, out: &mut Matrix) -> bool {
         self.counters.computed += 1;
-        let Self { unit, options, input, from, memory, scratch, .. } = self;
+        let Self { unit, options, input, with, from, memory, scratch, .. } = self;
         match (&unit.kernel, memory) {
             (Kernel::Lstm(lstm), Memory::Lstm(state)) => {
                 lstm.step(options.isa, input.vector(), state);
@@ -335,6 +337,12 @@ impl Run<'_> {
                         *to = vectors[frame * now.len() + value];
                     }
                 }
+            }
+            (Kernel::Append, _) => {
+                let (now, with) = (input.vector(), with.expect(FITS).vector());
+                let (first, second) = out.slice_mut(0).split_at_mut(now.len());
+                first.copy_from_slice(now);
+                second.copy_from_slice(with);
             }
             (Kernel::Dense(dense), _) => dense.run(options.isa, input.lanes(), out.row_mut(0)),
             (kernel, _) => {

@@ -95,7 +95,7 @@ pub enum FrameLayerKind {
     GlobalAverage,
     /// Sum of each channel: a vector.
     Sum,
-    /// The channels of `from`, then those of `with`.
+    /// The channels of `from`, then those of `with`; of two vectors their values.
     Concat {
         /// As [`FrameLayer::from`].
         with: usize,

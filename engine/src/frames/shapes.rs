@@ -74,16 +74,21 @@ pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
         }
         Kind::GlobalAverage | Kind::Sum => FrameShape::Vector(image()?[0]),
         Kind::Concat { with } => {
-            let [channels, height, width] = image()?;
-            match shapes[*with] {
-                FrameShape::Image { channels: more, height: h, width: w } if [h, w] == [height, width] => {
-                    of(channels + more, height, width)
+            let (other, one) = match (shapes[*with], from) {
+                (FrameShape::Vector(more), FrameShape::Vector(values)) => {
+                    return Ok(FrameShape::Vector(values + more));
                 }
-                other => {
-                    let expected = format!("an image of {height} x {width} beside {from}");
-                    return Err(misfit(&layer.name, "second input", expected, other.to_string()));
+                (other, FrameShape::Vector(_)) => (other, "a vector".to_owned()),
+                (
+                    FrameShape::Image { channels: more, height: h, width: w },
+                    FrameShape::Image { channels, height, width },
+                ) if [h, w] == [height, width] => return Ok(of(channels + more, height, width)),
+                (other, FrameShape::Image { height, width, .. }) => {
+                    (other, format!("an image of {height} x {width}"))
                 }
-            }
+            };
+            let expected = format!("{one} beside {from}");
+            return Err(misfit(&layer.name, "second input", expected, other.to_string()));
         }
         Kind::SqueezeExcite { .. } => {
             image()?;

@@ -123,13 +123,13 @@ impl State {
             self.buffers[0].fill_from(frame);
             true
         } else {
-            store(&mut self.buffers[0], frame, &mut self.changed)
+            self.buffers[0].store(frame, &mut self.changed)
         };
         if let Some(Background { reached, .. }) = &mut self.background
             && let Some(Some(reached)) = reached.first_mut()
         {
             reached.clear();
-            mark_nonzero(&self.buffers[0], reached);
+            self.buffers[0].mark_nonzero(reached);
         }
         self.tell(network, 0, any);
         for i in 0..network.units.len() {
@@ -144,8 +144,9 @@ impl State {
     /// Brings the prediction up to date.
     pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
         for i in 0..network.units.len() {
-            // Before the first frame there is no step of a state yet.
-            if !network.units[i].eager {
+            // Before the first frame there is no step of a state yet, and what states read has not run either.
+            let waits = self.frames == 0 && !self.memories[i].is_some();
+            if !network.units[i].eager || waits {
                 self.run(network, options, i);
             }
         }
@@ -197,6 +198,7 @@ impl State {
             unit,
             options,
             input: &self.buffers[network.values[unit.from].buffer],
+            with: unit.with.map(|with| &self.buffers[network.values[with].buffer]),
             from: network.values[unit.from],
             to: value,
             pending,
@@ -246,7 +248,7 @@ impl State {
         for (i, value) in network.values.iter().enumerate() {
             if i == 0 || self.memories[i - 1].is_some() {
                 self.changed.become_none(sides(value.shape));
-                clear(&mut self.buffers[value.buffer]);
+                self.buffers[value.buffer].clear();
                 self.changed.set_all();
                 self.tell(network, i, true);
             }
@@ -317,86 +319,5 @@ pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch:
         // A mean over everything couples every pixel.
         _ if from.is_empty() => to.clear(),
         _ => to.set_all(),
-    }
-}
-
-/// Replaces the frame, and marks the pixels that differ; whether any value does.
-fn store(buffer: &mut Buffer, frame: &[f32], changed: &mut Changes) -> bool {
-    let mut any = false;
-    match buffer {
-        Buffer::Away => unreachable!("no layer is at work between frames"),
-        Buffer::Vector(values) => {
-            let values = values.slice_mut(0);
-            any = values.iter().zip(frame).any(|(a, b)| a.to_bits() != b.to_bits());
-            values.copy_from_slice(frame);
-        }
-        Buffer::Planes(planes) => {
-            let (height, width) = (planes.height(), planes.width());
-            for (i, new) in frame.chunks_exact(width).enumerate() {
-                let row = planes.row_mut(i / height, i % height);
-                if row.iter().zip(new).fold(0, |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits())) != 0 {
-                    any = true;
-                    for (x, (old, &new)) in row.iter_mut().zip(new).enumerate() {
-                        if old.to_bits() != new.to_bits() {
-                            changed.set(i % height, x);
-                            *old = new;
-                        }
-                    }
-                }
-            }
-        }
-        Buffer::Map(map) => {
-            let (height, width, channels) = (map.height(), map.width(), map.channels());
-            for y in 0..height {
-                let row = map.row_mut(y);
-                for c in 0..channels {
-                    let new = &frame[(c * height + y) * width..][..width];
-                    for (x, (pixel, &new)) in row.chunks_exact_mut(channels).zip(new).enumerate() {
-                        if pixel[c].to_bits() != new.to_bits() {
-                            pixel[c] = new;
-                            changed.set(y, x);
-                            any = true;
-                        }
-                    }
-                }
-            }
-        }
-    }
-    any
-}
-
-/// Marks the pixels of an image that are not +0.
-fn mark_nonzero(buffer: &Buffer, marked: &mut Changes) {
-    match buffer {
-        Buffer::Planes(planes) => {
-            for channel in 0..planes.channels() {
-                for y in 0..planes.height() {
-                    for (x, value) in planes.row(channel, y).iter().enumerate() {
-                        if value.to_bits() != 0 {
-                            marked.set(y, x);
-                        }
-                    }
-                }
-            }
-        }
-        Buffer::Map(map) => {
-            for y in 0..map.height() {
-                for x in 0..map.width() {
-                    if map.pixel(y, x).iter().any(|v| v.to_bits() != 0) {
-                        marked.set(y, x);
-                    }
-                }
-            }
-        }
-        _ => {}
-    }
-}
-
-fn clear(buffer: &mut Buffer) {
-    match buffer {
-        Buffer::Away => {}
-        Buffer::Vector(values) => values.slice_mut(0).fill(0.0),
-        Buffer::Map(map) => map.clear(),
-        Buffer::Planes(planes) => planes.clear(),
     }
 }

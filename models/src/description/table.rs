@@ -7,7 +7,7 @@
 use std::ops::RangeInclusive;
 
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 use super::problem::{ProblemKind, Problems};
 
@@ -208,17 +208,20 @@ pub(super) fn shown(value: &DeValue<'_>) -> String {
         DeValue::Float(v) => v.to_string(),
         DeValue::Boolean(v) => v.to_string(),
         DeValue::Datetime(v) => v.to_string(),
-        DeValue::Array(v) if v.len() <= 8 => {
-            let entries: Vec<String> = v
-                .iter()
-                .map(|entry| match entry.get_ref() {
-                    DeValue::Array(_) => "an array".to_owned(),
-                    entry => shown(entry),
-                })
-                .collect();
-            format!("[{}]", entries.join(", "))
-        }
+        // To a depth of 2: the deepest that is ever expected.
+        DeValue::Array(v) if v.len() <= 8 => list(v, |entry| match entry {
+            DeValue::Array(v) if v.len() <= 8 => list(v, |entry| match entry {
+                DeValue::Array(_) => "an array".to_owned(),
+                entry => shown(entry),
+            }),
+            entry => shown(entry),
+        }),
         DeValue::Array(v) => format!("an array of {}", v.len()),
         DeValue::Table(_) => "a table".to_owned(),
     }
+}
+
+fn list(entries: &DeArray<'_>, shown: impl Fn(&DeValue<'_>) -> String) -> String {
+    let entries: Vec<String> = entries.iter().map(|entry| shown(entry.get_ref())).collect();
+    format!("[{}]", entries.join(", "))
 }

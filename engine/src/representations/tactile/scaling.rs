@@ -22,6 +22,14 @@ pub enum Scaling {
     },
     /// Those of the 24 electrodes of each reading, before it is laid out.
     PerReading,
+    /// Both, for readings that are not laid out: the 24 values by [`Self::PerReading`], then the same by [`Self::Range`].
+    /// The first show how a reading is distributed, the second also how strong it is.
+    ReadingAndRange {
+        /// What becomes 0 in the second half.
+        minimum: f32,
+        /// What becomes 1 in the second half.
+        maximum: f32,
+    },
 }
 
 impl Scaling {
@@ -31,9 +39,17 @@ impl Scaling {
         (minimum < maximum).then_some(Self::Range { minimum, maximum })
     }
 
+    /// Number of values of a reading that is not laid out: 24, or 48 where each is there twice.
+    pub fn values(self) -> usize {
+        match self {
+            Self::PerImage | Self::Range { .. } | Self::PerReading => ELECTRODES,
+            Self::ReadingAndRange { .. } => 2 * ELECTRODES,
+        }
+    }
+
     pub(super) fn check(self) -> Result<(), RepresentationError> {
         match self {
-            Self::Range { minimum, maximum }
+            Self::Range { minimum, maximum } | Self::ReadingAndRange { minimum, maximum }
                 if !(minimum.is_finite() && maximum.is_finite() && minimum < maximum) =>
             {
                 let found = format!("{minimum} to {maximum}");
@@ -95,6 +111,7 @@ mod tests {
     fn a_range_without_extent_is_refused() {
         for (minimum, maximum) in [(1.0, 1.0), (2.0, 1.0), (f32::NAN, 1.0), (0.0, f32::INFINITY)] {
             assert!(Scaling::Range { minimum, maximum }.check().is_err());
+            assert!(Scaling::ReadingAndRange { minimum, maximum }.check().is_err());
         }
     }
 }

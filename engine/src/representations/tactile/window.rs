@@ -30,24 +30,14 @@ pub enum TactileForm {
     /// An image of 12 x 11.
     #[default]
     Image,
-    /// The 24 values as they are.
+    /// The values as they are: 24, or 48 by [`Scaling::ReadingAndRange`].
     Reading,
-}
-
-impl TactileForm {
-    /// Number of values.
-    fn len(self) -> usize {
-        match self {
-            Self::Image => TACTILE_CELLS,
-            Self::Reading => ELECTRODES,
-        }
-    }
 }
 
 /// A complete window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TactileSequence<'a> {
-    /// (steps, 12, 11) for images, (steps, 1, 24) for readings.
+    /// (steps, 12, 11) for images, (steps, 1, 24) for readings, (steps, 1, 48) for readings scaled twice.
     pub shape: [usize; 3],
     /// Values, row-major, the oldest step first.
     pub values: &'a [f32],
@@ -78,7 +68,7 @@ impl TactileWindow {
     /// Windows of `steps` readings, made into `form`.
     ///
     /// # Errors
-    /// No steps or more than 65,536, a stride of 0, a range without extent.
+    /// No steps or more than 65,536, a stride of 0, a range without extent, images by [`Scaling::ReadingAndRange`].
     pub fn new(
         steps: usize,
         sampling: Sampling,
@@ -92,13 +82,18 @@ impl TactileWindow {
             return Err(RepresentationError::option("stride", "at least 1", 0));
         }
         scaling.check()?;
+        if form == TactileForm::Image && scaling.values() != ELECTRODES {
+            let expected = "one that gives an image one value for each electrode";
+            return Err(RepresentationError::option("scaling", expected, "both by reading and by range"));
+        }
+        let len = frame_len(form, scaling);
         Ok(Self {
             steps,
             sampling,
             scaling,
             form,
             layout: TactileLayout::new(),
-            values: vec![0.0; steps * form.len()],
+            values: vec![0.0; steps * len],
             filled: 0,
             readings: 0,
             image: [0.0; TACTILE_CELLS],
@@ -108,12 +103,12 @@ impl TactileWindow {
     /// Takes the next reading, and returns the window that it completes, if it does.
     ///
     /// # Errors
-    /// A value that is not finite, or becomes so by a [`Scaling::Range`]. The reading then counts as not taken.
+    /// A value that is not finite, or becomes so by a fixed range. The reading then counts as not taken.
     pub fn push(
         &mut self,
         reading: &[f32; ELECTRODES],
     ) -> Result<Option<TactileSequence<'_>>, RepresentationError> {
-        let reading = self.admit(reading)?;
+        let scaled = self.admit(reading)?;
         let place = self.readings;
         self.readings += 1;
         if let Sampling::Step { stride } = self.sampling
@@ -121,7 +116,7 @@ impl TactileWindow {
         {
             return Ok(None);
         }
-        let len = self.form.len();
+        let len = frame_len(self.form, self.scaling);
         if self.filled == self.steps {
             if self.sampling == Sampling::Sliding {
                 self.values.copy_within(len.., 0);
@@ -132,9 +127,16 @@ impl TactileWindow {
         }
         let step = &mut self.values[self.filled * len..][..len];
         match self.form {
-            TactileForm::Reading => step.copy_from_slice(&reading),
+            TactileForm::Reading => {
+                let (own, last) = step.split_at_mut(len - ELECTRODES);
+                last.copy_from_slice(&scaled);
+                if !own.is_empty() {
+                    own.copy_from_slice(reading);
+                    by_own_range(own);
+                }
+            }
             TactileForm::Image => {
-                self.layout.image(&reading, &mut self.image);
+                self.layout.image(&scaled, &mut self.image);
                 step.copy_from_slice(&self.image);
             }
         }
@@ -149,11 +151,11 @@ impl TactileWindow {
         }))
     }
 
-    /// The shape of every sequence: (steps, 12, 11) for images, (steps, 1, 24) for readings.
+    /// The shape of every sequence, as [`TactileSequence::shape`].
     pub fn shape(&self) -> [usize; 3] {
         match self.form {
             TactileForm::Image => [self.steps, TACTILE_ROWS, TACTILE_COLUMNS],
-            TactileForm::Reading => [self.steps, 1, ELECTRODES],
+            TactileForm::Reading => [self.steps, 1, self.scaling.values()],
         }
     }
 
@@ -163,8 +165,8 @@ impl TactileWindow {
         self.readings = 0;
     }
 
-    /// The reading, scaled where that comes before the layout. A range does: it is the same for all cells, and what it
-    /// makes infinite is found before it enters a mean.
+    /// The reading, scaled where that comes before the layout; of two scalings by the second. A range comes before: it is
+    /// the same for all cells, and what it makes infinite is found before it enters a mean.
     fn admit(&self, reading: &[f32; ELECTRODES]) -> Result<[f32; ELECTRODES], RepresentationError> {
         if let Some(electrode) = reading.iter().position(|value| !value.is_finite()) {
             return Err(RepresentationError::Reading { electrode, value: reading[electrode] });
@@ -173,7 +175,7 @@ impl TactileWindow {
         match self.scaling {
             Scaling::PerImage => {}
             Scaling::PerReading => by_own_range(&mut out),
-            Scaling::Range { minimum, maximum } => {
+            Scaling::Range { minimum, maximum } | Scaling::ReadingAndRange { minimum, maximum } => {
                 for (electrode, out) in out.iter_mut().enumerate() {
                     let value = *out;
                     *out = scaled(value, minimum, maximum);
@@ -184,6 +186,14 @@ impl TactileWindow {
             }
         }
         Ok(out)
+    }
+}
+
+/// Number of values of a step.
+fn frame_len(form: TactileForm, scaling: Scaling) -> usize {
+    match form {
+        TactileForm::Image => TACTILE_CELLS,
+        TactileForm::Reading => scaling.values(),
     }
 }
 
@@ -249,6 +259,31 @@ mod tests {
         (reading[0], reading[1]) = (0.0, 500.0);
         let sequence = window.push(&reading).expect("finite").expect("one step");
         assert_eq!((sequence.shape, &sequence.values[..3]), ([1, 1, 24], &[-0.5, 2.0, 0.5][..]));
+    }
+
+    #[test]
+    fn a_reading_scaled_twice_shows_its_own_range_and_then_the_fixed_one() {
+        let both = Scaling::ReadingAndRange { minimum: 100.0, maximum: 300.0 };
+        let mut window =
+            TactileWindow::new(2, Sampling::Sliding, both, TactileForm::Reading).expect("admissible");
+        let mut reading = [150.0; ELECTRODES];
+        (reading[0], reading[1]) = (100.0, 200.0);
+        assert_eq!(window.push(&reading), Ok(None));
+        let sequence = window.push(&[200.0; ELECTRODES]).expect("finite").expect("two steps");
+        assert_eq!(sequence.shape, [2, 1, 48]);
+        let (first, second) = sequence.values.split_at(48);
+        assert_eq!((&first[..3], &first[24..27]), (&[0.0, 1.0, 0.5][..], &[0.0, 0.5, 0.25][..]));
+        assert_eq!(second, [[0.0; 24], [0.5; 24]].concat());
+    }
+
+    #[test]
+    fn an_image_cannot_be_scaled_twice() {
+        let both = Scaling::ReadingAndRange { minimum: 0.0, maximum: 1.0 };
+        let error = TactileWindow::new(1, Sampling::Sliding, both, TactileForm::Image).expect_err("an image");
+        assert_eq!(
+            error.to_string(),
+            "scaling: expected one that gives an image one value for each electrode, found both by reading and by range"
+        );
     }
 
     #[test]

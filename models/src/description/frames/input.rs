@@ -58,8 +58,8 @@ pub(super) fn read(mut table: Table<'_, '_>) -> Input {
     let source = match word {
         Some(0) => event_counts(&mut table),
         Some(1) => signed(&mut table),
-        Some(2) => readings(&mut table).map(FrameSource::TactileImage),
-        Some(3) => readings(&mut table).map(FrameSource::Electrodes),
+        Some(2) => readings(&mut table, true).map(FrameSource::TactileImage),
+        Some(3) => readings(&mut table, false).map(FrameSource::Electrodes),
         Some(_) => picture(&mut table),
         None => None,
     };
@@ -112,7 +112,8 @@ fn crop(table: &mut Table<'_, '_>) -> Option<CropPlace> {
     table.defaulted("crop", expected, Some(CropPlace::Centre), read)
 }
 
-fn readings(table: &mut Table<'_, '_>) -> Option<Readings> {
+/// The settings of frames that are made of readings, as images or as they are.
+fn readings(table: &mut Table<'_, '_>, image: bool) -> Option<Readings> {
     let steps = table.integer("steps", STEPS, None);
     let expected =
         "\"consecutive\", \"sliding\" or the stride from one reading to the next (from 1 to 65536)";
@@ -124,17 +125,40 @@ fn readings(table: &mut Table<'_, '_>) -> Option<Readings> {
             _ => None,
         }
     });
-    let expected = "\"image\", \"reading\", or a range such as [1800, 3500]";
-    let scaling = table.required("scaling", expected, |value| match value.as_str() {
-        Some("image") => Some(Scaling::PerImage),
-        Some("reading") => Some(Scaling::PerReading),
-        Some(_) => None,
-        None => {
-            let [minimum, maximum] = reals(value)?;
-            (minimum < maximum).then_some(Scaling::Range { minimum, maximum })
+    let expected = if image {
+        "\"image\", \"reading\", or a range such as [1800, 3500]"
+    } else {
+        "\"image\", \"reading\", a range such as [1800, 3500], or [\"reading\", [1800, 3500]]"
+    };
+    let scaling = table.required("scaling", expected, scaling)?;
+    if image && matches!(scaling.value, Scaling::ReadingAndRange { .. }) {
+        let with = "frames = \"electrodes\": an image has one value for each electrode";
+        table.report(scaling.line, ProblemKind::Inapplicable { key: "scaling", with });
+        return None;
+    }
+    Some(Readings { steps: steps? as usize, sampling: sampling?, scaling: scaling.value })
+}
+
+fn scaling(value: &DeValue<'_>) -> Option<Scaling> {
+    match (value.as_str(), value.as_array().map(|list| &**list)) {
+        (Some("image"), _) => Some(Scaling::PerImage),
+        (Some("reading"), _) => Some(Scaling::PerReading),
+        (None, Some([word, range])) if word.get_ref().as_str() == Some("reading") => {
+            let (minimum, maximum) = range_of(range.get_ref())?;
+            Some(Scaling::ReadingAndRange { minimum, maximum })
         }
-    });
-    Some(Readings { steps: steps? as usize, sampling: sampling?, scaling: scaling?.value })
+        (None, Some(_)) => {
+            let (minimum, maximum) = range_of(value)?;
+            Some(Scaling::Range { minimum, maximum })
+        }
+        _ => None,
+    }
+}
+
+/// A minimum and a maximum above it.
+fn range_of(value: &DeValue<'_>) -> Option<(f32, f32)> {
+    let [minimum, maximum] = reals(value)?;
+    (minimum < maximum).then_some((minimum, maximum))
 }
 
 fn picture(table: &mut Table<'_, '_>) -> Option<FrameSource> {

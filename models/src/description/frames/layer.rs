@@ -37,7 +37,7 @@ pub struct FrameLayer {
     /// What it reads: 0 is the frame, i + 1 is layer i.
     #[serde(skip)]
     pub(crate) reads: usize,
-    /// The other image that it joins to what it reads.
+    /// The other image or vector that it joins to what it reads.
     #[serde(skip)]
     pub(crate) joins: Option<usize>,
     /// About the mean square of the values that it reads, where weights are drawn.
@@ -83,7 +83,7 @@ pub enum FrameKind {
     GlobalAverage,
     /// Sum of each channel.
     Sum,
-    /// The channels of what it reads, then those of another image.
+    /// The channels of what it reads, then those of another image; or the values of two vectors.
     Concat {
         /// The other one: a layer's name or "frame".
         with: String,
@@ -132,7 +132,7 @@ pub enum FrameKind {
 }
 
 impl FrameLayer {
-    /// The other image that it joins to what it reads: a layer's name or "frame".
+    /// The other image or vector that it joins to what it reads: a layer's name or "frame".
     pub fn with(&self) -> Option<&str> {
         match &self.kind {
             FrameKind::Concat { with } => Some(with),

@@ -39,6 +39,7 @@
 //! | `signed` | image, 1 channel | `span_us` (sliding) or `period_us` (consecutive), `crop`, `rule = "sum"` or `"latest"` |
 //! | `tactile-image` | image, 1 x 12 x 11 | `steps`, `sampling = "consecutive"`, `"sliding"` or a stride, `scaling = "image"`, `"reading"` or `[minimum, maximum]` |
 //! | `electrodes` | vector, 24 values | as `tactile-image` |
+//! | `electrodes` | vector, 48 values: the 24 by `"reading"`, then the 24 by the range | as `tactile-image`, but `scaling = ["reading", [minimum, maximum]]` |
 //! | `picture` | image, 3 channels | `mean` and `std` of red, green, blue in [0, 1]; `force_mean`, `force_std` in N per pixel; `pixel_mm = [x, y]`; `threshold_n`, `median_window` |
 //!
 //! | `kind` | reads -> writes | keys, with their defaults | tensors |
@@ -48,7 +49,7 @@
 //! | `max_pool` | image -> image half as large | | |
 //! | `average_pool` | image -> smaller image | `size` | |
 //! | `global_average`, `sum` | image -> a value a channel | | |
-//! | `concat` | two images -> image | `with` | |
+//! | `concat` | two images -> image of the channels of both; two vectors -> vector of the values of both | `with` | |
 //! | `squeeze_excite` | image -> image | `reduction = 16` | `down.weight`, `up.weight` |
 //! | `conv_lstm` | image -> image | `hidden`, `peepholes = false`, `activation = "tanh"` or `"sigmoid"` | `gates.weight`, `gates.bias`, `peephole` |
 //! | `lstm` | vector -> vector | `hidden`, `layer = 0` | `weight_ih_l0`, `weight_hh_l0`, `bias_ih_l0`, `bias_hh_l0` |

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! {"frames":"tactile-image","steps":5,"scaling":"image"}
+//! {"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.0]]}
 //! ```
 //!
 //! How readings are sampled is no part of it: a network that was trained on windows that do not overlap may run on sliding
@@ -58,16 +59,18 @@ impl FrameDescription {
 
 /// The entries that count, with numbers as the engine takes them, so that 3488 and 3488.0 are the same.
 fn normal(entries: Map<String, Value>) -> Map<String, Value> {
-    let number = |value: Value| value.as_f64().map_or(value, |number| Value::from(number as f32));
-    let entries = entries.into_iter().map(|(key, value)| {
-        let value = match value {
-            Value::Array(list) => list.into_iter().map(number).collect(),
-            value => number(value),
-        };
-        (key, value)
-    });
     // Sampling may be there and does not count.
-    entries.filter(|(key, _)| key != "sampling").collect()
+    let counting = entries.into_iter().filter(|(key, _)| key != "sampling");
+    counting.map(|(key, value)| (key, rounded(value))).collect()
+}
+
+/// `value` with its numbers, also those of lists in lists, as f32.
+fn rounded(value: Value) -> Value {
+    match value {
+        // A text that a file holds is parsed to a depth of 128 at most.
+        Value::Array(list) => list.into_iter().map(rounded).collect(),
+        value => value.as_f64().map_or(value, |number| Value::from(number as f32)),
+    }
 }
 
 #[cfg(test)]
@@ -114,6 +117,25 @@ mod tests {
         let other_words =
             r#"{ "sampling": 3, "scaling": [0, 3488.10], "steps": 5.0, "frames": "tactile-image" }"#;
         built(&range, Some(other_words)).unwrap();
+    }
+
+    #[test]
+    fn a_preparation_of_two_scalings_is_read_back() {
+        let text = include_str!("../../../networks/slip-lstm.toml")
+            .replace("values = 24", "values = 48")
+            .replace("scaling = \"reading\"", "scaling = [\"reading\", [1911, 3743.1]]");
+        let both = FrameDescription::parse(&text).expect("consistent");
+        let preparation = both.preparation().expect("over readings");
+        let expected = r#"{"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.1]]}"#;
+        assert_eq!(preparation, expected);
+        built(&both, Some(&preparation)).unwrap();
+        let other_words = preparation.replace("1911.0", "1911").replace("3743.1", "3743.10");
+        built(&both, Some(&other_words)).unwrap();
+        for scaling in [r#"["reading",[1911,3743]]"#, r#""reading""#, "[1911,3743.1]", r#"["reading"]"#] {
+            let found = format!(r#"{{"frames":"electrodes","steps":5,"scaling":{scaling}}}"#);
+            let error = built(&both, Some(&found)).expect_err(&found);
+            assert!(matches!(error, ModelError::Preparation { .. }), "{error}");
+        }
     }
 
     #[test]

@@ -131,13 +131,13 @@ impl Shapes<'_> {
     }
 
     /// Number of values that are read; reports an image.
-    fn vector(&mut self, layer: &FileLayer, line: usize, read: usize) -> Option<usize> {
+    fn vector(&mut self, layer: &FileLayer, key: &'static str, line: usize, read: usize) -> Option<usize> {
         match self.known[read]?.shape {
             FrameShape::Vector(values) => Some(values),
             FrameShape::Image { .. } => {
                 let (found, expected) =
                     (self.describe(read), "a vector (an image becomes one in a flatten layer)");
-                self.report(line, layer, ProblemKind::ReferenceKind { key: "from", expected, found });
+                self.report(line, layer, ProblemKind::ReferenceKind { key, expected, found });
                 None
             }
         }
@@ -186,16 +186,17 @@ impl Shapes<'_> {
         let image = |channels, height, width| FrameShape::Image { channels, height, width };
         let output = match *kind {
             FrameKind::Dense { outputs, .. } => {
-                self.vector(layer, line, read)?;
+                self.vector(layer, "from", line, read)?;
                 FrameShape::Vector(outputs)
             }
             FrameKind::Lstm { hidden, .. } => {
-                self.vector(layer, line, read)?;
+                self.vector(layer, "from", line, read)?;
                 FrameShape::Vector(hidden)
             }
             FrameKind::Delay { frames } => {
-                FrameShape::Vector(self.vector(layer, line, read)?.saturating_mul(frames))
+                FrameShape::Vector(self.vector(layer, "from", line, read)?.saturating_mul(frames))
             }
+            FrameKind::Concat { ref with } => self.joined(layer, with, read, joined?)?,
             _ => {
                 let [channels, height, width] = self.image(layer, "from", line, read)?;
                 match *kind {
@@ -214,18 +215,6 @@ impl Shapes<'_> {
                             return None;
                         }
                         image(channels, height, width)
-                    }
-                    FrameKind::Concat { ref with } => {
-                        let line = layer.with.as_ref().map_or(layer.line, |given| given.line);
-                        let [others, rows, columns] = self.image(layer, "with", line, joined?)?;
-                        if [rows, columns] != [height, width] {
-                            let (expected, found) =
-                                (format!("{height} x {width}"), format!("{rows} x {columns}"));
-                            let kind = ProblemKind::Size { reference: with.clone(), expected, found };
-                            self.report(line, layer, kind);
-                            return None;
-                        }
-                        image(channels + others, height, width)
                     }
                     FrameKind::Flatten => FrameShape::Vector(channels * height * width),
                     // A sum or a mean of each channel; the rest has been dealt with.
@@ -248,6 +237,25 @@ impl Shapes<'_> {
             self.report(layer.line, layer, ProblemKind::Extent { expected, found: output.to_string() });
         }
         fits.then_some(output)
+    }
+
+    /// Shape of two images side by side, or of two vectors one behind the other.
+    fn joined(&mut self, layer: &FileLayer, with: &str, read: usize, joined: usize) -> Option<FrameShape> {
+        let line = layer.with.as_ref().map_or(layer.line, |given| given.line);
+        let (channels, height, width) = match self.known[read]?.shape {
+            FrameShape::Vector(values) => {
+                let others = self.vector(layer, "with", line, joined)?;
+                return Some(FrameShape::Vector(values.saturating_add(others)));
+            }
+            FrameShape::Image { channels, height, width } => (channels, height, width),
+        };
+        let [others, rows, columns] = self.image(layer, "with", line, joined)?;
+        if [rows, columns] != [height, width] {
+            let (expected, found) = (format!("{height} x {width}"), format!("{rows} x {columns}"));
+            self.report(line, layer, ProblemKind::Size { reference: with.to_owned(), expected, found });
+            return None;
+        }
+        Some(FrameShape::Image { channels: channels + others, height, width })
     }
 
     /// `checked`, unless with it the network is too large.

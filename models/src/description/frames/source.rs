@@ -4,9 +4,7 @@ use std::fmt;
 
 use meissner_engine::Sensor;
 use meissner_engine::frames::FrameShape;
-use meissner_engine::representations::{
-    Crop, ELECTRODES, Sampling, Scaling, SignedRule, TACTILE_COLUMNS, TACTILE_ROWS,
-};
+use meissner_engine::representations::{Crop, Sampling, Scaling, SignedRule, TACTILE_COLUMNS, TACTILE_ROWS};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Value, json};
 
@@ -38,7 +36,7 @@ pub enum FrameSource {
     },
     /// Images of 12 x 11 from 24 electrodes ([`TactileWindow`](meissner_engine::representations::TactileWindow)).
     TactileImage(Readings),
-    /// The values of 24 electrodes.
+    /// The values of 24 electrodes, scaled in one way or, side by side, in two.
     Electrodes(Readings),
     /// Pictures of an optical tactile sensor.
     Picture(PictureSettings),
@@ -172,8 +170,9 @@ impl FrameSource {
                 let image = FrameShape::Image { channels, height, width };
                 (format!("an image {image}"), shape == image)
             }
-            (Self::Electrodes(_), _) => {
-                (format!("a vector of {ELECTRODES} values"), shape == FrameShape::Vector(ELECTRODES))
+            (Self::Electrodes(readings), _) => {
+                let values = readings.scaling.values();
+                (format!("a vector of {values} values"), shape == FrameShape::Vector(values))
             }
             (source, _) => {
                 let channels = match source {
@@ -185,7 +184,13 @@ impl FrameSource {
                 (format!("an image with channels = {channels}"), found)
             }
         };
-        (!fits).then(|| format!("{expected}, as frames = {:?} gives", self.word()))
+        let scaled = match self {
+            Self::Electrodes(Readings { scaling: scaling @ Scaling::ReadingAndRange { .. }, .. }) => {
+                format!(" with scaling = {}", scaling_value(*scaling))
+            }
+            _ => String::new(),
+        };
+        (!fits).then(|| format!("{expected}, as frames = {:?}{scaled} gives", self.word()))
     }
 
     /// Its settings by the keys of a file.
@@ -239,12 +244,17 @@ impl Readings {
             Sampling::Sliding => json!("sliding"),
             Sampling::Step { stride } => json!(stride),
         };
-        let scaling = match self.scaling {
-            Scaling::PerImage => json!("image"),
-            Scaling::PerReading => json!("reading"),
-            Scaling::Range { minimum, maximum } => json!([short(minimum), short(maximum)]),
-        };
-        vec![("steps", json!(self.steps)), ("sampling", sampling), ("scaling", scaling)]
+        vec![("steps", json!(self.steps)), ("sampling", sampling), ("scaling", scaling_value(self.scaling))]
+    }
+}
+
+/// A scaling as a file has it.
+fn scaling_value(scaling: Scaling) -> Value {
+    match scaling {
+        Scaling::PerImage => json!("image"),
+        Scaling::PerReading => json!("reading"),
+        Scaling::Range { minimum, maximum } => json!([short(minimum), short(maximum)]),
+        Scaling::ReadingAndRange { minimum, maximum } => json!(["reading", [short(minimum), short(maximum)]]),
     }
 }
 

@@ -5,7 +5,7 @@
 //! has. Readings at the end that fill no window are left out.
 
 use meissner_engine::representations::{
-    ELECTRODES, Sampling, TACTILE_COLUMNS, TACTILE_ROWS, TactileForm, TactileWindow,
+    ELECTRODES, Sampling, Scaling, TACTILE_COLUMNS, TACTILE_ROWS, TactileForm, TactileWindow,
 };
 
 use super::{SlipError, classes};
@@ -16,6 +16,7 @@ use crate::{FrameDescription, FrameSource};
 pub struct SlipWindows {
     window: TactileWindow,
     form: TactileForm,
+    scaling: Scaling,
     steps: usize,
 }
 
@@ -35,7 +36,7 @@ impl SlipWindows {
         };
         classes::check(description)?;
         let window = TactileWindow::new(readings.steps, Sampling::Consecutive, readings.scaling, form)?;
-        Ok(Self { window, form, steps: readings.steps })
+        Ok(Self { window, form, scaling: readings.scaling, steps: readings.steps })
     }
 
     /// Readings of a window.
@@ -43,11 +44,12 @@ impl SlipWindows {
         self.steps
     }
 
-    /// Shape of a frame: (1, 12, 11) for images, (24) for readings.
+    /// Shape of a frame: (1, 12, 11) for images, (24) for readings, (48) for readings that are scaled twice.
     pub fn frame_shape(&self) -> &'static [usize] {
-        match self.form {
-            TactileForm::Image => &[1, TACTILE_ROWS, TACTILE_COLUMNS],
-            TactileForm::Reading => &[ELECTRODES],
+        match (self.form, self.scaling) {
+            (TactileForm::Image, _) => &[1, TACTILE_ROWS, TACTILE_COLUMNS],
+            (TactileForm::Reading, Scaling::ReadingAndRange { .. }) => &[2 * ELECTRODES],
+            (TactileForm::Reading, _) => &[ELECTRODES],
         }
     }
 
@@ -112,6 +114,19 @@ mod tests {
         assert_eq!(windows("slip-lstm").frame_shape(), [24]);
         assert_eq!(windows("slip-tuned").frame_shape(), [1, 12, 11]);
         assert_eq!(windows("slip-tuned").frame_len(), 132);
+    }
+
+    #[test]
+    fn readings_that_are_scaled_twice_fill_48_values() {
+        let text = include_str!("../../../networks/slip-lstm.toml")
+            .replace("values = 24", "values = 48")
+            .replace("scaling = \"reading\"", "scaling = [\"reading\", [0, 4]]");
+        let both = FrameDescription::parse(&text).expect("consistent");
+        let mut windows = SlipWindows::new(&both).expect("over readings");
+        assert_eq!((windows.frame_shape(), windows.frame_len()), (&[48][..], 48));
+        let mut frames = Vec::new();
+        assert_eq!(windows.cut(&[[3.0; 24]; 5], &mut frames), Ok(1));
+        assert_eq!(frames, [[0.0; 24], [0.75; 24]].concat().repeat(5));
     }
 
     #[test]
