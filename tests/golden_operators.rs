@@ -46,7 +46,8 @@ fn spline_convolution_agrees_with_the_reference() {
         let mut scratch = SplineScratch::default();
         for isa in Isa::available() {
             let mut out = Matrix::zeros(features.rows(), outputs);
-            let row = |i| SplineRow { neighbours: edges.row(i), own: features.row(i), skip: None };
+            let row =
+                |i| SplineRow { neighbours: edges.row(i), basis: &[], own: features.row(i), skip: None };
             let rows: Vec<_> = (0..features.rows()).map(row).collect();
             conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
             let got: Vec<f32> = (0..out.rows()).flat_map(|row| out.values(row).collect::<Vec<_>>()).collect();

@@ -56,8 +56,45 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
     )
 }
 
+/// Clusters of events far apart, and some between them; spans up to a minute.
+fn scenes() -> impl Strategy<Value = (Vec<Event>, i64)> {
+    let event = (0i64..40, 0u16..8, 0u16..12, 0u16..12, any::<bool>());
+    let step_us = prop_oneof![3 => Just(1i64), 2 => Just(25), 1 => Just(20_000)];
+    (proptest::collection::vec(event, 1..500), step_us).prop_map(|(steps, step_us)| {
+        let mut t = 1_000_000_000_000;
+        let place = |(dt, cluster, x, y, on): (i64, u16, u16, u16, bool)| {
+            t += dt / 4 * step_us;
+            let [left, top] = [[3, 5], [60, 20], [200, 90], [225, 160]][usize::from(cluster % 4)];
+            let wide = if cluster == 7 { 12 } else { 1 };
+            Event::new(t, (left + x * wide).min(239), (top + y * wide).min(179), on)
+        };
+        (steps.into_iter().map(place).collect(), 5_000 * step_us)
+    })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn the_grid_finds_what_comparing_all_pairs_finds((events, span_us) in scenes(), k in 1usize..=40) {
+        let shape = NetworkShape {
+            graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
+            span_us,
+            capacity: 1_000,
+            blocks: vec![],
+            pooled: vec![],
+            from: 0,
+            grid: [1, 1],
+            dense: vec![1],
+            seed: 0,
+        };
+        let batch = Batch::new(shape.build(), Sensor::new(240, 180)).expect("the sensor has pixels");
+        let edges = |search| {
+            let trace = batch.clone().with_search(search).forward(Stream::new(&events)).expect("finite");
+            trace.levels[0].edges.clone()
+        };
+        prop_assert_eq!(edges(Search::Grid), edges(Search::Exhaustive));
+    }
 
     #[test]
     fn neighbourhoods_are_those_of_a_k_d_tree(events in events(), k in 1usize..=24) {

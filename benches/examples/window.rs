@@ -99,7 +99,8 @@ fn event_layers(network: &Network, trace: &Trace, isa: Isa) -> Vec<Matrix> {
         let feature = |index: usize| if index == 0 { &level.features[0] } else { &written[index - 1] };
         let (features, skip) = (feature(block.input), block.skip.map(feature));
         let skip = |row| skip.map(|skip: &Matrix| skip.row(row));
-        let row = |i| SplineRow { neighbours: level.edges.row(i), own: features.row(i), skip: skip(i) };
+        let row =
+            |i| SplineRow { neighbours: level.edges.row(i), basis: &[], own: features.row(i), skip: skip(i) };
         let rows: Vec<_> = (0..out.rows()).map(row).collect();
         block.conv.rows(isa, features, &rows, &mut scratch, out.lanes_mut());
         written.push(out);

@@ -120,7 +120,7 @@ impl SplineCase {
         for (rows, out) in self.rows.chunks(SplineConv::GROUP).zip(lanes) {
             for (to, (row, neighbours)) in group.iter_mut().zip(rows) {
                 let skip = self.skip.as_ref().map(|skip| skip.row(*row));
-                *to = SplineRow { neighbours, own: self.features.row(*row), skip };
+                *to = SplineRow { neighbours, basis: &[], own: self.features.row(*row), skip };
             }
             self.conv.rows(isa, &self.features, &group[..rows.len()], scratch, out);
         }

@@ -4,7 +4,7 @@
 //! computed from scratch, and for each feature the rows that changed. A row is recomputed whole or not at all; a
 //! recomputed row with the same bits ends the wave there.
 
-use meissner_kernels::{Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, is_nan, same_bits};
+use meissner_kernels::{Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, replace_rows};
 
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
@@ -87,8 +87,9 @@ impl Activations {
 
     /// Recomputes what the changes noted so far affect.
     pub(crate) fn run(&mut self, level: &Level, graph: &impl Adjacency, isa: Isa, log: &mut [LayerLog]) {
+        let mut before = None;
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
-            self.collect(block, graph);
+            self.collect(block, before.replace(block), graph);
             let dirty = std::mem::take(&mut self.dirty);
             for rows in dirty.as_slice().chunks(SplineConv::GROUP) {
                 self.compute(block, b + 1, rows, graph, isa, log);
@@ -111,19 +112,30 @@ impl Activations {
         }
     }
 
-    /// Rows of `block` that a change reaches.
-    fn collect(&mut self, block: &Block, graph: &impl Adjacency) {
+    /// Rows of `block` that a change reaches; those of the block `before` it are in `dirty`.
+    fn collect(&mut self, block: &Block, before: Option<&Block>, graph: &impl Adjacency) {
         let Self { dirty, rewired, changed, .. } = self;
-        dirty.clear();
-        rewired.as_slice().iter().for_each(|&row| dirty.insert(row));
-        for &row in changed[block.input].as_slice() {
-            graph.for_each_reader(row, |reader| dirty.insert(reader));
-            if block.conv.has_root() {
-                dirty.insert(row);
+        let input = &changed[block.input];
+        // Changes spread: what the block before read is mostly a part of what this one reads, and its rows are then rows
+        // of this one.
+        let spread = before.filter(|before| {
+            let read = changed[before.input].as_slice();
+            before.skip.is_none() && !before.conv.has_root() && read.iter().all(|&row| input.contains(row))
+        });
+        if spread.is_none() {
+            dirty.clear();
+            dirty.insert(rewired.as_slice());
+        }
+        for &row in input.as_slice() {
+            if spread.is_none_or(|before| !changed[before.input].contains(row)) {
+                graph.for_readers(row, |readers| dirty.insert(readers));
             }
         }
+        if block.conv.has_root() {
+            dirty.insert(input.as_slice());
+        }
         if let Some(skip) = block.skip {
-            changed[skip].as_slice().iter().for_each(|&row| dirty.insert(row));
+            dirty.insert(changed[skip].as_slice());
         }
     }
 
@@ -146,22 +158,22 @@ impl Activations {
         for (to, &row) in group.iter_mut().zip(rows) {
             *to = SplineRow {
                 neighbours: graph.neighbours(row),
+                basis: graph.basis(row),
                 own: input.row(row as usize),
                 skip: block.skip.map(|skip| read[skip].row(row as usize)),
             };
         }
         block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);
-        for (&row, out) in rows.iter().zip(out.chunks(lanes)) {
-            if is_nan(out) {
+        let replaced = replace_rows(isa, out, &mut written[0], rows);
+        for (i, &row) in rows.iter().enumerate() {
+            if replaced.nan >> i & 1 != 0 {
                 self.nan[to].insert(row);
             } else if !self.nan[to].is_empty() {
                 self.nan[to].remove(row);
             }
-            let stored = written[0].row_mut(row as usize);
-            let unchanged = same_bits(out, stored);
-            log.note(row, unchanged);
-            if !unchanged {
-                stored.copy_from_slice(out);
+            let changed = replaced.changed >> i & 1 != 0;
+            log.note(row, !changed);
+            if changed {
                 self.changed[to].insert(row);
             }
         }

@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::Neighbour;
+use meissner_kernels::{Lanes, Neighbour};
 
 use crate::Sensor;
 use crate::delta::Delta;
@@ -24,8 +24,10 @@ use crate::window::Window;
 pub(crate) trait Adjacency {
     /// In-edges of `row`, in neighbourhood order.
     fn neighbours(&self, row: u32) -> &[Neighbour];
-    /// Calls `visit` with each row that has an in-edge from `row`, in any order.
-    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32));
+    /// The basis of each in-edge, or nothing where it is not kept.
+    fn basis(&self, row: u32) -> &[Lanes];
+    /// Calls `visit` with the rows that have an in-edge from `row`, some at a time and in any order.
+    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32]));
 }
 
 #[derive(Clone, Debug)]
@@ -338,7 +340,12 @@ impl Adjacency for EventGraph {
     }
 
     #[inline]
-    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32)) {
-        self.readers.for_each(row, visit);
+    fn basis(&self, _: u32) -> &[Lanes] {
+        &[]
+    }
+
+    #[inline]
+    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
+        self.readers.for_blocks(row, visit);
     }
 }

@@ -56,6 +56,26 @@ impl Grid {
         self.cells.len()
     }
 
+    /// Nodes of a cell.
+    #[inline]
+    pub(crate) fn len(&self, cell: usize) -> usize {
+        self.cells[cell].len()
+    }
+
+    /// Slots of a cell's nodes in order of time.
+    pub(crate) fn slots(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+        self.cells[cell].iter().map(|e| e.slot)
+    }
+
+    /// A cell and those of the rings about it.
+    #[inline]
+    pub(crate) fn about(&self, cell: usize, rings: usize) -> impl Iterator<Item = usize> + use<> {
+        let (row, column, columns) = (cell / self.columns, cell % self.columns, self.columns);
+        let across = column.saturating_sub(rings)..(column + rings + 1).min(columns);
+        let down = row.saturating_sub(rings)..(row + rings + 1).min(self.rows);
+        down.flat_map(move |row| across.clone().map(move |column| row * columns + column))
+    }
+
     /// Adds a node that is not earlier than any other of its cell.
     pub(crate) fn push(&mut self, slot: u32, node: Node) {
         let cell = self.cell(node.x, node.y);
@@ -168,7 +188,7 @@ impl Grid {
 
     /// Lower bound of d2 for all cells of ring `ring` and beyond.
     #[inline]
-    fn ring2(metric: &Metric, query: Node, ring: usize) -> f64 {
+    pub(crate) fn ring2(metric: &Metric, query: Node, ring: usize) -> f64 {
         if ring == 0 {
             return 0.0;
         }

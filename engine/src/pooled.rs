@@ -5,14 +5,14 @@
 //! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
 //! positions and attributes are those of the present members.
 
-use meissner_kernels::{Matrix, Neighbour, attribute};
+use meissner_kernels::{Lanes, Matrix, Neighbour, attribute, spline_basis};
 
 use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
 use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
-use crate::network::Position;
+use crate::network::{Level, Position};
 use crate::rows::RowSet;
 use crate::window::Window;
 
@@ -49,6 +49,9 @@ pub(crate) struct PooledGraph {
     readers: Vec<Vec<u32>>,
     /// `in_edges` with attributes, as of the last `settle`.
     neighbours: Vec<Vec<Neighbour>>,
+    /// The basis of each of `neighbours`, where a block reads it.
+    basis: Vec<Vec<Lanes>>,
+    keeps_basis: bool,
     pub(crate) maxima: Maxima,
     /// Cells whose members, or a member's position, changed.
     moved: RowSet,
@@ -57,15 +60,22 @@ pub(crate) struct PooledGraph {
     /// Cells whose position changed since `finish`.
     shifted: RowSet,
     order: Vec<(Key, u32)>,
-    list: Vec<Neighbour>,
 }
 
 impl PooledGraph {
-    /// `queues`: whether the rows below never change and leave in the order in which they come.
-    pub(crate) fn new(grid: CellGrid, scale: f32, rows_below: usize, channels: usize, queues: bool) -> Self {
+    /// The graph over `grid` that `level` reads. `queues`: whether the rows below never change and leave in the order in
+    /// which they come.
+    pub(crate) fn new(
+        grid: CellGrid,
+        level: &Level,
+        rows_below: usize,
+        channels: usize,
+        queues: bool,
+    ) -> Self {
         let slots = grid.slots();
+        let keeps_basis = level.blocks.iter().any(|block| block.conv.reads_basis());
         Self {
-            scale,
+            scale: level.scale,
             keys: vec![[0; 3]; slots],
             sums: vec![EventSums::default(); slots],
             alive: 0,
@@ -73,18 +83,19 @@ impl PooledGraph {
             in_edges: vec![Vec::new(); slots],
             readers: vec![Vec::new(); slots],
             neighbours: vec![Vec::new(); slots],
+            basis: vec![Vec::new(); slots],
+            keeps_basis,
             maxima: Maxima::new(rows_below, slots, channels, queues),
             moved: RowSet::new(slots),
             stale: RowSet::new(slots),
             shifted: RowSet::new(slots),
             order: Vec::new(),
-            list: Vec::new(),
             grid,
         }
     }
 
     pub(crate) fn bytes(slots: usize, rows_below: usize, channels: usize, queues: bool) -> usize {
-        Maxima::bytes(rows_below, slots, channels, queues) + slots * 300
+        Maxima::bytes(rows_below, slots, channels, queues) + slots * 900
     }
 
     pub(crate) fn grid(&self) -> &CellGrid {
@@ -98,6 +109,7 @@ impl PooledGraph {
         self.in_edges.iter_mut().for_each(Vec::clear);
         self.readers.iter_mut().for_each(Vec::clear);
         self.neighbours.iter_mut().for_each(Vec::clear);
+        self.basis.iter_mut().for_each(Vec::clear);
         self.moved.clear();
         self.stale.clear();
         self.shifted.clear();
@@ -170,6 +182,7 @@ impl PooledGraph {
             to.entered.push(cell);
             to.rewired.push(cell);
             self.neighbours[cell as usize].clear();
+            self.basis[cell as usize].clear();
         }
         debug_assert_eq!(self.keys[cell as usize], key(index), "two cells of a window never share a slot");
         self.maxima.enter(row, cell);
@@ -278,17 +291,29 @@ impl PooledGraph {
         self.moved.clear();
         for &cell in self.stale.as_slice() {
             let own = self.positions[cell as usize];
-            self.list.clear();
-            self.list.extend(self.in_edges[cell as usize].iter().map(|e| Neighbour {
-                row: e.source,
-                u: attributes(self.positions[e.source as usize], own, self.scale),
-            }));
+            let (edges, list) = (&self.in_edges[cell as usize], &mut self.neighbours[cell as usize]);
+            let basis = &mut self.basis[cell as usize];
+            let mut changed = edges.len() != list.len();
+            list.resize(edges.len(), Neighbour { row: u32::MAX, u: [0.0; 3] });
+            if self.keeps_basis {
+                basis.resize(edges.len(), Lanes::ZERO);
+            }
+            for (i, edge) in edges.iter().enumerate() {
+                let u = attributes(self.positions[edge.source as usize], own, self.scale);
+                let neighbour = Neighbour { row: edge.source, u };
+                if list[i] != neighbour {
+                    list[i] = neighbour;
+                    changed = true;
+                    if self.keeps_basis {
+                        basis[i] = spline_basis(u);
+                    }
+                }
+            }
             counters.neighbourhoods_checked += 1;
-            if self.list == self.neighbours[cell as usize] {
-                counters.neighbourhoods_unchanged += 1;
-            } else {
-                self.neighbours[cell as usize].clone_from(&self.list);
+            if changed {
                 rewired(cell);
+            } else {
+                counters.neighbourhoods_unchanged += 1;
             }
         }
         self.stale.clear();
@@ -316,7 +341,12 @@ impl Adjacency for PooledGraph {
     }
 
     #[inline]
-    fn for_each_reader(&self, row: u32, visit: impl FnMut(u32)) {
-        self.readers[row as usize].iter().copied().for_each(visit);
+    fn basis(&self, row: u32) -> &[Lanes] {
+        &self.basis[row as usize]
+    }
+
+    #[inline]
+    fn for_readers(&self, row: u32, mut visit: impl FnMut(&[u32])) {
+        visit(&self.readers[row as usize]);
     }
 }

@@ -48,12 +48,18 @@ impl Readers {
     /// Calls `visit` with each row that reads `slot`.
     #[inline]
     pub(crate) fn for_each(&self, slot: u32, mut visit: impl FnMut(u32)) {
+        self.for_blocks(slot, |rows| rows.iter().for_each(|&row| visit(row)));
+    }
+
+    /// Calls `visit` with the rows that read `slot`, a block at a time.
+    #[inline]
+    pub(crate) fn for_blocks(&self, slot: u32, mut visit: impl FnMut(&[u32])) {
         let mut left = self.count[slot as usize] as usize;
         let mut block = slot;
         while left > 0 {
             let Block { rows, next } = &self.blocks[block as usize];
             let here = left.min(ROWS);
-            rows[..here].iter().for_each(|&row| visit(row));
+            visit(&rows[..here]);
             left -= here;
             block = *next;
         }

@@ -64,7 +64,9 @@ impl RowSet {
 /// are each inserted by twenty others.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GrowingSet {
+    /// The members, then anything; one longer than there can be members.
     members: Vec<u32>,
+    len: usize,
     /// For each row whether it is a member.
     marked: Vec<bool>,
 }
@@ -72,29 +74,34 @@ pub(crate) struct GrowingSet {
 impl GrowingSet {
     /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize) -> Self {
-        Self { members: Vec::with_capacity(bound), marked: vec![false; bound] }
+        Self { members: vec![0; bound + 1], len: 0, marked: vec![false; bound] }
     }
 
+    /// Inserts `rows`. Every one is written, and the next over it where it was a member: no branch to guess.
     #[inline]
-    pub(crate) fn insert(&mut self, row: u32) {
-        let marked = &mut self.marked[row as usize];
-        if !*marked {
+    pub(crate) fn insert(&mut self, rows: &[u32]) {
+        let (members, marked) = (&mut self.members[..], &mut self.marked[..]);
+        let mut len = self.len;
+        for &row in rows {
+            let marked = &mut marked[row as usize];
+            members[len] = row;
+            len += usize::from(!*marked);
             *marked = true;
-            self.members.push(row);
         }
+        self.len = len;
     }
 
     /// O(members).
     pub(crate) fn clear(&mut self) {
-        for &row in &self.members {
+        for &row in &self.members[..self.len] {
             self.marked[row as usize] = false;
         }
-        self.members.clear();
+        self.len = 0;
     }
 
     #[inline]
     pub(crate) fn as_slice(&self) -> &[u32] {
-        &self.members
+        &self.members[..self.len]
     }
 }
 
@@ -122,7 +129,7 @@ mod tests {
                     growing.clear();
                     grown.clear();
                 } else {
-                    growing.insert(row);
+                    growing.insert(&[row]);
                     grown.insert(row);
                 }
                 prop_assert_eq!(growing.as_slice().len(), grown.len());

@@ -55,7 +55,7 @@ impl Step {
             let grid = CellGrid::new(pooling.clone(), pooled.last().map(PooledGraph::grid), sensor, span_us);
             let slots = grid.slots();
             let queues = i == 0 && parts.graph.is_frozen();
-            pooled.push(PooledGraph::new(grid, level.scale, rows, network.channels(i + 1)[0], queues));
+            pooled.push(PooledGraph::new(grid, level, rows, network.channels(i + 1)[0], queues));
             activations.push(Activations::new(slots, network.channels(i + 1)));
             rows = slots;
         }

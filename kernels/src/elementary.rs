@@ -63,6 +63,33 @@ pub fn elu(x: f32) -> f32 {
     if x > 0.0 { x } else { negative }
 }
 
+/// [`elu`] of N vectors, in step, in the same operations.
+#[inline(always)]
+pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
+    let splat = |v: f32| V::splat(simd, v);
+    let (mut shifted, mut r, mut p) = (x, x, [splat(P[5]); N]);
+    for (shifted, r) in shifted.iter_mut().zip(&mut r) {
+        // Above 0 nothing that is computed here is taken.
+        let x = r.max(splat(-30.0));
+        *shifted = x.mul(splat(LOG2_E)).add(splat(ROUND));
+        let n = shifted.sub(splat(ROUND));
+        *r = x.sub(n.mul(splat(LN2_HIGH))).sub(n.mul(splat(LN2_LOW)));
+    }
+    for c in [P[4], P[3], P[2], P[1], P[0]] {
+        for (p, r) in p.iter_mut().zip(&r) {
+            *p = p.mul(*r).add(splat(c));
+        }
+    }
+    let mut out = x;
+    for (i, out) in out.iter_mut().enumerate() {
+        let p = r[i].add(r[i].mul(r[i]).mul(p[i]));
+        let half = shifted[i].power_of_two(simd, -1);
+        let negative = splat(2.0).mul(half.mul(p).add(half.sub(splat(0.5))));
+        *out = negative.with_sign(simd, *out).where_negative(*out, *out);
+    }
+    out
+}
+
 /// 1 / (1 + e^-x). Largest error 2.5 ULP over all f32, subnormal results included; `sigmoid(-inf)` is 0,
 /// `sigmoid(inf)` is 1, NaN stays NaN.
 #[inline(always)]
@@ -284,6 +311,20 @@ mod tests {
         assert_eq!(expm1(-0.0).to_bits(), (-0.0f32).to_bits());
         assert_eq!(expm1(1e-40).to_bits(), 1e-40f32.to_bits());
         assert!(exp(f32::NAN).is_nan() && expm1(f32::NAN).is_nan() && elu(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn elus_in_step_are_the_same_bits() {
+        let xs: Vec<f32> = sweep(251).filter(|x| !x.is_nan()).collect();
+        for x in xs.as_chunks::<16>().0 {
+            let (low, high) = x.split_at(8);
+            let [a, b] = elus(Portable, [low, high].map(|half| <[f32; 8]>::try_from(half).expect("a half")));
+            for (i, &x) in x.iter().enumerate() {
+                let got = if i < 8 { a[i] } else { b[i - 8] };
+                assert_eq!(got.to_bits(), elu(x).to_bits(), "{x:e}");
+            }
+        }
+        assert!(elus(Portable, [[f32::NAN; 8]])[0].iter().all(|y| y.is_nan()));
     }
 
     #[test]

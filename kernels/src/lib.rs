@@ -23,8 +23,10 @@ mod lanes;
 mod matrix;
 mod maximum;
 pub mod naive;
+mod nearby;
 mod planar;
 mod recurrent;
+mod replace;
 mod spline;
 
 pub use dense::{Activation, Dense};
@@ -39,10 +41,13 @@ pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
+pub use nearby::Nearby;
 pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
 pub use recurrent::{
     Lstm, LstmParts, LstmState, PlanarConvLstm, PlanarConvLstmState, Squash, lstm_update, lstm_update_rows,
 };
+pub use replace::{Replaced, replace_rows};
 pub use spline::{
-    Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute, spline_multiply_adds,
+    Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute, spline_basis,
+    spline_multiply_adds,
 };

@@ -1,7 +1,7 @@
 //! Every kernel on every instruction set against its scalar twin, bit for bit.
 
 use meissner_kernels::{Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts};
-use meissner_kernels::{SplineRow, SplineScratch, naive};
+use meissner_kernels::{SplineRow, SplineScratch, naive, spline_basis};
 use proptest::prelude::*;
 
 fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
@@ -67,14 +67,16 @@ proptest! {
         let conv = SplineConv::new(&case.parts).unwrap();
         let skip = case.skip.as_deref().map(Lanes::pack);
         let mut scratch = SplineScratch::default();
+        let basis: Vec<Lanes> = case.neighbours.iter().map(|n| spline_basis(n.u)).collect();
         for isa in Isa::available() {
-            // Twice with one scratch: what a row leaves behind must not reach the next.
-            for _ in 0..2 {
+            // Twice with one scratch, with the basis at hand and without: what a row leaves behind must not reach the next.
+            for basis in [&basis[..], &[]] {
                 let row = SplineRow {
-                    neighbours: &case.neighbours, own: features.row(own), skip: skip.as_deref(),
+                    neighbours: &case.neighbours, basis, own: features.row(own), skip: skip.as_deref(),
                 };
                 // Among others that differ from it, so that tiles of every size occur.
-                let other = SplineRow { neighbours: &case.neighbours[case.neighbours.len() / 2..], ..row };
+                let neighbours = &case.neighbours[case.neighbours.len() / 2..];
+                let other = SplineRow { neighbours, basis: &[], ..row };
                 let rows: Vec<_> = (0..company).map(|i| if i == place % company { row } else { other }).collect();
                 let mut out = Matrix::zeros(company, case.parts.outputs);
                 conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());

@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
+use super::neighbours::{Lists, Space};
 use super::{Batch, Edges, LevelTrace, Search, Stream};
 use crate::Event;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
 use crate::metric::{Metric, Node};
-use crate::network::Candidates;
+use crate::network::{Candidates, Reach};
 
 /// Rows, edges and input of the event level.
 pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
@@ -21,22 +22,28 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     let start = if parts.graph.is_frozen() { 0 } else { first };
     let events = &stream.events[start..];
     let extents = [f64::from(batch.sensor.width), f64::from(batch.sensor.height), parts.span_us as f64];
+    let nodes: Vec<Node> = events.iter().map(|&e| Node::new(e, e.t_us - events[0].t_us)).collect();
+    let metric = |scale| Metric::new(batch.sensor, parts.span_us, scale);
     let lists = match batch.search {
         Search::Exhaustive => exhaustive(batch, events, extents),
-        Search::Grid => with_grid(batch, events),
+        Search::Grid => with_grid(batch, events, &nodes, &metric(parts.events.scale)),
     };
     let difference = |source: usize, reader: usize| {
         let (a, b) = (events[source], events[reader]);
         let integers = [i64::from(a.x) - i64::from(b.x), i64::from(a.y) - i64::from(b.y), a.t_us - b.t_us];
         [0, 1, 2].map(|d| integers[d] as f64 / extents[d])
     };
-    let pairs = || lists.iter().enumerate().flat_map(|(i, list)| list.iter().map(move |&j| (j, i)));
-    let scale = batch.scale(parts.events.scale, pairs().map(|(j, i)| difference(j, i)));
-    let mut edges = Edges::default();
-    for (i, list) in lists.iter().enumerate() {
-        let neighbour =
-            |&j: &usize| Neighbour { row: j as u32, u: difference(j, i).map(|d| attribute(d, scale)) };
-        edges.push(list.iter().map(neighbour));
+    let pairs = lists.rows().enumerate().flat_map(|(i, list)| list.iter().map(move |&j| (j as usize, i)));
+    let scale = batch.scale(parts.events.scale, pairs.map(|(j, i)| difference(j, i)));
+    let metric = (batch.search == Search::Grid).then(|| metric(scale));
+    let attributes = |source: usize, reader: usize| match &metric {
+        Some(metric) => metric.attributes(nodes[source], nodes[reader]),
+        None => difference(source, reader).map(|d| attribute(d, scale)),
+    };
+    let mut edges =
+        Edges { start: Vec::with_capacity(events.len()), list: Vec::with_capacity(lists.edges()) };
+    for (i, list) in lists.rows().enumerate() {
+        edges.push(list.iter().map(|&j| Neighbour { row: j, u: attributes(j as usize, i) }));
     }
     let signs: Vec<f32> = events.iter().map(|e| if e.on { 1.0 } else { -1.0 }).collect();
     let position = |e: &Event| {
@@ -71,7 +78,7 @@ fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usize> {
 }
 
 /// Neighbour indices of each event, by comparing it with every candidate.
-fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Vec<Vec<usize>> {
+fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Lists {
     let reach = batch.network.parts().graph.reach;
     let neighbours = |i: usize| {
         let a = events[i];
@@ -94,21 +101,24 @@ fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Vec<Vec<usi
             found.truncate(reach.most());
         }
         found.sort_unstable_by(order);
-        found.into_iter().map(|(_, j)| j).collect()
+        found.into_iter().map(|(_, j)| j as u32)
     };
-    (0..events.len()).map(neighbours).collect()
+    let mut lists = Lists::new(events.len(), 0);
+    (0..events.len()).for_each(|i| lists.set(i as u32, neighbours(i)));
+    lists
 }
 
 /// What a guess of a squared distance allows for.
 const GENEROUS: f64 = 2.0;
 
 /// The same, by the engine's search grid.
-fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
-    let parts = batch.network.parts();
-    let (rule, origin) = (parts.graph, events.first().map_or(0, |e| e.t_us));
-    let metric = Metric::new(batch.sensor, parts.span_us, parts.events.scale);
+fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
+    let rule = batch.network.parts().graph;
+    let space = Space { nodes, metric, sensor: batch.sensor, span_us: batch.network.parts().span_us };
+    if rule.candidates == Candidates::All && matches!(rule.reach, Reach::Knn { .. }) && space.is_short() {
+        return space.nearest(rule.reach.most(), batch.isa);
+    }
     let mut grid = Grid::new(batch.sensor);
-    let nodes: Vec<Node> = events.iter().map(|&e| Node::new(e, e.t_us - origin)).collect();
     let times = if rule.candidates == Candidates::All {
         nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         Times::All
@@ -120,7 +130,7 @@ fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
     let mut guesses = vec![f64::INFINITY; grid.cells()];
     let mut oldest = 0;
     let mut found = Vec::with_capacity(most + 1);
-    let mut lists = Vec::with_capacity(nodes.len());
+    let mut lists = Lists::new(nodes.len(), 0);
     for (i, &node) in nodes.iter().enumerate() {
         if times == Times::Past {
             let first = candidates(batch, events, i).start;
@@ -139,15 +149,15 @@ fn with_grid(batch: &Batch, events: &[Event]) -> Vec<Vec<usize>> {
                 if found.len() == most { found[most - 1].d2 } else { limit }
             };
             match times {
-                Times::All => grid.search_onwards(&metric, node, &mut cursors, limit, visit),
-                Times::Past => grid.search(&metric, node, times, limit, visit),
+                Times::All => grid.search_onwards(metric, node, &mut cursors, limit, visit),
+                Times::Past => grid.search(metric, node, times, limit, visit),
             }
             if found.len() == most {
                 *guess = GENEROUS * found[most - 1].d2;
                 break;
             }
         }
-        lists.push(found.iter().map(|c| c.slot as usize).collect());
+        lists.set(i as u32, found.iter().map(|c| c.slot));
         if times == Times::Past {
             grid.push(i as u32, node);
         }

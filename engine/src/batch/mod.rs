@@ -1,9 +1,10 @@
 //! The same network from scratch: the oracle of the incremental engine, and the way to run data sets.
 //!
-//! Nothing is shared with the engine but the kernels (and, where asked for, the search grid): neighbourhoods by
-//! comparing all pairs, poolings through ordered maps, plain loops over all rows.
+//! Nothing is shared with the engine but the kernels (and, where asked for, the search grid and its metric):
+//! neighbourhoods by comparing all pairs, poolings through ordered maps, plain loops over all rows.
 
 mod events;
+mod neighbours;
 mod pool;
 
 pub use pool::Cells;
@@ -22,7 +23,8 @@ use crate::{EngineError, Event, Sensor};
 pub enum Search {
     /// All pairs: O(n^2), obviously right.
     Exhaustive,
-    /// The engine's grid of pixels: O(n k) or so.
+    /// The engine's grid of pixels: O(n k) or so. Where nodes read from the whole window, a filter in f32 goes before
+    /// the exact distances.
     #[default]
     Grid,
 }
@@ -193,6 +195,7 @@ impl Batch {
             let rows: Vec<_> = (0..input.rows())
                 .map(|row| SplineRow {
                     neighbours: trace.edges.row(row),
+                    basis: &[],
                     own: input.row(row),
                     skip: skip.map(|skip| skip.row(row)),
                 })

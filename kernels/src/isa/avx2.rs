@@ -1,10 +1,10 @@
 //! AVX2 with fused multiply-add: 16 registers of eight f32.
 
 use std::arch::x86_64::{
-    __m256, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
-    _mm256_castps_si256, _mm256_castsi256_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
-    _mm256_mul_ps, _mm256_or_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_slli_epi32, _mm256_storeu_ps,
-    _mm256_sub_ps,
+    __m256, _CMP_LE_OQ, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
+    _mm256_castps_si256, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_div_ps,
+    _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_or_ps,
+    _mm256_set1_epi32, _mm256_set1_ps, _mm256_slli_epi32, _mm256_storeu_ps, _mm256_sub_ps,
 };
 
 use super::exponent::exponent;
@@ -58,7 +58,14 @@ register!(
     LANES,
     Lanes,
     [_mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps],
-    [_mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_max_ps]
+    [_mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_max_ps],
+    [
+        |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32,
+        |a, b| {
+            let same = _mm256_cmpeq_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b));
+            0xFF ^ _mm256_movemask_ps(_mm256_castsi256_ps(same)) as u32
+        }
+    ]
 );
 
 exponent!(
@@ -116,5 +123,13 @@ impl Vector<Avx2> for [F32x8; 2] {
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         [self[0].max(other[0]), self[1].max(other[1])]
+    }
+    #[inline(always)]
+    fn at_most(self, other: Self) -> u32 {
+        self[0].at_most(other[0]) | self[1].at_most(other[1]) << LANES
+    }
+    #[inline(always)]
+    fn differs(self, other: Self) -> u32 {
+        self[0].differs(other[0]) | self[1].differs(other[1]) << LANES
     }
 }

@@ -68,6 +68,14 @@ macro_rules! array {
             fn max(self, other: Self) -> Self {
                 std::array::from_fn(|i| if other[i] > self[i] { other[i] } else { self[i] })
             }
+            #[inline(always)]
+            fn at_most(self, other: Self) -> u32 {
+                (0..$n).fold(0, |bits, i| bits | u32::from(self[i] <= other[i]) << i)
+            }
+            #[inline(always)]
+            fn differs(self, other: Self) -> u32 {
+                (0..$n).fold(0, |bits, i| bits | u32::from(self[i].to_bits() != other[i].to_bits()) << i)
+            }
         }
     };
 }

@@ -2,7 +2,7 @@
 
 /// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 that only a `$simd` makes.
 macro_rules! register {
-    ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident]) => {
+    ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident], [$at_most:expr, $differs:expr]) => {
         impl Vector<$simd> for $vector {
             type Memory = $memory;
             const LANES: usize = $n;
@@ -60,6 +60,16 @@ macro_rules! register {
                 // The instruction gives its second operand where either is NaN.
                 // SAFETY: a vector exists after its proof alone.
                 Self(unsafe { $max(other.0, self.0) })
+            }
+            #[inline(always)]
+            fn at_most(self, other: Self) -> u32 {
+                // SAFETY: a vector exists after its proof alone.
+                unsafe { $at_most(self.0, other.0) }
+            }
+            #[inline(always)]
+            fn differs(self, other: Self) -> u32 {
+                // SAFETY: a vector exists after its proof alone.
+                unsafe { $differs(self.0, other.0) }
             }
         }
     };

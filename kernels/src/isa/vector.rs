@@ -56,6 +56,12 @@ pub trait Vector<S>: Copy {
     /// `other` where it is larger, else self: where either is NaN, self.
     #[must_use]
     fn max(self, other: Self) -> Self;
+    /// Bit i is set where element i is at most that of `other`; clear where either is NaN.
+    #[must_use]
+    fn at_most(self, other: Self) -> u32;
+    /// Bit i is set where element i and that of `other` are not the same bits.
+    #[must_use]
+    fn differs(self, other: Self) -> u32;
 
     /// `f` of every element; vectorised as far as the compiler can, so best without branches.
     #[must_use]

@@ -83,6 +83,29 @@ pub fn spline_row(
         .collect()
 }
 
+/// The points that [`Nearby::find`](crate::Nearby::find) finds, in ascending order, whatever their number.
+pub fn nearby(
+    weights: [f32; 3],
+    points: [&[f32]; 3],
+    place: [f32; 3],
+    except: usize,
+    most: usize,
+    guess: f32,
+) -> Option<Vec<u32>> {
+    let term = |d: usize, i: usize| {
+        let difference = points[d][i] - place[d];
+        difference * difference * weights[d]
+    };
+    let distances: Vec<(u32, f32)> = (0..points[0].len())
+        .filter(|&i| i != except)
+        .map(|i| (i as u32, (term(0, i) + term(1, i)) + term(2, i)))
+        .collect();
+    let within = |bound: f32| distances.iter().filter(move |(_, e)| *e <= bound).map(|(i, _)| *i);
+    let bound =
+        (0..16).map(|l| guess * (0.4 + 0.08 * l as f32)).find(|&bound| within(bound).count() >= most)?;
+    Some(within(bound * (1.0 + 1.0 / 262_144.0)).collect())
+}
+
 /// A dense layer over inputs padded to whole lanes: `x` and each output's `weight` row have the same length.
 pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
     let output = |(weight, bias): (&Vec<f32>, &f32)| {

@@ -3,6 +3,8 @@
 //! Four partial sums per output keep the units busy when there is one row. Several rows take the partial sums one after
 //! the other, and share each weight that is loaded.
 
+use std::hint::black_box;
+
 use crate::isa::{Simd, Task, Vector, accumulate, accumulate_in_four};
 use crate::lanes::{Lanes, Wide};
 
@@ -99,16 +101,19 @@ impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
         let Self { values, stride, weights, totals } = self;
         let (first, last) = totals[..2 * R * B].split_at_mut(R * B);
         let zero = [[V::splat(simd, 0.0); B]; R];
-        // Each partial sum goes to memory before the next: it would compete with it for registers.
+        // Each partial sum goes to memory before the next: it would compete with it for registers. The compiler must
+        // not know what it finds there, or it keeps the first in registers, and others in the loop's way.
         let mut acc = zero;
         accumulate::<S, V, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, first, Vector::store);
+        let first = black_box(first);
         acc = zero;
         accumulate::<S, V, R, B, 1, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, first, |sum, at| V::load(simd, at).add(sum).store(at));
         acc = zero;
         accumulate::<S, V, R, B, 2, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, last, Vector::store);
+        let last = black_box(last);
         acc = zero;
         accumulate::<S, V, R, B, 3, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, last, |sum, at| V::load(simd, at).add(sum).store(at));

@@ -1,6 +1,6 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
-use super::Neighbour;
+use super::{Neighbour, SplineRow};
 use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
@@ -18,9 +18,9 @@ pub struct SplineScratch {
     pub(super) touched: Vec<u32>,
 }
 
-/// B(e, s) of a 2 x 2 x 2 kernel, where every slot is touched and v = u.
+/// B(e, s) of a 2 x 2 x 2 kernel for an edge with attribute `u`: there, every slot is touched and v = u.
 #[inline(always)]
-fn basis_of_eight(u: [f32; 3]) -> Lanes {
+pub fn spline_basis(u: [f32; 3]) -> Lanes {
     let [x, y, t] = u.map(|v| [1.0 - v, v]);
     let mut out = [0.0; 8];
     for (s, out) in out.iter_mut().enumerate() {
@@ -40,7 +40,7 @@ pub(super) fn eight_slots_of_one_channel<S: Simd>(
     let mut acc = S::V8::splat(simd, 0.0);
     for n in neighbours {
         let x = features.row(n.row as usize)[0].0[0];
-        acc = acc.add_product(S::V8::load(simd, &basis_of_eight(n.u)), S::V8::splat(simd, x));
+        acc = acc.add_product(S::V8::load(simd, &spline_basis(n.u)), S::V8::splat(simd, x));
     }
     acc.store(sums);
 }
@@ -49,13 +49,18 @@ pub(super) fn eight_slots_of_one_channel<S: Simd>(
 #[inline(always)]
 pub(super) fn eight_slots<S: Simd>(
     simd: S,
-    neighbours: &[Neighbour],
+    row: &SplineRow<'_>,
     features: &Matrix,
-    basis: &mut Vec<Lanes>,
+    computed: &mut Vec<Lanes>,
     sums: &mut [Lanes],
 ) {
-    basis.clear();
-    basis.extend(neighbours.iter().map(|n| basis_of_eight(n.u)));
+    let neighbours = row.neighbours;
+    let mut basis = row.basis;
+    if basis.len() != neighbours.len() {
+        computed.clear();
+        computed.extend(neighbours.iter().map(|n| spline_basis(n.u)));
+        basis = computed;
+    }
     let stride = sums.len() / 8;
     let mut lane = 0;
     while S::WIDE && lane + 4 <= stride {

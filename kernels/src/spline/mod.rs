@@ -22,8 +22,8 @@ mod contract;
 mod gather;
 mod run;
 
-pub use gather::SplineScratch;
 pub(crate) use gather::locate;
+pub use gather::{SplineScratch, spline_basis};
 
 use crate::error::{KernelError, check};
 use crate::isa::Isa;
@@ -166,6 +166,11 @@ impl SplineConv {
         self.root.is_some()
     }
 
+    /// Whether the basis of a row's in-edges saves work if it is at hand.
+    pub fn reads_basis(&self) -> bool {
+        self.is_flat() && self.inputs > 1
+    }
+
     /// Multiply-adds of one row with `degree` in-edges.
     pub fn multiply_adds(&self, degree: usize) -> usize {
         spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
@@ -215,6 +220,8 @@ pub fn spline_multiply_adds(
 pub struct SplineRow<'a> {
     /// The in-edges, in neighbourhood order; their rows index the features.
     pub neighbours: &'a [Neighbour],
+    /// [`spline_basis`] of each in-edge, for blocks that [read it](SplineConv::reads_basis); computed where it is empty.
+    pub basis: &'a [Lanes],
     /// The row itself, C values in lanes; read by a root weight only.
     pub own: &'a [Lanes],
     /// O values in lanes that are added last.

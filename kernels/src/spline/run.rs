@@ -3,11 +3,13 @@
 use super::contract::{ContractRows, Packed, Partial, contract_from, total};
 use super::gather::{any_slots, eight_slots, eight_slots_of_one_channel};
 use super::{SplineConv, SplineRow, SplineScratch};
-use crate::elementary::elu;
-use crate::isa::{Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
+use crate::elementary::elus;
+use crate::isa::{Exponent, Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 
+/// Rows that are finished in step.
+const STEP: usize = 4;
 /// Two vectors in two sums for each row of a group.
 const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 
@@ -62,7 +64,7 @@ impl SplineConv {
             if self.inputs == 1 {
                 eight_slots_of_one_channel(simd, row.neighbours, features, &mut sums[0]);
             } else {
-                eight_slots(simd, row.neighbours, features, basis, sums);
+                eight_slots(simd, row, features, basis, sums);
             }
         }
         let sums = Sums { values: flat(sums), stride: stride * LANES };
@@ -90,12 +92,12 @@ impl SplineConv {
         let mut lane = 0;
         while lane + 2 <= self.bias.len() {
             let sum = self.over_touched::<S, S::V16>(simd, scratch, self.wide(lane));
-            self.finish(simd, sum, self.wide(lane), row, lane, out);
+            self.finish(simd, [sum], self.wide(lane), std::slice::from_ref(row), lane, out);
             lane += 2;
         }
         if lane < self.bias.len() {
             let sum = self.over_touched::<S, S::V8>(simd, scratch, self.last());
-            self.finish(simd, sum, self.last(), row, lane, out);
+            self.finish(simd, [sum], self.last(), std::slice::from_ref(row), lane, out);
         }
     }
 
@@ -116,36 +118,41 @@ impl SplineConv {
         total(&acc)[0]
     }
 
-    /// What follows the sum `y` of the outputs from lane `lane`.
+    /// What follows the sums of N rows for the outputs from lane `lane`.
     #[inline(always)]
-    fn finish<S: Simd, V: Vector<S>>(
+    fn finish<S: Simd, V: Exponent<S>, const N: usize>(
         &self,
         simd: S,
-        sum: V,
+        sums: [V; N],
         weights: Weights<'_, V::Memory>,
-        row: &SplineRow<'_>,
+        rows: &[SplineRow<'_>],
         lane: usize,
         out: &mut [Lanes],
     ) {
-        let at = lane * LANES;
+        let (at, lanes) = (lane * LANES, self.bias.len());
         let load = |lanes: &[Lanes]| V::load_slice(simd, &flat(lanes)[at..]);
-        let degree = row.neighbours.len();
-        let inverse = if degree == 0 { 0.0 } else { 1.0 / degree as f32 };
-        let mut y = sum.mul(V::splat(simd, inverse));
-        if let Some(root) = weights.root {
-            let mut acc: Partial<V, 1> = [[V::splat(simd, 0.0)]; 4];
-            accumulate_in_four(simd, &mut acc, &flat(row.own)[..self.inputs], [root]);
-            y = y.add(total(&acc)[0]);
+        let mut ys = sums;
+        for (y, row) in ys.iter_mut().zip(rows) {
+            let degree = row.neighbours.len();
+            let inverse = if degree == 0 { 0.0 } else { 1.0 / degree as f32 };
+            *y = y.mul(V::splat(simd, inverse));
+            if let Some(root) = weights.root {
+                let mut acc: Partial<V, 1> = [[V::splat(simd, 0.0)]; 4];
+                accumulate_in_four(simd, &mut acc, &flat(row.own)[..self.inputs], [root]);
+                *y = y.add(total(&acc)[0]);
+            }
+            *y = y.add(load(&self.bias));
         }
-        y = y.add(load(&self.bias));
         if self.elu {
-            y = y.map(simd, elu);
+            ys = elus(simd, ys);
         }
-        y = load(&self.shift).add_product(y, load(&self.scale));
-        if let Some(skip) = row.skip {
-            y = y.add(load(skip));
+        for ((y, row), out) in ys.into_iter().zip(rows).zip(out.chunks_mut(lanes)) {
+            let mut y = load(&self.shift).add_product(y, load(&self.scale));
+            if let Some(skip) = row.skip {
+                y = y.add(load(skip));
+            }
+            y.store_slice(&mut flat_mut(out)[at..]);
         }
-        y.store_slice(&mut flat_mut(out)[at..]);
     }
 
     /// The weights of the sixteen outputs from lane `lane`, which is even.
@@ -191,7 +198,7 @@ where
 {
     /// Every row, in tiles as large as there are registers for; a tile may reach beyond the last row.
     #[inline(always)]
-    fn run<S: Simd, V: Vector<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
+    fn run<S: Simd, V: Exponent<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;
         if S::WIDE && self.rows.len() > 4 {
             self.tile::<S, V, 8>(simd, row, totals, out);
@@ -206,14 +213,14 @@ where
             let values = &self.sums.values[row * self.sums.stride..][..self.sums.stride];
             accumulate_in_four(simd, &mut acc, values, self.weights.map(|w| w.sums));
             for (b, sum) in total(&acc).into_iter().enumerate() {
-                self.finish(simd, sum, row, b, out);
+                self.finish(simd, [sum], row, b, out);
             }
         }
     }
 
     /// Those of rows `row..row + R` that exist.
     #[inline(always)]
-    fn tile<S: Simd, V: Vector<S, Memory = M>, const R: usize>(
+    fn tile<S: Simd, V: Exponent<S, Memory = M>, const R: usize>(
         &self,
         simd: S,
         row: usize,
@@ -225,24 +232,35 @@ where
         let Sums { values, stride } = self.sums;
         let weights = self.weights.map(|w| w.sums);
         simd.apart(ContractRows::<M, R, B> { values: &values[row * stride..], stride, weights, totals });
-        for (r, sums) in totals.chunks_exact(B).take(R.min(self.rows.len() - row)).enumerate() {
-            for (b, sum) in sums.iter().enumerate() {
-                self.finish(simd, V::load(simd, sum), row + r, b, out);
+        let rows = R.min(self.rows.len() - row);
+        // Rows in step: what follows a sum is one long chain of operations.
+        let mut r = 0;
+        while S::WIDE && r + STEP <= rows {
+            for b in 0..B {
+                let sums = std::array::from_fn::<_, STEP, _>(|i| V::load(simd, &totals[(r + i) * B + b]));
+                self.finish(simd, sums, row + r, b, out);
+            }
+            r += STEP;
+        }
+        for r in r..rows {
+            for b in 0..B {
+                self.finish(simd, [V::load(simd, &totals[r * B + b])], row + r, b, out);
             }
         }
     }
 
     #[inline(always)]
-    fn finish<S: Simd, V: Vector<S, Memory = M>>(
+    fn finish<S: Simd, V: Exponent<S, Memory = M>, const N: usize>(
         &self,
         simd: S,
-        sum: V,
+        sums: [V; N],
         row: usize,
         b: usize,
         out: &mut [Lanes],
     ) {
         let lanes = self.conv.bias.len();
         let lane = self.lane + b * V::LANES / LANES;
-        self.conv.finish(simd, sum, self.weights[b], &self.rows[row], lane, &mut out[row * lanes..][..lanes]);
+        let rows = &self.rows[row..][..N];
+        self.conv.finish(simd, sums, self.weights[b], rows, lane, &mut out[row * lanes..][..N * lanes]);
     }
 }

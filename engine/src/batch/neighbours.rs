@@ -1,0 +1,204 @@
+//! The neighbourhoods of all nodes of a window at once.
+//!
+//! Enters: nodes in order of arrival. Leaves: the `most` nearest others of each, in the graph's order. For each cell of
+//! the search grid, the nodes of it and of the rings about it are listed in order of arrival. A node of the cell filters
+//! that part of the list which is near in time, many at once and in f32, and orders the few that are left by their exact
+//! distances. Where the last of these is as far as the next ring may be, the grid is searched instead.
+
+use std::ops::Range;
+
+use meissner_kernels::{Isa, Nearby};
+
+use crate::Sensor;
+use crate::graph::{Candidate, take};
+use crate::grid::{Grid, Times};
+use crate::metric::{Metric, Node};
+
+/// Rings of cells about a cell whose nodes are listed with it.
+const RINGS: usize = 2;
+/// By how much a guess is widened before the grid is searched.
+const WIDER: [f64; 3] = [1.0, 3.0, 9.0];
+/// Times up to here are whole numbers in f32.
+const LONGEST_US: i64 = 1 << 24;
+
+/// Nodes that are searched, and how far they are from each other.
+#[derive(Clone, Copy)]
+pub(super) struct Space<'a> {
+    /// In order of arrival, the first at time 0.
+    pub(super) nodes: &'a [Node],
+    pub(super) metric: &'a Metric,
+    pub(super) sensor: Sensor,
+    pub(super) span_us: i64,
+}
+
+impl Space<'_> {
+    /// Whether the nodes are near enough in time for [`Self::nearest`].
+    pub(super) fn is_short(&self) -> bool {
+        self.nodes.last().is_none_or(|last| last.t <= LONGEST_US)
+    }
+
+    /// The `most` nearest others of every node of a [short](Self::is_short) time.
+    ///
+    /// Cost: each node is listed up to 25 times; of the lists, about 4 `most` nodes are filtered for each.
+    pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
+        let mut grid = Grid::new(self.sensor);
+        self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
+        let listed = Listed::new(self.nodes, &grid);
+        let extents = [f64::from(self.sensor.width), f64::from(self.sensor.height), self.span_us as f64];
+        let mut nearby = Nearby::new(extents.map(|extent| (1.0 / (extent * extent)) as f32));
+        let mut lists = Lists::new(self.nodes.len(), self.nodes.len() * most);
+        let mut found = Vec::with_capacity(most + 1);
+        // Neighbourhoods of a place are of a size: the last one there tells how far to look.
+        let mut guess = 0.0;
+        for cell in 0..grid.cells() {
+            let mut part = listed.starts[cell]..listed.starts[cell];
+            for slot in grid.slots(cell) {
+                let node = self.nodes[slot as usize];
+                let enough = WIDER.iter().any(|wider| {
+                    found.clear();
+                    let guess = guess * wider;
+                    listed.narrow(cell, slot, self.reach(guess), &mut part);
+                    let (points, at) = listed.points(&part, slot);
+                    let place = points.map(|p| p[at]);
+                    let near = nearby.find(isa, points, place, at, most, guess as f32).unwrap_or_default();
+                    for &place in near {
+                        let other = listed.slots[part.start + place as usize];
+                        let d2 = self.metric.distance2(node, self.nodes[other as usize]);
+                        take(&mut found, most, Candidate { d2, arrival: other, slot: other });
+                    }
+                    !near.is_empty()
+                });
+                let bound = if enough { found[most - 1].d2 } else { f64::INFINITY };
+                if bound >= Grid::ring2(self.metric, node, RINGS + 1) {
+                    found.clear();
+                    grid.search(self.metric, node, Times::All, bound, |d2, other| {
+                        if other != slot {
+                            take(&mut found, most, Candidate { d2, arrival: other, slot: other });
+                        }
+                        if found.len() == most { found[most - 1].d2 } else { bound }
+                    });
+                }
+                guess = found.get(most - 1).map_or(guess, |last| last.d2);
+                lists.set(slot, found.iter().map(|c| c.slot));
+            }
+        }
+        lists
+    }
+
+    /// How far in time a node can be whose distance is within any bound of a guess, in microseconds, and a little more.
+    fn reach(&self, guess: f64) -> f32 {
+        // The filter's own slack, and what f32 rounds off times.
+        const GENEROUS: f64 = 1.0 + 1e-6;
+        const ROUNDED_US: f32 = 4.0;
+        (self.span_us as f64 * (f64::from(Nearby::LARGEST_BOUND) * guess).sqrt() * GENEROUS) as f32
+            + ROUNDED_US
+    }
+}
+
+/// For each cell that has nodes, those of it and of the rings about it in order of arrival: in f32, one array a coordinate.
+struct Listed {
+    /// First of each cell's list; one more for the end.
+    starts: Vec<usize>,
+    slots: Vec<u32>,
+    points: [Vec<f32>; 3],
+    /// Where each node stands in its own cell's list.
+    places: Vec<usize>,
+}
+
+impl Listed {
+    fn new(nodes: &[Node], grid: &Grid) -> Self {
+        let mut starts = Vec::with_capacity(grid.cells() + 1);
+        let mut total = 0;
+        for cell in 0..grid.cells() {
+            starts.push(total);
+            if grid.len(cell) > 0 {
+                // Points at infinity end a list, so that parts of it can be rounded up.
+                total +=
+                    grid.about(cell, RINGS).map(|about| grid.len(about)).sum::<usize>() + Nearby::TOGETHER;
+            }
+        }
+        starts.push(total);
+        let mut ends = starts.clone();
+        let mut listed = Self {
+            starts,
+            slots: vec![0; total],
+            points: [0, 1, 2].map(|_| vec![f32::INFINITY; total]),
+            places: vec![0; nodes.len()],
+        };
+        let [x, y, t] = &mut listed.points;
+        for (slot, node) in nodes.iter().enumerate() {
+            let own = grid.cell(node.x, node.y);
+            listed.places[slot] = ends[own];
+            for cell in grid.about(own, RINGS) {
+                if grid.len(cell) > 0 {
+                    let end = ends[cell];
+                    ends[cell] += 1;
+                    listed.slots[end] = slot as u32;
+                    (x[end], y[end], t[end]) = (node.x.into(), node.y.into(), node.t as f32);
+                }
+            }
+        }
+        listed
+    }
+
+    /// Moves `part` of a cell's list to the nodes that are at most `reach` away in time from one of the cell.
+    fn narrow(&self, cell: usize, slot: u32, reach: f32, part: &mut Range<usize>) {
+        let t = &self.points[2];
+        let (first, end) = (self.starts[cell], self.starts[cell + 1] - Nearby::TOGETHER);
+        let place = self.places[slot as usize];
+        let (earliest, latest) = (t[place] - reach, t[place] + reach);
+        let Range { start, end: stop } = part;
+        *start = (*start).min(place);
+        while t[*start] < earliest {
+            *start += 1;
+        }
+        while *start > first && t[*start - 1] >= earliest {
+            *start -= 1;
+        }
+        *stop = (*stop).max(place + 1);
+        while *stop < end && t[*stop] <= latest {
+            *stop += 1;
+        }
+        while t[*stop - 1] > latest {
+            *stop -= 1;
+        }
+    }
+
+    /// A part of a list, rounded up, and where in it a node stands.
+    fn points(&self, part: &Range<usize>, slot: u32) -> ([&[f32]; 3], usize) {
+        let length = part.len().next_multiple_of(Nearby::TOGETHER);
+        (self.points.each_ref().map(|p| &p[part.start..][..length]), self.places[slot as usize] - part.start)
+    }
+}
+
+/// Neighbours of rows, in neighbourhood order.
+#[derive(Clone, Debug)]
+pub(super) struct Lists {
+    /// Where a row's neighbours begin, and how many they are.
+    spans: Vec<(usize, usize)>,
+    sources: Vec<u32>,
+}
+
+impl Lists {
+    /// `rows` rows without neighbours, and room for so many in all.
+    pub(super) fn new(rows: usize, room: usize) -> Self {
+        Self { spans: vec![(0, 0); rows], sources: Vec::with_capacity(room) }
+    }
+
+    /// Gives a row that has none its neighbours.
+    pub(super) fn set(&mut self, row: u32, sources: impl IntoIterator<Item = u32>) {
+        let start = self.sources.len();
+        self.sources.extend(sources);
+        self.spans[row as usize] = (start, self.sources.len() - start);
+    }
+
+    /// Edges in all.
+    pub(super) fn edges(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// The neighbours of one row after the other.
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[u32]> {
+        self.spans.iter().map(|&(start, count)| &self.sources[start..][..count])
+    }
+}

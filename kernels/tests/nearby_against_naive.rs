@@ -1,0 +1,104 @@
+//! The filter of near points, and the replacement of rows, on every instruction set against scalar twins.
+
+use meissner_kernels::{Isa, Lanes, Matrix, Nearby, Replaced, naive, replace_rows};
+use proptest::prelude::*;
+
+/// Points on a lattice, so that many distances are equal.
+fn points() -> impl Strategy<Value = [Vec<f32>; 3]> {
+    (1usize..150, prop_oneof![Just(3u8), Just(12), Just(100)]).prop_flat_map(|(n, extent)| {
+        let axis = || proptest::collection::vec((0..extent).prop_map(f32::from), n);
+        [axis(), axis(), axis()]
+    })
+}
+
+fn padded(mut values: Vec<f32>) -> Vec<f32> {
+    values.resize(values.len().next_multiple_of(Nearby::TOGETHER), f32::INFINITY);
+    values
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn near_points_are_those_of_the_scalar_twin(
+        points in points(), except in 0usize..150, most in 1usize..40, guess in 0.0f32..4.0,
+    ) {
+        let except = except % points[0].len();
+        let place = [0, 1, 2].map(|d| points[d][except]);
+        let weights = [0.25, 0.01, 0.003];
+        let points = points.map(padded);
+        let points = [0, 1, 2].map(|d| &points[d][..]);
+        let expected = naive::nearby(weights, points, place, except, most, guess);
+        for isa in Isa::available() {
+            let mut nearby = Nearby::new(weights);
+            // Twice: what a search leaves behind must not reach the next.
+            for _ in 0..2 {
+                let found = nearby.find(isa, points, place, except, most, guess);
+                let sorted = found.map(|found| {
+                    let mut sorted = found.to_vec();
+                    sorted.sort_unstable();
+                    sorted
+                });
+                prop_assert_eq!(&sorted, &expected, "{}", isa.name());
+            }
+        }
+    }
+
+    #[test]
+    fn up_to_32_points_come_nearest_first_and_later_ones_first_among_equals(
+        points in points(), most in 1usize..20, guess in 0.0f32..4.0,
+    ) {
+        let place = [0, 1, 2].map(|d| points[d][0]);
+        let points = points.map(padded);
+        let points = [0, 1, 2].map(|d| &points[d][..]);
+        // Squared distances of whole numbers up to 2^18 are exact.
+        let distance = |i: u32| (0..3).map(|d| (points[d][i as usize] - place[d]).powi(2)).sum::<f32>();
+        let mut orders = Vec::new();
+        for isa in Isa::available() {
+            let mut nearby = Nearby::new([1.0; 3]);
+            let found = nearby.find(isa, points, place, 0, most, guess * 100.0).unwrap_or_default();
+            if found.len() <= 32 {
+                for pair in found.windows(2) {
+                    let (first, second) = (distance(pair[0]), distance(pair[1]));
+                    prop_assert!(first < second || (first == second && pair[0] > pair[1]), "{}", isa.name());
+                }
+            }
+            orders.push(found.to_vec());
+        }
+        prop_assert!(orders.windows(2).all(|pair| pair[0] == pair[1]));
+    }
+
+    #[test]
+    fn replaced_rows_are_those_whose_bits_differ(
+        columns in 1usize..40,
+        rows in proptest::collection::vec((0u8..5, any::<proptest::sample::Index>()), 0..=20),
+    ) {
+        for isa in Isa::available() {
+            let old: Vec<f32> = (0..rows.len().max(1) * columns).map(|i| i as f32 - 3.0).collect();
+            let mut stored = Matrix::from_rows(columns, &old);
+            let places: Vec<u32> = (0..rows.len() as u32).rev().collect();
+            let mut expected = Replaced::default();
+            let mut new = Vec::new();
+            for (i, ((kind, index), &place)) in rows.iter().zip(&places).enumerate() {
+                let mut row: Vec<f32> = stored.values(place as usize).collect();
+                let value = &mut row[index.index(columns)];
+                *value = match kind {
+                    0 => *value + 1.0,
+                    1 => f32::NAN,
+                    2 if *value == 0.0 => -0.0,
+                    _ => *value,
+                };
+                let differs = value.to_bits() != stored.row(place as usize)[index.index(columns) / 8].0[index.index(columns) % 8].to_bits();
+                expected.changed |= u32::from(differs) << i;
+                expected.nan |= u32::from(value.is_nan()) << i;
+                new.extend(Lanes::pack(&row));
+            }
+            let replaced = replace_rows(isa, &new, &mut stored, &places);
+            prop_assert_eq!(replaced, expected, "{}", isa.name());
+            for (&place, new) in places.iter().zip(new.chunks(Lanes::count(columns))) {
+                let bits = |row: &[Lanes]| row.iter().flat_map(|l| l.0).map(f32::to_bits).collect::<Vec<_>>();
+                prop_assert_eq!(bits(stored.row(place as usize)), bits(new));
+            }
+        }
+    }
+}
