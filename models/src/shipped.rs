@@ -42,19 +42,61 @@ const SHIPPED: &[Shipped] = &[
 const NAMES: &[&str] =
     &["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 
-/// Frame networks with the seeds that their weights are drawn from when they are asked for: as files they would be
-/// many times the size of everything else.
-const FRAMES: &[(&str, &str, u64)] = &[
-    ("canf", include_str!("../networks/canf.toml"), 11),
-    ("canf-plain", include_str!("../networks/canf-plain.toml"), 12),
-    ("event-frame-cnn", include_str!("../networks/event-frame-cnn.toml"), 13),
-    ("force-cnnlstm", include_str!("../networks/force-cnnlstm.toml"), 14),
-    ("force-convlstm", include_str!("../networks/force-convlstm.toml"), 15),
-    ("force-lstm", include_str!("../networks/force-lstm.toml"), 16),
-    ("force-tdnn", include_str!("../networks/force-tdnn.toml"), 17),
-    ("slip-lstm", include_str!("../networks/slip-lstm.toml"), 18),
-    ("slip-regularised", include_str!("../networks/slip-regularised.toml"), 19),
-    ("slip-tuned", include_str!("../networks/slip-tuned.toml"), 20),
+/// A frame network with the weights that it runs with.
+struct ShippedFrames {
+    name: &'static str,
+    description: &'static str,
+    weights: FrameWeights,
+}
+
+/// Where the weights of a frame network come from.
+enum FrameWeights {
+    /// Drawn from this seed when they are asked for: as files they would be many times the size of everything else.
+    Drawn(u64),
+    /// The bytes of a file that `train/` wrote.
+    Trained(&'static [u8]),
+}
+
+/// A frame network whose description is in `networks/` and whose weights are drawn from a seed.
+macro_rules! drawn {
+    ($name:literal, $seed:literal) => {
+        ShippedFrames {
+            name: $name,
+            description: include_str!(concat!("../networks/", $name, ".toml")),
+            weights: FrameWeights::Drawn($seed),
+        }
+    };
+}
+
+/// One with the first of its trained weights, those of seed 0.
+macro_rules! trained {
+    ($folder:literal, $name:literal) => {
+        ShippedFrames {
+            name: $name,
+            description: include_str!(concat!("../networks/", $name, ".toml")),
+            weights: FrameWeights::Trained(include_bytes!(concat!(
+                "../weights/",
+                $folder,
+                "/",
+                $name,
+                ".0.safetensors"
+            ))),
+        }
+    };
+}
+
+const FRAMES: &[ShippedFrames] = &[
+    drawn!("canf", 11),
+    drawn!("canf-plain", 12),
+    drawn!("event-frame-cnn", 13),
+    drawn!("force-cnnlstm", 14),
+    drawn!("force-convlstm", 15),
+    drawn!("force-lstm", 16),
+    drawn!("force-tdnn", 17),
+    trained!("slip", "slip-best"),
+    trained!("slip", "slip-lstm"),
+    trained!("slip", "slip-regularised"),
+    trained!("slip", "slip-tuned"),
 ];
 
 const FRAME_NAMES: &[&str] = &[
@@ -65,6 +107,7 @@ const FRAME_NAMES: &[&str] = &[
     "force-convlstm",
     "force-lstm",
     "force-tdnn",
+    "slip-best",
     "slip-lstm",
     "slip-regularised",
     "slip-tuned",
@@ -77,8 +120,8 @@ fn find(name: &str) -> Option<&'static Shipped> {
     SHIPPED.iter().find(|shipped| shipped.name == name)
 }
 
-fn find_frames(name: &str) -> Option<(&'static str, u64)> {
-    FRAMES.iter().find(|shipped| shipped.0 == name).map(|&(_, description, seed)| (description, seed))
+fn find_frames(name: &str) -> Option<&'static ShippedFrames> {
+    FRAMES.iter().find(|shipped| shipped.name == name)
 }
 
 impl Description {
@@ -104,7 +147,7 @@ impl FrameDescription {
     /// Never: the tests parse every one.
     pub fn shipped(name: &str) -> Option<Self> {
         find_frames(name)
-            .map(|(description, _)| Self::parse(description).expect("shipped descriptions are consistent"))
+            .map(|shipped| Self::parse(shipped.description).expect("shipped descriptions are consistent"))
     }
 
     /// Names that [`Self::shipped`] knows.
@@ -128,18 +171,27 @@ impl AnyDescription {
 
 impl Weights {
     /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres",
-    /// "tactigraph-frozen" those of "tactigraph". Those of frame networks are drawn on the spot, the same bits
-    /// everywhere.
+    /// "tactigraph-frozen" those of "tactigraph". Those of frame networks that nothing trained are drawn on the
+    /// spot, the same bits everywhere.
     ///
     /// # Panics
     /// Never: the tests read every one.
     pub fn shipped(name: &str) -> Option<Self> {
-        if let Some((_, seed)) = find_frames(name) {
-            let description = FrameDescription::shipped(name)?;
-            return Some(draw(&description, seed).with_metadata(remarks(name, seed)));
+        let Some(frames) = find_frames(name) else {
+            return find(name).map(|shipped| read(shipped.weights));
+        };
+        match frames.weights {
+            FrameWeights::Trained(bytes) => Some(read(bytes)),
+            FrameWeights::Drawn(seed) => {
+                let description = FrameDescription::shipped(name)?;
+                Some(draw(&description, seed).with_metadata(remarks(name, seed)))
+            }
         }
-        find(name).map(|shipped| Self::from_bytes(shipped.weights).expect("shipped weights are readable"))
     }
+}
+
+fn read(bytes: &[u8]) -> Weights {
+    Weights::from_bytes(bytes).expect("shipped weights are readable")
 }
 
 /// What drawn weights say about themselves.
@@ -166,6 +218,6 @@ mod tests {
     #[test]
     fn the_names_are_those_of_what_is_shipped() {
         assert!(SHIPPED.iter().map(|shipped| shipped.name).eq(NAMES.iter().copied()));
-        assert!(FRAMES.iter().map(|shipped| shipped.0).eq(FRAME_NAMES.iter().copied()));
+        assert!(FRAMES.iter().map(|shipped| shipped.name).eq(FRAME_NAMES.iter().copied()));
     }
 }
