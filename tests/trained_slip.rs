@@ -1,6 +1,6 @@
-//! The shipped, trained networks for the direction of slip give what PyTorch gives with the same weights.
+//! The shipped, trained networks for the direction of slip give what `PyTorch` gives with the same weights.
 //!
-//! `golden/slip.json` holds readings made by a formula, and PyTorch's logits for their windows (`train/slip/golden.py`).
+//! `golden/slip.json` holds readings made by a formula, and `PyTorch`'s logits for their windows (`train/slip/golden.py`).
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
 use meissner_models::systems::slip::SlipWindows;
