@@ -2,6 +2,7 @@
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -20,16 +21,24 @@ use meissner_tests::shared::shared;
 /// The system's allocator, counted.
 struct Counting;
 
-static COUNT: AtomicU64 = AtomicU64::new(0);
+thread_local! {
+    /// Allocations of this thread: the harness allocates in its own when a test beside this one ends.
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
 /// Bytes allocated and not freed.
 static HELD: AtomicU64 = AtomicU64::new(0);
 /// Held by each test: what runs beside it would be counted too.
 static ALONE: Mutex<()> = Mutex::new(());
 
+/// Counts an allocation; one after the thread's end has no counter, and nobody asks.
+fn count_one() {
+    let _ = COUNT.try_with(|count| count.set(count.get() + 1));
+}
+
 // SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
+        count_one();
         HELD.fetch_add(layout.size() as u64, Ordering::Relaxed);
         // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
         unsafe { System.alloc(layout) }
@@ -42,7 +51,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
+        count_one();
         HELD.fetch_add(size as u64, Ordering::Relaxed);
         HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
         // SAFETY: as for `dealloc`, and the caller's promise about `size` is passed on.
@@ -83,14 +92,14 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         let span = events[events.len() - 1].t_us - events[0].t_us;
         // The second pass goes on behind the first: nothing is reset, no event comes to the slot it had before.
         let mut pass = |shift: i64| {
-            let before = COUNT.load(Ordering::Relaxed);
+            let before = COUNT.get();
             for (i, &event) in events.iter().enumerate() {
                 engine.push(Event { t_us: event.t_us + shift, ..event });
                 if i % 1_000 == 0 {
                     engine.predict().expect("finite");
                 }
             }
-            COUNT.load(Ordering::Relaxed) - before
+            COUNT.get() - before
         };
         let warm_up = pass(0);
         let second = pass(span + 10 * 150_000);
@@ -124,13 +133,13 @@ fn frames_after_the_first_few_allocate_nothing() {
             let mut engine = FrameEngine::new(Arc::new(network), options).expect("options in range");
             let frames = sequence(40, size, 2);
             let mut pass = || {
-                let before = COUNT.load(Ordering::Relaxed);
+                let before = COUNT.get();
                 for frame in &frames {
                     engine.push(frame).expect("a frame that fits");
                     engine.predict().expect("finite");
                 }
                 engine.reset();
-                COUNT.load(Ordering::Relaxed) - before
+                COUNT.get() - before
             };
             pass();
             assert_eq!(pass(), 0, "{style:?}, {convolution:?}, sparse {sparse}");
@@ -157,7 +166,7 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
     let mut twice = TactileWindow::new(5, Sampling::Sliding, both, TactileForm::Reading).expect("admissible");
     let span = events[events.len() - 1].t_us - events[0].t_us;
     let mut pass = |shift: i64| {
-        let before = COUNT.load(Ordering::Relaxed);
+        let before = COUNT.get();
         let (mut frames, mut images) = (0, 0);
         for (i, &event) in events.iter().enumerate() {
             let event = Event { t_us: event.t_us + shift, ..event };
@@ -178,7 +187,7 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
             }
         }
         assert!(frames > 100 && images > 100);
-        COUNT.load(Ordering::Relaxed) - before
+        COUNT.get() - before
     };
     let warm_up = pass(0);
     let second = pass(span + 10 * 150_000);
