@@ -1,10 +1,12 @@
 //! Which network runs: a description by name or from a file, its weights, and what the command line changes about it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use meissner_engine::Network;
+use meissner_engine::frames::{Convolution, FrameNetwork};
 use meissner_io::Format;
-use meissner_models::{AnyDescription, Description, Weights};
+use meissner_models::{AnyDescription, Description, FrameDescription, Weights};
 
 use crate::args::Input;
 use crate::error::CliError;
@@ -30,6 +32,26 @@ pub(crate) fn describe(network: &str) -> Result<(Description, bool), CliError> {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
         (AnyDescription::Frames(_), _) => Err(CliError::IsFrameNetwork(network.to_owned())),
     }
+}
+
+/// The description of a frame network, shipped or in a file; whether it is shipped.
+pub(crate) fn describe_frames(network: &str) -> Result<(FrameDescription, bool), CliError> {
+    match describe_any(network)? {
+        (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
+        (AnyDescription::Events(_), _) => Err(CliError::IsEventNetwork(network.to_owned())),
+    }
+}
+
+/// The network of `description` with `weights`, which `label` names.
+pub(crate) fn frame_network(
+    description: &FrameDescription,
+    weights: &Weights,
+    label: &str,
+    convolution: Convolution,
+) -> Result<Arc<FrameNetwork>, CliError> {
+    let parts = description.network_parts(weights);
+    let parts = parts.map_err(|source| CliError::Weights { weights: label.to_owned(), source })?;
+    Ok(Arc::new(FrameNetwork::new(parts, convolution)?))
 }
 
 /// The description of a network of either kind, shipped or in a file; whether it is shipped.

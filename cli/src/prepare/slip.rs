@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use super::SlipArgs;
 use crate::error::CliError;
+use crate::model::describe_frames;
 use crate::output;
-use crate::slip::{SlipData, describe};
+use crate::slip::SlipData;
 use crate::text::grouped;
 
 /// The windows of all recordings.
@@ -25,7 +26,7 @@ struct Prepared {
 }
 
 pub(super) fn prepare(args: &SlipArgs) -> Result<(), CliError> {
-    let (description, _) = describe(&args.network)?;
+    let (description, _) = describe_frames(&args.network)?;
     let mut windows = SlipWindows::new(&description)?;
     let data = SlipData::read(&args.data)?;
     let objects = objects(&data);

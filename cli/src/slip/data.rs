@@ -5,10 +5,8 @@ use std::path::Path;
 use meissner_io::Reading;
 use meissner_io::datasets::{BadRows, SlipDataset, SlipRecording};
 use meissner_models::systems::slip::{CLASSES, Object, SlipError, SlipWindows};
-use meissner_models::{AnyDescription, FrameDescription};
 
 use crate::error::CliError;
-use crate::model::describe_any;
 use crate::text::grouped;
 
 /// The recordings of a data set, and what slipped in each.
@@ -19,14 +17,6 @@ pub(crate) struct SlipData {
     pub(crate) objects: Vec<Object>,
     /// What a person should know about the data.
     pub(crate) notes: Vec<String>,
-}
-
-/// The description of a frame network, shipped or in a file; whether it is shipped.
-pub(crate) fn describe(network: &str) -> Result<(FrameDescription, bool), CliError> {
-    match describe_any(network)? {
-        (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Events(_), _) => Err(CliError::IsEventNetwork(network.to_owned())),
-    }
 }
 
 impl SlipData {

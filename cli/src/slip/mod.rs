@@ -2,4 +2,4 @@
 
 mod data;
 
-pub(crate) use data::{SlipData, describe};
+pub(crate) use data::SlipData;

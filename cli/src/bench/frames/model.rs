@@ -7,13 +7,13 @@ use meissner_engine::frames::{Convolution, FrameLayerCounters, FrameNetwork, Fra
 use meissner_engine::representations::Crop;
 use meissner_engine::{LatePolicy, Sensor};
 use meissner_models::description::frames::{CropPlace, SignedTiming};
-use meissner_models::{AnyDescription, FrameDescription, FrameKind, FrameLayer, FrameSource};
+use meissner_models::{FrameDescription, FrameKind, FrameLayer, FrameSource};
 
 use super::super::moments::End;
 use crate::args::Every;
 use crate::error::CliError;
 use crate::frame_feed::FrameFeed;
-use crate::model::{describe_any, labelled, weights};
+use crate::model::{describe_frames, frame_network, labelled, weights};
 
 /// From one frame to the next, where neither the network nor the command line says: 10 ms, as in the force networks.
 const PERIOD_US: i64 = 10_000;
@@ -53,10 +53,7 @@ pub(in super::super) struct Field {
 impl FrameModel {
     /// The frame network `name`, shipped or in a file, with the weights in the file at `path` or those shipped.
     pub(in super::super) fn load(name: &str, path: Option<&Path>) -> Result<Self, CliError> {
-        let (description, shipped) = match describe_any(name)? {
-            (AnyDescription::Frames(description), shipped) => (description, shipped),
-            (AnyDescription::Events(_), _) => return Err(CliError::IsEventNetwork(name.to_owned())),
-        };
+        let (description, shipped) = describe_frames(name)?;
         let (place, windows_us) = match *description.source() {
             FrameSource::EventCounts { place, period_us, .. }
             | FrameSource::Signed { place, timing: SignedTiming::Consecutive { period_us }, .. } => {
@@ -69,12 +66,9 @@ impl FrameModel {
             return Err(frames_of_other(name, *description.source()));
         };
         let (weights, label) = weights(name, shipped, path)?;
-        let parts = description
-            .network_parts(&weights)
-            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
-        let network = FrameNetwork::new(parts, Convolution::Direct)?;
+        let network = frame_network(&description, &weights, &label, Convolution::Direct)?;
         Ok(Self {
-            network: Arc::new(network),
+            network,
             costs: description.layers().iter().map(LayerCost::new).collect(),
             weights: labelled(label, &weights),
             place,

@@ -9,7 +9,7 @@ use super::args::SlipArgs;
 use super::error::TrainingError;
 use super::training::Training;
 use crate::error::CliError;
-use crate::slip::describe;
+use crate::model::describe_frames;
 
 /// How the shipped networks of this system are called.
 const PREFIX: &str = "slip-";
@@ -29,7 +29,7 @@ pub(super) fn candidates(args: &SlipArgs) -> Result<(Vec<Candidate>, Vec<String>
     };
     let mut descriptions: Vec<(FrameDescription, bool)> = Vec::new();
     for name in &names {
-        let (description, shipped) = describe(name)?;
+        let (description, shipped) = describe_frames(name)?;
         SlipWindows::new(&description)?;
         if descriptions.iter().any(|(other, _)| other.name() == description.name()) {
             let (expected, found) = ("each network once".to_owned(), format!("{name} again"));

@@ -3,16 +3,15 @@
 //! Recordings are shared by threads, each with an engine of its own. Every window starts from the state before the first
 //! frame, so neither the number of threads nor the order reaches a bit of a result.
 
-use std::sync::Arc;
-
 use meissner_engine::EngineError;
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions};
 use meissner_models::systems::slip::SlipWindows;
 use meissner_models::{FrameDescription, Weights};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::CliError;
+use crate::model::frame_network;
 use crate::slip::SlipData;
 
 /// The windows of every recording.
@@ -72,14 +71,12 @@ impl Windows {
     }
 }
 
-/// The network of `description` with `weights`, which `label` names.
+/// An engine of `description` with `weights`, which `label` names.
 pub(super) fn engine(
     description: &FrameDescription,
     weights: &Weights,
     label: &str,
 ) -> Result<FrameEngine, CliError> {
-    let parts = description.network_parts(weights);
-    let parts = parts.map_err(|source| CliError::Weights { weights: label.to_owned(), source })?;
-    let network = Arc::new(FrameNetwork::new(parts, Convolution::Direct)?);
+    let network = frame_network(description, weights, label, Convolution::Direct)?;
     Ok(FrameEngine::new(network, FrameOptions::default())?)
 }

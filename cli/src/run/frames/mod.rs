@@ -21,7 +21,7 @@ use meissner_models::{FrameDescription, FrameSource};
 
 use super::args::{RunArgs, Way};
 use crate::error::CliError;
-use crate::model::{labelled, weights};
+use crate::model::{frame_network, labelled, weights};
 pub(super) use kind::Kind;
 use machine::Machine;
 
@@ -64,11 +64,8 @@ impl FrameModel {
     fn load(args: &RunArgs, description: FrameDescription, shipped: bool) -> Result<Self, CliError> {
         let source = with_sampling(*description.source(), args.electrodes.sampling);
         let (weights, label) = weights(&args.input.network, shipped, args.input.weights.as_deref())?;
-        let parts = description
-            .network_parts(&weights)
-            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
         let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
-        let network = Arc::new(FrameNetwork::new(parts, convolution)?);
+        let network = frame_network(&description, &weights, &label, convolution)?;
         Ok(Self { description, source, network, weights: labelled(label, &weights) })
     }
 
