@@ -72,22 +72,27 @@ fn scenes() -> impl Strategy<Value = (Vec<Event>, i64)> {
     })
 }
 
+/// A network of which the graph alone matters: the `k` nearest of all nodes.
+fn graph_alone(k: usize, span_us: i64) -> NetworkShape {
+    NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
+        span_us,
+        capacity: 1_000,
+        blocks: vec![],
+        pooled: vec![],
+        from: 0,
+        grid: [1, 1],
+        dense: vec![1],
+        seed: 0,
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
     fn the_grid_finds_what_comparing_all_pairs_finds((events, span_us) in scenes(), k in 1usize..=40) {
-        let shape = NetworkShape {
-            graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
-            span_us,
-            capacity: 1_000,
-            blocks: vec![],
-            pooled: vec![],
-            from: 0,
-            grid: [1, 1],
-            dense: vec![1],
-            seed: 0,
-        };
+        let shape = graph_alone(k, span_us);
         let batch = Batch::new(shape.build(), Sensor::new(240, 180)).expect("the sensor has pixels");
         let edges = |search| {
             let trace = batch.clone().with_search(search).forward(Stream::new(&events)).expect("finite");
@@ -98,17 +103,7 @@ proptest! {
 
     #[test]
     fn neighbourhoods_are_those_of_a_k_d_tree(events in events(), k in 1usize..=24) {
-        let shape = NetworkShape {
-            graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
-            span_us: SPAN_US,
-            capacity: 1_000,
-            blocks: vec![],
-            pooled: vec![],
-            from: 0,
-            grid: [1, 1],
-            dense: vec![1],
-            seed: 0,
-        };
+        let shape = graph_alone(k, SPAN_US);
         let expected = by_tree(&events, k);
         for search in [Search::Exhaustive, Search::Grid] {
             let batch = Batch::new(shape.build(), SENSOR).expect("the sensor has pixels").with_search(search);

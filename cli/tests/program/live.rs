@@ -1,33 +1,36 @@
 //! Standard input as it arrives, and standard output that nobody reads on.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::Stdio;
+use std::process::{Child, ChildStdin, Stdio};
 
 use serde_json::Value;
 
 use crate::support::{command, lines, meissner_reading};
 
+/// The program at work, its standard input, and the lines of its standard output.
+fn piped(arguments: &[&str]) -> (Child, ChildStdin, impl Iterator<Item = String> + use<>) {
+    let mut child =
+        command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the program starts");
+    let input = child.stdin.take().expect("standard input is piped");
+    let output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+    (child, input, output.map(|line| line.expect("it is text")))
+}
+
 #[test]
 fn a_prediction_is_written_before_the_next_event_is_sent() {
     for geometry in [&["--sensor", "8x8"][..], &[]] {
         let arguments = [&["run", "-", "--every", "event", "--json"], geometry].concat();
-        let mut child = command(&arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the program starts");
-        let mut input = child.stdin.take().expect("standard input is piped");
-        let mut output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+        let (mut child, mut input, mut output) = piped(&arguments);
         writeln!(input, "# sensor 8x8").expect("the program reads");
         for t in [100, 150, 151] {
             writeln!(input, "{t},1,2,1").expect("the program reads");
             // This would wait forever if the line were held back.
-            let line = output.next().expect("there is a line").expect("it is text");
+            let line = output.next().expect("there is a line");
             let line: Value = serde_json::from_str(&line).expect("the line is JSON");
             assert_eq!(line["t_us"], t);
         }
         drop(input);
-        let line = output.next().expect("there is a line").expect("it is text");
+        let line = output.next().expect("there is a line");
         assert!(line.starts_with("{\"summary\":"), "{line}");
         assert!(child.wait().expect("the program ends").success());
     }
@@ -44,17 +47,11 @@ fn a_frames_prediction_is_written_before_more_is_sent_than_completes_it() {
         (&["run", "-", "--network", "slip-regularised", "--json"][..], windows),
         (&["run", "-", "--network", "force-tdnn", "--sensor", "120x120", "--json"], frames),
     ] {
-        let mut child = command(arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the program starts");
-        let mut input = child.stdin.take().expect("standard input is piped");
-        let mut output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
+        let (mut child, mut input, mut output) = piped(arguments);
         for part in parts {
             input.write_all(part.as_bytes()).expect("the program reads");
             // This would wait forever if the line were held back.
-            let line = output.next().expect("there is a line").expect("it is text");
+            let line = output.next().expect("there is a line");
             let line: Value = serde_json::from_str(&line).expect("the line is JSON");
             assert!(line["value"].is_array(), "{line}");
         }
@@ -68,14 +65,7 @@ fn a_decision_is_written_before_the_next_reading_is_sent() {
     let header = (1..=24).map(|e| format!("e{e}")).collect::<Vec<_>>().join(",");
     for json in [&["--json"][..], &[]] {
         let arguments = [&["run", "-", "--network", "slip-lstm", "--hold", "3"], json].concat();
-        let mut child = command(&arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the program starts");
-        let mut input = child.stdin.take().expect("standard input is piped");
-        let output = BufReader::new(child.stdout.take().expect("standard output is piped")).lines();
-        let mut output = output.map(|line| line.expect("it is text"));
+        let (mut child, mut input, mut output) = piped(&arguments);
         writeln!(input, "{header}").expect("the program reads");
         for reading in 1..=12 {
             let row = (0..24).map(|e| (2000 + 7 * reading + e * e).to_string()).collect::<Vec<_>>();
