@@ -18,7 +18,8 @@ from torch import nn
 def fit(network, recipe, frames, label, seed):
     """Trains `network` in place on `frames` (windows, steps, ...) and their `label`; the loss of each epoch."""
     shuffled = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.Adam(network.parameters(), recipe.rate, weight_decay=recipe.l2)
+    # The gradient of the penalty l2 * w^2 is 2 l2 w.
+    optimiser = torch.optim.Adam(network.parameters(), recipe.rate, weight_decay=2 * recipe.l2)
     losses, mean, averaged = [], None, 0
     for epoch in range(recipe.epochs):
         network.train()

@@ -12,8 +12,8 @@ from torch import nn
 
 @dataclass
 class Recipe:
-    """How a network is made, of the frames that it is trained on or of none, and how it is trained: `l2` times
-    each weight is added to its gradient."""
+    """How a network is made, of the frames that it is trained on or of none, and how it is trained: `l2` is the factor of
+    the sum of squares of the weights in the loss."""
 
     network: Callable[[torch.Tensor | None], nn.Module]
     epochs: int = 30
@@ -27,5 +27,5 @@ RECIPES = {
     "slip-tuned": Recipe(lambda _: SlipConvLstm(depth=5, mean=True, dropout=0.0).compiled()),
     "slip-regularised": Recipe(lambda _: SlipConvLstm(depth=3, mean=False, dropout=0.3).compiled(), l2=0.001),
     "slip-lstm": Recipe(lambda _: SlipLstm(), l2=0.001),
-    "slip-best": Recipe(SlipBest, epochs=40, batch=64, rate=0.002, l2=0.001, smoothing=0.05),
+    "slip-best": Recipe(SlipBest, epochs=40, batch=64, rate=0.002, l2=0.0005, smoothing=0.05),
 }
