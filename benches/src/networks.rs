@@ -94,7 +94,7 @@ fn build(
         normalisation: Normalisation::Fixed,
         events: Level { scale: 0.5, blocks },
         pooled,
-        readout: Readout { from, columns: grid[0], rows: grid[1] },
+        readout: Readout { from, columns: grid[0], rows: grid[1], by_time: false },
         dense: vec![DenseLayer { name: "out".to_owned(), dense }],
     };
     Arc::new(Network::new(parts).expect("the parts fit"))

@@ -14,6 +14,7 @@ use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
 use crate::eval::TrainingError;
+use crate::prepare::StreamsError;
 
 /// A subcommand gives up.
 #[derive(Debug, Error)]
@@ -189,6 +190,14 @@ pub(crate) enum CliError {
     /// A description file has no shipped weights, and no folder has others.
     #[error("network {0}: a description file comes without weights; add --trainings DIR")]
     NeedsTrainings(String),
+    /// A file of streams cannot be made graphs of.
+    #[error("{}: {source}", path.display())]
+    Streams {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: StreamsError,
+    },
     /// Threads cannot be started.
     #[error("--threads {threads}: {source}")]
     Threads {

@@ -27,7 +27,7 @@ mod step;
 mod window;
 
 pub use admission::{Admission, LatePolicy, Outcome};
-pub use batch::{Batch, Cells, Edges, LevelTrace, Search, Stream, Trace};
+pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Search, Stream, Trace};
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
 pub use engine::{Engine, Options, Prediction, Snapshot};
 pub use error::EngineError;

@@ -144,6 +144,9 @@ pub struct Readout {
     pub columns: usize,
     /// Cells along y.
     pub rows: usize,
+    /// Whether the poolings' cells in time stay apart: the grid is there once for each of them that a window can fill,
+    /// the newest first.
+    pub by_time: bool,
 }
 
 /// A dense layer after the readout.
@@ -222,8 +225,10 @@ impl Network {
         let top = &channels[channels.len() - 1];
         let mut inputs = feature("readout", "read feature", top, parts.readout.from)?;
         let (columns, rows) = (parts.readout.columns, parts.readout.rows);
-        in_range("readout cells", columns.saturating_mul(rows) as i64, 1, 1 << 16)?;
-        inputs *= columns * rows;
+        let times = readout_times(&parts)?;
+        let cells = columns.saturating_mul(rows).saturating_mul(times);
+        in_range("readout cells", cells.min(1 << 62) as i64, 1, 1 << 16)?;
+        inputs *= cells;
         for layer in &parts.dense {
             if layer.dense.inputs() != inputs {
                 return Err(misfit(&layer.name, "inputs", inputs, layer.dense.inputs()));
@@ -271,6 +276,17 @@ impl Network {
         self.channels[self.channels.len() - 1][self.parts.readout.from]
     }
 
+    /// How often the readout's grid is there: once, or once for each cell in time that a window can fill.
+    pub fn readout_times(&self) -> usize {
+        self.readout_time().map_or(1, times)
+    }
+
+    /// Length of the cells in time that the readout keeps apart, as a share of the span.
+    pub(crate) fn readout_time(&self) -> Option<Fraction> {
+        let last = self.parts.pooled.last();
+        last.and_then(|(pooling, _)| pooling.time).filter(|_| self.parts.readout.by_time)
+    }
+
     /// Names of the layers that compute rows: the blocks of level 0, each pooling with its blocks, in order.
     pub fn layers(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.parts.events.blocks.iter().map(|b| b.name.as_str()).collect();
@@ -289,6 +305,23 @@ impl Network {
         self.parts.span_us = span_us;
         Self::new(self.parts)
     }
+}
+
+/// Cells of `size` that a window can fill: it is closed, and begins anywhere in a cell.
+fn times(size: Fraction) -> usize {
+    size.cells() + 1
+}
+
+/// How often the readout's grid is there. A node's cell in time must be that of all its events.
+fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
+    if !parts.readout.by_time {
+        return Ok(1);
+    }
+    let mut sizes = parts.pooled.iter().map(|(pooling, _)| pooling.time);
+    let wrong =
+        |found: &str| misfit("readout", "cells in time", "the same of every pooling, at least of one", found);
+    let Some(Some(size)) = sizes.next() else { return Err(wrong("none")) };
+    if sizes.all(|other| other == Some(size)) { Ok(times(size)) } else { Err(wrong("different ones")) }
 }
 
 fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {

@@ -119,6 +119,11 @@ impl PooledGraph {
         self.positions[cell as usize]
     }
 
+    /// Index along t of a node's cell.
+    pub(crate) fn time_cell(&self, cell: u32) -> i64 {
+        self.keys[cell as usize][0]
+    }
+
     pub(crate) fn is_alive(&self, cell: u32) -> bool {
         !self.maxima.members(cell).is_empty()
     }

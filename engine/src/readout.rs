@@ -3,10 +3,13 @@
 //! Enters: the last level's delta, its changed rows and, above a pooling, its positions. Leaves: the prediction. A
 //! node belongs to the readout cell that holds its position, as the reference has it; the cell of an event is
 //! computed in integers. Nothing is computed again where no maximum moved.
+//!
+//! Where cells in time stay apart, the grid's maxima are a ring over these cells: a new one takes the place of the one that
+//! the window has left, no row moves, and the dense layers are given the grids from the newest to the oldest.
 
 use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
-use crate::Sensor;
+use crate::{Fraction, Sensor};
 use crate::activations::Activations;
 use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
@@ -53,6 +56,14 @@ pub(crate) struct Head {
     maxima: Maxima,
     /// The readout, then what each dense layer wrote.
     values: Matrix,
+    /// Cells in time that stay apart, 1 for none.
+    times: usize,
+    /// Their length as a share of the span, and the span.
+    time: Option<(Fraction, i64)>,
+    /// The newest cell in time as of the last `settle`.
+    newest: i64,
+    /// `values` from the newest cell in time to the oldest, where there are several.
+    by_age: Matrix,
     hidden: Vec<Matrix>,
     /// Pooled nodes whose cell is not known yet.
     entered: RowSet,
@@ -71,9 +82,15 @@ impl Head {
     pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize) -> Self {
         let grid = ReadoutGrid::new(network.parts().readout, sensor);
         let channels = network.readout_channels();
+        let times = network.readout_times();
+        let cells = grid.cells() * times;
         Self {
-            maxima: Maxima::new(rows, grid.cells(), channels, Self::reads_queues(network)),
-            values: Matrix::zeros(grid.cells(), channels),
+            maxima: Maxima::new(rows, cells, channels, Self::reads_queues(network)),
+            values: Matrix::zeros(cells, channels),
+            time: network.readout_time().map(|size| (size, network.parts().span_us)),
+            newest: 0,
+            by_age: Matrix::zeros(if times > 1 { cells } else { 0 }, channels),
+            times,
             hidden: network.parts().dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect(),
             entered: RowSet::new(rows),
             prediction: vec![0.0; network.outputs()],
@@ -84,7 +101,7 @@ impl Head {
 
     pub(crate) fn bytes(network: &Network, rows: usize) -> usize {
         let readout = network.parts().readout;
-        let cells = readout.columns * readout.rows;
+        let cells = readout.columns * readout.rows * network.readout_times() * 2;
         let channels = network.readout_channels();
         Maxima::bytes(rows, cells, channels, Self::reads_queues(network))
             + cells * Lanes::count(channels) * size_of::<Lanes>()
@@ -120,17 +137,35 @@ impl Head {
         }
     }
 
-    /// Brings the readout up to date; whether the prediction must be computed again.
-    pub(crate) fn settle(&mut self, top: &Top<'_>, isa: Isa, counters: &mut PredictionCounters) -> bool {
+    /// The cell of a pooled node, in the ring's grid of its cell in time.
+    fn cell_of(&self, pooled: &PooledGraph, row: u32) -> u32 {
+        let place = if self.times > 1 { pooled.time_cell(row) as usize % self.times } else { 0 };
+        (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
+    }
+
+    /// Brings the readout up to date at `now`, in microseconds since the epoch; whether the prediction must be computed
+    /// again.
+    pub(crate) fn settle(
+        &mut self,
+        top: &Top<'_>,
+        now: i64,
+        isa: Isa,
+        counters: &mut PredictionCounters,
+    ) -> bool {
+        if let Some((size, span_us)) = self.time {
+            let newest = size.cell(now.into(), span_us.into()) as i64;
+            self.valid &= newest == self.newest;
+            self.newest = newest;
+        }
         if let Some(pooled) = top.pooled {
             for &row in pooled.shifted().as_slice() {
-                let cell = self.grid.of_position(pooled.position(row));
+                let cell = self.cell_of(pooled, row);
                 if !self.entered.contains(row) && cell != self.maxima.cell_of(row) {
                     self.maxima.relocate(row, cell);
                 }
             }
             for &row in self.entered.as_slice() {
-                self.maxima.enter(row, self.grid.of_position(pooled.position(row)));
+                self.maxima.enter(row, self.cell_of(pooled, row));
             }
             self.entered.clear();
         }
@@ -148,7 +183,16 @@ impl Head {
 
     /// Computes the prediction from the readout.
     pub(crate) fn run(&mut self, network: &Network, isa: Isa) {
-        let mut inputs = self.values.lanes();
+        if self.times > 1 {
+            for age in 0..self.times {
+                let place = (self.newest - age as i64).rem_euclid(self.times as i64) as usize;
+                for cell in 0..self.grid.cells() {
+                    let from = self.values.row(place * self.grid.cells() + cell);
+                    self.by_age.row_mut(age * self.grid.cells() + cell).copy_from_slice(from);
+                }
+            }
+        }
+        let mut inputs = if self.times > 1 { self.by_age.lanes() } else { self.values.lanes() };
         for (layer, out) in network.parts().dense.iter().zip(&mut self.hidden) {
             layer.dense.run(isa, inputs, out.row_mut(0));
             inputs = out.lanes();

@@ -167,8 +167,8 @@ impl Step {
         self.delta.left.iter().for_each(|&row| self.activations[last].leave(row, self.poison));
     }
 
-    /// Computes what the steps since the last call affect, up to the prediction.
-    pub(crate) fn settle(&mut self, log: &mut Log) {
+    /// Computes what the steps since the last call affect, up to the prediction at `now`, in microseconds since the epoch.
+    pub(crate) fn settle(&mut self, now: i64, log: &mut Log) {
         self.stopwatch.start();
         let parts = self.network.parts();
         let mut layers = &mut log.layers[..];
@@ -201,7 +201,7 @@ impl Step {
         }
         let last = self.activations.len() - 1;
         let top = Top { activations: &self.activations[last], pooled: self.pooled.last() };
-        let moved = self.head.settle(&top, self.isa, &mut log.predictions);
+        let moved = self.head.settle(&top, now, self.isa, &mut log.predictions);
         self.stopwatch.lap(Stage::Readout);
         if moved {
             self.head.run(&self.network, self.isa);

@@ -88,8 +88,18 @@ impl NetworkShape {
             pooled.push((pooling, level));
             channels = next;
         }
-        let readout = Readout { from: self.from % channels.len(), columns: self.grid[0], rows: self.grid[1] };
-        let (mut segments, mut inputs) = (self.grid[0] * self.grid[1], channels[readout.from]);
+        // Cells in time can stay apart where all poolings have the same; every other such network does so.
+        let time = pooled.first().and_then(|(pooling, _): &(Pooling, Level)| pooling.time);
+        let same = pooled.iter().all(|(pooling, _)| pooling.time == time);
+        let time = time.filter(|_| same && self.seed.is_multiple_of(2));
+        let readout = Readout {
+            from: self.from % channels.len(),
+            columns: self.grid[0],
+            rows: self.grid[1],
+            by_time: time.is_some(),
+        };
+        let times = time.map_or(1, |size| size.cells() + 1);
+        let (mut segments, mut inputs) = (self.grid[0] * self.grid[1] * times, channels[readout.from]);
         let mut dense = Vec::new();
         for (i, &outputs) in self.dense.iter().enumerate() {
             let weight = random.values(segments * inputs * outputs, 0.5);

@@ -1,5 +1,6 @@
 //! `meissner prepare`: what a network reads, made as the program makes it, in a file for training.
 
+mod graphs;
 mod slip;
 
 use std::path::PathBuf;
@@ -8,6 +9,7 @@ use clap::Subcommand;
 
 use crate::args::STATUS;
 use crate::error::CliError;
+pub(crate) use graphs::StreamsError;
 
 /// `meissner prepare`.
 #[derive(Debug, clap::Args)]
@@ -19,6 +21,11 @@ pub(crate) struct PrepareArgs {
 
 #[derive(Debug, Subcommand)]
 enum What {
+    /// Graphs of streams of events: neighbourhoods, cells and edges as a network over events has them.
+    ///
+    /// Each stream is a reset, all of its events, and the window after the last one. Which weights the network will have
+    /// does not matter.
+    Graphs(GraphsArgs),
     /// Windows of electrode readings with the direction of slip as label.
     ///
     /// Windows are consecutive and do not overlap, as the paper cuts them, whatever `sampling` the description has for a
@@ -65,9 +72,44 @@ Metadata, each JSON:
                                  trained on this file carry the same text, and are refused where it does not fit
   range_basic                    [least, greatest] reading of the set Basic, null without one";
 
+/// `meissner prepare graphs`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{GRAPHS}\n\n{STATUS}"))]
+pub(crate) struct GraphsArgs {
+    /// File with the streams (safetensors), such as `prepare digits` writes.
+    #[arg(value_name = "EVENTS.safetensors")]
+    pub(crate) events: PathBuf,
+    /// Name of a shipped network over events, or a description file.
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub(crate) network: String,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub(crate) out: PathBuf,
+}
+
+/// What goes into `prepare graphs`, and what comes out.
+const GRAPHS: &str = "\
+Reads, of E events one stream after the other:
+  t_us, x, y, on  I64 (E): time, pixel, and 1 where the brightness rose; times of a stream do not descend
+  start           I64 (streams + 1): where each stream begins in E, and the end
+  Metadata: sensor, JSON [width, height]. What else the file holds is not looked at.
+
+Writes, of N rows of a level one stream after the other, and of M in-edges one row after the other:
+  event           I32 (N0): the event of each row of level 0, an index into E
+  LEVEL.start     I32 (streams + 1): where each stream begins in N
+  LEVEL.edges     I32 (N + 1): where each row's in-edges begin in M, and the end; in neighbourhood order
+  LEVEL.source    I32 (M): the row that is read, an index into N
+  LEVEL.attribute F32 (M, 3): edge attributes along x, y and t, 0 to 1
+  LEVEL.cell      I32 (N of the level below): the row that pools each row, an index into N; for levels from 1 on
+  LEVEL.index     I32 (N, 3): the row's cell along x, y and t; for levels from 1 on
+  readout         I32 (N of the last level): cell of the readout, row by row of its grid
+  LEVEL is level0 for events, level1 for the first pooling and so on. Rows that have left the window of a `frozen` graph,
+  and what they read, are there at level 0 (others read them) and have cell -1.";
+
 /// Does what `args` ask for.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     match &args.what {
+        What::Graphs(args) => graphs::prepare(args),
         What::Slip(args) => slip::prepare(args),
     }
 }

@@ -58,6 +58,7 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
         features: vec![Matrix::from_rows(1, &signs)],
         positions: events.iter().map(position).collect(),
         cells: Vec::new(),
+        members: Vec::new(),
         first: first - start,
     }
 }

@@ -4,9 +4,11 @@
 //! neighbourhoods by comparing all pairs, poolings through ordered maps, plain loops over all rows.
 
 mod events;
+mod graph;
 mod neighbours;
 mod pool;
 
+pub use graph::Graph;
 pub use pool::Cells;
 
 use std::sync::Arc;
@@ -96,6 +98,8 @@ pub struct LevelTrace {
     pub positions: Vec<[f64; 3]>,
     /// Index of each row's cell along x, y and t; empty at the event level.
     pub cells: Vec<[i64; 3]>,
+    /// Rows of the level below that each row pools, ascending; empty at the event level.
+    pub members: Vec<Vec<usize>>,
     /// First row that is in the window; rows before it are there for `frozen` in-edges.
     pub first: usize,
 }
@@ -225,12 +229,26 @@ impl Batch {
     fn readout(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Matrix {
         let readout = self.network.parts().readout;
         let features = &top.features[readout.from];
-        let mut out = Matrix::zeros(readout.columns * readout.rows, features.columns());
+        let cells = readout.columns * readout.rows * self.network.readout_times();
+        let mut out = Matrix::zeros(cells, features.columns());
         let mut members = vec![Vec::new(); out.rows()];
+        for (row, cell) in (top.first..).zip(self.readout_cells(top, events, stream)) {
+            members[cell].push(row);
+        }
+        for (cell, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
+            maximum_of(features, members, out.row_mut(cell));
+        }
+        out
+    }
+
+    /// The readout's cell of each row of `top` that is in the window; whether `top` is the event level.
+    fn readout_cells(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Vec<usize> {
+        let readout = self.network.parts().readout;
+        let rows = top.positions.len();
         let origin = self.origin(top);
-        for row in top.first..features.rows() {
-            let [column, row_] = if events && self.network.parts().normalisation == Normalisation::Fixed {
-                let event = stream.events[stream.events.len() - features.rows() + row];
+        let cell = |row: usize| {
+            let [column, row] = if events && self.network.parts().normalisation == Normalisation::Fixed {
+                let event = stream.events[stream.events.len() - rows + row];
                 let axis = |p: u16, cells: usize, extent: u16| usize::from(p) * cells / usize::from(extent);
                 [
                     axis(event.x, readout.columns, self.sensor.width),
@@ -243,12 +261,18 @@ impl Batch {
                 };
                 [axis(0, readout.columns), axis(1, readout.rows)]
             };
-            members[row_ * readout.columns + column].push(row);
-        }
-        for (cell, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
-            maximum_of(features, members, out.row_mut(cell));
-        }
-        out
+            row * readout.columns + column
+        };
+        let span_us = self.network.parts().span_us;
+        let age = |row: usize| match self.network.readout_time() {
+            Some(size) => {
+                let now = size.cell((stream.now_us - stream.epoch_us).into(), span_us.into());
+                now as usize - top.cells[row][2] as usize
+            }
+            None => 0,
+        };
+        let plane = readout.columns * readout.rows;
+        (top.first..rows).map(|row| age(row) * plane + cell(row)).collect()
     }
 
     /// Where grids start: 0, or the smallest position of the level's nodes.

@@ -67,7 +67,8 @@ pub(super) fn level(
         edges.push(from.iter().map(|&from| Neighbour { row: from as u32, u: attributes(from) }));
     }
     let index = cells.keys.iter().map(|&[t, y, x]| [x, y, t]).collect();
-    LevelTrace { edges, features: vec![cells.maxima], positions, cells: index, first: 0 }
+    let Cells { members, maxima, .. } = cells;
+    LevelTrace { edges, features: vec![maxima], positions, cells: index, members, first: 0 }
 }
 
 /// Rows pooled by cell: what max pooling is before positions are known.

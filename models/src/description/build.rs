@@ -56,8 +56,8 @@ impl Description {
                     });
                     levels.push(Level { scale: *scale, blocks: Vec::new() });
                 }
-                LayerKind::Readout { columns, rows } => {
-                    readout = Some(Readout { from: layer.reads, columns: *columns, rows: *rows });
+                &LayerKind::Readout { columns, rows, times } => {
+                    readout = Some(Readout { from: layer.reads, columns, rows, by_time: times > 1 });
                     segments = Some(layer.inputs);
                 }
                 LayerKind::Dense { .. } => {

@@ -73,6 +73,7 @@ pub(super) enum FileKind {
     },
     Readout {
         grid: Option<[usize; 2]>,
+        by_time: bool,
     },
     Dense {
         outputs: Option<usize>,
@@ -191,7 +192,7 @@ fn read_layer(
     let kind = match kind {
         Some(0) => spline(&mut table),
         Some(1) => pool(&mut table, normalisation),
-        Some(2) => FileKind::Readout { grid: grid(&mut table) },
+        Some(2) => FileKind::Readout { grid: grid(&mut table), by_time: table.boolean("by_time", false) },
         Some(3) => dense(&mut table),
         _ => FileKind::Unknown,
     };

@@ -81,6 +81,8 @@ pub enum LayerKind {
         columns: usize,
         /// Cells along y.
         rows: usize,
+        /// How often the grid is there: 1, or once for each cell in time that a window can fill.
+        times: usize,
     },
     /// Dense layer.
     Dense {

@@ -41,6 +41,7 @@
 //! name = "grid"
 //! kind = "readout"
 //! grid = [4, 4]                # columns, rows
+//! by_time = false              # the default; true: a grid for each of the poolings' cells in time, the newest first
 //!
 //! [[layer]]
 //! name = "fc"

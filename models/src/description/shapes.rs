@@ -129,7 +129,7 @@ impl Shapes<'_> {
         let checked = match &layer.kind {
             FileKind::Spline { .. } => self.spline(i, layer, read),
             FileKind::Pool { .. } => self.pool(i, layer, read),
-            FileKind::Readout { grid } => self.readout(i, layer, *grid, read),
+            FileKind::Readout { .. } => self.readout(i, layer, read),
             FileKind::Dense { .. } => self.dense(i, layer, read),
             FileKind::Unknown => None,
         };
@@ -306,21 +306,40 @@ impl Shapes<'_> {
         &mut self,
         i: usize,
         layer: &FileLayer,
-        grid: Option<[usize; 2]>,
         read: Output,
     ) -> Option<Layer> {
+        let FileKind::Readout { grid, by_time } = layer.kind else { return None };
         let Output::Feature { level, channels, hops, index } = read else { return None };
-        let outputs = channels.zip(grid).map(|(channels, [columns, rows])| channels * columns * rows);
+        let times = if by_time { self.times(layer) } else { Some(1) };
+        let cells = grid.zip(times).map(|([columns, rows], times)| columns * rows * times);
+        if let Some(found) = cells.filter(|&cells| cells > 1 << 16) {
+            let (expected, found) = ("at most 65536 cells".to_owned(), format!("{found}"));
+            self.report(layer.line, layer, ProblemKind::Value { key: "grid", expected, found });
+        }
+        let outputs = channels.zip(cells).map(|(channels, cells)| channels * cells);
         self.outputs[i] = Output::Values { outputs };
-        let ([columns, rows], channels, outputs) = (grid?, channels?, outputs?);
+        let ([columns, rows], times, channels, outputs) = (grid?, times?, channels?, outputs?);
         let from = FieldStart::ReadoutCell { columns, rows };
-        let kind = LayerKind::Readout { columns, rows };
+        let kind = LayerKind::Readout { columns, rows, times };
         Some(Layer {
             cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Prediction },
             field: ReceptiveField { steps: self.field(level, hops), from },
             reads: index,
             ..Self::checked(layer, kind, channels, outputs)
         })
+    }
+
+    /// Cells in time that a window can fill, where every pooling has the same.
+    fn times(&mut self, layer: &FileLayer) -> Option<usize> {
+        let mut sizes = self.levels[1..].iter().map(|level| level.cell.map(|cell| cell.time));
+        let first = sizes.next().unwrap_or(Some(None))?;
+        let same = sizes.all(|size| size == Some(first));
+        let Some(size) = first.filter(|_| same) else {
+            let kind = ProblemKind::Inapplicable { key: "by_time", with: "poolings over the same cells in time" };
+            self.report(layer.line, layer, kind);
+            return None;
+        };
+        Some(size.cells() + 1)
     }
 
     fn dense(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {

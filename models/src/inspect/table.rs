@@ -84,7 +84,8 @@ pub(super) fn kind(layer: &Layer) -> String {
             text
         }
         LayerKind::Pool { cell, .. } => format!("pool {cell}"),
-        LayerKind::Readout { columns, rows } => format!("readout {columns}x{rows}"),
+        LayerKind::Readout { columns, rows, times: 1 } => format!("readout {columns}x{rows}"),
+        LayerKind::Readout { columns, rows, times } => format!("readout {columns}x{rows}x{times}"),
         LayerKind::Dense { activation, .. } => format!("dense {}", activation_word(*activation)),
     }
 }

@@ -28,6 +28,7 @@ struct Array {
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     F32,
+    I32,
     I64,
 }
 
@@ -35,13 +36,14 @@ impl Kind {
     fn name(self) -> &'static str {
         match self {
             Self::F32 => "F32",
+            Self::I32 => "I32",
             Self::I64 => "I64",
         }
     }
 
     fn size(self) -> usize {
         match self {
-            Self::F32 => 4,
+            Self::F32 | Self::I32 => 4,
             Self::I64 => 8,
         }
     }
@@ -76,6 +78,15 @@ impl TensorFile {
     pub fn f32(&mut self, name: &str, shape: &[usize], values: &[f32]) {
         let bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         self.add(name, Kind::F32, shape, bytes);
+    }
+
+    /// Adds an array of I32, row-major.
+    ///
+    /// # Panics
+    /// As [`Self::f32`].
+    pub fn i32(&mut self, name: &str, shape: &[usize], values: &[i32]) {
+        let bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        self.add(name, Kind::I32, shape, bytes);
     }
 
     /// Adds an array of I64, row-major.
