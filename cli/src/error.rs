@@ -9,6 +9,7 @@ use meissner_engine::representations::RepresentationError;
 use meissner_io::datasets::DatasetError;
 use meissner_io::{Format, ImageError, IoError};
 use meissner_models::systems::contact_area::ContactError;
+use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
 use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
@@ -169,6 +170,15 @@ pub(crate) enum CliError {
     /// A network or a recording has nothing to do with direction of slip; the reason names it.
     #[error(transparent)]
     Slip(#[from] SlipError),
+    /// A network tells no digits, or folds cannot be made; the reason names it.
+    #[error(transparent)]
+    Digits(#[from] DigitsError),
+    /// A data set has nothing to judge whole trainings on.
+    #[error("{}: expected recordings of the split test, which whole trainings are judged on, found none", folder.display())]
+    NoTestSplit {
+        /// The data set.
+        folder: PathBuf,
+    },
     /// A file of a training does not fit the evaluation.
     #[error("training {}: {source}", path.display())]
     Training {
@@ -296,6 +306,7 @@ impl CliError {
             | Self::BetweenFrames { .. }
             | Self::NoInput { .. }
             | Self::Decision(_)
+            | Self::Digits(DigitsError::Folds { .. })
             | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),
         }

@@ -10,7 +10,7 @@
 //! | `bench/` | `meissner bench` |
 //! | `eval/` | `meissner eval` |
 //! | `prepare/` | `meissner prepare` |
-//! | `slip/` | the data set of slips, for `prepare` and `eval` |
+//! | `slip/`, `digits` | the data sets of slips and of digits, for `prepare` and `eval` |
 //! | `schedule` | when predictions are read |
 //! | `latency`, `skips` | what both measure |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
@@ -24,6 +24,7 @@
 mod args;
 mod bench;
 mod convert;
+mod digits;
 mod error;
 mod eval;
 mod frame_feed;

@@ -1,6 +1,9 @@
-//! What drawings share: the head of a file, and text that cannot break it.
+//! What drawings share: the head of a file, colours, and text that cannot break it.
 
 use std::fmt::{self, Write};
+
+/// Colours that stay apart for those who do not see red and green apart.
+pub(crate) const COLOURS: [&str; 6] = ["#0072b2", "#e69f00", "#009e73", "#cc3377", "#56b4e9", "#999999"];
 
 /// Opens a drawing of `width` x `height` on white, with a bold `title` and a line `about` below it, both from `left` on.
 pub(crate) fn head(

@@ -1,13 +1,27 @@
 //! `meissner eval`: networks on labelled data sets, judged as the papers judge them.
+//!
+//! | file | job |
+//! |---|---|
+//! | `slip/`, `digits/` | the systems |
+//! | `remarks`, `error` | what files of trainings say about themselves, and what can be wrong with it |
+//! | `common` | threads, JSON |
+//! | `text`, `matrix` | figures as text, confusion matrices as drawings |
 
+mod common;
+mod digits;
+mod error;
+mod matrix;
+mod remarks;
 mod slip;
+mod text;
 
 use clap::Subcommand;
 
 use crate::args::STATUS;
 use crate::error::CliError;
+use digits::DigitsArgs;
+pub(crate) use error::TrainingError;
 use slip::SlipArgs;
-pub(crate) use slip::TrainingError;
 
 /// `meissner eval`.
 #[derive(Debug, clap::Args)]
@@ -21,11 +35,14 @@ pub(crate) struct EvalArgs {
 enum What {
     /// Direction of slip from 24 electrodes, on objects that training has seen and on others.
     Slip(SlipArgs),
+    /// Digits under a moving event camera (N-MNIST): accuracy at the end of a recording and before it.
+    Digits(DigitsArgs),
 }
 
 /// Does what `args` ask for.
 pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
     match &args.what {
         What::Slip(args) => slip::eval(args),
+        What::Digits(args) => digits::eval(args),
     }
 }

@@ -14,8 +14,8 @@ use crate::error::CliError;
 use crate::model::describe;
 use crate::output;
 use crate::text::grouped;
-pub(crate) use streams::StreamsError;
 use streams::Streams;
+pub(crate) use streams::StreamsError;
 
 /// One level of all streams.
 #[derive(Default)]

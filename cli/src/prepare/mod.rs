@@ -1,5 +1,6 @@
 //! `meissner prepare`: what a network reads, made as the program makes it, in a file for training.
 
+mod digits;
 mod graphs;
 mod slip;
 
@@ -9,6 +10,7 @@ use clap::Subcommand;
 
 use crate::args::STATUS;
 use crate::error::CliError;
+use digits::DigitsArgs;
 pub(crate) use graphs::StreamsError;
 
 /// `meissner prepare`.
@@ -32,6 +34,10 @@ enum What {
     /// running network; the readings at the end of a recording that fill no window are left out. Equal data gives equal
     /// bytes.
     Slip(SlipArgs),
+    /// Events of the recordings of digits (N-MNIST), with labels, splits and folds.
+    ///
+    /// Equal data gives equal bytes.
+    Digits(DigitsArgs),
 }
 
 /// At the end of the long help.
@@ -111,5 +117,6 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     match &args.what {
         What::Graphs(args) => graphs::prepare(args),
         What::Slip(args) => slip::prepare(args),
+        What::Digits(args) => digits::prepare(args),
     }
 }

@@ -16,9 +16,15 @@ pub(crate) fn fails(output: &Output, status: i32, expected: &[&str]) {
 
 #[test]
 fn help_and_version_succeed() {
-    for arguments in
-        [&["--help"][..], &["--version"], &["run", "--help"], &["bench", "--help"], &["help", "convert"]]
-    {
+    for arguments in [
+        &["--help"][..],
+        &["--version"],
+        &["run", "--help"],
+        &["bench", "--help"],
+        &["help", "convert"],
+        &["eval", "digits", "--help"],
+        &["prepare", "digits", "--help"],
+    ] {
         assert_eq!(meissner(arguments).status.code(), Some(0), "{arguments:?}");
     }
 }
@@ -49,6 +55,12 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["prepare", "slip", "data"],
         &["eval", "slip"],
         &["eval", "slip", "data", "--threads", "0"],
+        &["prepare", "digits", "data"],
+        &["eval", "digits"],
+        &["eval", "digits", "data", "--every-us", "0"],
+        &["eval", "digits", "data", "--stride", "0"],
+        &["eval", "digits", "data", "--folds", "10"],
+        &["eval", "digits", "data", "--weights", "a", "--trainings", "b"],
         &["nothing"],
     ] {
         fails(&meissner(arguments), 2, &["error: "]);

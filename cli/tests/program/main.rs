@@ -4,7 +4,10 @@
 mod bench;
 mod bench_frames;
 mod default_recording;
+mod digits_data;
 mod equality;
+mod eval_digits;
+mod eval_digits_trainings;
 mod eval_slip;
 mod eval_slip_trainings;
 mod every;
@@ -18,6 +21,7 @@ mod frames_pictures;
 mod live;
 mod output;
 mod prepare;
+mod prepare_digits;
 mod slip_data;
 mod slip_views;
 mod support;

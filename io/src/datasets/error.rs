@@ -12,11 +12,11 @@ use crate::error::IoError;
 #[non_exhaustive]
 pub enum DatasetError {
     /// The data set is not there.
-    #[error("{}: expected a folder with a folder for each of {}, found {found}", path.display(), expected.join(", "))]
+    #[error("{}: expected a folder with folders {}, found {found}", path.display(), expected.join(", "))]
     NoFolder {
         /// Where it should be.
         path: PathBuf,
-        /// The classes.
+        /// The names of its folders.
         expected: Vec<String>,
         /// What is there.
         found: &'static str,
@@ -29,21 +29,23 @@ pub enum DatasetError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// Folders that stand for none of the classes.
+    /// Folders of other names than the layout has.
     #[error("{}: expected folders {}, found also {}", path.display(), expected.join(", "), found.join(", "))]
     UnknownClasses {
-        /// The data set.
+        /// The folder that holds them.
         path: PathBuf,
-        /// The classes.
+        /// The names.
         expected: Vec<String>,
         /// The other folders, in order.
         found: Vec<String>,
     },
     /// No class has a recording.
-    #[error("{}: expected recordings <class>/<object><number>.csv of the classes {}, found none", path.display(), expected.join(", "))]
+    #[error("{}: expected recordings {layout} of the classes {}, found none", path.display(), expected.join(", "))]
     NoRecordings {
         /// The data set.
         path: PathBuf,
+        /// How recordings lie in it.
+        layout: &'static str,
         /// The classes.
         expected: Vec<String>,
     },
@@ -55,11 +57,13 @@ pub enum DatasetError {
         /// Its name.
         found: String,
     },
-    /// A recording holds no readings.
-    #[error("{}: expected rows of readings below a header, found none", path.display())]
+    /// A recording holds nothing.
+    #[error("{}: expected {expected}, found none", path.display())]
     Empty {
         /// The recording.
         path: PathBuf,
+        /// What it should hold.
+        expected: &'static str,
     },
     /// A recording cannot be opened.
     #[error(transparent)]

@@ -16,9 +16,9 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use super::error::DatasetError;
+use super::folder::{self, Classes};
 use crate::electrodes::{ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 use crate::error::IoError;
-use crate::natural;
 
 /// What becomes of a row that is no reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,31 +87,19 @@ impl SlipDataset {
     /// has no readings; with the line too for a row that is no reading, where `bad_rows` refuses it.
     pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, DatasetError> {
         let folder = folder.as_ref();
-        let expected = || classes.iter().map(|&class| class.to_owned()).collect::<Vec<_>>();
-        if !folder.is_dir() {
-            let found = if folder.exists() { "a file" } else { "nothing" };
-            return Err(DatasetError::NoFolder { path: folder.to_owned(), expected: expected(), found });
-        }
-        let (folders, files): (Vec<_>, Vec<_>) = entries(folder)?.into_iter().partition(|path| path.is_dir());
-        let unknown = folders.iter().map(|path| name(path)).filter(|name| !classes.contains(&name.as_str()));
-        let unknown: Vec<_> = unknown.collect();
-        if !unknown.is_empty() {
-            let (path, expected) = (folder.to_owned(), expected());
-            return Err(DatasetError::UnknownClasses { path, expected, found: unknown });
-        }
-        let mut set = Self { recordings: Vec::new(), passed_over: files };
-        for (class, &class_name) in classes.iter().enumerate() {
-            let Some(folder) = folders.iter().find(|path| name(path) == class_name) else { continue };
-            for path in entries(folder)? {
-                if path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-                    set.recordings.push(SlipRecording::read(&path, (class, class_name), bad_rows)?);
-                } else {
-                    set.passed_over.push(path);
-                }
+        let Classes { folders, files: beside } = folder::classes(folder, classes)?;
+        let mut set = Self { recordings: Vec::new(), passed_over: beside };
+        for (class, folder) in folders {
+            let (recordings, others) = folder::files(&folder, "csv")?;
+            for path in recordings {
+                set.recordings.push(SlipRecording::read(&path, (class, classes[class]), bad_rows)?);
             }
+            set.passed_over.extend(others);
         }
         if set.recordings.is_empty() {
-            return Err(DatasetError::NoRecordings { path: folder.to_owned(), expected: expected() });
+            let (path, layout) = (folder.to_owned(), "<class>/<object><number>.csv");
+            let expected = classes.iter().map(|&class| class.to_owned()).collect();
+            return Err(DatasetError::NoRecordings { path, layout, expected });
         }
         Ok(set)
     }
@@ -125,7 +113,7 @@ impl SlipRecording {
         let stem = path.file_stem().and_then(OsStr::to_str).unwrap_or_default();
         let object = stem.trim_end_matches(|c: char| c.is_ascii_digit());
         if object.is_empty() || object.len() == stem.len() {
-            return Err(DatasetError::Name { path: path.to_owned(), found: name(path) });
+            return Err(DatasetError::Name { path: path.to_owned(), found: folder::name(path) });
         }
         let mut rows = Electrodes::new(BufReader::new(file), ElectrodeSettings::default());
         let (mut readings, mut refused) = (Vec::new(), Vec::new());
@@ -139,7 +127,10 @@ impl SlipRecording {
             }
         }
         if readings.is_empty() {
-            return Err(DatasetError::Empty { path: path.to_owned() });
+            return Err(DatasetError::Empty {
+                path: path.to_owned(),
+                expected: "rows of readings below a header",
+            });
         }
         let (name, object) = (format!("{}/{stem}", class.1), object.to_owned());
         Ok(Self { name, class: class.0, object, readings, refused, warnings: rows.warnings() })
@@ -149,19 +140,4 @@ impl SlipRecording {
 /// Whether one row is at fault, and not the header or the file.
 fn is_of_a_row(problem: &IoError) -> bool {
     matches!(problem, IoError::Malformed { what: "row" | "field", .. })
-}
-
-/// What a folder holds, in natural order of names, without what starts with a dot.
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let list = || -> std::io::Result<Vec<PathBuf>> {
-        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
-    };
-    let mut paths = list().map_err(|source| DatasetError::List { path: folder.to_owned(), source })?;
-    paths.retain(|path| !name(path).starts_with('.'));
-    paths.sort_by(|a, b| natural::compare(name(a).as_bytes(), name(b).as_bytes()));
-    Ok(paths)
-}
-
-fn name(path: &Path) -> String {
-    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Labelled sets of recordings, folder by folder.
+//! The data set of slips, folder by folder.
 
 use std::fs;
 use std::path::Path;

@@ -7,6 +7,7 @@ mod csv;
 mod dat;
 mod datasets;
 mod detect;
+mod digits;
 mod electrodes;
 mod encoders;
 mod evt2;

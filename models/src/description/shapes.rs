@@ -302,12 +302,7 @@ impl Shapes<'_> {
         })
     }
 
-    fn readout(
-        &mut self,
-        i: usize,
-        layer: &FileLayer,
-        read: Output,
-    ) -> Option<Layer> {
+    fn readout(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
         let FileKind::Readout { grid, by_time } = layer.kind else { return None };
         let Output::Feature { level, channels, hops, index } = read else { return None };
         let times = if by_time { self.times(layer) } else { Some(1) };
@@ -335,7 +330,8 @@ impl Shapes<'_> {
         let first = sizes.next().unwrap_or(Some(None))?;
         let same = sizes.all(|size| size == Some(first));
         let Some(size) = first.filter(|_| same) else {
-            let kind = ProblemKind::Inapplicable { key: "by_time", with: "poolings over the same cells in time" };
+            let kind =
+                ProblemKind::Inapplicable { key: "by_time", with: "poolings over the same cells in time" };
             self.report(layer.line, layer, kind);
             return None;
         };

@@ -2,4 +2,5 @@
 //! network's output into what a controller reads.
 
 pub mod contact_area;
+pub mod digits;
 pub mod slip;

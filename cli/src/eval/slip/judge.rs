@@ -13,12 +13,12 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use rayon::ThreadPool;
 use serde_json::Value;
 
-use super::error::TrainingError;
 use super::networks::Candidate;
 use super::report::{Judged, NetworkReport, One, SetReport, ValidationReport};
 use super::training::{HeldOut, Scheme, Training};
 use super::windows::{Windows, engine};
 use crate::error::CliError;
+use crate::eval::error::TrainingError;
 use crate::slip::SlipData;
 use crate::text::grouped;
 

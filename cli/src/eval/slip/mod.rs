@@ -8,10 +8,8 @@
 //! | `judge` | outputs against labels |
 //! | `report` | all results, as they are written as JSON |
 //! | `table`, `plot` | the same for people |
-//! | `error` | what can be wrong with the file of a training |
 
 mod args;
-mod error;
 mod judge;
 mod networks;
 mod plot;
@@ -21,19 +19,18 @@ mod training;
 mod windows;
 
 use std::collections::BTreeMap;
-use std::io::{self, BufWriter, IsTerminal, Write, stderr, stdout};
+use std::io::{BufWriter, IsTerminal, Write, stderr, stdout};
 use std::time::Instant;
 
 use meissner_models::TensorFile;
 use meissner_models::systems::slip::CLASSES;
-use rayon::ThreadPoolBuilder;
 
 use crate::error::CliError;
+use crate::eval::common::{json, pool};
 use crate::output;
 use crate::slip::SlipData;
 use crate::source::is_stdin;
 pub(super) use args::SlipArgs;
-pub(crate) use error::TrainingError;
 use judge::Judge;
 use report::{DataReport, ReferenceReport, Report};
 
@@ -45,9 +42,7 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     for path in [json_file, args.svg.as_deref(), args.logits.as_deref()].into_iter().flatten() {
         output::check_writable(path)?;
     }
-    let threads = args.threads.map_or(0, usize::from);
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|source| CliError::Threads { threads, source })?;
+    let pool = pool(args.threads)?;
 
     let start = Instant::now();
     let judge = Judge { data: &data, pool: &pool };
@@ -90,12 +85,6 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
         }
     }
     Ok(out.flush()?)
-}
-
-fn json(report: &Report) -> Result<Vec<u8>, io::Error> {
-    let mut text = serde_json::to_vec(report)?;
-    text.push(b'\n');
-    Ok(text)
 }
 
 /// The outputs of each whole training, as safetensors.

@@ -1,14 +1,15 @@
 //! Which networks are judged, with which trainings.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use meissner_models::systems::slip::SlipWindows;
 use meissner_models::{FrameDescription, Weights};
 
 use super::args::SlipArgs;
-use super::error::TrainingError;
 use super::training::Training;
 use crate::error::CliError;
+use crate::eval::error::TrainingError;
+use crate::eval::remarks::files;
 use crate::model::describe_frames;
 
 /// How the shipped networks of this system are called.
@@ -102,15 +103,4 @@ fn twice(trainings: &[Training]) -> Option<CliError> {
     let (network, seed) = (pair[1].network.clone(), pair[1].seed_name());
     let source = TrainingError::Twice { network, seed, other: pair[0].path.clone() };
     Some(CliError::Training { path: pair[1].path.clone(), source })
-}
-
-/// The safetensors files in `folder`, by name.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
-    let list = || -> std::io::Result<Vec<PathBuf>> {
-        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
-    };
-    let mut files = list().map_err(|source| CliError::Open { path: folder.to_owned(), source })?;
-    files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
-    files.sort();
-    Ok(files)
 }

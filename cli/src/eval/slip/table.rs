@@ -2,15 +2,13 @@
 
 use std::io::{self, Write};
 
-use meissner_models::metrics::{Confusion, MeanStd};
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
 
 use super::report::{Judged, NetworkReport, Report};
 use super::training::Scheme;
+use crate::eval::text::{NONE, confusion, percent, spread};
 use crate::text::{Table, grouped};
 
-/// Stands where there is no figure.
-const NONE: &str = "-";
 /// Why the two schemes of cross-validation differ.
 const WHY: [&str; 3] = [
     "The two differ because of what stands beside a held-out window: by window, its neighbours of the same recording",
@@ -35,16 +33,6 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
         confusions(out, report)?;
     }
     cross_validation(out, report)
-}
-
-/// `share` in percent.
-fn percent(share: f64) -> String {
-    format!("{:.2}", 100.0 * share)
-}
-
-/// Mean and deviation in percent.
-fn spread(figure: MeanStd) -> [String; 2] {
-    [percent(figure.mean), figure.std.map_or_else(|| NONE.to_owned(), percent)]
 }
 
 /// The sets that some network is judged on.
@@ -123,27 +111,10 @@ fn confusions(out: &mut impl Write, report: &Report) -> io::Result<()> {
                 "\n{} on {}: true class by row, predicted by column, percent of the row",
                 network.network, on.set
             )?;
-            confusion(out, &on.judged.confusion)?;
+            confusion(out, &CLASSES, "windows", &on.judged.confusion)?;
         }
     }
     Ok(())
-}
-
-fn confusion(out: &mut impl Write, confusion: &Confusion) -> io::Result<()> {
-    let mut headings = vec![""];
-    headings.extend(CLASSES);
-    headings.push("windows");
-    let mut table = Table::new(&headings);
-    for (class, row) in CLASSES.iter().zip(confusion.rows()) {
-        let sum: u64 = row.iter().sum();
-        let cell = |&count: &u64| match sum {
-            0 => NONE.to_owned(),
-            _ => format!("{:.1}", 100.0 * count as f64 / sum as f64),
-        };
-        let cells = row.iter().map(cell).chain([grouped(sum)]);
-        table.row(std::iter::once((*class).to_owned()).chain(cells));
-    }
-    table.write(out)
 }
 
 /// Cross-validation by recording beside that by window.

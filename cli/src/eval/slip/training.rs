@@ -3,16 +3,15 @@
 //! Enters: a safetensors file, or the weights shipped with a network. Leaves: a [`Training`]: which network, which seed,
 //! and what training did not see.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use meissner_models::Weights;
 use meissner_models::systems::slip::ObjectSet;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
-use super::error::TrainingError;
 use crate::error::CliError;
+use crate::eval::error::TrainingError;
+use crate::eval::remarks::Remarks;
 use crate::model::labelled;
 
 /// How a cross-validation splits its windows.
@@ -86,8 +85,8 @@ impl Training {
             return Err(failed(remarks.refused("seed", "with a whole number")));
         };
         remarks.integer("fold").map_err(failed)?;
-        let trained_on_basic = remarks.trained_on_basic().map_err(failed)?;
-        let held_out = remarks.held_out().map_err(failed)?;
+        let trained_on_basic = trained_on_basic(&remarks).map_err(failed)?;
+        let held_out = held_out(&remarks).map_err(failed)?;
         Ok(Self {
             label: labelled(label, &weights),
             path: path.to_owned(),
@@ -111,71 +110,45 @@ impl Training {
     }
 }
 
-/// The metadata of a file.
-struct Remarks<'a>(&'a BTreeMap<String, String>);
-
-impl Remarks<'_> {
-    fn refused(&self, key: &'static str, expected: &'static str) -> TrainingError {
-        let found = self.0.get(key).map_or_else(|| "none".to_owned(), |text| format!("{text:?}"));
-        TrainingError::Metadata { key, expected, found }
+/// Whether it says that it was trained on Basic; it must.
+fn trained_on_basic(remarks: &Remarks<'_>) -> Result<bool, TrainingError> {
+    match remarks.0.get("trained_on") {
+        Some(set) if set == ObjectSet::Basic.name() => Ok(true),
+        _ => Err(remarks.refused("trained_on", "\"Basic\", so that the other sets are unseen,")),
     }
+}
 
-    fn required(&self, key: &'static str, expected: &'static str) -> Result<&str, TrainingError> {
-        let text = self.0.get(key).filter(|text| !text.is_empty());
-        text.map(String::as_str).ok_or_else(|| self.refused(key, expected))
-    }
-
-    fn integer(&self, key: &'static str) -> Result<Option<i64>, TrainingError> {
-        let number = self.0.get(key).map(|text| text.parse());
-        number.transpose().map_err(|_| self.refused(key, "with a whole number"))
-    }
-
-    fn trained_on_basic(&self) -> Result<bool, TrainingError> {
-        match self.0.get("trained_on") {
-            Some(set) if set == ObjectSet::Basic.name() => Ok(true),
-            _ => Err(self.refused("trained_on", "\"Basic\", so that the other sets are unseen,")),
-        }
-    }
-
-    fn held_out(&self) -> Result<Option<HeldOut>, TrainingError> {
-        const RECORDINGS: &str = "held_out";
-        const WINDOWS: &str = "held_out_windows";
-        let recordings = || {
-            let list = self.list(RECORDINGS, "with a JSON list of recordings, such as [\"n/pen178\"]");
-            list.map(|list| Some(HeldOut::Recordings(list)))
-        };
-        let windows = || {
-            let list = self.list(WINDOWS, "with a JSON list of windows, such as [[\"n/pen178\", 0]]");
-            list.map(|list| Some(HeldOut::Windows(list)))
-        };
-        let has = |key: &str| self.0.contains_key(key);
-        match self.0.get("scheme").map(String::as_str) {
-            Some("recordings") => recordings(),
-            Some("windows") => windows(),
-            None if has(RECORDINGS) && !has(WINDOWS) => recordings(),
-            None if has(WINDOWS) && !has(RECORDINGS) => windows(),
-            None if !has(WINDOWS) => Ok(None),
-            _ => Err(self.refused("scheme", "\"recordings\" or \"windows\"")),
-        }
-    }
-
-    fn list<T: DeserializeOwned>(
-        &self,
-        key: &'static str,
-        expected: &'static str,
-    ) -> Result<Vec<T>, TrainingError> {
-        let list = self.0.get(key).and_then(|text| serde_json::from_str(text).ok());
-        list.ok_or_else(|| self.refused(key, expected))
+/// What a fold says that it held out.
+fn held_out(remarks: &Remarks<'_>) -> Result<Option<HeldOut>, TrainingError> {
+    const RECORDINGS: &str = "held_out";
+    const WINDOWS: &str = "held_out_windows";
+    let recordings = || {
+        let list = remarks.list(RECORDINGS, "with a JSON list of recordings, such as [\"n/pen178\"]");
+        list.map(|list| Some(HeldOut::Recordings(list)))
+    };
+    let windows = || {
+        let list = remarks.list(WINDOWS, "with a JSON list of windows, such as [[\"n/pen178\", 0]]");
+        list.map(|list| Some(HeldOut::Windows(list)))
+    };
+    let has = |key: &str| remarks.0.contains_key(key);
+    match remarks.0.get("scheme").map(String::as_str) {
+        Some("recordings") => recordings(),
+        Some("windows") => windows(),
+        None if has(RECORDINGS) && !has(WINDOWS) => recordings(),
+        None if has(WINDOWS) && !has(RECORDINGS) => windows(),
+        None if !has(WINDOWS) => Ok(None),
+        _ => Err(remarks.refused("scheme", "\"recordings\" or \"windows\"")),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{HeldOut, Remarks};
+    use super::HeldOut;
+    use crate::eval::remarks::Remarks;
 
     fn held_out(entries: &[(&str, &str)]) -> Result<Option<HeldOut>, String> {
         let entries = entries.iter().map(|&(key, value)| (key.to_owned(), value.to_owned())).collect();
-        Remarks(&entries).held_out().map_err(|error| error.to_string())
+        super::held_out(&Remarks(&entries)).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -7,7 +7,7 @@ use meissner_models::systems::slip::ObjectSet;
 
 use super::super::report::{NetworkReport, ReferenceReport, SetReport};
 use super::LEFT;
-use crate::svg::escaped;
+use crate::svg::{COLOURS, escaped};
 
 /// The field of the bars.
 const START: f64 = LEFT + 42.0;
@@ -18,8 +18,6 @@ const BOTTOM: f64 = 392.0;
 const FILLED: f64 = 0.8;
 /// Widest bar.
 const WIDEST: f64 = 60.0;
-/// Colours that stay apart for those who do not see red and green apart.
-const COLOURS: [&str; 6] = ["#0072b2", "#e69f00", "#009e73", "#cc3377", "#56b4e9", "#999999"];
 /// Dashes of the lines for others.
 const DASHES: [&str; 2] = ["8 4", "2 3"];
 

@@ -2,13 +2,13 @@
 //! network (row) and set (column).
 
 mod bars;
-mod matrix;
 
 use std::fmt::{self, Write};
 
-use meissner_models::systems::slip::ObjectSet;
+use meissner_models::systems::slip::{CLASSES, ObjectSet};
 
 use super::report::{NetworkReport, Report, SetReport};
+use crate::eval::matrix;
 use crate::svg;
 use crate::text::grouped;
 
@@ -16,7 +16,9 @@ use crate::text::grouped;
 const LEFT: f64 = 40.0;
 /// Where the bars end and the first row of matrices begins.
 const ROWS: f64 = 470.0;
-const WIDTH: f64 = 2.0 * LEFT + 4.0 * matrix::WIDTH;
+/// Size of a matrix.
+const CELL: (f64, f64) = (matrix::width(CLASSES.len()), matrix::height(CLASSES.len()));
+const WIDTH: f64 = 2.0 * LEFT + 4.0 * CELL.0;
 
 /// The drawing, as a file of its own.
 pub(super) fn svg(report: &Report) -> String {
@@ -27,7 +29,7 @@ pub(super) fn svg(report: &Report) -> String {
 
 fn draw(svg: &mut String, report: &Report) -> fmt::Result {
     let judged: Vec<&NetworkReport> = report.networks.iter().filter(|n| !n.sets.is_empty()).collect();
-    let height = ROWS + matrix::HEIGHT * judged.len() as f64 + 10.0;
+    let height = ROWS + CELL.1 * judged.len() as f64 + 10.0;
     let folder = report.data.folder.trim_end_matches('/');
     let about = format!(
         "{}: {} recordings, {} readings; confusion matrices: percent of the true class",
@@ -40,11 +42,11 @@ fn draw(svg: &mut String, report: &Report) -> fmt::Result {
     for (row, network) in judged.iter().enumerate() {
         for (column, set) in ObjectSet::ALL.into_iter().enumerate() {
             let Some(on) = network.on(set) else { continue };
-            let (x, y) = (LEFT + matrix::WIDTH * column as f64, ROWS + matrix::HEIGHT * row as f64);
+            let (x, y) = (LEFT + CELL.0 * column as f64, ROWS + CELL.1 * row as f64);
             writeln!(svg, "<g transform=\"translate({x} {y})\">")?;
             let trained_on = if on.trained_on { " (trained on)" } else { "" };
             let title = format!("{}, {set}{trained_on}", network.network);
-            matrix::draw(svg, &title, &accuracy(on), &on.judged.confusion)?;
+            matrix::draw(svg, (&title, &accuracy(on)), &CLASSES, &on.judged.confusion)?;
             writeln!(svg, "</g>")?;
         }
     }

@@ -3,7 +3,6 @@
 use std::fmt::{self, Write};
 
 use meissner_models::metrics::Confusion;
-use meissner_models::systems::slip::CLASSES;
 
 use crate::svg::escaped;
 
@@ -12,15 +11,27 @@ const CELL: f64 = 33.0;
 /// Space for the names of true classes, and for the titles.
 const SIDE: f64 = 46.0;
 const TOP: f64 = 66.0;
-/// Size of the drawing, with space to the next.
-pub(super) const WIDTH: f64 = SIDE + CELL * CLASSES.len() as f64 + 26.0;
-pub(super) const HEIGHT: f64 = TOP + CELL * CLASSES.len() as f64 + 34.0;
 /// From this share on numbers are white.
 const DARK: f64 = 0.5;
 
-/// Draws `confusion` below a bold `title` and the line `about`, from the origin on.
-pub(super) fn draw(svg: &mut String, title: &str, about: &str, confusion: &Confusion) -> fmt::Result {
-    let end = CELL * CLASSES.len() as f64;
+/// Width of the drawing for this many classes, with space to the next.
+pub(super) const fn width(classes: usize) -> f64 {
+    SIDE + CELL * classes as f64 + 26.0
+}
+
+/// Height of the drawing for this many classes, with space to the next.
+pub(super) const fn height(classes: usize) -> f64 {
+    TOP + CELL * classes as f64 + 34.0
+}
+
+/// Draws `confusion` of `classes` below a bold `title` and the line `about`, from the origin on.
+pub(super) fn draw(
+    svg: &mut String,
+    (title, about): (&str, &str),
+    classes: &[&str],
+    confusion: &Confusion,
+) -> fmt::Result {
+    let end = CELL * classes.len() as f64;
     writeln!(
         svg,
         "<text x=\"0\" y=\"14\" font-weight=\"bold\">{}</text>\n\
@@ -34,7 +45,7 @@ pub(super) fn draw(svg: &mut String, title: &str, about: &str, confusion: &Confu
         SIDE + end / 2.0,
         TOP + end + 16.0
     )?;
-    for (i, class) in CLASSES.iter().enumerate() {
+    for (i, class) in classes.iter().enumerate() {
         let middle = (i as f64 + 0.5) * CELL;
         writeln!(
             svg,
@@ -49,7 +60,7 @@ pub(super) fn draw(svg: &mut String, title: &str, about: &str, confusion: &Confu
     for (row, counts) in confusion.rows().enumerate() {
         let sum: u64 = counts.iter().sum();
         for (column, &count) in counts.iter().enumerate() {
-            // A class without windows has a grey row without numbers.
+            // A class that was never true has a grey row without numbers.
             let share = (sum > 0).then(|| count as f64 / sum as f64);
             cell(svg, SIDE + CELL * column as f64, TOP + CELL * row as f64, share)?;
         }

@@ -57,6 +57,59 @@ pub(crate) enum TrainingError {
         /// The fold that held it out before.
         first: PathBuf,
     },
+    /// It held out a recording twice, or one that another fold held out.
+    #[error(
+        "expected folds that hold out different recordings, found {recording:?} again, which {} holds out",
+        first.display()
+    )]
+    Again {
+        /// The recording.
+        recording: String,
+        /// The fold that held it out before.
+        first: PathBuf,
+    },
+    /// The folds of a seed leave out a recording.
+    #[error(
+        "expected folds of network {network} and seed {seed} that hold out each of {recordings} recordings, found {found} \
+         and not {missing:?}"
+    )]
+    Incomplete {
+        /// The network.
+        network: String,
+        /// The seed.
+        seed: String,
+        /// How many recordings there are.
+        recordings: usize,
+        /// How many are held out.
+        found: usize,
+        /// The first one that is not.
+        missing: String,
+    },
+    /// It held out other recordings than a fold has.
+    #[error(
+        "expected the {expected} recordings of one fold of {count}, as `prepare digits --folds {count}` writes them, found \
+         {found} recordings of {folds} folds"
+    )]
+    OtherFold {
+        /// Number of folds.
+        count: usize,
+        /// Recordings of the fold that holds the first.
+        expected: usize,
+        /// Recordings that it held out.
+        found: usize,
+        /// In how many folds they are.
+        folds: usize,
+    },
+    /// It was trained on another share of the events than the others of its network.
+    #[error("expected metadata \"stride\" {expected}, as {} has it, found {found}; or add --stride N", other.display())]
+    Stride {
+        /// The other's.
+        expected: usize,
+        /// The other file.
+        other: PathBuf,
+        /// Its own.
+        found: usize,
+    },
     /// Another file is the same training.
     #[error("expected one whole training of network {network} with seed {seed}, found {} too", other.display())]
     Twice {
