@@ -6,12 +6,15 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
+use meissner_engine::filters::{
+    BackgroundActivity, Chain, EventFilter, Filter, RateLimit, Refractory, Stride,
+};
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
 use meissner_engine::representations::{
     Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
     SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
-use meissner_engine::{Engine, Event, Sensor};
+use meissner_engine::{Engine, Event, Options, Sensor, StaleReadout, Staleness};
 use meissner_kernels::WinogradTile;
 use meissner_models::{Description, Weights};
 use meissner_tests::frame_networks::{Style, network, sequence};
@@ -106,6 +109,47 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         println!("{name}: {warm_up} allocations in the first pass, {second} in the second");
         assert_eq!(second, 0, "{name}");
     }
+}
+
+#[test]
+fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothing() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, events) = synthetic();
+    let description = Description::shipped("graphres").expect("a shipped network");
+    let network = description.network(&Weights::shipped("graphres").expect("shipped weights"));
+    let options = Options { tolerance: 1e-3, ..Options::default() };
+    let engine = Engine::with_options(network.expect("the weights fit"), sensor, options).expect("exact");
+    let bound = Staleness { events: Some(300), us: Some(20_000) };
+    let mut readout = StaleReadout::new(engine, bound).expect("admissible");
+    let us = BackgroundActivity::DEFAULT_US;
+    let mut chain = Chain::new(vec![
+        Filter::BackgroundActivity(BackgroundActivity::new(sensor, 40 * us).expect("admissible")),
+        Filter::Refractory(Refractory::new(sensor, 500).expect("admissible")),
+        Filter::RateLimit(RateLimit::new(30_000).expect("admissible")),
+        Filter::Stride(Stride::new(2).expect("admissible")),
+    ]);
+    let span = events[events.len() - 1].t_us - events[0].t_us;
+    let mut pass = |shift: i64| {
+        let before = COUNT.get();
+        // So that the same events pass.
+        chain.reset();
+        for (i, &event) in events.iter().enumerate() {
+            let event = Event { t_us: event.t_us + shift, ..event };
+            if chain.admit(event) {
+                readout.push(event);
+            }
+            if i % 100 == 0 {
+                readout.predict().expect("finite");
+            }
+        }
+        COUNT.get() - before
+    };
+    // What stands from one pass to the next shifts the moments at which the pooled levels are computed: two for warming up.
+    let [first, second, third] = [0, 1, 2].map(|i| pass(i * (span + 10 * 150_000)));
+    println!("{first} allocations in the first pass, {second} in the second, {third} in the third");
+    assert_eq!(third, 0);
+    assert!(chain.filters().iter().all(|filter| filter.counters().dropped > 0));
+    assert!(readout.stale() > 0);
 }
 
 #[test]

@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::Format;
 
+pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
 pub(crate) use crate::eval::EvalArgs;
 pub(crate) use crate::prepare::PrepareArgs;
@@ -80,6 +81,9 @@ pub(crate) struct Input {
     /// What becomes of an event that is earlier than one before it: drop it, or let it in at the newest time.
     #[arg(long, value_enum, default_value_t = Late::Drop)]
     pub(crate) late: Late,
+    /// What makes results cheaper and less exact.
+    #[command(flatten)]
+    pub(crate) approximations: ApproximationArgs,
 }
 
 /// `meissner inspect`.

@@ -5,6 +5,7 @@
 //! | `args` | what can be asked for on the command line |
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
+//! | `approximations` | what makes results cheaper and less exact, where it is asked for |
 //! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
 //! | `bench/` | `meissner bench` |
@@ -21,6 +22,7 @@
 //! Results go to standard output, messages and progress to standard error.
 #![forbid(unsafe_code)]
 
+mod approximations;
 mod args;
 mod bench;
 mod convert;

@@ -128,13 +128,13 @@ impl Model {
     }
 }
 
-/// `network` with the span and the capacity that `args` ask for.
-fn adapted(network: Network, args: &Input) -> Result<Network, CliError> {
-    if args.span_us.is_none() && args.capacity.is_none() {
-        return Ok(network);
+/// `network` with the span, the capacity and the approximations that `args` ask for.
+fn adapted(mut network: Network, args: &Input) -> Result<Network, CliError> {
+    if let Some(span_us) = args.span_us {
+        network = network.with_span_us(span_us)?;
     }
-    let mut parts = network.parts().clone();
-    parts.span_us = args.span_us.unwrap_or(parts.span_us);
-    parts.capacity = args.capacity.map_or(parts.capacity, |capacity| capacity as usize);
-    Ok(Network::new(parts)?)
+    if let Some(capacity) = args.capacity {
+        network = network.with_capacity(capacity as usize)?;
+    }
+    args.approximations.adapt(network)
 }

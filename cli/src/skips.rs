@@ -15,6 +15,8 @@ pub(crate) struct Skips {
     pub(crate) rows_recomputed: u64,
     /// Of these, rows that came out as they were: the wave stopped there.
     pub(crate) rows_unchanged: u64,
+    /// Of these, rows that came out within the tolerance of what they were, and kept that.
+    pub(crate) rows_within_tolerance: u64,
     /// Rows that predictions used without computing them again.
     pub(crate) rows_kept: u64,
     /// Predictions for which nothing that they read had changed.
@@ -46,6 +48,8 @@ pub(crate) struct LayerSkips {
     pub(crate) recomputed: u64,
     /// Of these, rows that came out as they were.
     pub(crate) unchanged: u64,
+    /// Of these, rows that came out within the tolerance of what they were, and kept that.
+    pub(crate) within_tolerance: u64,
     /// Rows that predictions used without computing them again.
     pub(crate) kept: u64,
 }
@@ -59,6 +63,7 @@ impl Skips {
                 name: name.to_owned(),
                 recomputed: layer.recomputed,
                 unchanged: layer.unchanged,
+                within_tolerance: layer.within_tolerance,
                 kept: layer.kept,
             })
             .collect();
@@ -66,6 +71,7 @@ impl Skips {
         Self {
             rows_recomputed: layers.iter().map(|layer| layer.recomputed).sum(),
             rows_unchanged: layers.iter().map(|layer| layer.unchanged).sum(),
+            rows_within_tolerance: layers.iter().map(|layer| layer.within_tolerance).sum(),
             rows_kept: layers.iter().map(|layer| layer.kept).sum(),
             predictions_reused: predictions.reused,
             readout_cells_recomputed: predictions.cells_recomputed,

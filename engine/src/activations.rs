@@ -3,8 +3,14 @@
 //! Enters: rows whose neighbourhood changed, rows whose input changed. Leaves: features equal, bit for bit, to those
 //! computed from scratch, and for each feature the rows that changed. A row is recomputed whole or not at all; a
 //! recomputed row with the same bits ends the wave there.
+//!
+//! With a tolerance, a recomputed row that is within it of the stored one in every channel keeps what is stored, and
+//! ends the wave. It is recomputed again whenever what it reads changes, and always compared with what is stored, so
+//! that every stored row is within the tolerance of what its stored inputs give, however long the stream.
 
-use meissner_kernels::{Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, replace_rows};
+use meissner_kernels::{
+    Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, replace_rows, replace_rows_beyond,
+};
 
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
@@ -22,13 +28,15 @@ pub(crate) struct Activations {
     /// For each feature, rows that hold NaN.
     nan: Vec<RowSet>,
     dirty: GrowingSet,
+    /// Largest change of a value that does not count; 0 where every bit counts.
+    tolerance: f32,
     scratch: SplineScratch,
     /// What a group of rows came to.
     rows: Vec<Lanes>,
 }
 
 impl Activations {
-    pub(crate) fn new(rows: usize, channels: &[usize]) -> Self {
+    pub(crate) fn new(rows: usize, channels: &[usize], tolerance: f32) -> Self {
         let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
         Self {
             features: channels.iter().map(|&c| Matrix::zeros(rows, c)).collect(),
@@ -36,6 +44,7 @@ impl Activations {
             rewired: RowSet::new(rows),
             nan: vec![RowSet::new(rows); channels.len()],
             dirty: GrowingSet::new(rows),
+            tolerance,
             scratch: SplineScratch::default(),
             rows: vec![Lanes::ZERO; widest * SplineConv::GROUP],
         }
@@ -63,6 +72,16 @@ impl Activations {
     /// Rows of a feature that changed since `finish`.
     pub(crate) fn changed(&self, index: usize) -> &RowSet {
         &self.changed[index]
+    }
+
+    /// `row` is new: whatever its slot held counts for nothing, and what is computed is stored.
+    pub(crate) fn enter(&mut self, row: u32) {
+        if self.tolerance > 0.0 {
+            for feature in &mut self.features[1..] {
+                // No tolerance reaches from NaN to a number.
+                feature.row_mut(row as usize).fill(Lanes::splat(f32::NAN));
+            }
+        }
     }
 
     /// Notes that the neighbourhood of `row` changed.
@@ -164,7 +183,12 @@ impl Activations {
             };
         }
         block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);
-        let replaced = replace_rows(isa, out, &mut written[0], rows);
+        let replaced = if self.tolerance > 0.0 {
+            replace_rows_beyond(isa, self.tolerance, out, &mut written[0], rows)
+        } else {
+            replace_rows(isa, out, &mut written[0], rows)
+        };
+        log.counters.within_tolerance += u64::from(replaced.within.count_ones());
         for (i, &row) in rows.iter().enumerate() {
             if replaced.nan >> i & 1 != 0 {
                 self.nan[to].insert(row);
@@ -172,7 +196,7 @@ impl Activations {
                 self.nan[to].remove(row);
             }
             let changed = replaced.changed >> i & 1 != 0;
-            log.note(row, !changed);
+            log.note(row, (replaced.changed | replaced.within) >> i & 1 == 0);
             if changed {
                 self.changed[to].insert(row);
             }

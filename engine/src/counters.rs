@@ -62,6 +62,9 @@ pub struct LayerCounters {
     pub recomputed: u64,
     /// Of these, rows that came out with the bits they had: the wave stopped there.
     pub unchanged: u64,
+    /// Of these, rows that came out with other bits but within [`crate::Options::tolerance`] of what they had, and kept
+    /// that: the wave stopped there, too.
+    pub within_tolerance: u64,
     /// Rows of the window that a prediction used without computing them again.
     pub kept: u64,
 }

@@ -8,7 +8,7 @@ use meissner_kernels::{Isa, Neighbour};
 use crate::admission::{Admission, LatePolicy, Outcome};
 use crate::counters::{Counters, LayerLog, Log};
 use crate::graph::Adjacency;
-use crate::network::{Network, Normalisation};
+use crate::network::{Network, Normalisation, option};
 use crate::stages::Stage;
 use crate::step::Step;
 use crate::{EngineError, Event, Sensor};
@@ -28,11 +28,17 @@ pub struct Options {
     pub stage_times: bool,
     /// Most bytes of state.
     pub memory_limit: u128,
+    /// Largest change of a row's values that does not propagate, in the units of the layer: an approximation. A
+    /// recomputed row of a spline block that is within it of the stored row in every channel keeps what is stored; a row
+    /// that has just entered is always stored. Every stored row is then within the tolerance of what its stored inputs
+    /// give, at any time. Pooled maxima and the readout are exact over stored rows, and so are the event rows of
+    /// `frozen` networks, which are computed once. 0 is exact.
+    pub tolerance: f32,
 }
 
 impl Default for Options {
     /// Late events are dropped, the best instruction set is used, nothing is poisoned or recorded, state is below
-    /// 4 GiB.
+    /// 4 GiB, every change propagates.
     fn default() -> Self {
         Self {
             late: LatePolicy::default(),
@@ -41,6 +47,7 @@ impl Default for Options {
             record_rows: false,
             stage_times: false,
             memory_limit: 1 << 32,
+            tolerance: 0.0,
         }
     }
 }
@@ -59,7 +66,8 @@ pub struct Prediction<'a> {
 }
 
 /// Keeps the event graph of a sliding window and, of a network over it, every activation; recomputes what a change
-/// affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit.
+/// affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit, unless [`Options::tolerance`]
+/// asks for less.
 ///
 /// ```
 /// # use std::sync::Arc;
@@ -74,6 +82,7 @@ pub struct Prediction<'a> {
 pub struct Engine {
     network: Arc<Network>,
     sensor: Sensor,
+    tolerance: f32,
     admission: Admission,
     step: Step,
     log: Log,
@@ -102,7 +111,8 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::NotIncremental`] for a network that is normalised per graph, [`EngineError::Sensor`] for a
-    /// sensor without pixels, [`EngineError::Memory`] beyond the memory limit.
+    /// sensor without pixels, [`EngineError::Option`] for a tolerance that is negative or not finite,
+    /// [`EngineError::Memory`] beyond the memory limit.
     pub fn with_options(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -114,6 +124,9 @@ impl Engine {
         }
         if sensor.width == 0 || sensor.height == 0 {
             return Err(EngineError::Sensor(sensor));
+        }
+        if !(options.tolerance.is_finite() && options.tolerance >= 0.0) {
+            return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
         let bytes = Step::bytes(&network, sensor);
         if bytes > options.memory_limit {
@@ -142,6 +155,7 @@ impl Engine {
             reported: false,
             network,
             sensor,
+            tolerance: options.tolerance,
         })
     }
 
@@ -153,6 +167,11 @@ impl Engine {
     /// The sensor.
     pub fn sensor(&self) -> Sensor {
         self.sensor
+    }
+
+    /// Largest change that does not propagate; 0 where the engine is exact.
+    pub fn tolerance(&self) -> f32 {
+        self.tolerance
     }
 
     /// Takes an event. An event that cannot enter is counted and changes nothing else: one outside the sensor, a late
@@ -249,7 +268,8 @@ impl Engine {
     /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with another network or sensor; the engine stays as it is.
+    /// [`EngineError::Snapshot`] where it was taken with another network, sensor or tolerance; the engine stays as it
+    /// is.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
         let other = &snapshot.0;
         let refuse =
@@ -259,6 +279,9 @@ impl Engine {
         }
         if self.sensor != other.sensor {
             return refuse("sensor", self.sensor.to_string(), other.sensor.to_string());
+        }
+        if self.tolerance != other.tolerance {
+            return refuse("tolerance", self.tolerance.to_string(), other.tolerance.to_string());
         }
         self.clone_from(other);
         Ok(())

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod activations;
+mod adapt;
 mod admission;
 mod batch;
 mod cells;
@@ -10,6 +11,7 @@ mod delta;
 mod engine;
 mod error;
 mod event;
+pub mod filters;
 mod fraction;
 pub mod frames;
 mod graph;
@@ -23,6 +25,7 @@ mod readout;
 pub mod representations;
 mod rows;
 mod stages;
+mod stale;
 mod step;
 mod window;
 
@@ -38,3 +41,4 @@ pub use network::{
     Position, Reach, Readout,
 };
 pub use stages::Stage;
+pub use stale::{StaleReadout, Staleness};

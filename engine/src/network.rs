@@ -246,6 +246,10 @@ impl Network {
         &self.parts
     }
 
+    pub(crate) fn into_parts(self) -> NetworkParts {
+        self.parts
+    }
+
     /// Name, for reports.
     pub fn name(&self) -> &str {
         &self.parts.name
@@ -296,15 +300,6 @@ impl Network {
         }
         names
     }
-
-    /// The same network with another span.
-    ///
-    /// # Errors
-    /// [`EngineError::Option`] where the span is out of range.
-    pub fn with_span_us(mut self, span_us: i64) -> Result<Self, EngineError> {
-        self.parts.span_us = span_us;
-        Self::new(self.parts)
-    }
 }
 
 /// Cells of `size` that a window can fill: it is closed, and begins anywhere in a cell.
@@ -324,7 +319,8 @@ fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
     if sizes.all(|other| other == Some(size)) { Ok(times(size)) } else { Err(wrong("different ones")) }
 }
 
-fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
+/// A value that is out of range.
+pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
     EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
 }
 
@@ -337,7 +333,8 @@ fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl 
     }
 }
 
-fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
+/// Refuses a value outside of `low..=high`.
+pub(crate) fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
     if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
 }
 

@@ -9,7 +9,6 @@
 
 use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
-use crate::{Fraction, Sensor};
 use crate::activations::Activations;
 use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
@@ -18,6 +17,7 @@ use crate::network::{Network, Readout};
 use crate::pooled::PooledGraph;
 use crate::rows::RowSet;
 use crate::window::Window;
+use crate::{Fraction, Sensor};
 
 /// Where nodes fall in the readout's grid.
 #[derive(Clone, Copy, Debug)]

@@ -48,7 +48,9 @@ impl Step {
         let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
         let graph =
             EventGraph::new(parts.graph, sensor, span_us, parts.events.scale, capacity, follows_edges);
-        let mut activations = vec![Activations::new(capacity, network.channels(0))];
+        // Rows that never change have nothing to be compared with.
+        let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
+        let mut activations = vec![Activations::new(capacity, network.channels(0), of_events)];
         let mut pooled: Vec<PooledGraph> = Vec::new();
         let mut rows = capacity;
         for (i, (pooling, level)) in parts.pooled.iter().enumerate() {
@@ -56,7 +58,7 @@ impl Step {
             let slots = grid.slots();
             let queues = i == 0 && parts.graph.is_frozen();
             pooled.push(PooledGraph::new(grid, level, rows, network.channels(i + 1)[0], queues));
-            activations.push(Activations::new(slots, network.channels(i + 1)));
+            activations.push(Activations::new(slots, network.channels(i + 1), options.tolerance));
             rows = slots;
         }
         Self {
@@ -119,6 +121,7 @@ impl Step {
         self.graph.insert(&self.window, slot, &mut self.delta);
         self.stopwatch.lap(Stage::EventGraph);
         let events = &mut self.activations[0];
+        events.enter(slot);
         events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
         if self.network.parts().graph.is_frozen() {
             events.run_row(&self.network.parts().events, slot, &self.graph, self.isa, &mut log.layers);
@@ -157,6 +160,7 @@ impl Step {
             let from = self.network.parts().pooled[p].0.from;
             let values = own[0].feature(0);
             upper[0].apply(below, features[p].feature(from), values, &self.delta, &mut self.downstream);
+            self.downstream.entered.iter().for_each(|&row| own[0].enter(row));
             self.downstream.rewired.iter().for_each(|&row| own[0].rewire(row));
             self.delta.left.iter().for_each(|&row| features[p].leave(row, self.poison));
             std::mem::swap(&mut self.delta, &mut self.downstream);

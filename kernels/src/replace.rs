@@ -1,4 +1,4 @@
-//! Computed rows in the place of stored ones: which of them differ, by bits.
+//! Computed rows in the place of stored ones: which of them differ, by bits or by more than a tolerance.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
@@ -7,9 +7,11 @@ use crate::matrix::Matrix;
 /// What became of up to 32 rows: bit i stands for the ith.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Replaced {
-    /// Rows that differed from what was stored.
+    /// Rows that differed from what was stored, and took its place.
     pub changed: u32,
-    /// Rows that hold NaN.
+    /// Rows that differed by no more than the tolerance: what was stored stays.
+    pub within: u32,
+    /// Computed rows that hold NaN.
     pub nan: u32,
 }
 
@@ -18,7 +20,24 @@ pub struct Replaced {
 /// # Panics
 /// If there are more than 32 places, not a row for each, or no such row in `stored`.
 pub fn replace_rows(isa: Isa, rows: &[Lanes], stored: &mut Matrix, places: &[u32]) -> Replaced {
-    isa.run(Replace { rows, stored, places })
+    isa.run(Replace { rows, stored, places, tolerance: None })
+}
+
+/// As [`replace_rows`], but a row whose every value is the stored one or within `tolerance` of it stays as it is.
+///
+/// A difference is formed in f32 and rounded to nearest before it is compared. NaN on either side, and infinities of
+/// different sign, are beyond every tolerance.
+///
+/// # Panics
+/// As [`replace_rows`].
+pub fn replace_rows_beyond(
+    isa: Isa,
+    tolerance: f32,
+    rows: &[Lanes],
+    stored: &mut Matrix,
+    places: &[u32],
+) -> Replaced {
+    isa.run(Replace { rows, stored, places, tolerance: Some(tolerance) })
 }
 
 /// A bit for each value of a [`Lanes`].
@@ -28,6 +47,7 @@ struct Replace<'a> {
     rows: &'a [Lanes],
     stored: &'a mut Matrix,
     places: &'a [u32],
+    tolerance: Option<f32>,
 }
 
 impl Task for Replace<'_> {
@@ -48,11 +68,30 @@ impl Task for Replace<'_> {
                 ordered &= new.at_most(new);
             }
             replaced.nan |= u32::from(ordered != ALL) << i;
-            if differs != 0 {
+            if differs == 0 {
+                continue;
+            }
+            if self.tolerance.is_some_and(|tolerance| is_within(simd, tolerance, row, stored)) {
+                replaced.within |= 1 << i;
+            } else {
                 replaced.changed |= 1 << i;
                 stored.copy_from_slice(row);
             }
         }
         replaced
     }
+}
+
+/// Whether every value of `row` has the bits of the stored one or is within `tolerance` of it.
+#[inline(always)]
+fn is_within<S: Simd>(simd: S, tolerance: f32, row: &[Lanes], stored: &[Lanes]) -> bool {
+    let tolerance = S::V8::splat(simd, tolerance);
+    let mut beyond = 0;
+    for (new, old) in row.iter().zip(stored) {
+        let (new, old) = (S::V8::load(simd, new), S::V8::load(simd, old));
+        // The difference of equal infinities is NaN: equal bits are asked for by themselves.
+        let near = new.sub(old).at_most(tolerance) & old.sub(new).at_most(tolerance);
+        beyond |= new.differs(old) & !near;
+    }
+    beyond == 0
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{Batch, Engine, Event, Network, Options, Outcome, Search, Sensor, Stream};
+use meissner_engine::{Batch, Engine, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace};
 use meissner_kernels::Neighbour;
 
 use crate::streams::{Script, Verb};
@@ -23,8 +23,20 @@ impl Watched {
     /// # Panics
     /// If the engine refuses the network.
     pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor, search: Search) -> Self {
+        Self::with_options(network, sensor, search, Options { poison: true, ..Options::default() })
+    }
+
+    /// An engine with these options.
+    ///
+    /// # Panics
+    /// If the engine refuses the network or the options.
+    pub fn with_options(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        search: Search,
+        options: Options,
+    ) -> Self {
         let network = network.into();
-        let options = Options { poison: true, ..Options::default() };
         Self {
             engine: Engine::with_options(Arc::clone(&network), sensor, options)
                 .expect("the network is exact"),
@@ -61,6 +73,14 @@ impl Watched {
     /// The stream as a batch takes it.
     pub fn stream(&self) -> Stream<'_> {
         Stream { now_us: self.now, ..Stream::new(&self.accepted) }
+    }
+
+    /// What a batch computes.
+    ///
+    /// # Errors
+    /// Why it does not.
+    pub fn trace(&self) -> Result<Trace, String> {
+        self.batch.forward(self.stream()).map_err(|e| e.to_string())
     }
 
     /// The prediction, after asserting that it equals the batch's bit for bit.
@@ -141,6 +161,18 @@ impl Watched {
     /// # Errors
     /// Where and what differs first.
     pub fn run(&mut self, script: &Script) -> Result<(), String> {
+        self.run_with(script, Self::compare)
+    }
+
+    /// Runs a script, with `check` in the place of the comparison.
+    ///
+    /// # Errors
+    /// Where and what it finds first.
+    pub fn run_with(
+        &mut self,
+        script: &Script,
+        mut check: impl FnMut(&mut Self) -> Result<(), String>,
+    ) -> Result<(), String> {
         let mut clock = script.origin_us;
         for (i, verb) in script.verbs.iter().enumerate() {
             let compare = match *verb {
@@ -172,10 +204,10 @@ impl Watched {
                 }
             };
             if compare {
-                self.compare().map_err(|e| format!("verb {i}: {e}"))?;
+                check(self).map_err(|e| format!("verb {i}: {e}"))?;
             }
         }
-        self.compare().map_err(|e| format!("at the end: {e}"))
+        check(self).map_err(|e| format!("at the end: {e}"))
     }
 }
 

@@ -2,9 +2,11 @@
 //! the project.
 
 pub mod compare;
+pub mod event_filters;
 pub mod event_frames;
 pub mod frame_networks;
 pub mod networks;
 pub mod random;
 pub mod shared;
+pub mod stored;
 pub mod streams;

@@ -67,7 +67,8 @@ pub(crate) struct BenchArgs {
     #[arg(
         long,
         value_name = "NAME|FILE.toml",
-        conflicts_with_all = ["svg", "period_us", "burst_rate"]
+        conflicts_with_all = ["svg", "period_us", "burst_rate", "tolerance", "activity_filter", "refractory",
+            "rate_limit", "stride", "stale_events", "stale_us"]
     )]
     pub(crate) compare: Option<String>,
     /// Weights of the frame network to compare with. Without it those shipped for it.
@@ -102,7 +103,7 @@ pub(crate) struct BenchArgs {
     /// "p999", "max"} in microseconds, null where nothing was measured. Beside what ran on what, the object has
     /// "events", "accepted", "dropped" and "predictions" of one pass, "passes", "clock_us" (overhead), "latency_us"
     /// {"push", "predict", "push_predict"}, "phases" {"idle", "burst": the same, with events and rows}, "skips" (as
-    /// `run`), "work" (rows and multiply-adds by layer), "stages" (shares add up to 1), "memory" and "deadline".
+    /// `run`), "approximations" (as `run`), "work" (rows and multiply-adds by layer), "stages" (shares add up to 1), "memory" and "deadline".
     ///
     /// Of a frame network: "frames", and for "skipping" and "everything" the latencies of a frame, the "layers" with
     /// pixels "computed", "skipped" and "absorbed", "multiply_adds" and "state_bytes". With --compare: "ways", which are

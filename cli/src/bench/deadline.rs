@@ -14,9 +14,9 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{Engine, Event};
+use meissner_engine::Event;
 
-use super::pass::Passes;
+use super::pass::{Front, Passes};
 use super::report::{DeadlineBin, DeadlineReport, Distribution, Sustained};
 use crate::args::Every;
 use crate::error::CliError;
@@ -62,15 +62,15 @@ struct Bin {
 impl Deadline {
     /// A new engine over `events`, in periods of `period_us`.
     pub(super) fn measure(passes: &mut Passes, events: &[Event], period_us: i64) -> Result<Self, CliError> {
-        let mut engine = passes.engine(false)?;
+        let mut front = passes.front(false)?;
         let mut schedule = Schedule::new(Every::StreamUs(period_us), passes.sensor, passes.late);
         let mut deadline = Self::new(period_us);
         let mut waiting = Vec::new();
         for &event in events {
             if let Some(t_us) = schedule.arrival_us(event) {
                 while let Some(end_us) = schedule.due_before(t_us) {
-                    deadline.period(&mut engine, &mut waiting, end_us)?;
-                    if engine.nodes() == 0 {
+                    deadline.period(&mut front, &mut waiting, end_us)?;
+                    if front.engine().nodes() == 0 {
                         schedule.skip_to(t_us);
                     }
                 }
@@ -79,7 +79,7 @@ impl Deadline {
             passes.count();
         }
         if let Last::At(end_us) = schedule.last() {
-            deadline.period(&mut engine, &mut waiting, end_us)?;
+            deadline.period(&mut front, &mut waiting, end_us)?;
         }
         Ok(deadline)
     }
@@ -97,15 +97,15 @@ impl Deadline {
         }
     }
 
-    fn period(&mut self, engine: &mut Engine, waiting: &mut Vec<Event>, end_us: i64) -> Result<(), CliError> {
-        let before = engine.counters().events;
+    fn period(&mut self, front: &mut Front, waiting: &mut Vec<Event>, end_us: i64) -> Result<(), CliError> {
+        let before = front.engine().counters().events;
         let start = Instant::now();
-        engine.push_slice(waiting);
-        engine.advance(end_us);
-        let prediction = engine.predict().map(drop);
+        front.push_slice(waiting);
+        front.readout.advance(end_us);
+        let prediction = front.readout.predict().map(drop);
         let work = start.elapsed();
         prediction?;
-        let after = engine.counters().events;
+        let after = front.engine().counters().events;
         let entered = after.accepted - before.accepted;
         let left = (after.expired + after.evicted) - (before.expired + before.evicted);
         self.record(entered.max(left), end_us, work);

@@ -90,14 +90,16 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let progress = Progress::new(Some(total), args.json);
     let network = Arc::new(model.network.clone());
     let every = args.every.unwrap_or(Every::Events(1));
-    let mut passes = Passes { network, sensor, late: input.late.into(), every, progress, taken: 0 };
+    let approximations = input.approximations.clone();
+    let mut passes =
+        Passes { network, sensor, late: input.late.into(), approximations, every, progress, taken: 0 };
 
     let clock_us = clock_us();
     passes.latency(&events[..warmup], &phases, false, &mut Measured::new())?;
     let mut measured = Measured::new();
-    let mut engine = passes.latency(&events, &phases, false, &mut measured)?;
+    let mut front = passes.latency(&events, &phases, false, &mut measured)?;
     for _ in 1..args.repeat {
-        engine = passes.latency(&events, &phases, false, &mut measured)?;
+        front = passes.latency(&events, &phases, false, &mut measured)?;
     }
     // Before the other passes, whose bookkeeping is not the engine's.
     let peak_resident_bytes = memory::peak_resident_bytes();
@@ -117,7 +119,20 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
         warmup_events: warmup as u64,
         clock_us,
         deadline: deadline.report(),
-        ..Report::measured(&model, &engine, &staged, &measured, &phases, args.repeat, peak_resident_bytes)
+        approximations: input.approximations.report(
+            &front.chain,
+            &front.engine().counters(),
+            front.readout.stale(),
+        ),
+        ..Report::measured(
+            &model,
+            &front,
+            staged.engine(),
+            &measured,
+            &phases,
+            args.repeat,
+            peak_resident_bytes,
+        )
     };
     if let Some(path) = &args.svg {
         output::write(path, plot::svg(&report, &measured))?;

@@ -7,20 +7,28 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{Engine, Event, LatePolicy, Network, Options, Outcome, Sensor};
+use meissner_engine::filters::{Chain, EventFilter};
+use meissner_engine::{Counters, Engine, Event, LatePolicy, Network, Options, Outcome, Sensor, StaleReadout};
 
 use super::phases::{Phase, Phases};
-use crate::args::Every;
+use crate::args::{ApproximationArgs, Every};
 use crate::error::CliError;
 use crate::latency::Latency;
 use crate::progress::Progress;
 use crate::schedule::{Last, Schedule};
+
+/// An engine with the filters in front of it and the readout behind it that were asked for.
+pub(super) struct Front {
+    pub(super) chain: Chain,
+    pub(super) readout: StaleReadout,
+}
 
 /// What all passes have in common.
 pub(super) struct Passes {
     pub(super) network: Arc<Network>,
     pub(super) sensor: Sensor,
     pub(super) late: LatePolicy,
+    pub(super) approximations: ApproximationArgs,
     pub(super) every: Every,
     pub(super) progress: Progress,
     /// Events taken so far, over all passes.
@@ -55,21 +63,54 @@ impl Latencies {
     /// Reads a prediction, at `due_us` where that is given; the number of events in its window.
     fn read(
         &mut self,
-        engine: &mut Engine,
+        front: &mut Front,
         due_us: Option<i64>,
         both: &mut Duration,
     ) -> Result<usize, CliError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
-            engine.advance(due_us);
+            front.readout.advance(due_us);
         }
-        let prediction = engine.predict();
+        let prediction = front.readout.predict();
         let spent = start.elapsed();
         let prediction = prediction?;
         self.predict.record(spent);
         self.rows += prediction.rows.iter().sum::<u64>();
         *both += spent;
         Ok(prediction.nodes)
+    }
+}
+
+impl Front {
+    /// Whether `event` passes the filters, and how long that took; no time where there are none.
+    fn admit(&mut self, event: Event) -> (bool, Duration) {
+        if self.chain.filters().is_empty() {
+            return (true, Duration::ZERO);
+        }
+        let start = Instant::now();
+        let passes = self.chain.admit(event);
+        (passes, start.elapsed())
+    }
+
+    /// Hands `events` to the engine, but for those that a filter drops.
+    pub(super) fn push_slice(&mut self, events: &[Event]) {
+        for &event in events {
+            if self.chain.admit(event) {
+                self.readout.push(event);
+            }
+        }
+    }
+
+    pub(super) fn engine(&self) -> &Engine {
+        self.readout.engine()
+    }
+
+    /// The engine's counters, with events that a filter dropped and predictions that stood among those that came.
+    pub(super) fn counters(&self) -> Counters {
+        let mut counters = self.engine().counters();
+        counters.events.pushed += self.chain.counters().dropped;
+        counters.predictions.read += self.readout.stale();
+        counters
     }
 }
 
@@ -87,9 +128,12 @@ impl Measured {
 
 impl Passes {
     /// A new engine.
-    pub(super) fn engine(&self, stage_times: bool) -> Result<Engine, CliError> {
-        let options = Options { late: self.late, stage_times, ..Options::default() };
-        Ok(Engine::with_options(Arc::clone(&self.network), self.sensor, options)?)
+    pub(super) fn front(&self, stage_times: bool) -> Result<Front, CliError> {
+        let tolerance = self.approximations.tolerance.unwrap_or(0.0);
+        let options = Options { late: self.late, stage_times, tolerance, ..Options::default() };
+        let engine = Engine::with_options(Arc::clone(&self.network), self.sensor, options)?;
+        let readout = StaleReadout::new(engine, self.approximations.staleness())?;
+        Ok(Front { chain: self.approximations.chain(self.sensor)?, readout })
     }
 
     /// The next event has been taken.
@@ -105,8 +149,8 @@ impl Passes {
         phases: &Phases,
         stage_times: bool,
         into: &mut Measured,
-    ) -> Result<Engine, CliError> {
-        let mut engine = self.engine(stage_times)?;
+    ) -> Result<Front, CliError> {
+        let mut front = self.front(stage_times)?;
         let mut schedule = Schedule::new(self.every, self.sensor, self.late);
         for (index, &event) in events.iter().enumerate() {
             let latencies = match phases.of(index) {
@@ -114,30 +158,33 @@ impl Passes {
                 Phase::Burst => &mut into.burst,
             };
             let mut both = Duration::ZERO;
-            if let Some(t_us) = schedule.arrival_us(event) {
+            let (passes, filtering) = front.admit(event);
+            // What a filter drops moves no time on.
+            let arrival_us = if passes { schedule.arrival_us(event) } else { None };
+            if let Some(t_us) = arrival_us {
                 while let Some(due_us) = schedule.due_before(t_us) {
-                    if latencies.read(&mut engine, Some(due_us), &mut both)? == 0 {
+                    if latencies.read(&mut front, Some(due_us), &mut both)? == 0 {
                         schedule.skip_to(t_us);
                     }
                 }
             }
             let start = Instant::now();
-            let outcome = engine.push(event);
-            let spent = start.elapsed();
+            let accepted = passes && front.readout.push(event) == Outcome::Accepted;
+            let spent = filtering + start.elapsed();
             latencies.push.record(spent);
             both += spent;
-            if outcome == Outcome::Accepted && schedule.is_due_after_event() {
-                latencies.read(&mut engine, None, &mut both)?;
+            if accepted && schedule.is_due_after_event() {
+                latencies.read(&mut front, None, &mut both)?;
             }
             if index + 1 == events.len()
                 && let Last::At(due_us) = schedule.last()
             {
-                latencies.read(&mut engine, Some(due_us), &mut both)?;
+                latencies.read(&mut front, Some(due_us), &mut both)?;
             }
             latencies.push_predict.record(both);
-            into.nodes_max = into.nodes_max.max(engine.nodes());
+            into.nodes_max = into.nodes_max.max(front.engine().nodes());
             self.count();
         }
-        Ok(engine)
+        Ok(front)
     }
 }

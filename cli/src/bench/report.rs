@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use meissner_engine::{Engine, Stage};
 use serde::Serialize;
 
-use super::pass::{Latencies, Measured};
+use super::pass::{Front, Latencies, Measured};
 use super::phases::{Phase, Phases, WINDOW_US};
 use super::sum;
+use crate::approximations::Approximations;
 use crate::latency::{Latency, Quantiles, microseconds};
 use crate::model::Model;
 use crate::skips::{Skips, dropped};
@@ -40,6 +41,9 @@ pub(super) struct Report {
     pub(super) events_per_s: Option<f64>,
     pub(super) phases: PhasesReport,
     pub(super) skips: Skips,
+    /// What was approximated, in one pass; none where everything was exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) approximations: Option<Approximations>,
     pub(super) work: Work,
     /// Where the time of a separate pass went; empty where no time was spent.
     pub(super) stages: Vec<StageReport>,
@@ -166,14 +170,14 @@ impl Report {
     /// What the passes measured; the rest is left for the caller to fill in.
     pub(super) fn measured(
         model: &Model,
-        engine: &Engine,
+        front: &Front,
         staged: &Engine,
         measured: &Measured,
         phases: &Phases,
         passes: u32,
         peak_resident_bytes: Option<u64>,
     ) -> Self {
-        let counters = engine.counters();
+        let (engine, counters) = (front.engine(), front.counters());
         let layers = model.network.layers();
         let [push, predict, push_predict] = whole(measured);
         let seconds = push_predict.total().as_secs_f64();

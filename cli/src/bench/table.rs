@@ -30,6 +30,9 @@ fn counts(out: &mut impl Write, report: &Report) -> io::Result<()> {
         "predictions  {predictions}, windows of at most {} events",
         grouped(report.nodes_max as u64)
     )?;
+    if let Some(approximations) = &report.approximations {
+        approximations.write(out)?;
+    }
     let passes = if report.passes == 1 { "pass" } else { "passes" };
     writeln!(
         out,

@@ -8,6 +8,7 @@ use meissner_engine::frames::Convolution;
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
 
+use crate::approximations::number;
 use crate::args::{Every, Input, Mode, STATUS};
 
 /// At the end of the long help.
@@ -53,7 +54,8 @@ pub(crate) struct RunArgs {
     /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
     /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
     /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
-    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}}}.
+    /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}, "approximations": {those that
+    /// were asked for, "filters": [{"name", "passed", "dropped"}]} (missing where none was)}}.
     ///
     /// Frame networks, a prediction over events: {"t_us": end of the newest frame's window, "value", "frames": frames
     /// that the state has seen, "events": events in the newest frame, "update_us": microseconds spent since the last
@@ -84,11 +86,8 @@ pub(crate) struct RunArgs {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Frame networks")]
 pub(crate) struct FrameArgs {
-    /// Let a pixel that moved by no more than this in any channel keep its values: an approximation. Without it what
-    /// no change reaches is kept, with the same bits as if it had been computed.
-    #[arg(long, value_name = "X", value_parser = number)]
-    pub(crate) tolerance: Option<f32>,
-    /// Compute everything, at every frame.
+    /// Compute everything, at every frame. Without it what no change reaches is kept, with the same bits as if it had
+    /// been computed.
     #[arg(long, conflicts_with = "tolerance")]
     pub(crate) no_skip: bool,
     /// How 3 x 3 convolutions of many channels are computed; Winograd's ways round otherwise: an approximation
@@ -169,12 +168,6 @@ impl From<Way> for Convolution {
             Way::Winograd4 => Self::Winograd(WinogradTile::Four),
         }
     }
-}
-
-/// Reads a finite number of at least 0.
-fn number(text: &str) -> Result<f32, String> {
-    let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
-    number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
 }
 
 /// Reads a number from 0 to 1.

@@ -4,18 +4,18 @@ use std::sync::Arc;
 
 use meissner_engine::{
     Admission, Batch, Counters, Engine, EngineError, Event, LatePolicy, LayerCounters, Network, Options,
-    Outcome, Prediction, Sensor, Stream,
+    Outcome, Prediction, Sensor, StaleReadout, Stream,
 };
 
-use crate::args::Mode;
+use crate::args::{ApproximationArgs, Mode};
 
 /// Forgotten events that are kept before the list is moved up.
 const MOST_FORGOTTEN: usize = 1 << 14;
 
 /// Takes events and predicts.
 pub(crate) enum Machine {
-    /// What an event changes.
-    Incremental(Box<Engine>),
+    /// What an event changes, behind a readout that may be stale.
+    Incremental(Box<StaleReadout>),
     /// Every row, at every prediction.
     Batch(Box<FromScratch>),
 }
@@ -26,11 +26,14 @@ impl Machine {
         network: Arc<Network>,
         sensor: Sensor,
         late: LatePolicy,
+        approximations: &ApproximationArgs,
     ) -> Result<Self, EngineError> {
         Ok(match mode {
             Mode::Incremental => {
-                let options = Options { late, ..Options::default() };
-                Self::Incremental(Box::new(Engine::with_options(network, sensor, options)?))
+                let tolerance = approximations.tolerance.unwrap_or(0.0);
+                let options = Options { late, tolerance, ..Options::default() };
+                let engine = Engine::with_options(network, sensor, options)?;
+                Self::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
             }
             Mode::Batch => Self::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
         })
@@ -60,14 +63,23 @@ impl Machine {
     /// Events in the window.
     pub(crate) fn nodes(&self) -> usize {
         match self {
-            Self::Incremental(engine) => engine.nodes(),
+            Self::Incremental(readout) => readout.engine().nodes(),
             Self::Batch(batch) => batch.nodes(),
         }
     }
 
+    /// Predictions that stood and were not computed.
+    pub(crate) fn stale(&self) -> u64 {
+        match self {
+            Self::Incremental(readout) => readout.stale(),
+            Self::Batch(_) => 0,
+        }
+    }
+
+    /// Counts of what the engine did; predictions that stood are not among them.
     pub(crate) fn counters(&self) -> Counters {
         match self {
-            Self::Incremental(engine) => engine.counters(),
+            Self::Incremental(readout) => readout.engine().counters(),
             Self::Batch(batch) => batch.counters(),
         }
     }

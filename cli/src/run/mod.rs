@@ -17,10 +17,11 @@ use std::io::{BufWriter, stdout};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{Event, Outcome};
 use meissner_models::AnyDescription;
 
-use crate::args::{Every, Mode};
+use crate::args::{ApproximationArgs, Every, Mode};
 use crate::error::CliError;
 use crate::header::header;
 use crate::latency::Latency;
@@ -46,11 +47,13 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         return frames::run(args, description, shipped);
     }
     Kind::EventGraph.check(args)?;
+    check_mode(args)?;
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
     let sensor = source.sensor(input.sensor)?;
-    let machine = Machine::new(args.mode, Arc::clone(&network), sensor, input.late.into())?;
+    let machine =
+        Machine::new(args.mode, Arc::clone(&network), sensor, input.late.into(), &input.approximations)?;
 
     let limit = input.limit.unwrap_or(u64::MAX);
     let total = source.remaining().map(|remaining| remaining.min(limit));
@@ -69,6 +72,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     };
     let mut runner = Runner {
         schedule: Schedule::new(args.every.unwrap_or(EVERY), sensor, input.late.into()),
+        chain: input.approximations.chain(sensor)?,
         machine,
         report: &mut *report,
         push: Latency::new(),
@@ -82,14 +86,34 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         runner.take(event?)?;
         progress.set(runner.taken);
     }
-    let summary = runner.end(&network.layers())?;
+    let summary = runner.end(&network.layers(), &input.approximations)?;
     progress.finish();
     Ok(report.summary(&summary)?)
+}
+
+/// Refuses approximations of what is kept from one prediction to the next where nothing is.
+fn check_mode(args: &RunArgs) -> Result<(), CliError> {
+    let approximations = &args.input.approximations;
+    let given = [
+        ("--tolerance", approximations.tolerance.is_some()),
+        ("--stale-events", approximations.stale_events.is_some()),
+        ("--stale-us", approximations.stale_us.is_some()),
+    ];
+    match given.into_iter().find(|(_, given)| *given && args.mode == Mode::Batch) {
+        None => Ok(()),
+        Some((option, _)) => Err(CliError::Option {
+            option,
+            expected: "--mode incremental with it, since it says what may be kept".to_owned(),
+            found: "--mode batch, which computes every row at every prediction".to_owned(),
+        }),
+    }
 }
 
 /// Takes events one after the other and reads predictions when they are due.
 struct Runner<'a> {
     schedule: Schedule,
+    /// Stands before schedule and machine: what it drops moves no time on.
+    chain: Chain,
     machine: Machine,
     report: &'a mut dyn Report,
     push: Latency,
@@ -104,6 +128,16 @@ struct Runner<'a> {
 
 impl Runner<'_> {
     fn take(&mut self, event: Event) -> Result<(), CliError> {
+        let mut filtering = Duration::ZERO;
+        if !self.chain.filters().is_empty() {
+            let start = Instant::now();
+            let passes = self.chain.admit(event);
+            filtering = start.elapsed();
+            if !passes {
+                self.pushed(filtering);
+                return Ok(());
+            }
+        }
         if let Some(t_us) = self.schedule.arrival_us(event) {
             while let Some(due_us) = self.schedule.due_before(t_us) {
                 if self.read(Some(due_us))? == 0 {
@@ -113,10 +147,7 @@ impl Runner<'_> {
         }
         let start = Instant::now();
         let outcome = self.machine.push(event);
-        let spent = start.elapsed();
-        self.push.record(spent);
-        self.update += spent;
-        self.taken += 1;
+        self.pushed(filtering + start.elapsed());
         self.nodes_max = self.nodes_max.max(self.machine.nodes());
         if outcome == Outcome::Accepted {
             self.epoch_us = self.epoch_us.or(Some(event.t_us));
@@ -125,6 +156,13 @@ impl Runner<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Notes that an event was taken.
+    fn pushed(&mut self, spent: Duration) {
+        self.push.record(spent);
+        self.update += spent;
+        self.taken += 1;
     }
 
     /// Reads a prediction, at `due_us` where that is given; the number of events in its window.
@@ -150,13 +188,18 @@ impl Runner<'_> {
     }
 
     /// Reads what is due at the end, and sums up.
-    fn end(mut self, layers: &[&str]) -> Result<Summary, CliError> {
+    fn end(mut self, layers: &[&str], approximations: &ApproximationArgs) -> Result<Summary, CliError> {
         match self.schedule.last() {
             Last::Nothing => {}
             Last::Now => drop(self.read(None)?),
             Last::At(due_us) => drop(self.read(Some(due_us))?),
         }
-        let counters = self.machine.counters();
-        Ok(Summary::new(&counters, layers, self.nodes_max, &self.push, &self.predict))
+        let (mut counters, stale) = (self.machine.counters(), self.machine.stale());
+        counters.events.pushed += self.chain.counters().dropped;
+        counters.predictions.read += stale;
+        Ok(Summary {
+            approximations: approximations.report(&self.chain, &counters, stale),
+            ..Summary::new(&counters, layers, self.nodes_max, &self.push, &self.predict)
+        })
     }
 }

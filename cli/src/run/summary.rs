@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use meissner_engine::Counters;
 use serde::Serialize;
 
+use crate::approximations::Approximations;
 use crate::latency::{Latency, Quantiles};
 use crate::skips::{Skips, dropped};
 
@@ -29,6 +30,9 @@ pub(crate) struct Summary {
     pub(crate) events_per_s: Option<f64>,
     /// What was done and what was not needed.
     pub(crate) skips: Skips,
+    /// What was approximated; none where everything was exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) approximations: Option<Approximations>,
 }
 
 impl Summary {
@@ -51,6 +55,7 @@ impl Summary {
             predict_us: predict.quantiles(),
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             skips: Skips::new(counters, layers),
+            approximations: None,
         }
     }
 }

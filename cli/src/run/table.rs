@@ -77,7 +77,8 @@ fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
         grouped(events_expired),
         grouped(events_evicted)
     )?;
-    writeln!(out, "predictions  {}", grouped(summary.predictions))
+    writeln!(out, "predictions  {}", grouped(summary.predictions))?;
+    summary.approximations.as_ref().map_or(Ok(()), |approximations| approximations.write(out))
 }
 
 fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {

@@ -64,13 +64,37 @@ pub(crate) fn predicted(engine: &mut FrameEngine) -> Vec<u32> {
 
 #[test]
 fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
-    let event_graph =
-        ["--tolerance=0", "--no-skip", "--convolution=direct", "--threads=1", "--overlay=o", "--hold=3"];
-    let event_frames =
-        ["--mode=batch", "--span-us=5", "--capacity=5", "--overlay=o", "--reference=r.png", "--sampling=2"];
-    let electrodes =
-        ["--mode=batch", "--span-us=5", "--every=end", "--late=clamp", "--sensor=3x3", "--longest-silence=4"];
-    let pictures = ["--mode=batch", "--capacity=5", "--every=event", "--sensor=3x3", "--least-probability=1"];
+    let event_graph = ["--no-skip", "--convolution=direct", "--threads=1", "--overlay=o", "--hold=3"];
+    let event_frames = [
+        "--mode=batch",
+        "--span-us=5",
+        "--capacity=5",
+        "--overlay=o",
+        "--reference=r.png",
+        "--sampling=2",
+        "--neighbours=3",
+        "--activity-filter=5",
+        "--stale-us=5",
+    ];
+    let electrodes = [
+        "--mode=batch",
+        "--span-us=5",
+        "--every=end",
+        "--late=clamp",
+        "--sensor=3x3",
+        "--longest-silence=4",
+        "--rate-limit=9",
+        "--weights-precision=int8",
+    ];
+    let pictures = [
+        "--mode=batch",
+        "--capacity=5",
+        "--every=event",
+        "--sensor=3x3",
+        "--least-probability=1",
+        "--positions=centre",
+        "--stride=2",
+    ];
     for (network, options) in [
         ("graphres", &event_graph[..]),
         ("force-lstm", &event_frames),

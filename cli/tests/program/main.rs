@@ -1,6 +1,7 @@
 //! The program as its users run it: arguments and files in, lines and exit statuses out.
 #![forbid(unsafe_code)]
 
+mod approximations;
 mod bench;
 mod bench_frames;
 mod default_recording;

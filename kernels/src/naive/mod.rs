@@ -125,3 +125,20 @@ pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activatio
     };
     weight.iter().zip(bias).map(output).collect()
 }
+
+/// What [`replace_rows_beyond`](crate::replace_rows_beyond) stores for one row: `new`, or nothing where it is within
+/// `tolerance` of `old`.
+pub fn replaced_beyond(tolerance: f32, new: &[f32], old: &[f32]) -> bool {
+    let near = |(new, old): (&f32, &f32)| new.to_bits() == old.to_bits() || (new - old).abs() <= tolerance;
+    !new.iter().zip(old).all(near)
+}
+
+/// A weight as bf16, by comparing it with the two bf16 around it.
+pub fn bf16(value: f32) -> f32 {
+    let below = value.to_bits() & 0xffff_0000;
+    let candidates = [below, below + 0x1_0000].map(f32::from_bits);
+    let [near, far] = candidates.map(|candidate| (f64::from(candidate) - f64::from(value)).abs());
+    // Of two that are equally near, the one whose last bit is zero.
+    let first = if near == far { below & 0x1_0000 == 0 } else { near < far };
+    candidates[usize::from(!first)]
+}

@@ -109,7 +109,9 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 
 /// Options that are of networks over events alone.
 fn check(args: &BenchArgs) -> Result<(), CliError> {
+    let approximations = &args.input.approximations;
     let given = [
+        ("--tolerance", approximations.tolerance.is_some()),
         ("--span-us", args.input.span_us.is_some()),
         ("--capacity", args.input.capacity.is_some()),
         ("--burst-rate", args.burst_rate.is_some()),
@@ -117,7 +119,7 @@ fn check(args: &BenchArgs) -> Result<(), CliError> {
         ("--svg", args.svg.is_some()),
         ("--compare", args.compare.is_some()),
     ];
-    given.into_iter().find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
+    given.into_iter().chain(approximations.given()).find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
         Err(CliError::Option {
             option,
             expected: "a network over events with it".to_owned(),

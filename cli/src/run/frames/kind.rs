@@ -46,14 +46,13 @@ impl Kind {
         let (input, frames, electrodes) = (&args.input, &args.frames, &args.electrodes);
         let all_frames: &[Self] = &[EventFrames, Electrodes, Pictures];
         let events: &[Self] = &[EventGraph, EventFrames];
-        let options: [(&str, bool, &[Self]); 17] = [
+        let options: [(&str, bool, &[Self]); 16] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--late clamp", input.late == Late::Clamp, events),
             ("--every", args.every.is_some(), events),
             ("--span-us", input.span_us.is_some(), &[EventGraph]),
             ("--capacity", input.capacity.is_some(), &[EventGraph]),
             ("--mode batch", args.mode == Mode::Batch, &[EventGraph]),
-            ("--tolerance", frames.tolerance.is_some(), all_frames),
             ("--no-skip", frames.no_skip, all_frames),
             ("--convolution", frames.convolution.is_some(), all_frames),
             ("--threads", frames.threads.is_some(), all_frames),
@@ -65,7 +64,10 @@ impl Kind {
             ("--hold", electrodes.hold.is_some(), &[Electrodes]),
             ("--least-probability", electrodes.least_probability.is_some(), &[Electrodes]),
         ];
-        let misfit = options.into_iter().find(|(_, given, kinds)| *given && !kinds.contains(&self));
+        let of_graphs =
+            input.approximations.given().map(|(option, given)| (option, given, &[EventGraph][..]));
+        let misfit =
+            options.into_iter().chain(of_graphs).find(|(_, given, kinds)| *given && !kinds.contains(&self));
         misfit.map_or(Ok(()), |(option, _, kinds)| {
             let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
             Err(CliError::Misfit { option, fits, network: input.network.clone(), kind: self.name() })

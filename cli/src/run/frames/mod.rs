@@ -41,7 +41,7 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
     kind.check(args)?;
     let model = FrameModel::load(args, description, shipped)?;
     let options = FrameOptions {
-        skip: match args.frames.tolerance {
+        skip: match args.input.approximations.tolerance {
             Some(tolerance) => Skip::Tolerance(tolerance),
             None if args.frames.no_skip => Skip::Nothing,
             None => Skip::Exact,

@@ -1,0 +1,247 @@
+//! Approximations that are asked for: which there are, where each takes effect, and what the reports say of them.
+//!
+//! Filters stand in front of the engine; neighbours, positions and precision change the network before it runs; a
+//! tolerance is the engine's; a stale readout stands behind it. Without any, everything is exact and reports say nothing.
+
+use std::io::{self, Write};
+
+use clap::ValueEnum;
+use meissner_engine::filters::{
+    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
+};
+use meissner_engine::{Counters, EngineError, Network, Position, Sensor, Staleness};
+use meissner_kernels::Precision;
+use serde::Serialize;
+
+use crate::args::span_us;
+use crate::error::CliError;
+use crate::text::grouped;
+
+/// What makes results cheaper and less exact.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Approximations")]
+pub(crate) struct ApproximationArgs {
+    /// Let a row, or a pixel of a frame network, that moved by no more than this in any channel keep its values. Without
+    /// it every change counts, and results are exact.
+    ///
+    /// Networks over events: a row of a spline block that has just entered is always stored, and pooled maxima and the
+    /// readout are exact over stored rows, so that no error grows with time. Rows that are computed once on arrival (the
+    /// event level of tactigraph-frozen and tactigraph-past) are exact.
+    #[arg(long, value_name = "X", value_parser = number)]
+    pub(crate) tolerance: Option<f32>,
+    /// Let a node of the event graph read its first K neighbours alone.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..))]
+    pub(crate) neighbours: Option<u8>,
+    /// Where pooled nodes lie, in place of what the description says. At their cells' centres they never move.
+    #[arg(long, value_enum, value_name = "mean|centre")]
+    pub(crate) positions: Option<Place>,
+    /// Round weights to this precision, with a step for each output channel; arithmetic stays in f32. Shows the error of
+    /// a precision, not its speed.
+    #[arg(long, value_enum, value_name = "bf16|int8")]
+    pub(crate) weights_precision: Option<Rounding>,
+    /// Drop events without another one in the 8 pixels around them in the US microseconds before: noise. The
+    /// contact-angle paper uses 1250.
+    ///
+    /// Of the filters this one comes first, then --refractory, --rate-limit and --stride. They see events before it is
+    /// known whether these are late or outside the sensor.
+    #[arg(long, value_name = "US", value_parser = span_us())]
+    pub(crate) activity_filter: Option<i64>,
+    /// Drop events of a pixel less than US microseconds away from its last one that was not dropped.
+    #[arg(long, value_name = "US", value_parser = span_us())]
+    pub(crate) refractory: Option<i64>,
+    /// Thin events evenly where they come faster; bursts of up to 1 ms at that rate pass.
+    #[arg(long, value_name = "EVENTS_PER_S", value_parser = clap::value_parser!(u64).range(1..=RateLimit::HIGHEST))]
+    pub(crate) rate_limit: Option<u64>,
+    /// Keep every Nth event.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) stride: Option<u32>,
+    /// Compute a prediction again only after N accepted events; until then the last one stands, with its time.
+    ///
+    /// With --stale-us, too, it is computed as soon as either says so.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
+    pub(crate) stale_events: Option<u64>,
+    /// Compute a prediction again only after US microseconds of stream time; until then the last one stands.
+    #[arg(long, value_name = "US", value_parser = span_us())]
+    pub(crate) stale_us: Option<i64>,
+}
+
+/// Where pooled nodes lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Place {
+    /// The mean of their members' positions.
+    Mean,
+    /// The centre of their cell.
+    Centre,
+}
+
+/// What weights are rounded to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Rounding {
+    /// 8 bits of exponent, 7 of fraction.
+    Bf16,
+    /// Multiples of a step for each output channel, 127 each way.
+    Int8,
+}
+
+impl ApproximationArgs {
+    /// The options that only networks over events know, and whether each was given.
+    pub(crate) fn given(&self) -> [(&'static str, bool); 9] {
+        [
+            ("--neighbours", self.neighbours.is_some()),
+            ("--positions", self.positions.is_some()),
+            ("--weights-precision", self.weights_precision.is_some()),
+            ("--activity-filter", self.activity_filter.is_some()),
+            ("--refractory", self.refractory.is_some()),
+            ("--rate-limit", self.rate_limit.is_some()),
+            ("--stride", self.stride.is_some()),
+            ("--stale-events", self.stale_events.is_some()),
+            ("--stale-us", self.stale_us.is_some()),
+        ]
+    }
+
+    /// `network` as it is to run.
+    pub(crate) fn adapt(&self, mut network: Network) -> Result<Network, CliError> {
+        if let Some(neighbours) = self.neighbours {
+            network = network.with_neighbours(neighbours.into()).map_err(|error| match error {
+                EngineError::Option { expected, found, .. } => {
+                    CliError::Option { option: "--neighbours", expected, found }
+                }
+                error => error.into(),
+            })?;
+        }
+        if let Some(place) = self.positions {
+            network = network.with_positions(match place {
+                Place::Mean => Position::Mean,
+                Place::Centre => Position::Centre,
+            })?;
+        }
+        if let Some(rounding) = self.weights_precision {
+            network = network.with_weights_rounded(match rounding {
+                Rounding::Bf16 => Precision::Bf16,
+                Rounding::Int8 => Precision::Int8,
+            })?;
+        }
+        Ok(network)
+    }
+
+    /// The filters in front of the engine.
+    pub(crate) fn chain(&self, sensor: Sensor) -> Result<Chain, EngineError> {
+        let mut filters = Vec::new();
+        if let Some(us) = self.activity_filter {
+            filters.push(Filter::BackgroundActivity(BackgroundActivity::new(sensor, us)?));
+        }
+        if let Some(us) = self.refractory {
+            filters.push(Filter::Refractory(Refractory::new(sensor, us)?));
+        }
+        if let Some(rate) = self.rate_limit {
+            filters.push(Filter::RateLimit(RateLimit::new(rate)?));
+        }
+        if let Some(n) = self.stride {
+            filters.push(Filter::Stride(Stride::new(n)?));
+        }
+        Ok(Chain::new(filters))
+    }
+
+    /// How old a prediction may be.
+    pub(crate) fn staleness(&self) -> Staleness {
+        Staleness { events: self.stale_events, us: self.stale_us }
+    }
+
+    /// What the reports say, where any was asked for.
+    pub(crate) fn report(&self, chain: &Chain, counters: &Counters, stale: u64) -> Option<Approximations> {
+        let given = self.tolerance.is_some() || self.given().iter().any(|(_, given)| *given);
+        let of_filter = |filter: &Filter| {
+            let FilterCounters { passed, dropped } = filter.counters();
+            Filtered { name: filter.name(), passed, dropped }
+        };
+        let within = || counters.layers.iter().map(|layer| layer.within_tolerance).sum();
+        given.then(|| Approximations {
+            filters: chain.filters().iter().map(of_filter).collect(),
+            neighbours: self.neighbours,
+            positions: self.positions,
+            weights_precision: self.weights_precision,
+            tolerance: self.tolerance,
+            rows_within_tolerance: self.tolerance.map(|_| within()),
+            stale_events: self.stale_events,
+            stale_us: self.stale_us,
+            stale_predictions: (self.staleness() != Staleness::default()).then_some(stale),
+        })
+    }
+}
+
+/// The approximations that ran. What was not asked for is missing.
+#[derive(Debug, Serialize)]
+pub(crate) struct Approximations {
+    /// In the order in which events came to them.
+    filters: Vec<Filtered>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    neighbours: Option<u8>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    positions: Option<Place>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    weights_precision: Option<Rounding>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tolerance: Option<f32>,
+    /// Recomputed rows that kept what they had.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rows_within_tolerance: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stale_events: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stale_us: Option<i64>,
+    /// Predictions that stood, and were not computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stale_predictions: Option<u64>,
+}
+
+/// What a filter did.
+#[derive(Debug, Serialize)]
+struct Filtered {
+    name: &'static str,
+    passed: u64,
+    dropped: u64,
+}
+
+impl Approximations {
+    /// Writes a line for each.
+    pub(crate) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let mut lines = Vec::new();
+        for Filtered { name, passed, dropped } in &self.filters {
+            let all = passed + dropped;
+            let (name, dropped, all) = (name.replace('_', " "), grouped(*dropped), grouped(all));
+            lines.push(format!("{name} dropped {dropped} of {all} events"));
+        }
+        if let Some(neighbours) = self.neighbours {
+            lines.push(format!("at most {neighbours} neighbours an event"));
+        }
+        if let Some(place) = self.positions {
+            let place = match place {
+                Place::Mean => "mean of their members",
+                Place::Centre => "centre of their cell",
+            };
+            lines.push(format!("pooled nodes at the {place}"));
+        }
+        if let Some(rounding) = self.weights_precision {
+            let name = match rounding {
+                Rounding::Bf16 => Precision::Bf16.name(),
+                Rounding::Int8 => Precision::Int8.name(),
+            };
+            lines.push(format!("weights rounded to {name}"));
+        }
+        if let Some((tolerance, rows)) = self.tolerance.zip(self.rows_within_tolerance) {
+            lines.push(format!("{} recomputed rows within {tolerance} kept their values", grouped(rows)));
+        }
+        if let Some(stale) = self.stale_predictions {
+            lines.push(format!("{} predictions stood and were not computed", grouped(stale)));
+        }
+        lines.iter().try_for_each(|line| writeln!(out, "approximate  {line}"))
+    }
+}
+
+/// Reads a finite number of at least 0.
+pub(crate) fn number(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
+    number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
+}

@@ -1,0 +1,136 @@
+//! A readout that may be stale: a prediction stands until it is too old.
+//!
+//! Enters: what an engine takes. Leaves: the prediction that was computed last, or a new one where events have entered or
+//! time has passed up to a bound since. Invariant: what is returned has the bits of the engine's prediction at the time it
+//! was computed, and [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the graph as ever;
+//! what they change meets in one wave when a prediction is computed.
+
+use crate::network::in_range;
+use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
+
+/// How old a prediction may be: it stands while it is younger than each bound that is given. Without any, every
+/// prediction is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Staleness {
+    /// Accepted events since it was computed, from which on it is computed again; at least 1.
+    pub events: Option<u64>,
+    /// Microseconds of stream time, by events and by `advance`, from which on it is computed again; at least 1.
+    pub us: Option<i64>,
+}
+
+/// An engine whose predictions may be stale.
+#[derive(Clone, Debug)]
+pub struct StaleReadout {
+    engine: Engine,
+    bound: Staleness,
+    /// Accepted events since the last computed prediction.
+    accepted: u64,
+    /// The engine's time at the last computed prediction; `None` where there is none since the last reset.
+    computed: Option<Computed>,
+    values: Vec<f32>,
+    rows: Vec<u64>,
+    stale: u64,
+}
+
+/// When a prediction was computed.
+#[derive(Clone, Copy, Debug)]
+struct Computed {
+    now_us: Option<i64>,
+    t_us: Option<i64>,
+    nodes: usize,
+}
+
+impl StaleReadout {
+    /// Puts `engine` behind a readout of that age.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] for a bound below 1, or longer than the longest span.
+    pub fn new(engine: Engine, bound: Staleness) -> Result<Self, EngineError> {
+        if let Some(events) = bound.events {
+            in_range("stale events", i64::try_from(events).unwrap_or(i64::MAX), 1, i64::MAX)?;
+        }
+        if let Some(us) = bound.us {
+            in_range("stale microseconds", us, 1, Network::LONGEST_SPAN_US)?;
+        }
+        Ok(Self { engine, bound, accepted: 0, computed: None, values: vec![], rows: vec![], stale: 0 })
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    /// The engine, without this readout.
+    pub fn into_engine(self) -> Engine {
+        self.engine
+    }
+
+    /// Predictions that were returned as they were.
+    pub fn stale(&self) -> u64 {
+        self.stale
+    }
+
+    /// As [`Engine::push`].
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let outcome = self.engine.push(event);
+        self.accepted += u64::from(outcome == Outcome::Accepted);
+        outcome
+    }
+
+    /// As [`Engine::push_slice`].
+    pub fn push_slice(&mut self, events: &[Event]) -> usize {
+        let accepted = self.engine.push_slice(events);
+        self.accepted += accepted as u64;
+        accepted
+    }
+
+    /// As [`Engine::advance`].
+    pub fn advance(&mut self, t_us: i64) {
+        self.engine.advance(t_us);
+    }
+
+    /// As [`Engine::reset`]; the prediction that stood is forgotten.
+    pub fn reset(&mut self) {
+        self.engine.reset();
+        self.computed = None;
+    }
+
+    /// The last computed prediction while it is younger than every bound, else a new one. `nodes` and `t_us` are those
+    /// of the time at which it was computed; `rows` counts what was computed for it, and is 0 where it stood.
+    ///
+    /// # Errors
+    /// As [`Engine::predict`]; the next call computes again.
+    pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        let computed = match self.computed.filter(|computed| self.stands(computed)) {
+            Some(computed) => {
+                self.rows.fill(0);
+                self.stale += 1;
+                computed
+            }
+            None => self.compute()?,
+        };
+        let Computed { t_us, nodes, .. } = computed;
+        Ok(Prediction { values: &self.values, t_us, nodes, rows: &self.rows })
+    }
+
+    fn stands(&self, computed: &Computed) -> bool {
+        // The clock may have begun since.
+        let age = computed.now_us.zip(self.engine.now_us()).map(|(then, now)| now.abs_diff(then));
+        let young = |us: i64| age.is_some_and(|age| age < us.unsigned_abs());
+        self.bound != Staleness::default()
+            && self.bound.events.is_none_or(|events| self.accepted < events)
+            && self.bound.us.is_none_or(young)
+    }
+
+    fn compute(&mut self) -> Result<Computed, EngineError> {
+        self.computed = None;
+        let now_us = self.engine.now_us();
+        let Prediction { values, t_us, nodes, rows } = self.engine.predict()?;
+        self.values.clear();
+        self.values.extend_from_slice(values);
+        self.rows.clear();
+        self.rows.extend_from_slice(rows);
+        self.accepted = 0;
+        Ok(*self.computed.insert(Computed { now_us, t_us, nodes }))
+    }
+}

@@ -1,0 +1,226 @@
+//! Approximations that are asked for: adapted networks, whose engine equals their batch, and a stale readout, which returns
+//! what was exact when it was computed.
+
+use meissner_engine::{
+    Candidates, Engine, EngineError, Event, Network, Outcome, Position, Search, Sensor, StaleReadout,
+    Staleness,
+};
+use meissner_kernels::Precision;
+use meissner_models::{Description, Weights};
+use meissner_tests::compare::{Watched, bits};
+use meissner_tests::networks;
+use meissner_tests::streams::{self, Verb};
+use proptest::prelude::*;
+
+/// Some of the ways in which a network may be adapted.
+#[derive(Clone, Debug)]
+struct Adaptation {
+    neighbours: Option<usize>,
+    position: Option<Position>,
+    capacity: Option<usize>,
+    span_us: Option<i64>,
+    precision: Option<Precision>,
+}
+
+impl Adaptation {
+    fn of(&self, network: Network) -> Network {
+        const ADMISSIBLE: &str = "the adaptation is admissible";
+        let most = network.parts().graph.reach.most();
+        let mut network = network;
+        if let Some(neighbours) = self.neighbours {
+            network = network.with_neighbours(1 + neighbours % most).expect(ADMISSIBLE);
+            assert_eq!(network.parts().graph.reach.most(), 1 + neighbours % most);
+        }
+        if let Some(position) = self.position {
+            network = network.with_positions(position).expect(ADMISSIBLE);
+            assert!(network.parts().pooled.iter().all(|(pooling, _)| pooling.position == position));
+        }
+        if let Some(capacity) = self.capacity {
+            network = network.with_capacity(capacity).expect(ADMISSIBLE);
+        }
+        if let Some(span_us) = self.span_us {
+            network = network.with_span_us(span_us).expect(ADMISSIBLE);
+        }
+        if let Some(precision) = self.precision {
+            network = network.with_weights_rounded(precision).expect(ADMISSIBLE);
+        }
+        network
+    }
+}
+
+fn adaptation() -> impl Strategy<Value = Adaptation> {
+    (
+        proptest::option::of(0usize..24),
+        proptest::option::of(prop_oneof![Just(Position::Mean), Just(Position::Centre)]),
+        proptest::option::of(1usize..40),
+        proptest::option::of(50i64..2_000),
+        proptest::option::of(prop_oneof![Just(Precision::Bf16), Just(Precision::Int8)]),
+    )
+        .prop_map(|(neighbours, position, capacity, span_us, precision)| Adaptation {
+            neighbours,
+            position,
+            capacity,
+            span_us,
+            precision,
+        })
+}
+
+fn staleness() -> impl Strategy<Value = Staleness> {
+    (proptest::option::of(1u64..20), proptest::option::of(1i64..300))
+        .prop_map(|(events, us)| Staleness { events, us })
+}
+
+/// A prediction as it was when it was computed.
+#[derive(Clone, Debug)]
+struct Exact {
+    values: Vec<u32>,
+    t_us: Option<i64>,
+    nodes: usize,
+    now_us: Option<i64>,
+    accepted: u64,
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    #[test]
+    fn an_adapted_network_is_exact_in_itself(
+        shape in networks::network(), adaptation in adaptation(), script in streams::script(120),
+    ) {
+        let network = adaptation.of(shape.build());
+        let mut watched = Watched::new(network, script.sensor, Search::Grid);
+        prop_assert_eq!(watched.run(&script), Ok(()));
+    }
+
+    #[test]
+    fn a_stale_prediction_is_the_exact_one_of_its_time_and_younger_than_its_bounds(
+        shape in networks::network(), script in streams::script(200), bound in staleness(),
+    ) {
+        let network = std::sync::Arc::new(shape.build());
+        let engine = || Engine::new(std::sync::Arc::clone(&network), script.sensor).expect("exact");
+        let (mut exact, mut stale) = (engine(), StaleReadout::new(engine(), bound).expect("admissible"));
+        let (mut clock, mut accepted) = (script.origin_us, 0);
+        let mut stands: Option<Exact> = None;
+        let mut returned = 0;
+        for verb in &script.verbs {
+            match *verb {
+                Verb::Push { dt, x, y, on } => {
+                    let event = script.event(clock, (dt, x, y, on));
+                    let outcome = exact.push(event);
+                    prop_assert_eq!(stale.push(event), outcome);
+                    if outcome == Outcome::Accepted {
+                        clock = event.t_us;
+                        accepted += 1;
+                    }
+                }
+                Verb::Advance { dt } => {
+                    exact.advance(clock + dt);
+                    stale.advance(clock + dt);
+                    clock = exact.now_us().unwrap_or(clock);
+                }
+                Verb::Reset => {
+                    exact.reset();
+                    stale.reset();
+                    stands = None;
+                }
+                Verb::Snapshot => {
+                    let before = stale.clone();
+                    stale.push(script.event(clock, (3, 1, 1, true)));
+                    stale.predict().expect("finite");
+                    stale = before;
+                }
+                Verb::Predict => {
+                    let now_us = exact.now_us();
+                    let now = exact.predict().expect("finite");
+                    let now = Exact {
+                        values: bits(now.values), t_us: now.t_us, nodes: now.nodes, now_us, accepted,
+                    };
+                    let age = |then: &Exact| now_us.zip(then.now_us).map(|(now, then)| now - then);
+                    let old = |then: &Exact| {
+                        bound == Staleness::default()
+                            || bound.events.is_some_and(|events| accepted - then.accepted >= events)
+                            || bound.us.is_some_and(|us| age(then).is_none_or(|age| age >= us))
+                    };
+                    let is_new = stands.as_ref().is_none_or(old);
+                    let expected = if is_new { now } else { stands.take().expect("a prediction stands") };
+                    returned += u64::from(!is_new);
+                    let got = stale.predict().expect("finite");
+                    prop_assert_eq!(bits(got.values), expected.values.clone());
+                    prop_assert_eq!((got.t_us, got.nodes), (expected.t_us, expected.nodes));
+                    prop_assert!(is_new || got.rows.iter().all(|&rows| rows == 0));
+                    prop_assert!(bound.events.is_none_or(|events| accepted - expected.accepted < events));
+                    stands = Some(expected);
+                }
+            }
+        }
+        prop_assert_eq!(stale.stale(), returned);
+    }
+}
+
+fn graphres() -> Network {
+    let weights = Weights::shipped("graphres").expect("shipped weights");
+    Description::shipped("graphres").expect("a shipped network").network(&weights).expect("the weights fit")
+}
+
+#[test]
+fn adaptations_out_of_range_are_refused() {
+    let most = graphres().parts().graph.reach.most();
+    for neighbours in [0, most + 1] {
+        let refused = graphres().with_neighbours(neighbours);
+        assert!(matches!(refused, Err(EngineError::Option { .. })), "{neighbours}");
+    }
+    assert!(graphres().with_neighbours(most).is_ok());
+    for capacity in [0, Network::LARGEST_CAPACITY + 1] {
+        assert!(matches!(graphres().with_capacity(capacity), Err(EngineError::Option { .. })), "{capacity}");
+    }
+    assert!(matches!(graphres().with_span_us(0), Err(EngineError::Option { .. })));
+}
+
+#[test]
+fn nodes_at_their_cells_centre_never_move() {
+    let mut shape = networks::NetworkShape {
+        graph: meissner_engine::GraphRule {
+            reach: meissner_engine::Reach::Knn { k: 1 },
+            candidates: Candidates::All,
+        },
+        span_us: 1_000,
+        capacity: 64,
+        blocks: vec![],
+        pooled: vec![],
+        from: 0,
+        grid: [2, 2],
+        dense: vec![2],
+        seed: 5,
+    };
+    let pool =
+        networks::PoolShape { from: 0, cell: [(1, 10), (1, 10)], time: None, mean: true, blocks: vec![] };
+    shape.pooled = vec![pool];
+    let checked = |network: Network| {
+        let mut engine = Engine::new(network, Sensor::new(100, 100)).expect("exact");
+        for (x, t) in [(20, 0), (29, 0), (50, 0), (59, 0)] {
+            engine.push(Event::new(t, x, 50, true));
+        }
+        engine.predict().expect("finite");
+        let before = engine.counters().predictions.neighbourhoods_checked;
+        // Nearest to an event of its own cell: no edge of cells is new.
+        engine.push(Event::new(1, 21, 50, true));
+        engine.predict().expect("finite");
+        engine.counters().predictions.neighbourhoods_checked - before
+    };
+    assert!(checked(shape.build()) > 0);
+    assert_eq!(checked(shape.build().with_positions(Position::Centre).expect("admissible")), 0);
+}
+
+#[test]
+fn a_bound_below_one_is_refused() {
+    let engine = Engine::new(graphres(), Sensor::new(8, 8)).expect("exact");
+    for bound in [
+        Staleness { events: Some(0), us: None },
+        Staleness { events: None, us: Some(0) },
+        Staleness { events: Some(3), us: Some(-1) },
+        Staleness { events: None, us: Some(i64::MAX) },
+    ] {
+        let refused = StaleReadout::new(engine.clone(), bound);
+        assert!(matches!(refused, Err(EngineError::Option { .. })), "{bound:?}");
+    }
+}

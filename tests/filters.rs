@@ -1,0 +1,187 @@
+//! Event filters against their slow twin, and what each promises.
+
+use meissner_engine::filters::{
+    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
+};
+use meissner_engine::{EngineError, Event, Sensor};
+use meissner_tests::event_filters::{Rule, pass};
+use proptest::prelude::*;
+
+const SENSOR: Sensor = Sensor { width: 6, height: 5 };
+
+fn filter(rule: Rule) -> Filter {
+    const ADMISSIBLE: &str = "the rule is admissible";
+    match rule {
+        Rule::Stride(n) => Filter::Stride(Stride::new(n).expect(ADMISSIBLE)),
+        Rule::RateLimit(rate) => Filter::RateLimit(RateLimit::new(rate).expect(ADMISSIBLE)),
+        Rule::BackgroundActivity(us) => {
+            Filter::BackgroundActivity(BackgroundActivity::new(SENSOR, us).expect(ADMISSIBLE))
+        }
+        Rule::Refractory(us) => Filter::Refractory(Refractory::new(SENSOR, us).expect(ADMISSIBLE)),
+    }
+}
+
+fn rule() -> impl Strategy<Value = Rule> {
+    prop_oneof![
+        (1u32..5).prop_map(Rule::Stride),
+        prop_oneof![1u64..50, 1_000u64..40_000, 1_000_000u64..5_000_000, Just(RateLimit::HIGHEST)]
+            .prop_map(Rule::RateLimit),
+        prop_oneof![1i64..100, Just(1_250), Just(1 << 40)].prop_map(Rule::BackgroundActivity),
+        prop_oneof![1i64..100, Just(1_000), Just(1 << 40)].prop_map(Rule::Refractory),
+    ]
+}
+
+/// Events of a few pixels, in and out of order, some outside the sensor, some at the ends of time.
+fn events() -> impl Strategy<Value = Vec<Event>> {
+    let step = prop_oneof![
+        8 => 0i64..60,
+        2 => 0i64..3_000,
+        2 => -80i64..0,
+        1 => -200_000i64..2_000_000,
+    ];
+    let wild = prop_oneof![Just(i64::MIN), Just(i64::MAX), Just(0), any::<i64>()];
+    let event = (step, proptest::option::weighted(0.02, wild), 0u16..7, 0u16..6, any::<bool>());
+    (any::<i32>(), proptest::collection::vec(event, 0..120)).prop_map(|(origin, events)| {
+        let mut t = i64::from(origin);
+        let mut next = |(dt, wild, x, y, on): (i64, Option<i64>, u16, u16, bool)| {
+            t = wild.unwrap_or(t.saturating_add(dt));
+            Event::new(t, x, y, on)
+        };
+        events.into_iter().map(&mut next).collect()
+    })
+}
+
+fn run(filter: &mut impl EventFilter, events: &[Event]) -> Vec<bool> {
+    events.iter().map(|&event| filter.admit(event)).collect()
+}
+
+fn passed(filter: &mut impl EventFilter, events: &[Event]) -> usize {
+    run(filter, events).into_iter().filter(|&passes| passes).count()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+    #[test]
+    fn a_filter_lets_pass_what_its_slow_twin_does(rule in rule(), events in events()) {
+        let mut filter = filter(rule);
+        let expected = pass(rule, SENSOR, &events);
+        prop_assert_eq!(run(&mut filter, &events), expected.clone());
+        let count = |which| expected.iter().filter(|&&passes| passes == which).count() as u64;
+        prop_assert_eq!(filter.counters(), FilterCounters { passed: count(true), dropped: count(false) });
+    }
+
+    #[test]
+    fn a_reset_filter_does_what_a_new_one_does(rule in rule(), before in events(), events in events()) {
+        let (mut used, mut new) = (filter(rule), filter(rule));
+        run(&mut used, &before);
+        used.reset();
+        prop_assert_eq!(run(&mut used, &events), run(&mut new, &events));
+        let counted = used.counters().passed + used.counters().dropped;
+        prop_assert_eq!(counted, (before.len() + events.len()) as u64);
+    }
+
+    #[test]
+    fn a_chain_shows_each_filter_what_those_before_it_let_pass(
+        rules in proptest::collection::vec(rule(), 0..4), events in events(),
+    ) {
+        let mut chain = Chain::new(rules.iter().map(|&rule| filter(rule)).collect());
+        let got = run(&mut chain, &events);
+        let mut left: Vec<usize> = (0..events.len()).collect();
+        for (&rule, filter) in rules.iter().zip(chain.filters()) {
+            let seen: Vec<Event> = left.iter().map(|&i| events[i]).collect();
+            let passes = pass(rule, SENSOR, &seen);
+            prop_assert_eq!(filter.counters().dropped, passes.iter().filter(|&&p| !p).count() as u64);
+            left = left.into_iter().zip(passes).filter(|&(_, passes)| passes).map(|(i, _)| i).collect();
+        }
+        let expected: Vec<bool> = (0..events.len()).map(|i| left.contains(&i)).collect();
+        prop_assert_eq!(got, expected);
+        prop_assert_eq!(chain.counters().passed, left.len() as u64);
+    }
+
+    #[test]
+    fn two_events_of_a_pixel_that_pass_are_never_closer_than_the_refractory_time(
+        us in 1i64..200, events in events(),
+    ) {
+        let mut filter = Refractory::new(SENSOR, us).expect("admissible");
+        let mut last = std::collections::BTreeMap::new();
+        for event in events.into_iter().filter(|e| SENSOR.contains(e.x, e.y)) {
+            if filter.admit(event)
+                && let Some(before) = last.insert((event.x, event.y), event.t_us)
+            {
+                prop_assert!(event.t_us.abs_diff(before) >= us.unsigned_abs());
+            }
+        }
+    }
+}
+
+fn at(t_us: i64, x: u16, y: u16) -> Event {
+    Event::new(t_us, x, y, true)
+}
+
+#[test]
+fn every_event_passes_while_the_rate_is_below_the_bound() {
+    let mut filter = RateLimit::new(10_000).expect("admissible");
+    // One event in 100 us, and now and then ten at once, as the rate allows over a millisecond.
+    let steady: Vec<Event> = (0..1_000).map(|i| at(100 * i, 0, 0)).collect();
+    assert_eq!(passed(&mut filter, &steady), 1_000);
+    let bursts: Vec<Event> = (0..1_000).map(|i| at(1_000_000 + i / 10 * 1_000, 0, 0)).collect();
+    assert_eq!(passed(&mut filter, &bursts), 1_000);
+}
+
+#[test]
+fn a_steady_stream_above_the_bound_is_thinned_evenly() {
+    // 4 events a microsecond and 1 million a second: every fourth, once the depth of 1,000 is used up.
+    let mut filter = RateLimit::new(1_000_000).expect("admissible");
+    let events: Vec<Event> = (0..40_000).map(|i| at(i / 4, 0, 0)).collect();
+    let passes = run(&mut filter, &events);
+    let places: Vec<usize> = (8_000..40_000).filter(|&i| passes[i]).collect();
+    assert!(places.windows(2).all(|pair| pair[1] - pair[0] == 4));
+    assert_eq!(places.len(), 8_000);
+}
+
+#[test]
+fn an_event_alone_is_noise_and_its_neighbour_is_not() {
+    let us = BackgroundActivity::DEFAULT_US;
+    let mut filter = BackgroundActivity::new(SENSOR, us).expect("admissible");
+    let events =
+        [at(0, 2, 2), at(10, 2, 2), at(20, 3, 3), at(20 + us, 2, 3), at(21 + 2 * us, 3, 3), at(0, 4, 4)];
+    // The pixel itself is no neighbour; a microsecond too late is noise; an earlier stamp is compared like a later one.
+    assert_eq!(run(&mut filter, &events), [false, false, true, true, false, false]);
+}
+
+#[test]
+fn a_corner_has_three_neighbours_and_no_pixel_of_another_row() {
+    let mut filter = BackgroundActivity::new(SENSOR, 10).expect("admissible");
+    // (5, 0) and (0, 1) follow each other in memory and are no neighbours.
+    assert_eq!(run(&mut filter, &[at(0, 5, 0), at(0, 0, 1), at(0, 0, 0)]), [false, false, true]);
+}
+
+#[test]
+fn a_dropped_event_does_not_prolong_the_silence_of_its_pixel() {
+    let mut filter = Refractory::new(SENSOR, 10).expect("admissible");
+    let events = [at(0, 1, 1), at(9, 1, 1), at(9, 2, 1), at(10, 1, 1), at(19, 1, 1), at(20, 1, 1)];
+    assert_eq!(run(&mut filter, &events), [true, false, true, true, false, true]);
+}
+
+#[test]
+fn an_event_outside_the_sensor_is_left_to_the_engine() {
+    for rule in [Rule::BackgroundActivity(10), Rule::Refractory(10)] {
+        let mut filter = filter(rule);
+        assert_eq!(run(&mut filter, &[at(0, 6, 0), at(0, 6, 0), at(1, 0, 5)]), [true; 3], "{rule:?}");
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    let refused = [
+        Stride::new(0).err(),
+        RateLimit::new(0).err(),
+        RateLimit::new(RateLimit::HIGHEST + 1).err(),
+        RateLimit::new(u64::MAX).err(),
+        BackgroundActivity::new(SENSOR, 0).err(),
+        BackgroundActivity::new(SENSOR, i64::MAX).err(),
+        Refractory::new(SENSOR, -1).err(),
+    ];
+    assert!(refused.iter().all(|error| matches!(error, Some(EngineError::Option { .. }))), "{refused:?}");
+}

@@ -1,0 +1,166 @@
+//! What an engine has stored against what its own stored inputs give: the check that an engine with a tolerance must pass.
+//!
+//! The graph does not depend on features, so that a batch over the same stream tells neighbourhoods and positions; cells
+//! are computed here once more, in wide integers.
+
+use meissner_engine::{Event, Fraction, Pooling, Trace};
+use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, maximum, settle};
+
+use crate::compare::{Watched, bits};
+
+/// Asserts that every stored row of a block is within the engine's tolerance of what its stored inputs give, and that
+/// maxima and prediction are exactly those of the stored rows.
+///
+/// # Errors
+/// What is not.
+pub fn check(watched: &mut Watched) -> Result<(), String> {
+    let got = watched.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
+    let trace = watched.trace()?;
+    let network = std::sync::Arc::clone(watched.engine.network());
+    let tolerance = watched.engine.tolerance();
+    let mut below: Option<(Vec<Matrix>, Vec<[i128; 3]>)> = None;
+    for (l, level) in trace.levels.iter().enumerate() {
+        let channels = network.channels(l);
+        let features: Vec<Matrix> = channels
+            .iter()
+            .enumerate()
+            .map(|(f, &columns)| Matrix::from_rows(columns, &watched.engine.feature(l, f).concat()))
+            .collect();
+        let cells: Vec<[i128; 3]> = match l {
+            0 => vec![],
+            _ => level.cells.iter().map(|cell| cell.map(i128::from)).collect(),
+        };
+        if let Some((below, below_cells)) = &below {
+            let (pooling, _) = &network.parts().pooled[l - 1];
+            let keys = if l == 1 {
+                watched.engine.events().iter().map(|&e| cell_of_event(watched, pooling, e)).collect()
+            } else {
+                let inner = &network.parts().pooled[l - 2].0;
+                below_cells.iter().map(|&cell| cell_of_cell(pooling, inner, cell)).collect::<Vec<_>>()
+            };
+            let expected = maxima(&below[pooling.from], &keys, &cells);
+            same(&format!("maxima of level {l}"), &features[0], &expected)?;
+        }
+        for (b, block) in network.level(l).blocks.iter().enumerate() {
+            let input = &features[block.input];
+            if l == 0 && network.parts().graph.is_frozen() {
+                // Frozen rows read what has left: the batch remembers it.
+                let expected = &trace.levels[0].features[b + 1];
+                let expected: Vec<f32> =
+                    (level.first..expected.rows()).flat_map(|row| expected.slice(row)).copied().collect();
+                let expected = Matrix::from_rows(block.conv.outputs(), &expected);
+                same(&format!("frozen block {b}"), &features[b + 1], &expected)?;
+                continue;
+            }
+            for row in 0..input.rows() {
+                let reads = SplineRow {
+                    neighbours: level.edges.row(row),
+                    own: input.row(row),
+                    skip: block.skip.map(|skip| features[skip].row(row)),
+                    ..SplineRow::default()
+                };
+                let mut out = vec![Lanes::ZERO; Lanes::count(block.conv.outputs())];
+                block.conv.rows(Isa::best(), input, &[reads], &mut SplineScratch::default(), &mut out);
+                let given = out.iter().flat_map(|lanes| lanes.0);
+                for (c, (stored, given)) in features[b + 1].values(row).zip(given).enumerate() {
+                    if stored.to_bits() != given.to_bits()
+                        && (tolerance == 0.0 || (stored - given).abs() > tolerance)
+                    {
+                        return Err(format!(
+                            "level {l} block {b} row {row} channel {c}: {stored}, inputs give {given}"
+                        ));
+                    }
+                }
+            }
+        }
+        below = Some((features, cells));
+    }
+    let (top, _) = below.unwrap_or_default();
+    let expected = prediction(watched, &trace, &top);
+    if bits(&got) == bits(&expected) {
+        Ok(())
+    } else {
+        Err(format!("predicted {got:?}, stored rows give {expected:?}"))
+    }
+}
+
+fn same(what: &str, got: &Matrix, expected: &Matrix) -> Result<(), String> {
+    let rows = |m: &Matrix| (0..m.rows()).map(|row| bits(m.slice(row))).collect::<Vec<_>>();
+    let (got, expected) = (rows(got), rows(expected));
+    if got == expected { Ok(()) } else { Err(format!("{what}: {got:?}, expected {expected:?}")) }
+}
+
+/// Cell (x, y, t) of an event.
+fn cell_of_event(watched: &Watched, pooling: &Pooling, event: Event) -> [i128; 3] {
+    let sensor = watched.engine.sensor();
+    let t = i128::from(event.t_us) - i128::from(watched.stream().epoch_us);
+    let span = i128::from(watched.engine.network().parts().span_us);
+    [
+        pooling.cell[0].cell(event.x.into(), sensor.width.into()),
+        pooling.cell[1].cell(event.y.into(), sensor.height.into()),
+        pooling.time.map_or(0, |size| size.cell(t, span)),
+    ]
+}
+
+/// Cell of `pooling` that holds the centre of the cell `index` of `inner`; the last one for a centre beyond the image.
+fn cell_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i128; 3]) -> [i128; 3] {
+    let axis = |i: i128, inner: Fraction, outer: Fraction| {
+        outer.cell((2 * i + 1) * i128::from(inner.numerator()), 2 * i128::from(inner.denominator()))
+    };
+    let image = |d: usize, i: i128| {
+        let outer = pooling.cell[d];
+        axis(i, inner.cell[d], outer).min(outer.cells() as i128 - 1)
+    };
+    let time = inner.time.zip(pooling.time);
+    [image(0, x), image(1, y), time.map_or(0, |(inner, outer)| axis(t, inner, outer))]
+}
+
+/// Maximum of the rows of each of `cells`, where `keys` says in which each row is.
+fn maxima(features: &Matrix, keys: &[[i128; 3]], cells: &[[i128; 3]]) -> Matrix {
+    let mut out = Matrix::zeros(cells.len(), features.columns());
+    for (i, cell) in cells.iter().enumerate() {
+        let rows = (0..keys.len()).filter(|&row| keys[row] == *cell);
+        maximum_of(features, rows, out.row_mut(i));
+    }
+    out
+}
+
+fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [Lanes]) {
+    let mut rows = rows.peekable();
+    if rows.peek().is_none() {
+        return;
+    }
+    out.fill(Lanes::splat(f32::NEG_INFINITY));
+    rows.for_each(|row| maximum(out, features.row(row)));
+    settle(out);
+}
+
+/// The prediction that the stored rows of the last level give.
+fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
+    let network = watched.engine.network();
+    let (sensor, readout) = (watched.engine.sensor(), network.parts().readout);
+    let features = &top[readout.from];
+    let cell = |[x, y]: [usize; 2]| y * readout.columns + x;
+    let cells: Vec<usize> = if network.levels() == 1 {
+        let of = |e: &Event| {
+            let x = usize::from(e.x) * readout.columns / usize::from(sensor.width);
+            cell([x, usize::from(e.y) * readout.rows / usize::from(sensor.height)])
+        };
+        watched.engine.events().iter().map(of).collect()
+    } else {
+        let axis = |p: f64, cells: usize| ((p * cells as f64).floor().max(0.0) as usize).min(cells - 1);
+        let positions = &trace.levels[network.levels() - 1].positions;
+        positions.iter().map(|p| cell([axis(p[0], readout.columns), axis(p[1], readout.rows)])).collect()
+    };
+    let mut values = Matrix::zeros(readout.columns * readout.rows, features.columns());
+    for cell in 0..values.rows() {
+        let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
+        maximum_of(features, rows, values.row_mut(cell));
+    }
+    for layer in &network.parts().dense {
+        let mut out = Matrix::zeros(1, layer.dense.outputs());
+        layer.dense.run(Isa::best(), values.lanes(), out.row_mut(0));
+        values = out;
+    }
+    values.values(0).collect()
+}
