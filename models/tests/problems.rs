@@ -299,6 +299,20 @@ fn cells_in_time_over_cells_without_are_refused() {
 }
 
 #[test]
+fn a_readout_by_time_needs_cells_in_time() {
+    let by_time = |text: &str| text.replace("kind = \"readout\"", "kind = \"readout\"\nby_time = true");
+    assert_eq!(
+        only(&by_time(SMALL)),
+        "line 31: layer \"grid\": by_time: expected only with poolings over the same cells in time"
+    );
+    let cells = changed("cell = [\"1/8\", \"1/6\"]", "cell = [\"1/8\", \"1/6\"]\ntime = \"1/3\"");
+    let description = Description::parse(&by_time(&cells)).expect("consistent");
+    let outputs = |text: &str| text.lines().find(|line| line.starts_with("grid")).map(str::to_owned);
+    let table = outputs(&description.to_table()).expect("the readout is listed");
+    assert!(table.contains("x4 "), "a window fills 4 cells of a third of it: {table}");
+}
+
+#[test]
 fn cells_in_time_shorter_than_a_microsecond_are_refused() {
     let text = changed("cell = [\"1/8\", \"1/6\"]", "cell = [\"1/8\", \"1/6\"]\ntime = \"1/3\"");
     assert!(Description::parse(&text).is_ok());

@@ -23,6 +23,7 @@ mod live;
 mod output;
 mod prepare;
 mod prepare_digits;
+mod prepare_graphs;
 mod slip_data;
 mod slip_views;
 mod support;
