@@ -118,7 +118,8 @@ pub(crate) fn locate(u: f32, kernel: usize) -> (usize, f32) {
     (lower, v - lower as f32)
 }
 
-/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches.
+/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches: those of weight 0 would leave
+/// every sum as it is. Between the centres of cells that touch, that is seven corners of eight.
 #[inline(always)]
 fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize, f32)) {
     let mut axes = [([0, 0], [1.0, 0.0], 1); 3];
@@ -133,7 +134,10 @@ fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize,
         for iy in 0..y.2 {
             for ix in 0..x.2 {
                 let slot = x.0[ix] + kernel[0] * (y.0[iy] + kernel[1] * t.0[it]);
-                visit(slot, (x.1[ix] * y.1[iy]) * t.1[it]);
+                let weight = (x.1[ix] * y.1[iy]) * t.1[it];
+                if weight != 0.0 {
+                    visit(slot, weight);
+                }
             }
         }
     }
