@@ -10,13 +10,13 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{Lanes, Neighbour};
+use meissner_kernels::{Lanes, Neighbour, spline_basis};
 
 use crate::Sensor;
 use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
 use crate::metric::{Metric, Node};
-use crate::network::{Candidates, GraphRule, Lifetime};
+use crate::network::{Candidates, GraphRule, Level, Lifetime};
 use crate::readers::Readers;
 use crate::window::Window;
 
@@ -42,6 +42,8 @@ pub(crate) struct EventGraph {
     edges: Vec<Neighbour>,
     /// Their d2.
     d2: Vec<f64>,
+    /// The spline basis of each, where blocks read it: each would compute it again.
+    basis: Vec<Lanes>,
     /// For each grid cell, at least the largest [`Self::bound`] of its nodes.
     reach: Vec<f64>,
     /// Rows that read each slot; kept where someone asks for them.
@@ -89,7 +91,7 @@ impl EventGraph {
         rule: GraphRule,
         sensor: Sensor,
         span_us: i64,
-        scale: f32,
+        level: &Level,
         capacity: usize,
         pooled: bool,
     ) -> Self {
@@ -98,22 +100,26 @@ impl EventGraph {
         let keeps_readers = pooled || !rule.is_frozen();
         Self {
             rule,
-            metric: Metric::new(sensor, span_us, scale),
+            metric: Metric::new(sensor, span_us, level.scale),
             reach: vec![0.0; grid.cells()],
             grid,
             most,
             count: vec![0; capacity],
             edges: vec![Neighbour { row: 0, u: [0.5; 3] }; capacity * most],
             d2: vec![0.0; capacity * most],
+            basis: vec![Lanes::ZERO; if level.reads_basis() { capacity * most } else { 0 }],
             readers: if keeps_readers { Readers::new(capacity, capacity * most) } else { Readers::new(0, 0) },
             keeps_readers,
             found: Vec::with_capacity(most + 1),
         }
     }
 
-    pub(crate) fn bytes(rule: GraphRule, sensor: Sensor, capacity: usize) -> usize {
-        let edges = capacity * rule.reach.most() * (size_of::<Neighbour>() + size_of::<f64>());
-        edges + Readers::bytes(capacity, capacity * rule.reach.most()) + Grid::bytes(sensor, capacity)
+    pub(crate) fn bytes(rule: GraphRule, sensor: Sensor, level: &Level, capacity: usize) -> usize {
+        let basis = if level.reads_basis() { size_of::<Lanes>() } else { 0 };
+        let edge = size_of::<Neighbour>() + size_of::<f64>() + basis;
+        capacity * rule.reach.most() * edge
+            + Readers::bytes(capacity, capacity * rule.reach.most())
+            + Grid::bytes(sensor, capacity)
     }
 
     /// Removes all nodes of `window`.
@@ -147,6 +153,9 @@ impl EventGraph {
             let u = self.metric.attributes(window.node(c.slot), node);
             self.edges[start + i] = Neighbour { row: c.slot, u };
             self.d2[start + i] = c.d2;
+            if let Some(basis) = self.basis.get_mut(start + i) {
+                *basis = spline_basis(u);
+            }
             if self.keeps_readers {
                 self.readers.push(c.slot, slot);
                 delta.added.push((c.slot, slot));
@@ -180,7 +189,7 @@ impl EventGraph {
 
     /// Offers the newest node to all others, which take it where it is near enough.
     fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
-        let Self { grid, metric, reach, count, edges, d2: distances, readers, most, rule, .. } = self;
+        let Self { grid, metric, reach, count, edges, d2: distances, basis, readers, most, rule, .. } = self;
         let (most, limit) = (*most, rule.reach.limit());
         grid.search_reverse(metric, node, reach, |d2, reader| {
             let start = reader as usize * most;
@@ -205,6 +214,10 @@ impl EventGraph {
             let u = metric.attributes(node, window.node(reader));
             edges[start + at] = Neighbour { row: slot, u };
             distances[start + at] = d2;
+            if !basis.is_empty() {
+                basis.copy_within(start + at..start + n - 1, start + at + 1);
+                basis[start + at] = spline_basis(u);
+            }
             readers.push(slot, reader);
             delta.added.push((slot, reader));
             delta.rewired.push(reader);
@@ -257,11 +270,17 @@ impl EventGraph {
             span.clone().find(|&e| self.edges[e].row == gone).expect("a reader reads what it is listed for");
         self.edges.copy_within(at + 1..span.end, at);
         self.d2.copy_within(at + 1..span.end, at);
+        if !self.basis.is_empty() {
+            self.basis.copy_within(at + 1..span.end, at);
+        }
         let next = self.next_after(window, leaving, reader, span.len() - 1, &last);
         if let Some(next) = next {
             let u = self.metric.attributes(window.node(next.slot), window.node(reader));
             self.edges[span.end - 1] = Neighbour { row: next.slot, u };
             self.d2[span.end - 1] = next.d2;
+            if let Some(basis) = self.basis.get_mut(span.end - 1) {
+                *basis = spline_basis(u);
+            }
             self.readers.push(next.slot, reader);
             delta.added.push((next.slot, reader));
         } else {
@@ -340,8 +359,8 @@ impl Adjacency for EventGraph {
     }
 
     #[inline]
-    fn basis(&self, _: u32) -> &[Lanes] {
-        &[]
+    fn basis(&self, row: u32) -> &[Lanes] {
+        self.basis.get(self.span(row)).unwrap_or_default()
     }
 
     #[inline]

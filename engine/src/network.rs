@@ -135,6 +135,13 @@ pub struct Level {
     pub blocks: Vec<Block>,
 }
 
+impl Level {
+    /// Whether a block reads the basis of in-edges.
+    pub(crate) fn reads_basis(&self) -> bool {
+        self.blocks.iter().any(|block| block.conv.reads_basis())
+    }
+}
+
 /// The maximum over a grid of the image, cell after cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readout {

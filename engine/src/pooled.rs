@@ -73,7 +73,7 @@ impl PooledGraph {
         queues: bool,
     ) -> Self {
         let slots = grid.slots();
-        let keeps_basis = level.blocks.iter().any(|block| block.conv.reads_basis());
+        let keeps_basis = level.reads_basis();
         Self {
             scale: level.scale,
             keys: vec![[0; 3]; slots],

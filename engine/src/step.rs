@@ -46,8 +46,7 @@ impl Step {
         let parts = network.parts();
         let (span_us, capacity) = (parts.span_us, parts.capacity);
         let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
-        let graph =
-            EventGraph::new(parts.graph, sensor, span_us, parts.events.scale, capacity, follows_edges);
+        let graph = EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges);
         // Rows that never change have nothing to be compared with.
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
         let mut activations = vec![Activations::new(capacity, network.channels(0), of_events)];
@@ -81,7 +80,7 @@ impl Step {
         let parts = network.parts();
         let capacity = parts.capacity;
         let mut bytes = Window::bytes(capacity) as u128
-            + EventGraph::bytes(parts.graph, sensor, capacity) as u128
+            + EventGraph::bytes(parts.graph, sensor, &parts.events, capacity) as u128
             + Activations::bytes(capacity, network.channels(0)) as u128;
         let (mut rows, mut below) = (capacity, None);
         for (i, (pooling, _)) in parts.pooled.iter().enumerate() {

@@ -152,7 +152,10 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
         let positions = &trace.levels[network.levels() - 1].positions;
         positions.iter().map(|p| cell([axis(p[0], readout.columns), axis(p[1], readout.rows)])).collect()
     };
-    let mut values = Matrix::zeros(readout.columns * readout.rows, features.columns());
+    let plane = readout.columns * readout.rows;
+    let cells: Vec<usize> =
+        cells.into_iter().zip(ages(watched, trace)).map(|(cell, age)| age * plane + cell).collect();
+    let mut values = Matrix::zeros(plane * network.readout_times(), features.columns());
     for cell in 0..values.rows() {
         let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
         maximum_of(features, rows, values.row_mut(cell));
@@ -163,4 +166,15 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
         values = out;
     }
     values.values(0).collect()
+}
+
+/// How many cells in time each row of the last level lies before the newest; 0 where the readout does not ask.
+fn ages(watched: &Watched, trace: &Trace) -> Vec<usize> {
+    let parts = watched.engine.network().parts();
+    let top = &trace.levels[trace.levels.len() - 1];
+    let time = parts.pooled.first().and_then(|(pooling, _)| pooling.time).filter(|_| parts.readout.by_time);
+    let Some(size) = time else { return vec![0; top.positions.len()] };
+    let stream = watched.stream();
+    let newest = size.cell((stream.now_us - stream.epoch_us).into(), parts.span_us.into());
+    top.cells.iter().map(|cell| newest as usize - cell[2] as usize).collect()
 }
