@@ -18,7 +18,7 @@ use crate::error::CliError;
 use crate::text::grouped;
 
 /// What makes results cheaper and less exact.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Approximations")]
 pub(crate) struct ApproximationArgs {
     /// Let a row, or a pixel of a frame network, that moved by no more than this in any channel keep its values. Without

@@ -13,6 +13,7 @@ use meissner_io::Format;
 pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
 pub(crate) use crate::eval::EvalArgs;
+pub(crate) use crate::pareto::ParetoArgs;
 pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
 
@@ -43,6 +44,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Judge networks on a labelled data set: accuracies, precision, recall, F1, confusion matrices.
     Eval(EvalArgs),
+    /// Run time against error: a network exactly, and with each approximation.
+    Pareto(ParetoArgs),
     /// Write what a network reads, with labels, for training.
     Prepare(PrepareArgs),
 }
@@ -218,7 +221,8 @@ pub(crate) fn span_us() -> RangedI64ValueParser<i64> {
     clap::value_parser!(i64).range(1..=Network::LONGEST_SPAN_US)
 }
 
-fn sensor(text: &str) -> Result<Sensor, String> {
+/// Reads columns x rows.
+pub(crate) fn sensor(text: &str) -> Result<Sensor, String> {
     let side = |text: &str| text.parse().ok().filter(|&side: &u16| side > 0);
     let parse = || {
         let (width, height) = text.split_once('x')?;

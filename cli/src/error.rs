@@ -14,8 +14,8 @@ use meissner_models::systems::slip::{DecisionError, SlipError};
 use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
-use crate::eval::TrainingError;
 use crate::prepare::StreamsError;
+use crate::trainings::TrainingError;
 
 /// A subcommand gives up.
 #[derive(Debug, Error)]
@@ -207,6 +207,16 @@ pub(crate) enum CliError {
         path: PathBuf,
         /// Why.
         source: StreamsError,
+    },
+    /// A line of finished measurements cannot be read.
+    #[error("--state {}: line {line}: expected a finished measurement: {source}", path.display())]
+    State {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1 on.
+        line: usize,
+        /// Why.
+        source: serde_json::Error,
     },
     /// Threads cannot be started.
     #[error("--threads {threads}: {source}")]

@@ -6,14 +6,17 @@
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
 //! | `approximations` | what makes results cheaper and less exact, where it is asked for |
+//! | `front` | an engine with filters before it and a stale readout behind it |
 //! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
 //! | `bench/` | `meissner bench` |
 //! | `eval/` | `meissner eval` |
 //! | `prepare/` | `meissner prepare` |
-//! | `slip/`, `digits` | the data sets of slips and of digits, for `prepare` and `eval` |
+//! | `pareto/` | `meissner pareto` |
+//! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `schedule` | when predictions are read |
-//! | `latency`, `skips` | what both measure |
+//! | `latency`, `skips`, `layer_cost` | what several measure |
+//! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
 //! | `output` | files that are written |
 //! | `inspect`, `info`, `convert` | the other subcommands |
@@ -30,12 +33,15 @@ mod digits;
 mod error;
 mod eval;
 mod frame_feed;
+mod front;
 mod header;
 mod info;
 mod inspect;
 mod latency;
+mod layer_cost;
 mod model;
 mod output;
+mod pareto;
 mod prepare;
 mod progress;
 mod run;
@@ -45,6 +51,8 @@ mod slip;
 mod source;
 mod svg;
 mod text;
+mod threads;
+mod trainings;
 
 use std::process::ExitCode;
 
@@ -61,6 +69,7 @@ fn main() -> ExitCode {
         Command::Convert(args) => convert::convert(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Prepare(args) => prepare::prepare(&args),
+        Command::Pareto(args) => pareto::pareto(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,7 +1,10 @@
 //! Files that the program writes.
 
 use std::fs::{self, OpenOptions};
+use std::io;
 use std::path::Path;
+
+use serde::Serialize;
 
 use crate::error::CliError;
 
@@ -9,6 +12,13 @@ use crate::error::CliError;
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
     let opened = OpenOptions::new().create(true).append(true).open(path);
     opened.map(drop).map_err(|source| CliError::Write { path: path.to_owned(), source })
+}
+
+/// `report` as one line of JSON.
+pub(crate) fn json(report: &impl Serialize) -> Result<Vec<u8>, io::Error> {
+    let mut text = serde_json::to_vec(report)?;
+    text.push(b'\n');
+    Ok(text)
 }
 
 /// Writes `content` to the file at `path`, which is replaced where it exists.

@@ -49,3 +49,41 @@ impl Progress {
         }
     }
 }
+
+/// A bar over things to do that each take a while, with the name of the one under way.
+#[derive(Clone, Debug)]
+pub(crate) struct Tasks(Option<ProgressBar>);
+
+impl Tasks {
+    /// A bar over `total` things; none where there are none, or where JSON scrolls by on a terminal.
+    pub(crate) fn new(total: u64, json: bool) -> Self {
+        let shown = total > 0 && !(json && stdout().is_terminal());
+        Self(shown.then(|| {
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("{bar:30} {pos} of {len} measured, {eta} left: {msg}");
+            bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        }))
+    }
+
+    /// The next one is under way.
+    pub(crate) fn start(&self, name: String) {
+        if let Some(bar) = &self.0 {
+            bar.set_message(name);
+            bar.tick();
+        }
+    }
+
+    /// It is done.
+    pub(crate) fn done(&self) {
+        if let Some(bar) = &self.0 {
+            bar.inc(1);
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}

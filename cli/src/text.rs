@@ -15,6 +15,11 @@ pub(crate) fn grouped(value: u64) -> String {
     text
 }
 
+/// `share` in percent.
+pub(crate) fn percent(share: f64) -> String {
+    format!("{:.2}", 100.0 * share)
+}
+
 /// A table: the first column to the left, the others to the right, columns two spaces apart, every line indented.
 #[derive(Default)]
 pub(crate) struct Table {

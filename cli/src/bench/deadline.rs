@@ -16,10 +16,11 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::Event;
 
-use super::pass::{Front, Passes};
+use super::pass::Passes;
 use super::report::{DeadlineBin, DeadlineReport, Distribution, Sustained};
 use crate::args::Every;
 use crate::error::CliError;
+use crate::front::Front;
 use crate::latency::{Latency, microseconds};
 use crate::schedule::{Last, Schedule};
 

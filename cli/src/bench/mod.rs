@@ -34,6 +34,7 @@ use meissner_engine::{Event, Options};
 use meissner_models::AnyDescription;
 
 pub(crate) use args::BenchArgs;
+pub(crate) use part::start_us;
 
 use crate::args::Every;
 use crate::error::CliError;

@@ -52,7 +52,7 @@ impl std::fmt::Display for Part {
 }
 
 /// Reads seconds from the first event on, as microseconds.
-pub(super) fn start_us(text: &str) -> Result<i64, String> {
+pub(crate) fn start_us(text: &str) -> Result<i64, String> {
     microseconds(text, 0)
 }
 

@@ -7,21 +7,15 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::filters::{Chain, EventFilter};
-use meissner_engine::{Counters, Engine, Event, LatePolicy, Network, Options, Outcome, Sensor, StaleReadout};
+use meissner_engine::{Event, LatePolicy, Network, Options, Outcome, Sensor};
 
 use super::phases::{Phase, Phases};
 use crate::args::{ApproximationArgs, Every};
 use crate::error::CliError;
+use crate::front::Front;
 use crate::latency::Latency;
 use crate::progress::Progress;
 use crate::schedule::{Last, Schedule};
-
-/// An engine with the filters in front of it and the readout behind it that were asked for.
-pub(super) struct Front {
-    pub(super) chain: Chain,
-    pub(super) readout: StaleReadout,
-}
 
 /// What all passes have in common.
 pub(super) struct Passes {
@@ -81,39 +75,6 @@ impl Latencies {
     }
 }
 
-impl Front {
-    /// Whether `event` passes the filters, and how long that took; no time where there are none.
-    fn admit(&mut self, event: Event) -> (bool, Duration) {
-        if self.chain.filters().is_empty() {
-            return (true, Duration::ZERO);
-        }
-        let start = Instant::now();
-        let passes = self.chain.admit(event);
-        (passes, start.elapsed())
-    }
-
-    /// Hands `events` to the engine, but for those that a filter drops.
-    pub(super) fn push_slice(&mut self, events: &[Event]) {
-        for &event in events {
-            if self.chain.admit(event) {
-                self.readout.push(event);
-            }
-        }
-    }
-
-    pub(super) fn engine(&self) -> &Engine {
-        self.readout.engine()
-    }
-
-    /// The engine's counters, with events that a filter dropped and predictions that stood among those that came.
-    pub(super) fn counters(&self) -> Counters {
-        let mut counters = self.engine().counters();
-        counters.events.pushed += self.chain.counters().dropped;
-        counters.predictions.read += self.readout.stale();
-        counters
-    }
-}
-
 impl Measured {
     /// Nothing yet.
     pub(super) fn new() -> Self {
@@ -129,11 +90,8 @@ impl Measured {
 impl Passes {
     /// A new engine.
     pub(super) fn front(&self, stage_times: bool) -> Result<Front, CliError> {
-        let tolerance = self.approximations.tolerance.unwrap_or(0.0);
-        let options = Options { late: self.late, stage_times, tolerance, ..Options::default() };
-        let engine = Engine::with_options(Arc::clone(&self.network), self.sensor, options)?;
-        let readout = StaleReadout::new(engine, self.approximations.staleness())?;
-        Ok(Front { chain: self.approximations.chain(self.sensor)?, readout })
+        let options = Options { late: self.late, stage_times, ..Options::default() };
+        Ok(Front::new(Arc::clone(&self.network), self.sensor, &self.approximations, options)?)
     }
 
     /// The next event has been taken.

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use meissner_engine::{Engine, Stage};
 use serde::Serialize;
 
-use super::pass::{Front, Latencies, Measured};
+use super::pass::{Latencies, Measured};
 use super::phases::{Phase, Phases, WINDOW_US};
 use super::sum;
 use crate::approximations::Approximations;
+use crate::front::Front;
 use crate::latency::{Latency, Quantiles, microseconds};
 use crate::model::Model;
 use crate::skips::{Skips, dropped};

@@ -3,15 +3,10 @@
 //! | file | job |
 //! |---|---|
 //! | `slip/`, `digits/` | the systems |
-//! | `remarks`, `error` | what files of trainings say about themselves, and what can be wrong with it |
-//! | `common` | threads, JSON |
 //! | `text`, `matrix` | figures as text, confusion matrices as drawings |
 
-mod common;
 mod digits;
-mod error;
 mod matrix;
-mod remarks;
 mod slip;
 mod text;
 
@@ -20,7 +15,6 @@ use clap::Subcommand;
 use crate::args::STATUS;
 use crate::error::CliError;
 use digits::DigitsArgs;
-pub(crate) use error::TrainingError;
 use slip::SlipArgs;
 
 /// `meissner eval`.

@@ -4,15 +4,10 @@ use std::io::{self, Write};
 
 use meissner_models::metrics::{Confusion, MeanStd};
 
-use crate::text::{Table, grouped};
+use crate::text::{Table, grouped, percent};
 
 /// Stands where there is no figure.
 pub(super) const NONE: &str = "-";
-
-/// `share` in percent.
-pub(super) fn percent(share: f64) -> String {
-    format!("{:.2}", 100.0 * share)
-}
 
 /// Mean and deviation in percent.
 pub(super) fn spread(figure: MeanStd) -> [String; 2] {

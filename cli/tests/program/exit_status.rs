@@ -24,6 +24,10 @@ fn help_and_version_succeed() {
         &["help", "convert"],
         &["eval", "digits", "--help"],
         &["prepare", "digits", "--help"],
+        &["pareto", "--help"],
+        &["pareto", "digits", "--help"],
+        &["pareto", "angle", "--help"],
+        &["pareto", "slip", "--help"],
     ] {
         assert_eq!(meissner(arguments).status.code(), Some(0), "{arguments:?}");
     }
@@ -61,6 +65,12 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["eval", "digits", "data", "--stride", "0"],
         &["eval", "digits", "data", "--folds", "10"],
         &["eval", "digits", "data", "--weights", "a", "--trainings", "b"],
+        &["pareto", "angle"],
+        &["pareto", "angle", "recording", "--repeat", "0"],
+        &["pareto", "digits", "data", "--timed-events", "0"],
+        &["pareto", "digits", "data", "--folds", "10"],
+        &["pareto", "digits", "data", "--weights", "a", "--trainings", "b"],
+        &["pareto", "slip", "data", "--threads", "0"],
         &["nothing"],
     ] {
         fails(&meissner(arguments), 2, &["error: "]);

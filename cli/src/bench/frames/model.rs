@@ -7,12 +7,13 @@ use meissner_engine::frames::{Convolution, FrameLayerCounters, FrameNetwork, Fra
 use meissner_engine::representations::Crop;
 use meissner_engine::{LatePolicy, Sensor};
 use meissner_models::description::frames::{CropPlace, SignedTiming};
-use meissner_models::{FrameDescription, FrameKind, FrameLayer, FrameSource};
+use meissner_models::{FrameDescription, FrameSource};
 
 use super::super::moments::End;
 use crate::args::Every;
 use crate::error::CliError;
 use crate::frame_feed::FrameFeed;
+use crate::layer_cost::LayerCost;
 use crate::model::{describe_frames, frame_network, labelled, weights};
 
 /// From one frame to the next, where neither the network nor the command line says: 10 ms, as in the force networks.
@@ -30,17 +31,6 @@ pub(in super::super) struct FrameModel {
     /// Length of its windows, where they follow one another.
     windows_us: Option<i64>,
     size: [u16; 2],
-}
-
-/// What a layer's pixels cost; a layer over vectors has one.
-#[derive(Clone, Debug)]
-pub(in super::super) struct LayerCost {
-    pub(in super::super) name: String,
-    pub(super) pixels: u64,
-    /// Of all its pixels.
-    multiply_adds: u64,
-    /// Of one pixel that is absorbed: where the frame has nothing, a convolutional LSTM still reads its hidden state.
-    absorbed: u64,
 }
 
 /// The part of the sensor that frames show.
@@ -138,30 +128,6 @@ impl FrameModel {
 
 fn frames_of_other(network: &str, source: FrameSource) -> CliError {
     CliError::FramesOfOther { network: network.to_owned(), found: source.word() }
-}
-
-impl LayerCost {
-    fn new(layer: &FrameLayer) -> Self {
-        let pixels = match layer.output {
-            FrameShape::Image { height, width, .. } => (height * width) as u64,
-            FrameShape::Vector(_) => 1,
-        };
-        let absorbed = match layer.kind {
-            // Four gates of 3 x 3.
-            FrameKind::ConvLstm { hidden, .. } => (36 * hidden * hidden) as u64,
-            _ => 0,
-        };
-        let (name, multiply_adds) = (layer.name.clone(), layer.multiply_adds as u64);
-        Self { name, pixels, multiply_adds, absorbed }
-    }
-
-    /// Multiply-adds of the pixels that `counters` counted.
-    pub(in super::super) fn of(&self, counters: &FrameLayerCounters) -> u64 {
-        // In u128: a recording's pixels times a layer's products can exceed a u64.
-        let computed =
-            u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
-        u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)
-    }
 }
 
 impl Field {

@@ -11,13 +11,10 @@ use meissner_models::ModelError;
 use rayon::ThreadPool;
 
 use super::figures::Judgeable;
-use super::folds::{Validation, validations};
-use super::networks::Candidate;
 use super::report::{Judged, NetworkReport, One};
 use super::runs::{Outcome, Settings, outcomes};
-use super::training::{Training, seed_name};
 use crate::args::Mode;
-use crate::digits::DigitsData;
+use crate::digits::{Candidate, DigitsData, Training, Validation, seed_name, validations};
 use crate::error::CliError;
 
 /// Judges networks on one data set.

@@ -3,8 +3,6 @@
 //! | file | job |
 //! |---|---|
 //! | `args` | what can be asked for, and in its help how it is judged |
-//! | `networks`, `training` | which networks, with which weights, and what those say about themselves |
-//! | `folds` | which recordings the folds of a cross-validation are judged on |
 //! | `runs` | recordings through a network |
 //! | `judge`, `figures` | outcomes against labels |
 //! | `report` | all results, as they are written as JSON |
@@ -12,14 +10,11 @@
 
 mod args;
 mod figures;
-mod folds;
 mod judge;
-mod networks;
 mod plot;
 mod report;
 mod runs;
 mod table;
-mod training;
 
 use std::collections::BTreeMap;
 use std::io::{BufWriter, IsTerminal, Write, stderr, stdout};
@@ -31,20 +26,25 @@ use meissner_models::systems::digits::CLASSES;
 use serde_json::json;
 
 use crate::args::Mode;
-use crate::digits::DigitsData;
+use crate::digits::{Asked, DigitsData, candidates};
 use crate::error::CliError;
-use crate::eval::common;
 use crate::output;
 use crate::source::is_stdin;
+use crate::threads;
 pub(super) use args::DigitsArgs;
 use judge::Judge;
 use report::{DataReport, Report};
 
 /// Judges what `args` ask for, and reports to standard output.
 pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
-    let (candidates, more_notes) = networks::candidates(args)?;
+    let (candidates, more_notes) = candidates(Asked {
+        networks: &args.networks,
+        weights: args.weights.as_deref(),
+        trainings: args.trainings.as_deref(),
+        stride: args.stride.map(|stride| stride as usize),
+    })?;
     let data = DigitsData::read(&args.data)?;
-    let pool = common::pool(args.threads)?;
+    let pool = threads::pool(args.threads)?;
     let times = times(&data, args.every_us);
     let judge = Judge {
         folder: &args.data,
@@ -103,10 +103,10 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
     }
     let mut out = BufWriter::new(stdout().lock());
     match &args.json {
-        Some(path) if is_stdin(path) => out.write_all(&common::json(&report)?)?,
+        Some(path) if is_stdin(path) => out.write_all(&output::json(&report)?)?,
         path => {
             if let Some(path) = path {
-                output::write(path, common::json(&report)?)?;
+                output::write(path, output::json(&report)?)?;
             }
             table::write(&mut out, &report)?;
             writeln!(out, "\njudged in {spent_s:.1} s on {} threads", pool.current_num_threads())?;

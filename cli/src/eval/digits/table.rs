@@ -5,9 +5,9 @@ use std::io::{self, Write};
 use meissner_models::systems::digits::CLASSES;
 
 use super::report::{Judged, Report, Way};
-use super::training::seed_name;
-use crate::eval::text::{NONE, confusion, percent, spread};
-use crate::text::{Table, grouped};
+use crate::digits::seed_name;
+use crate::eval::text::{NONE, confusion, spread};
+use crate::text::{Table, grouped, percent};
 
 /// Most rows of the table of accuracies against time; the report as JSON has all times.
 const MOST_TIMES: usize = 40;

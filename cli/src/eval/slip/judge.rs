@@ -13,14 +13,11 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use rayon::ThreadPool;
 use serde_json::Value;
 
-use super::networks::Candidate;
 use super::report::{Judged, NetworkReport, One, SetReport, ValidationReport};
-use super::training::{HeldOut, Scheme, Training};
-use super::windows::{Windows, engine};
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
-use crate::slip::SlipData;
+use crate::slip::{Candidate, HeldOut, Scheme, SlipData, Training, Windows, engine};
 use crate::text::grouped;
+use crate::trainings::TrainingError;
 
 /// Judges networks on one data set.
 pub(super) struct Judge<'a> {
@@ -66,9 +63,8 @@ impl Judge<'_> {
         for training in trainings {
             let engine = engine(description, &training.weights, &training.label)?;
             let outputs = |chosen: &[Vec<usize>]| {
-                windows.logits(self.pool, &engine, chosen).map_err(|source| CliError::Weights {
-                    weights: training.label.clone(),
-                    source: ModelError::Engine(source),
+                windows.logits(self.pool, &engine, chosen, windows.steps()).map_err(|source| {
+                    CliError::Weights { weights: training.label.clone(), source: ModelError::Engine(source) }
                 })
             };
             match &training.held_out {

@@ -3,20 +3,15 @@
 //! | file | job |
 //! |---|---|
 //! | `args` | what can be asked for, and in its help how it is judged |
-//! | `networks`, `training` | which networks, with which weights, and what those say about themselves |
-//! | `windows` | windows of all recordings, and the networks' outputs for them |
 //! | `judge` | outputs against labels |
 //! | `report` | all results, as they are written as JSON |
 //! | `table`, `plot` | the same for people |
 
 mod args;
 mod judge;
-mod networks;
 mod plot;
 mod report;
 mod table;
-mod training;
-mod windows;
 
 use std::collections::BTreeMap;
 use std::io::{BufWriter, IsTerminal, Write, stderr, stdout};
@@ -26,17 +21,17 @@ use meissner_models::TensorFile;
 use meissner_models::systems::slip::CLASSES;
 
 use crate::error::CliError;
-use crate::eval::common::{json, pool};
-use crate::output;
-use crate::slip::SlipData;
+use crate::output::{self, json};
+use crate::slip::{SlipData, candidates};
 use crate::source::is_stdin;
+use crate::threads::pool;
 pub(super) use args::SlipArgs;
 use judge::Judge;
 use report::{DataReport, ReferenceReport, Report};
 
 /// Judges what `args` ask for, and reports to standard output.
 pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
-    let (candidates, mut notes) = networks::candidates(args)?;
+    let (candidates, mut notes) = candidates(&args.networks, args.trainings.as_deref())?;
     let data = SlipData::read(&args.data)?;
     let json_file = args.json.as_deref().filter(|path| !is_stdin(path));
     for path in [json_file, args.svg.as_deref(), args.logits.as_deref()].into_iter().flatten() {

@@ -7,8 +7,7 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::training::Scheme;
-use crate::slip::SlipData;
+use crate::slip::{Scheme, SlipData};
 
 /// Everything.
 #[derive(Serialize)]

@@ -5,9 +5,9 @@ use std::io::{self, Write};
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
 
 use super::report::{Judged, NetworkReport, Report};
-use super::training::Scheme;
-use crate::eval::text::{NONE, confusion, percent, spread};
-use crate::text::{Table, grouped};
+use crate::eval::text::{NONE, confusion, spread};
+use crate::slip::Scheme;
+use crate::text::{Table, grouped, percent};
 
 /// Why the two schemes of cross-validation differ.
 const WHY: [&str; 3] = [

@@ -6,34 +6,44 @@ use std::rc::Rc;
 use meissner_models::systems::digits::{check, trained_as};
 use meissner_models::{Description, Weights};
 
-use super::args::DigitsArgs;
 use super::training::{Training, seed_name};
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
-use crate::eval::remarks::files;
 use crate::model::describe;
+use crate::trainings::{TrainingError, files};
 
 /// How the shipped networks of this system are called.
 const PREFIX: &str = "digits-";
 
-/// A network, its trainings by seed and file, which take every `stride`-th event.
-pub(super) struct Candidate {
-    pub(super) description: Description,
-    pub(super) trainings: Vec<Rc<Training>>,
-    pub(super) stride: usize,
+/// What is asked for on the command line.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    /// Names or description files; none for every shipped network of this system.
+    pub(crate) networks: &'a [String],
+    pub(crate) weights: Option<&'a Path>,
+    /// A folder of trainings.
+    pub(crate) trainings: Option<&'a Path>,
+    /// Every `stride`-th event, whatever the weights say.
+    pub(crate) stride: Option<usize>,
 }
 
-/// The networks that `args` ask for, in the order in which they are named; and what to say about what is left out.
-pub(super) fn candidates(args: &DigitsArgs) -> Result<(Vec<Candidate>, Vec<String>), CliError> {
-    let descriptions = descriptions(&args.networks)?;
-    let (trained, notes) = match (&args.trainings, &args.weights) {
-        (Some(folder), _) => of_folder(folder, descriptions, !args.networks.is_empty())?,
+/// A network, its trainings by seed and file, which take every `stride`-th event.
+pub(crate) struct Candidate {
+    pub(crate) description: Description,
+    pub(crate) trainings: Vec<Rc<Training>>,
+    pub(crate) stride: usize,
+}
+
+/// The networks that are asked for, in the order in which they are named; and what to say about what is left out.
+pub(crate) fn candidates(asked: Asked<'_>) -> Result<(Vec<Candidate>, Vec<String>), CliError> {
+    let descriptions = descriptions(asked.networks)?;
+    let (trained, notes) = match (asked.trainings, asked.weights) {
+        (Some(folder), _) => of_folder(folder, descriptions, !asked.networks.is_empty())?,
         (None, Some(path)) => (vec![given(path, descriptions)?], Vec::new()),
         (None, None) => (descriptions.into_iter().map(of_shipped).collect::<Result<_, _>>()?, Vec::new()),
     };
     let candidates = trained.into_iter().map(|(description, trainings)| {
-        let stride = match args.stride {
-            Some(stride) => stride as usize,
+        let stride = match asked.stride {
+            Some(stride) => stride,
             None => common_stride(&trainings)?,
         };
         Ok(Candidate { description, trainings, stride })

@@ -10,14 +10,13 @@ use meissner_models::systems::slip::ObjectSet;
 use serde::Serialize;
 
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
-use crate::eval::remarks::Remarks;
 use crate::model::labelled;
+use crate::trainings::{Remarks, TrainingError};
 
 /// How a cross-validation splits its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Scheme {
+pub(crate) enum Scheme {
     /// A recording's windows are on one side.
     Recordings,
     /// Windows are on either side, whatever their recording.
@@ -26,7 +25,7 @@ pub(super) enum Scheme {
 
 /// What training did not see of the set that it was trained on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum HeldOut {
+pub(crate) enum HeldOut {
     /// These recordings.
     Recordings(Vec<String>),
     /// These windows of recordings.
@@ -34,7 +33,7 @@ pub(super) enum HeldOut {
 }
 
 impl HeldOut {
-    pub(super) fn scheme(&self) -> Scheme {
+    pub(crate) fn scheme(&self) -> Scheme {
         match self {
             Self::Recordings(_) => Scheme::Recordings,
             Self::Windows(_) => Scheme::Windows,
@@ -43,23 +42,23 @@ impl HeldOut {
 }
 
 /// Weights, and how they came about.
-pub(super) struct Training {
+pub(crate) struct Training {
     /// The file; empty for shipped weights.
-    pub(super) path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Where the weights come from, and what they say about themselves.
-    pub(super) label: String,
-    pub(super) network: String,
-    pub(super) seed: Option<i64>,
+    pub(crate) label: String,
+    pub(crate) network: String,
+    pub(crate) seed: Option<i64>,
     /// Whether they say that they were trained on [`ObjectSet::Basic`].
-    pub(super) trained_on_basic: bool,
+    pub(crate) trained_on_basic: bool,
     /// The part that a fold holds out; `None` for a whole training.
-    pub(super) held_out: Option<HeldOut>,
-    pub(super) weights: Weights,
+    pub(crate) held_out: Option<HeldOut>,
+    pub(crate) weights: Weights,
 }
 
 impl Training {
     /// The weights shipped with `network`.
-    pub(super) fn shipped(network: &str, weights: Weights) -> Self {
+    pub(crate) fn shipped(network: &str, weights: Weights) -> Self {
         let remarks = Remarks(weights.metadata());
         Self {
             path: PathBuf::new(),
@@ -73,7 +72,7 @@ impl Training {
     }
 
     /// The training in the file at `path`.
-    pub(super) fn load(path: &Path) -> Result<Self, CliError> {
+    pub(crate) fn load(path: &Path) -> Result<Self, CliError> {
         let label = path.display().to_string();
         let weights =
             Weights::load(path).map_err(|source| CliError::Weights { weights: label.clone(), source })?;
@@ -99,13 +98,13 @@ impl Training {
     }
 
     /// The file as text, where there is one.
-    pub(super) fn files(&self) -> Vec<String> {
+    pub(crate) fn files(&self) -> Vec<String> {
         let path = Some(self.path.display().to_string()).filter(|path| !path.is_empty());
         path.into_iter().collect()
     }
 
     /// The seed as text.
-    pub(super) fn seed_name(&self) -> String {
+    pub(crate) fn seed_name(&self) -> String {
         self.seed.map_or_else(|| "shipped".to_owned(), |seed| seed.to_string())
     }
 }
@@ -144,7 +143,7 @@ fn held_out(remarks: &Remarks<'_>) -> Result<Option<HeldOut>, TrainingError> {
 #[cfg(test)]
 mod tests {
     use super::HeldOut;
-    use crate::eval::remarks::Remarks;
+    use crate::trainings::Remarks;
 
     fn held_out(entries: &[(&str, &str)]) -> Result<Option<HeldOut>, String> {
         let entries = entries.iter().map(|&(key, value)| (key.to_owned(), value.to_owned())).collect();

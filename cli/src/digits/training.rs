@@ -8,36 +8,35 @@ use std::path::{Path, PathBuf};
 use meissner_models::Weights;
 
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
-use crate::eval::remarks::Remarks;
 use crate::model::labelled;
+use crate::trainings::{Remarks, TrainingError};
 
 /// Weights, and how they came about.
 #[derive(Clone)]
-pub(super) struct Training {
+pub(crate) struct Training {
     /// The file; empty for shipped weights.
-    pub(super) path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Where the weights come from, and what they say about themselves.
-    pub(super) label: String,
+    pub(crate) label: String,
     /// What they were trained as.
-    pub(super) network: String,
-    pub(super) seed: Option<i64>,
+    pub(crate) network: String,
+    pub(crate) seed: Option<i64>,
     /// The recordings that a fold holds out; `None` for a whole training.
-    pub(super) held_out: Option<Vec<String>>,
+    pub(crate) held_out: Option<Vec<String>>,
     /// They were trained on every `stride`-th event.
-    pub(super) stride: usize,
-    pub(super) weights: Weights,
+    pub(crate) stride: usize,
+    pub(crate) weights: Weights,
 }
 
 impl Training {
     /// The weights shipped with `network`.
-    pub(super) fn shipped(network: &str, weights: Weights) -> Result<Self, CliError> {
+    pub(crate) fn shipped(network: &str, weights: Weights) -> Result<Self, CliError> {
         let label = labelled("shipped with the network".to_owned(), &weights);
         Self::whole(PathBuf::new(), label, network, weights)
     }
 
     /// The weights for `network` in the file at `path`, a whole training whatever else it says about itself.
-    pub(super) fn given(path: &Path, network: &str) -> Result<Self, CliError> {
+    pub(crate) fn given(path: &Path, network: &str) -> Result<Self, CliError> {
         let weights = read(path)?;
         if weights.metadata().contains_key("held_out") {
             let (expected, found) =
@@ -56,7 +55,7 @@ impl Training {
     }
 
     /// The training in the file at `path`.
-    pub(super) fn load(path: &Path) -> Result<Self, CliError> {
+    pub(crate) fn load(path: &Path) -> Result<Self, CliError> {
         let weights = read(path)?;
         let failed = |source| CliError::Training { path: path.to_owned(), source };
         let remarks = Remarks(weights.metadata());
@@ -79,14 +78,14 @@ impl Training {
     }
 
     /// The file as text, where there is one.
-    pub(super) fn files(&self) -> Vec<String> {
+    pub(crate) fn files(&self) -> Vec<String> {
         let path = Some(self.path.display().to_string()).filter(|path| !path.is_empty());
         path.into_iter().collect()
     }
 }
 
 /// A seed as text.
-pub(super) fn seed_name(seed: Option<i64>) -> String {
+pub(crate) fn seed_name(seed: Option<i64>) -> String {
     seed.map_or_else(|| "shipped".to_owned(), |seed| seed.to_string())
 }
 

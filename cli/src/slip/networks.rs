@@ -5,26 +5,27 @@ use std::path::Path;
 use meissner_models::systems::slip::SlipWindows;
 use meissner_models::{FrameDescription, Weights};
 
-use super::args::SlipArgs;
 use super::training::Training;
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
-use crate::eval::remarks::files;
 use crate::model::describe_frames;
+use crate::trainings::{TrainingError, files};
 
 /// How the shipped networks of this system are called.
 const PREFIX: &str = "slip-";
 
 /// A network, and its trainings by seed and file.
-pub(super) struct Candidate {
-    pub(super) description: FrameDescription,
-    pub(super) trainings: Vec<Training>,
+pub(crate) struct Candidate {
+    pub(crate) description: FrameDescription,
+    pub(crate) trainings: Vec<Training>,
 }
 
-/// The networks that `args` ask for, in the order in which they are named; and what to say about what is left out.
-pub(super) fn candidates(args: &SlipArgs) -> Result<(Vec<Candidate>, Vec<String>), CliError> {
+/// The networks with these names or description files, with their trainings in a folder or what is shipped with them, in the order in which they are named; and what to say about what is left out.
+pub(crate) fn candidates(
+    networks: &[String],
+    trainings: Option<&Path>,
+) -> Result<(Vec<Candidate>, Vec<String>), CliError> {
     let shipped = FrameDescription::shipped_names().iter().copied().filter(|name| name.starts_with(PREFIX));
-    let names = match &args.networks[..] {
+    let names = match networks {
         [] => shipped.map(str::to_owned).collect(),
         names => names.to_vec(),
     };
@@ -38,9 +39,9 @@ pub(super) fn candidates(args: &SlipArgs) -> Result<(Vec<Candidate>, Vec<String>
         }
         descriptions.push((description, shipped));
     }
-    match &args.trainings {
+    match trainings {
         None => Ok((descriptions.into_iter().map(of_shipped).collect::<Result<_, _>>()?, Vec::new())),
-        Some(folder) => of_folder(folder, descriptions, !args.networks.is_empty()),
+        Some(folder) => of_folder(folder, descriptions, !networks.is_empty()),
     }
 }
 

@@ -10,20 +10,20 @@ use meissner_models::systems::digits::folds;
 use super::training::{Training, seed_name};
 use crate::digits::DigitsData;
 use crate::error::CliError;
-use crate::eval::error::TrainingError;
+use crate::trainings::TrainingError;
 
 /// A fold with the places of the recordings that it held out, ascending.
 type Fold = (Rc<Training>, Vec<usize>);
 
 /// The folds of a seed.
-pub(super) struct Validation {
-    pub(super) seed: Option<i64>,
-    pub(super) folds: Vec<Fold>,
+pub(crate) struct Validation {
+    pub(crate) seed: Option<i64>,
+    pub(crate) folds: Vec<Fold>,
 }
 
 /// The folds among the `trainings` of a network by seed. With `count`, they must be those of that many folds which
 /// `prepare digits` writes.
-pub(super) fn validations(
+pub(crate) fn validations(
     trainings: &[Rc<Training>],
     data: &DigitsData,
     count: Option<usize>,

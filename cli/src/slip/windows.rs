@@ -15,18 +15,18 @@ use crate::model::frame_network;
 use crate::slip::SlipData;
 
 /// The windows of every recording.
-pub(super) struct Windows {
+pub(crate) struct Windows {
     /// Of each recording (windows, steps, frame).
     frames: Vec<Vec<f32>>,
     /// Windows of each recording.
-    pub(super) counts: Vec<usize>,
+    pub(crate) counts: Vec<usize>,
     /// Values of a window, and of a frame.
     lengths: (usize, usize),
 }
 
 impl Windows {
     /// The windows of `data` as `description` reads them.
-    pub(super) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, CliError> {
+    pub(crate) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, CliError> {
         let mut windows = SlipWindows::new(description)?;
         let lengths = (windows.steps() * windows.frame_len(), windows.frame_len());
         let mut cut = Self { frames: Vec::new(), counts: Vec::new(), lengths };
@@ -39,23 +39,44 @@ impl Windows {
     }
 
     /// All windows, by recording.
-    pub(super) fn all(&self) -> Vec<Vec<usize>> {
+    pub(crate) fn all(&self) -> Vec<Vec<usize>> {
         self.counts.iter().map(|&count| (0..count).collect()).collect()
     }
 
-    /// The outputs of `engine` for the windows `chosen` of each recording, in that order.
-    pub(super) fn logits(
+    /// The frames of a window of a recording, its last `steps` alone.
+    ///
+    /// # Panics
+    /// Where there is no such recording or window, or it has fewer steps.
+    pub(crate) fn frames(
+        &self,
+        recording: usize,
+        window: usize,
+        steps: usize,
+    ) -> impl Iterator<Item = &[f32]> {
+        let (window_len, frame_len) = self.lengths;
+        let frames = &self.frames[recording][window * window_len..][..window_len];
+        frames[window_len - steps * frame_len..].chunks_exact(frame_len)
+    }
+
+    /// Frames of a window.
+    pub(crate) fn steps(&self) -> usize {
+        self.lengths.0 / self.lengths.1
+    }
+
+    /// The outputs of `engine` for the windows `chosen` of each recording, in that order, from the last `steps` frames of
+    /// each.
+    pub(crate) fn logits(
         &self,
         pool: &ThreadPool,
         engine: &FrameEngine,
         chosen: &[Vec<usize>],
+        steps: usize,
     ) -> Result<Vec<Vec<f32>>, EngineError> {
-        let of_recording = |engine: &mut FrameEngine, (frames, chosen): (&Vec<f32>, &Vec<usize>)| {
+        let of_recording = |engine: &mut FrameEngine, (recording, chosen): (usize, &Vec<usize>)| {
             let mut logits = Vec::new();
-            for window in chosen {
-                let (window_len, frame_len) = self.lengths;
+            for &window in chosen {
                 engine.reset();
-                for frame in frames[window * window_len..][..window_len].chunks_exact(frame_len) {
+                for frame in self.frames(recording, window, steps) {
                     engine.push(frame)?;
                 }
                 logits.extend_from_slice(engine.predict()?.values);
@@ -63,7 +84,7 @@ impl Windows {
             Ok(logits)
         };
         let recordings = || {
-            let recordings = self.frames.par_iter().zip(chosen);
+            let recordings = chosen.par_iter().enumerate();
             recordings.map_init(|| engine.clone(), of_recording).collect::<Vec<_>>()
         };
         // The first error in the order of the recordings, not of time.
@@ -72,7 +93,7 @@ impl Windows {
 }
 
 /// An engine of `description` with `weights`, which `label` names.
-pub(super) fn engine(
+pub(crate) fn engine(
     description: &FrameDescription,
     weights: &Weights,
     label: &str,

@@ -5,33 +5,33 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use super::error::TrainingError;
+use super::TrainingError;
 use crate::error::CliError;
 
 /// The metadata of a file.
-pub(super) struct Remarks<'a>(pub(super) &'a BTreeMap<String, String>);
+pub(crate) struct Remarks<'a>(pub(crate) &'a BTreeMap<String, String>);
 
 impl Remarks<'_> {
     /// `key` says something other than `expected`.
-    pub(super) fn refused(&self, key: &'static str, expected: &'static str) -> TrainingError {
+    pub(crate) fn refused(&self, key: &'static str, expected: &'static str) -> TrainingError {
         let found = self.0.get(key).map_or_else(|| "none".to_owned(), |text| format!("{text:?}"));
         TrainingError::Metadata { key, expected, found }
     }
 
     /// What `key` says.
-    pub(super) fn required(&self, key: &'static str, expected: &'static str) -> Result<&str, TrainingError> {
+    pub(crate) fn required(&self, key: &'static str, expected: &'static str) -> Result<&str, TrainingError> {
         let text = self.0.get(key).filter(|text| !text.is_empty());
         text.map(String::as_str).ok_or_else(|| self.refused(key, expected))
     }
 
     /// The number that `key` says, where it is there.
-    pub(super) fn integer(&self, key: &'static str) -> Result<Option<i64>, TrainingError> {
+    pub(crate) fn integer(&self, key: &'static str) -> Result<Option<i64>, TrainingError> {
         let number = self.0.get(key).map(|text| text.parse());
         number.transpose().map_err(|_| self.refused(key, "with a whole number"))
     }
 
     /// The list that `key` says.
-    pub(super) fn list<T: DeserializeOwned>(
+    pub(crate) fn list<T: DeserializeOwned>(
         &self,
         key: &'static str,
         expected: &'static str,
@@ -42,7 +42,7 @@ impl Remarks<'_> {
 }
 
 /// The safetensors files in `folder`, by name.
-pub(super) fn files(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     let list = || -> std::io::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
     };

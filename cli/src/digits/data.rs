@@ -1,4 +1,4 @@
-//! What `prepare digits` and `eval digits` share: the data set of digits.
+//! The data set of digits.
 
 use std::path::Path;
 

@@ -1,0 +1,74 @@
+//! An engine with what stands before and behind it: filters and a readout that may be stale.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::filters::{Chain, EventFilter};
+use meissner_engine::{Counters, Engine, EngineError, Event, Network, Options, Sensor, StaleReadout};
+
+use crate::approximations::ApproximationArgs;
+
+/// An engine with the filters in front of it and the readout behind it that were asked for.
+#[derive(Clone, Debug)]
+pub(crate) struct Front {
+    pub(crate) chain: Chain,
+    pub(crate) readout: StaleReadout,
+}
+
+impl Front {
+    /// An engine for `network`, which `approximations` have changed already, with what else of them there is; `options`
+    /// but for their tolerance.
+    pub(crate) fn new(
+        network: Arc<Network>,
+        sensor: Sensor,
+        approximations: &ApproximationArgs,
+        options: Options,
+    ) -> Result<Self, EngineError> {
+        let tolerance = approximations.tolerance.unwrap_or(0.0);
+        let engine = Engine::with_options(network, sensor, Options { tolerance, ..options })?;
+        let readout = StaleReadout::new(engine, approximations.staleness())?;
+        Ok(Self { chain: approximations.chain(sensor)?, readout })
+    }
+
+    /// Forgets all events; counters go on.
+    pub(crate) fn reset(&mut self) {
+        self.chain.reset();
+        self.readout.reset();
+    }
+
+    /// Whether `event` passes the filters, and how long that took; no time where there are none.
+    pub(crate) fn admit(&mut self, event: Event) -> (bool, Duration) {
+        if self.chain.filters().is_empty() {
+            return (true, Duration::ZERO);
+        }
+        let start = Instant::now();
+        let passes = self.chain.admit(event);
+        (passes, start.elapsed())
+    }
+
+    /// Hands `events` to the engine, but for those that a filter drops.
+    pub(crate) fn push_slice(&mut self, events: &[Event]) {
+        for &event in events {
+            if self.chain.admit(event) {
+                self.readout.push(event);
+            }
+        }
+    }
+
+    pub(crate) fn engine(&self) -> &Engine {
+        self.readout.engine()
+    }
+
+    /// Events that no filter has dropped.
+    pub(crate) fn passed(&self) -> u64 {
+        self.engine().counters().events.pushed
+    }
+
+    /// The engine's counters, with events that a filter dropped and predictions that stood among those that came.
+    pub(crate) fn counters(&self) -> Counters {
+        let mut counters = self.engine().counters();
+        counters.events.pushed += self.chain.counters().dropped;
+        counters.predictions.read += self.readout.stale();
+        counters
+    }
+}
