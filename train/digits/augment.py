@@ -3,12 +3,12 @@ stay as they are: what comes out is what a sensor could have sent."""
 
 import numpy as np
 
-TURN = 0.15  # radians
-SHEAR = 0.12
-STRETCH = 0.08  # of the logarithm, for each axis
-SHIFT = 1.25  # pixels
-MOST_STRIDE = 8  # thinning, uniform in the logarithm
-CUT_SHORT = 0.2  # share of recordings that end early
+TURN = 0.2  # radians
+SHEAR = 0.2
+STRETCH = 0.12  # of the logarithm, for each axis
+SHIFT = 2.0  # pixels
+MOST_STRIDE = 6  # thinning, uniform in the logarithm
+CUT_SHORT = 0.1  # share of recordings that end early
 SHORTEST_US = 100_000
 
 
