@@ -96,6 +96,7 @@ fn build(
         pooled,
         readout: Readout { from, columns: grid[0], rows: grid[1], by_time: false },
         dense: vec![DenseLayer { name: "out".to_owned(), dense }],
+        head: None,
     };
     Arc::new(Network::new(parts).expect("the parts fit"))
 }

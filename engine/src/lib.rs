@@ -4,6 +4,7 @@
 mod activations;
 mod adapt;
 mod admission;
+mod after;
 mod batch;
 mod cells;
 mod counters;

@@ -5,8 +5,11 @@
 //! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
 //! topological order.
 
+use std::sync::Arc;
+
 use meissner_kernels::{Dense, SplineConv};
 
+use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, FrameShape};
 use crate::{EngineError, Fraction};
 
 /// Which nodes a node reads from. `knn` and `radius` are one rule: the first `most` candidates in the graph's order
@@ -184,8 +187,12 @@ pub struct NetworkParts {
     pub pooled: Vec<(Pooling, Level)>,
     /// What the dense layers read.
     pub readout: Readout,
-    /// In order; the last one's outputs are the prediction.
+    /// In order; the last one's outputs are the prediction. None where there is a head.
     pub dense: Vec<DenseLayer>,
+    /// A frame network in place of dense layers; its output is the prediction. It reads the readout as an image: a column and
+    /// a row for those of the grid, channel `age C + c` for channel c of the grid that is `age` cells in time old. Without
+    /// state: how often predictions are read must not matter.
+    pub head: Option<Arc<FrameNetwork>>,
 }
 
 /// A checked network. Immutable; engines share it by `Arc`.
@@ -242,8 +249,25 @@ impl Network {
             }
             inputs = layer.dense.outputs();
         }
-        if parts.dense.is_empty() {
-            return Err(misfit("readout", "dense layers", "at least 1", 0));
+        match &parts.head {
+            None if parts.dense.is_empty() => return Err(misfit("readout", "dense layers", "at least 1", 0)),
+            None => {}
+            Some(_) if !parts.dense.is_empty() => {
+                return Err(misfit("readout", "dense layers beside a head", 0, parts.dense.len()));
+            }
+            Some(head) => {
+                let image =
+                    FrameShape::Image { channels: inputs / (columns * rows), height: rows, width: columns };
+                if head.input() != image {
+                    return Err(misfit("readout", "image that the head reads", image, head.input()));
+                }
+                FrameEngine::new(Arc::clone(head), FrameOptions::default())?;
+                if head.has_state() {
+                    let expected =
+                        "none that remember frames: how often predictions are read must not matter";
+                    return Err(misfit("readout", "layers of the head", expected, "some"));
+                }
+            }
         }
         Ok(Self { parts, channels })
     }
@@ -264,7 +288,8 @@ impl Network {
 
     /// Number of values in a prediction.
     pub fn outputs(&self) -> usize {
-        self.parts.dense.last().map_or(0, |layer| layer.dense.outputs())
+        let head = self.parts.head.as_ref().map(|head| head.output().values());
+        head.or(self.parts.dense.last().map(|layer| layer.dense.outputs())).unwrap_or(0)
     }
 
     /// Number of levels: the event level and one per pooling.

@@ -1,15 +1,16 @@
-//! The readout and the dense layers: from the last level's features to the prediction.
+//! The readout and what follows it: from the last level's features to the prediction.
 //!
 //! Enters: the last level's delta, its changed rows and, above a pooling, its positions. Leaves: the prediction. A
 //! node belongs to the readout cell that holds its position, as the reference has it; the cell of an event is
 //! computed in integers. Nothing is computed again where no maximum moved.
 //!
 //! Where cells in time stay apart, the grid's maxima are a ring over these cells: a new one takes the place of the one that
-//! the window has left, no row moves, and the dense layers are given the grids from the newest to the oldest.
+//! the window has left, no row moves, and what follows is given the grids from the newest to the oldest.
 
-use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
+use meissner_kernels::{Isa, Lanes, Matrix};
 
 use crate::activations::Activations;
+use crate::after::After;
 use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
 use crate::maxima::Maxima;
@@ -17,7 +18,7 @@ use crate::network::{Network, Readout};
 use crate::pooled::PooledGraph;
 use crate::rows::RowSet;
 use crate::window::Window;
-use crate::{Fraction, Sensor};
+use crate::{EngineError, Fraction, Sensor};
 
 /// Where nodes fall in the readout's grid.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +65,7 @@ pub(crate) struct Head {
     newest: i64,
     /// `values` from the newest cell in time to the oldest, where there are several.
     by_age: Matrix,
-    hidden: Vec<Matrix>,
+    after: After,
     /// Pooled nodes whose cell is not known yet.
     entered: RowSet,
     prediction: Vec<f32>,
@@ -79,7 +80,7 @@ pub(crate) struct Top<'a> {
 }
 
 impl Head {
-    pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize) -> Self {
+    pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize, isa: Isa) -> Self {
         let grid = ReadoutGrid::new(network.parts().readout, sensor);
         let channels = network.readout_channels();
         let times = network.readout_times();
@@ -91,7 +92,7 @@ impl Head {
             newest: 0,
             by_age: Matrix::zeros(if times > 1 { cells } else { 0 }, channels),
             times,
-            hidden: network.parts().dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect(),
+            after: After::new(network, isa),
             entered: RowSet::new(rows),
             prediction: vec![0.0; network.outputs()],
             valid: false,
@@ -115,6 +116,7 @@ impl Head {
     pub(crate) fn clear(&mut self) {
         self.maxima.clear(&mut self.values);
         self.entered.clear();
+        self.after.clear();
         self.valid = false;
     }
 
@@ -192,21 +194,14 @@ impl Head {
                 }
             }
         }
-        let mut inputs = if self.times > 1 { self.by_age.lanes() } else { self.values.lanes() };
-        for (layer, out) in network.parts().dense.iter().zip(&mut self.hidden) {
-            layer.dense.run(isa, inputs, out.row_mut(0));
-            inputs = out.lanes();
-        }
-        if let Some(last) = self.hidden.last() {
-            self.prediction.clear();
-            self.prediction.extend(last.values(0));
-        }
+        let readout = if self.times > 1 { &self.by_age } else { &self.values };
+        self.after.run(network, isa, readout, self.grid.cells(), &mut self.prediction);
         self.valid = true;
     }
 
-    /// The first dense layer that computed NaN.
-    pub(crate) fn not_a_number(&self) -> Option<usize> {
-        self.hidden.iter().position(|values| is_nan(values.lanes()))
+    /// Why there is no prediction.
+    pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
+        self.after.failure(network)
     }
 
     pub(crate) fn prediction(&self) -> &[f32] {

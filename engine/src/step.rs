@@ -61,7 +61,7 @@ impl Step {
             rows = slots;
         }
         Self {
-            head: Head::new(&network, sensor, rows),
+            head: Head::new(&network, sensor, rows, options.isa),
             window: Window::new(capacity),
             graph,
             pooled,
@@ -239,7 +239,7 @@ impl Step {
                 return Some(error(&self.network.level(level).blocks[block].name, rows));
             }
         }
-        self.head.not_a_number().map(|layer| error(&self.network.parts().dense[layer].name, 1))
+        self.head.failure(&self.network)
     }
 }
 

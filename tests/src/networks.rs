@@ -119,6 +119,7 @@ impl NetworkShape {
             pooled,
             readout,
             dense,
+            head: None,
         };
         Network::new(parts).expect("the parts fit")
     }

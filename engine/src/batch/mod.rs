@@ -17,6 +17,7 @@ use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineRow, Spl
 use meissner_kernels::{is_nan, maximum, settle};
 use rayon::prelude::*;
 
+use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Level, Network, Normalisation};
 use crate::{EngineError, Event, Sensor};
 
@@ -178,6 +179,10 @@ impl Batch {
             below_pooling = Some(pooling);
         }
         let readout = self.readout(&levels[levels.len() - 1], levels.len() == 1, stream);
+        if let Some(head) = &parts.head {
+            let prediction = self.over_image(head, &readout)?;
+            return Ok(Trace { prediction, levels, readout });
+        }
         let mut values = readout.clone();
         for layer in &parts.dense {
             let mut out = Matrix::zeros(1, layer.dense.outputs());
@@ -239,6 +244,23 @@ impl Batch {
             maximum_of(features, members, out.row_mut(cell));
         }
         out
+    }
+
+    /// What `head` makes of the readout.
+    fn over_image(&self, head: &Arc<FrameNetwork>, readout: &Matrix) -> Result<Vec<f32>, EngineError> {
+        let options = FrameOptions { isa: self.isa, skip: Skip::Nothing, ..FrameOptions::default() };
+        let cells = readout.rows() / self.network.readout_times();
+        let value = |age: usize, c: usize, cell: usize| readout.values(age * cells + cell).nth(c);
+        let image: Option<Vec<f32>> = (0..self.network.readout_times() * readout.columns() * cells)
+            .map(|i| value(i / cells / readout.columns(), i / cells % readout.columns(), i % cells))
+            .collect();
+        let image = image.expect("every cell has every channel");
+        if image.iter().any(|value| !value.is_finite()) {
+            return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
+        }
+        let mut engine = FrameEngine::new(Arc::clone(head), options)?;
+        engine.push(&image)?;
+        Ok(engine.predict()?.values.to_vec())
     }
 
     /// The readout's cell of each row of `top` that is in the window; whether `top` is the event level.

@@ -160,6 +160,11 @@ impl FrameNetwork {
         self.units.iter().map(|unit| unit.name.as_str())
     }
 
+    /// Whether a prediction depends on frames before the last.
+    pub fn has_state(&self) -> bool {
+        self.units.iter().any(|unit| unit.eager)
+    }
+
     /// Multiply-adds of a frame and a prediction of which nothing is skipped.
     pub fn multiply_adds(&self) -> u64 {
         self.units.iter().map(|unit| unit.multiply_adds).sum()

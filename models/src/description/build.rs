@@ -83,6 +83,7 @@ impl Description {
             pooled: poolings.into_iter().zip(levels).collect(),
             readout,
             dense,
+            head: None,
         }))
     }
 }

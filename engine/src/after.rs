@@ -1,0 +1,117 @@
+//! What follows the readout: dense layers, or a frame network that reads it as an image.
+//!
+//! Enters: the readout, from the newest cell in time to the oldest. Leaves: the prediction. Of a frame network only what a
+//! changed cell reaches is computed again.
+
+use std::sync::Arc;
+
+use meissner_kernels::{Isa, Matrix, is_nan};
+
+use crate::EngineError;
+use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
+use crate::network::Network;
+
+#[derive(Clone, Debug)]
+pub(crate) enum After {
+    /// What each dense layer wrote.
+    Dense(Vec<Matrix>),
+    Head(Box<ImageHead>),
+}
+
+/// A frame network over the readout.
+#[derive(Clone, Debug)]
+pub(crate) struct ImageHead {
+    engine: FrameEngine,
+    image: Vec<f32>,
+    /// Why there is no prediction.
+    failure: Option<EngineError>,
+}
+
+impl After {
+    pub(crate) fn new(network: &Network, isa: Isa) -> Self {
+        let parts = network.parts();
+        match &parts.head {
+            Some(head) => Self::Head(Box::new(ImageHead::new(head, isa))),
+            None => Self::Dense(parts.dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect()),
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        if let Self::Head(head) = self {
+            head.engine.reset();
+        }
+    }
+
+    /// Computes the prediction from `readout`, grids of `cells` rows one after the other.
+    pub(crate) fn run(
+        &mut self,
+        network: &Network,
+        isa: Isa,
+        readout: &Matrix,
+        cells: usize,
+        prediction: &mut Vec<f32>,
+    ) {
+        match self {
+            Self::Dense(hidden) => {
+                let mut inputs = readout.lanes();
+                for (layer, out) in network.parts().dense.iter().zip(&mut *hidden) {
+                    layer.dense.run(isa, inputs, out.row_mut(0));
+                    inputs = out.lanes();
+                }
+                if let Some(last) = hidden.last() {
+                    prediction.clear();
+                    prediction.extend(last.values(0));
+                }
+            }
+            Self::Head(head) => {
+                head.failure = head.run(readout, cells, prediction).err();
+            }
+        }
+    }
+
+    /// Why there is no prediction.
+    pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
+        match self {
+            Self::Dense(hidden) => {
+                let layer = hidden.iter().position(|values| is_nan(values.lanes()))?;
+                let layer = network.parts().dense[layer].name.clone();
+                Some(EngineError::NotANumber { layer, rows: 1 })
+            }
+            Self::Head(head) => head.failure.clone(),
+        }
+    }
+}
+
+impl ImageHead {
+    /// # Panics
+    /// Never for the head of a [`Network`], which was tried when that was made.
+    fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
+        let options = FrameOptions { isa, ..FrameOptions::default() };
+        let engine = FrameEngine::new(Arc::clone(network), options).expect("the network was tried");
+        Self { image: vec![0.0; network.input().values()], engine, failure: None }
+    }
+
+    /// The prediction for `readout`, grids of `cells` rows one after the other.
+    pub(crate) fn run(
+        &mut self,
+        readout: &Matrix,
+        cells: usize,
+        prediction: &mut Vec<f32>,
+    ) -> Result<(), EngineError> {
+        let channels = readout.columns();
+        for row in 0..readout.rows() {
+            let (age, cell) = (row / cells, row % cells);
+            for (c, value) in readout.values(row).enumerate() {
+                self.image[(age * channels + c) * cells + cell] = value;
+            }
+        }
+        // All that it refuses is a value that is not finite: the readout passes over NaN, but not over infinity.
+        if self.engine.push(&self.image).is_err() {
+            return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
+        }
+        let values = self.engine.predict()?.values;
+        prediction.clear();
+        prediction.extend_from_slice(values);
+        Ok(())
+    }
+}
