@@ -54,6 +54,9 @@ unit = "logit"
 
 const SENSOR: [u16; 2] = [8, 6];
 
+/// The columns of a file by name.
+type Columns = BTreeMap<&'static str, Vec<i64>>;
+
 /// Two streams; of the second, the first two events have left the window after the last.
 fn streams() -> Vec<Vec<Event>> {
     let event = |t: i64, x, y| Event::new(t, x, y, t % 3 > 0);
@@ -64,7 +67,7 @@ fn streams() -> Vec<Vec<Event>> {
 }
 
 /// The file of the streams, after `change`.
-fn file(streams: &[Vec<Event>], change: impl FnOnce(&mut BTreeMap<&str, Vec<i64>>)) -> Vec<u8> {
+fn file(streams: &[Vec<Event>], change: impl FnOnce(&mut Columns)) -> Vec<u8> {
     let events = || streams.iter().flatten();
     let mut start = vec![0];
     streams.iter().for_each(|stream| start.push(start[start.len() - 1] + stream.len() as i64));
@@ -174,7 +177,7 @@ fn rows_edges_and_cells_are_those_of_the_engine() {
 #[test]
 fn streams_that_cannot_be_are_refused_with_their_place() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
-    let refused = |change: &dyn Fn(&mut BTreeMap<&str, Vec<i64>>), expected: &[&str]| {
+    let refused = |change: &dyn Fn(&mut Columns), expected: &[&str]| {
         fails(&prepare(folder.path(), &file(&streams(), change)), 1, expected);
     };
     refused(&|columns| columns.get_mut("x").unwrap()[3] = 8, &["event 3", "a pixel of 8x6", "(8, 3)"]);

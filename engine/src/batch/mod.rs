@@ -181,7 +181,7 @@ impl Batch {
         let readout = self.readout(&levels[levels.len() - 1], levels.len() == 1, stream);
         if let Some(head) = &parts.head {
             let prediction = self.over_image(head, &readout)?;
-            return Ok(Trace { prediction, levels, readout });
+            return Ok(Trace { levels, readout, prediction });
         }
         let mut values = readout.clone();
         for layer in &parts.dense {
