@@ -5,12 +5,15 @@
 //! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
 //! topological order.
 
+mod check;
+
 use std::sync::Arc;
 
 use meissner_kernels::{Dense, SplineConv};
 
-use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, FrameShape};
+use crate::frames::FrameNetwork;
 use crate::{EngineError, Fraction};
+pub(crate) use check::{in_range, option};
 
 /// Which nodes a node reads from. `knn` and `radius` are one rule: the first `most` candidates in the graph's order
 /// whose squared distance is at most `radius`^2.
@@ -219,56 +222,7 @@ impl Network {
     /// [`EngineError::Option`] for the graph, span and capacity; [`EngineError::Network`] for layers that read what
     /// does not exist yet or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
-        in_range("span in microseconds", parts.span_us, 1, Self::LONGEST_SPAN_US)?;
-        in_range("capacity in events", parts.capacity as i64, 1, Self::LARGEST_CAPACITY as i64)?;
-        in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, Self::MOST_NEIGHBOURS as i64)?;
-        if let Reach::Radius { r, .. } = parts.graph.reach
-            && !(r.is_finite() && r > 0.0)
-        {
-            return Err(option("radius", "a finite number above 0", r));
-        }
-        let mut channels = vec![level_channels(&parts.events, 1)?];
-        let mut below: Option<&Pooling> = None;
-        for (pooling, level) in &parts.pooled {
-            let inputs =
-                feature(&pooling.name, "pooled feature", &channels[channels.len() - 1], pooling.from)?;
-            check_pooling(pooling, below, parts.span_us)?;
-            channels.push(level_channels(level, inputs)?);
-            below = Some(pooling);
-        }
-        let top = &channels[channels.len() - 1];
-        let mut inputs = feature("readout", "read feature", top, parts.readout.from)?;
-        let (columns, rows) = (parts.readout.columns, parts.readout.rows);
-        let times = readout_times(&parts)?;
-        let cells = columns.saturating_mul(rows).saturating_mul(times);
-        in_range("readout cells", cells.min(1 << 62) as i64, 1, 1 << 16)?;
-        inputs *= cells;
-        for layer in &parts.dense {
-            if layer.dense.inputs() != inputs {
-                return Err(misfit(&layer.name, "inputs", inputs, layer.dense.inputs()));
-            }
-            inputs = layer.dense.outputs();
-        }
-        match &parts.head {
-            None if parts.dense.is_empty() => return Err(misfit("readout", "dense layers", "at least 1", 0)),
-            None => {}
-            Some(_) if !parts.dense.is_empty() => {
-                return Err(misfit("readout", "dense layers beside a head", 0, parts.dense.len()));
-            }
-            Some(head) => {
-                let image =
-                    FrameShape::Image { channels: inputs / (columns * rows), height: rows, width: columns };
-                if head.input() != image {
-                    return Err(misfit("readout", "image that the head reads", image, head.input()));
-                }
-                FrameEngine::new(Arc::clone(head), FrameOptions::default())?;
-                if head.has_state() {
-                    let expected =
-                        "none that remember frames: how often predictions are read must not matter";
-                    return Err(misfit("readout", "layers of the head", expected, "some"));
-                }
-            }
-        }
+        let channels = check::channels(&parts)?;
         Ok(Self { parts, channels })
     }
 
@@ -314,7 +268,7 @@ impl Network {
 
     /// How often the readout's grid is there: once, or once for each cell in time that a window can fill.
     pub fn readout_times(&self) -> usize {
-        self.readout_time().map_or(1, times)
+        self.readout_time().map_or(1, check::times)
     }
 
     /// Length of the cells in time that the readout keeps apart, as a share of the span.
@@ -332,99 +286,4 @@ impl Network {
         }
         names
     }
-}
-
-/// Cells of `size` that a window can fill: it is closed, and begins anywhere in a cell.
-fn times(size: Fraction) -> usize {
-    size.cells() + 1
-}
-
-/// How often the readout's grid is there. A node's cell in time must be that of all its events.
-fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
-    if !parts.readout.by_time {
-        return Ok(1);
-    }
-    let mut sizes = parts.pooled.iter().map(|(pooling, _)| pooling.time);
-    let wrong =
-        |found: &str| misfit("readout", "cells in time", "the same of every pooling, at least of one", found);
-    let Some(Some(size)) = sizes.next() else { return Err(wrong("none")) };
-    if sizes.all(|other| other == Some(size)) { Ok(times(size)) } else { Err(wrong("different ones")) }
-}
-
-/// A value that is out of range.
-pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
-    EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
-}
-
-fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
-    EngineError::Network {
-        layer: layer.to_owned(),
-        what,
-        expected: expected.to_string(),
-        found: found.to_string(),
-    }
-}
-
-/// Refuses a value outside of `low..=high`.
-pub(crate) fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
-    if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
-}
-
-/// Channels of feature `index`, which must exist.
-fn feature(layer: &str, what: &'static str, channels: &[usize], index: usize) -> Result<usize, EngineError> {
-    channels
-        .get(index)
-        .copied()
-        .ok_or_else(|| misfit(layer, what, format!("below {}", channels.len()), index))
-}
-
-/// Checks the blocks of a level that `inputs` channels enter; the channels of all its features.
-fn level_channels(level: &Level, inputs: usize) -> Result<Vec<usize>, EngineError> {
-    if !(level.scale.is_finite() && level.scale > 0.0) {
-        return Err(option("edge-attribute scale", "a finite number above 0", level.scale));
-    }
-    let mut channels = vec![inputs];
-    for block in &level.blocks {
-        let read = feature(&block.name, "input feature", &channels, block.input)?;
-        if read != block.conv.inputs() {
-            return Err(misfit(&block.name, "input channels", read, block.conv.inputs()));
-        }
-        if let Some(skip) = block.skip {
-            let added = feature(&block.name, "skip feature", &channels, skip)?;
-            if added != block.conv.outputs() {
-                return Err(misfit(&block.name, "channels of the skip", block.conv.outputs(), added));
-            }
-        }
-        channels.push(block.conv.outputs());
-    }
-    Ok(channels)
-}
-
-fn check_pooling(pooling: &Pooling, below: Option<&Pooling>, span_us: i64) -> Result<(), EngineError> {
-    let [x, y] = pooling.cell;
-    let cells = x.cells().saturating_mul(y.cells());
-    let times = pooling.time.map_or(1, |t| t.cells() + 1);
-    if cells.saturating_mul(times) > Network::MOST_CELLS {
-        return Err(misfit(
-            &pooling.name,
-            "cells",
-            format!("at most {}", Network::MOST_CELLS),
-            cells.saturating_mul(times),
-        ));
-    }
-    if let Some(size) = pooling.time
-        && i128::from(span_us) * i128::from(size.numerator()) < i128::from(size.denominator())
-    {
-        return Err(misfit(
-            &pooling.name,
-            "cells in time",
-            "at least 1 us each",
-            format!("{size} of {span_us} us"),
-        ));
-    }
-    if pooling.time.is_some() && below.is_some_and(|below| below.time.is_none()) {
-        let expected = "cells in time at the level below, or none here";
-        return Err(misfit(&pooling.name, "cells in time", expected, "none below"));
-    }
-    Ok(())
 }
