@@ -190,6 +190,7 @@ fn nodes_at_their_cells_centre_never_move() {
         from: 0,
         grid: [2, 2],
         dense: vec![2],
+        head: None,
         seed: 5,
     };
     let pool =

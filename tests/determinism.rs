@@ -33,6 +33,7 @@ fn shape(candidates: Candidates) -> NetworkShape {
         from: 1,
         grid: [4, 4],
         dense: vec![32, 2],
+        head: None,
         seed: 3,
     }
 }

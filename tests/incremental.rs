@@ -39,6 +39,7 @@ fn cells_in_time_above_coarser_cells_in_time_do_not_share_a_slot() {
         from: 0,
         grid: [1, 1],
         dense: vec![1],
+        head: None,
         seed: 0,
     };
     let mut watched = Watched::new(shape.build(), Sensor::new(1, 1), Search::Exhaustive);

@@ -83,6 +83,7 @@ fn graph_alone(k: usize, span_us: i64) -> NetworkShape {
         from: 0,
         grid: [1, 1],
         dense: vec![1],
+        head: None,
         seed: 0,
     }
 }

@@ -27,6 +27,7 @@ fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShap
         pooled,
         grid: [2, 2],
         dense: vec![2],
+        head: None,
         seed: 5,
     }
 }

@@ -28,6 +28,7 @@ fn shape(candidates: Candidates) -> NetworkShape {
         from: 1,
         grid: [2, 2],
         dense: vec![2],
+        head: None,
         seed: 11,
     }
 }

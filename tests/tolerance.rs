@@ -63,6 +63,7 @@ fn chain(candidates: Candidates, capacity: usize) -> NetworkShape {
         from: 2,
         grid: [2, 2],
         dense: vec![2],
+        head: None,
         seed: 5,
     }
 }

@@ -226,6 +226,21 @@ pub fn network(
     FrameNetworkParts { name: format!("{style:?}"), input, layers: net.layers }
 }
 
+/// A network without state, for images of `image` (channels, rows, columns): a convolution of `channels`, a pooling where
+/// the image can be halved, a dense layer of `outputs`.
+pub fn head(image: [usize; 3], channels: usize, outputs: usize, seed: u64) -> FrameNetworkParts {
+    let [read, height, width] = image;
+    let input = FrameShape::Image { channels: read, height, width };
+    let mut net = Builder { random: Random::new(seed), shapes: vec![input], layers: Vec::new() };
+    let mut last = net.conv(0, channels, 3, true);
+    if height.is_multiple_of(2) && width.is_multiple_of(2) && !seed.is_multiple_of(3) {
+        last = net.pool(last);
+    }
+    let flat = net.flatten(last);
+    net.dense(flat, outputs, Activation::Identity);
+    FrameNetworkParts { name: "head".to_owned(), input, layers: net.layers }
+}
+
 /// Frames of `channels` x `height` x `width`: mostly zero, each the one before but for a few pixels, sometimes all of them,
 /// sometimes none.
 pub fn sequence(count: usize, [channels, height, width]: [usize; 3], seed: u64) -> Vec<Vec<f32>> {

@@ -1,5 +1,8 @@
 //! Random networks of every kind that the engine runs.
 
+use std::sync::Arc;
+
+use meissner_engine::frames::{Convolution, FrameNetwork};
 use meissner_engine::{
     Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, Network, NetworkParts,
     Normalisation, Pooling, Position, Reach, Readout,
@@ -7,6 +10,7 @@ use meissner_engine::{
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 use proptest::prelude::*;
 
+use crate::frame_networks;
 use crate::random::Random;
 
 /// A spline block without its numbers.
@@ -58,6 +62,8 @@ pub struct NetworkShape {
     pub grid: [usize; 2],
     /// Outputs of the dense layers.
     pub dense: Vec<usize>,
+    /// Channels of the convolution of a head in place of dense layers, which writes as many values as the last of them.
+    pub head: Option<usize>,
     /// Seed of the numbers.
     pub seed: u64,
 }
@@ -100,8 +106,14 @@ impl NetworkShape {
         };
         let times = time.map_or(1, |size| size.cells() + 1);
         let (mut segments, mut inputs) = (self.grid[0] * self.grid[1] * times, channels[readout.from]);
+        let head = self.head.map(|convolved| {
+            let image = [times * inputs, self.grid[1], self.grid[0]];
+            let outputs = self.dense.last().copied().unwrap_or(1);
+            let parts = frame_networks::head(image, convolved, outputs, random.bits());
+            Arc::new(FrameNetwork::new(parts, Convolution::Direct).expect("the layers fit"))
+        });
         let mut dense = Vec::new();
-        for (i, &outputs) in self.dense.iter().enumerate() {
+        for (i, &outputs) in self.dense.iter().enumerate().filter(|_| head.is_none()) {
             let weight = random.values(segments * inputs * outputs, 0.5);
             let bias = random.values(outputs, 0.5);
             let activation = [Activation::Identity, Activation::Relu, Activation::Elu][i % 3];
@@ -119,7 +131,7 @@ impl NetworkShape {
             pooled,
             readout,
             dense,
-            head: None,
+            head,
         };
         Network::new(parts).expect("the parts fit")
     }
@@ -216,17 +228,10 @@ pub fn network() -> impl Strategy<Value = NetworkShape> {
         0usize..8,
         [1usize..=5, 1usize..=4],
         proptest::collection::vec(1usize..=9, 1..=3),
+        proptest::option::weighted(0.3, 1usize..=9),
         any::<u64>(),
     )
-        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, seed)| NetworkShape {
-            graph,
-            span_us,
-            capacity,
-            blocks,
-            pooled,
-            from,
-            grid,
-            dense,
-            seed,
+        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed)| {
+            NetworkShape { graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed }
         })
 }

@@ -3,6 +3,7 @@
 //! The graph does not depend on features, so that a batch over the same stream tells neighbourhoods and positions; cells
 //! are computed here once more, in wide integers.
 
+use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use meissner_engine::{Event, Fraction, Pooling, Trace};
 use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, maximum, settle};
 
@@ -159,6 +160,17 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
     for cell in 0..values.rows() {
         let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
         maximum_of(features, rows, values.row_mut(cell));
+    }
+    if let Some(head) = &network.parts().head {
+        let image: Vec<f32> = (0..network.readout_times())
+            .flat_map(|age| (0..values.columns()).map(move |c| (age, c)))
+            .flat_map(|(age, c)| (0..plane).map(move |cell| (age * plane + cell, c)))
+            .map(|(row, c)| values.slice(row)[c])
+            .collect();
+        let options = FrameOptions { skip: Skip::Nothing, ..FrameOptions::default() };
+        let mut engine = FrameEngine::new(std::sync::Arc::clone(head), options).expect("the network runs");
+        engine.push(&image).expect("finite values");
+        return engine.predict().expect("a frame was pushed").values.to_vec();
     }
     for layer in &network.parts().dense {
         let mut out = Matrix::zeros(1, layer.dense.outputs());

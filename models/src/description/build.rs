@@ -3,11 +3,14 @@
 //! Enters: a checked [`Description`] and [`Weights`]. Leaves: the engine's [`Network`], or every tensor that does not fit.
 //! Batch norm with running statistics becomes one product and one sum, rounded once.
 
+use std::sync::Arc;
+
+use meissner_engine::frames::{Convolution, FrameLayer as Part, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{Block, DenseLayer, EngineError, Level, Network, NetworkParts, Pooling, Readout};
 use meissner_kernels::{Dense, KernelError, SplineConv, SplineParts};
 
 use super::tensors::{Tensors, unused};
-use super::{Description, Layer, LayerKind};
+use super::{Description, Layer, LayerKind, frames};
 use crate::{ModelError, Weights};
 
 impl Description {
@@ -71,7 +74,8 @@ impl Description {
                 }
             }
         }
-        let Some(readout) = readout.filter(|_| whole) else { return Ok(None) };
+        let head = frames::parts(&self.head, tensors);
+        let (Some(readout), Some(head)) = (readout.filter(|_| whole), head) else { return Ok(None) };
         let events = levels.remove(0);
         Ok(Some(NetworkParts {
             name: self.name.clone(),
@@ -83,8 +87,16 @@ impl Description {
             pooled: poolings.into_iter().zip(levels).collect(),
             readout,
             dense,
-            head: None,
+            head: self.head_of(head)?,
         }))
+    }
+
+    /// The head that consists of `layers`, if there is one.
+    fn head_of(&self, layers: Vec<Part>) -> Result<Option<Arc<FrameNetwork>>, ModelError> {
+        // The first layer of a head has nothing else to read than the image.
+        let Some(first) = self.head.first() else { return Ok(None) };
+        let parts = FrameNetworkParts { name: self.name.clone(), input: first.input, layers };
+        Ok(Some(Arc::new(FrameNetwork::new(parts, Convolution::Direct)?)))
     }
 }
 

@@ -12,6 +12,8 @@ use super::table::{Given, Lines, Table, shown};
 const MOST_LAYERS: usize = 1024;
 /// Longest name of a network, a layer or an output.
 const LONGEST_NAME: usize = 80;
+/// The tables of layers.
+pub(super) const LAYER: &str = "layer";
 /// What [`name`] reads.
 pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
 
@@ -52,10 +54,12 @@ impl<'i> Document<'i> {
         self.root.get_ref().get(key).map(|value| self.lines.of(value.span().start))
     }
 
-    /// Reports where the tables at the top are not `tables` (each with what it is) and `[[layer]]`. Leaves those there are.
+    /// Reports where the tables at the top are not `tables` (each with what it is), `[[layer]]` and, where there are any,
+    /// those of `lists`. Leaves those of `tables` there are.
     pub(super) fn tables<const N: usize>(
         &self,
         tables: [(&'static str, &str); N],
+        lists: &[&'static str],
         problems: &mut Problems,
     ) -> [Option<Entries<'_, 'i>>; N] {
         let mut root = Table::new(self.root.get_ref(), &self.lines, 1, None, problems);
@@ -65,7 +69,10 @@ impl<'i> Document<'i> {
             let line = self.lines.of(value.span().start);
             value.get_ref().as_table().map(|entries| Entries { entries, line })
         });
-        root.required("layer", "tables [[layer]]", |value| value.is_array().then_some(()));
+        root.required(LAYER, "tables [[layer]]", |value| value.is_array().then_some(()));
+        for list in lists {
+            root.optional(list, &format!("tables [[{list}]]"), |value| value.is_array().then_some(()));
+        }
         root.finish();
         found
     }
@@ -75,9 +82,9 @@ impl<'i> Document<'i> {
         Table::new(table.entries, &self.lines, table.line, None, problems)
     }
 
-    /// The `[[layer]]` tables, at most [`MOST_LAYERS`]; anything else in their place is reported.
-    pub(super) fn layers(&self, problems: &mut Problems) -> Vec<Entries<'_, 'i>> {
-        let layers = self.root.get_ref().get("layer").and_then(|value| value.get_ref().as_array());
+    /// The tables of `list`, such as [`LAYER`], at most [`MOST_LAYERS`]; anything else in their place is reported.
+    pub(super) fn layers(&self, list: &'static str, problems: &mut Problems) -> Vec<Entries<'_, 'i>> {
+        let layers = self.root.get_ref().get(list).and_then(|value| value.get_ref().as_array());
         let Some(layers) = layers else { return Vec::new() };
         let mut tables = Vec::new();
         for layer in layers.iter().take(MOST_LAYERS) {
@@ -86,18 +93,18 @@ impl<'i> Document<'i> {
                 tables.push(Entries { entries, line });
                 continue;
             }
-            let (expected, found) = ("a table [[layer]]".to_owned(), shown(layer.get_ref()));
-            problems.add(line, None, ProblemKind::Value { key: "layer", expected, found });
+            let (expected, found) = (format!("a table [[{list}]]"), shown(layer.get_ref()));
+            problems.add(line, None, ProblemKind::Value { key: list, expected, found });
         }
         if let Some(more) = layers.get(MOST_LAYERS) {
             let expected = format!("at most {MOST_LAYERS} layers");
-            let kind = ProblemKind::Value { key: "layer", expected, found: layers.len().to_string() };
+            let kind = ProblemKind::Value { key: list, expected, found: layers.len().to_string() };
             problems.add(self.lines.of(more.span().start), None, kind);
         }
         tables
     }
 
-    /// The keys of a `[[layer]]` table, and its name; `input` is a name that is taken.
+    /// The keys of a layer's table, and its name; `input` is a name that is taken.
     pub(super) fn layer<'t>(
         &'t self,
         layer: Entries<'t, 'i>,

@@ -8,13 +8,16 @@ use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Network, Normal
 use meissner_kernels::{Activation, SplineConv};
 use toml::de::DeValue;
 
-use super::document::{Document, NAME, name};
+use super::document::{Document, LAYER, NAME, name};
+use super::frames;
 use super::layer::activation_word;
 use super::problem::{ProblemKind, Problems};
 use super::table::{Given, Table, integer};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
+/// The tables of a frame network that reads the readout.
+const HEAD: &str = "head";
 /// Length of the window where a file does not say: 150 ms.
 const DEFAULT_SPAN_US: i64 = 150_000;
 /// Most events of a window where a file does not say.
@@ -37,6 +40,8 @@ pub(super) struct File {
     pub(super) graph: Option<GraphRule>,
     pub(super) scale: Option<f32>,
     pub(super) layers: Vec<FileLayer>,
+    /// What reads the readout in place of dense layers; empty where there are to be dense layers.
+    pub(super) head: Vec<frames::FileLayer>,
     pub(super) outputs: Option<Given<Vec<String>>>,
     pub(super) unit: String,
 }
@@ -92,6 +97,7 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
             ("graph", "a table with the rule of the event graph"),
             ("output", "a table with the prediction's names and unit"),
         ],
+        &[HEAD],
         problems,
     );
     let mut file = File {
@@ -102,6 +108,7 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
         graph: None,
         scale: None,
         layers: Vec::new(),
+        head: Vec::new(),
         outputs: None,
         unit: String::new(),
     };
@@ -113,9 +120,13 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
     }
     let output = document.output(output, problems);
     (file.outputs, file.unit) = (output.names, output.unit);
-    for table in document.layers(problems) {
+    for table in document.layers(LAYER, problems) {
         let (layer, name) = document.layer(table, EVENTS, problems);
         file.layers.push(read_layer(layer, name, table.line(), file.normalisation));
+    }
+    for table in document.layers(HEAD, problems) {
+        let (layer, name) = document.layer(table, EVENTS, problems);
+        file.head.push(frames::read_layer(layer, name, table.line(), "the readout"));
     }
     file
 }

@@ -55,13 +55,41 @@
 //! unit = "rad"
 //! ```
 //!
-//! Layers stand in any order; who reads whom gives the order, and the order of the file decides what it leaves open.
+//! In place of dense layers, tables `[[head]]` describe a frame network that reads the readout as an image: a column and a
+//! row for those of the grid, channel `age C + c` for channel c of the grid that is `age` cells in time old. Kinds and keys
+//! are those of [frame networks' layers](frames), without those that remember frames (`conv_lstm`, `lstm`, `delay`).
+//!
+//! ```toml
+//! [[head]]
+//! name = "image1"
+//! kind = "conv"
+//! from = "grid"                # default: the layer before, for the first one the readout
+//! channels = 32
+//! kernel = 3
+//! bias = false
+//! norm = "norm1"
+//! activation = "relu"
+//! weights = "conv1"
+//!
+//! [[head]]
+//! name = "flat"
+//! kind = "flatten"
+//!
+//! [[head]]
+//! name = "out"                 # the last one predicts: a name of the output for each value that it writes
+//! kind = "dense"
+//! outputs = 2
+//! ```
+//!
+//! The tables `[[layer]]` stand in any order; who reads whom gives the order, and the order of the file decides what it leaves open. The
+//! tables `[[head]]` stand in the order of evaluation.
 
 mod any;
 mod build;
 mod document;
 mod file;
 pub mod frames;
+mod head;
 mod layer;
 mod problem;
 mod shapes;
@@ -84,6 +112,7 @@ pub(crate) use layer::activation_word;
 pub(crate) use tensors::{Needed, Role};
 
 use document::Document;
+use frames::FrameLayer;
 use problem::Problems;
 
 /// A checked network description.
@@ -96,6 +125,7 @@ pub struct Description {
     graph: GraphRule,
     scale: f32,
     layers: Vec<Layer>,
+    head: Vec<FrameLayer>,
     outputs: Vec<String>,
     unit: String,
 }
@@ -121,6 +151,9 @@ impl Description {
         }
         let wiring = wiring::wire(&file, problems);
         let layers = shapes::check(&file, &wiring, problems);
+        let head = head::check(&file, &layers, problems);
+        let readers = layers.iter().map(Layer::reader).chain(head.iter().map(FrameLayer::reader));
+        tensors::report_shared(readers, problems);
         Some(Self {
             name: file.name,
             span_us: file.span_us,
@@ -129,6 +162,7 @@ impl Description {
             graph: file.graph?,
             scale: file.scale?,
             layers,
+            head,
             outputs: file.outputs?.value,
             unit: file.unit,
         })
@@ -177,9 +211,14 @@ impl Description {
         (&self.outputs, &self.unit)
     }
 
-    /// The layers, each after those it reads.
+    /// The layers, each after those it reads, without those of a head.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
+    }
+
+    /// The layers that read the readout as an image, each after those it reads; none where there are dense layers.
+    pub fn head(&self) -> &[FrameLayer] {
+        &self.head
     }
 
     /// Number of levels: the event level and one per pooling.
@@ -189,7 +228,8 @@ impl Description {
 
     /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
     pub fn parameters(&self) -> usize {
-        self.layers.iter().map(|layer| layer.parameters).sum()
+        let layers = self.layers.iter().map(|layer| layer.parameters);
+        layers.chain(self.head.iter().map(|layer| layer.parameters)).sum()
     }
 
     /// Names and shapes of the tensors that [`Self::network`] needs, running statistics included.
@@ -198,7 +238,8 @@ impl Description {
     }
 
     pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
-        self.layers.iter().flat_map(Layer::tensors)
+        let layers = self.layers.iter().flat_map(Layer::tensors);
+        layers.chain(self.head.iter().flat_map(FrameLayer::tensors))
     }
 }
 

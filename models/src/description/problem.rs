@@ -73,12 +73,14 @@ pub enum ProblemKind {
         first: usize,
     },
     /// A reference to a layer that the file does not have.
-    #[error("{key}: expected {input:?} or the name of a layer in this file, found {found:?}")]
+    #[error("{key}: expected {input:?} or the name of a layer {place}, found {found:?}")]
     UnknownReference {
         /// The key that refers.
         key: &'static str,
-        /// Name of the network's input.
-        input: &'static str,
+        /// Name of the network's input; of a head's, the readout's name.
+        input: String,
+        /// Which layers can be referred to.
+        place: &'static str,
         /// The name it refers to.
         found: String,
     },
@@ -154,6 +156,12 @@ pub enum ProblemKind {
     /// A layer that the prediction does not depend on.
     #[error("expected every layer to reach the prediction, found none that reads this one on the way to it")]
     Unused,
+    /// A dense layer in a file that has a head.
+    #[error("expected no dense layer beside the [[head]] that starts on line {head}, found one")]
+    BesideHead {
+        /// Line of the head's first layer.
+        head: usize,
+    },
     /// A kind of layer that every network needs.
     #[error("expected {expected} layer, found none")]
     MissingLayer {

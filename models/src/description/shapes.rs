@@ -3,8 +3,6 @@
 //! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s; layers of which something was reported are left
 //! out. Invariant: where nothing was reported, all layers are there, the levels are a chain, and the engine accepts them.
 
-use std::collections::BTreeMap;
-
 use meissner_engine::{Network, Reach};
 use meissner_kernels::{SplineConv, spline_multiply_adds};
 
@@ -12,7 +10,7 @@ use super::file::{EVENTS, File, FileKind, FileLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
-use super::tensors::Needed;
+use super::tensors::{Needed, Reader};
 use super::wiring::{Source, Wiring};
 
 /// Most values of one tensor: 256 MiB of f32.
@@ -56,7 +54,6 @@ pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Ve
     let mut shapes = Shapes { file, wiring, problems, outputs, levels: vec![events] };
     let layers: Vec<Layer> = wiring.order.iter().filter_map(|&i| shapes.layer(i)).collect();
     shapes.output_names();
-    check_tensors(&layers, shapes.problems);
     layers
 }
 
@@ -375,27 +372,13 @@ impl Shapes<'_> {
 }
 
 impl Layer {
+    /// The tensors with who reads them.
+    pub(super) fn reader(&self) -> Reader<'_> {
+        Reader { layer: &self.name, line: self.line, tensors: self.tensors() }
+    }
+
     fn counted(mut self) -> Self {
         self.parameters = self.tensors().iter().map(Needed::parameters).sum();
         self
-    }
-}
-
-/// Reports layers that would read one tensor.
-fn check_tensors(layers: &[Layer], problems: &mut Problems) {
-    let mut by_line: Vec<&Layer> = layers.iter().filter(|layer| !layer.name.is_empty()).collect();
-    by_line.sort_by_key(|layer| layer.line);
-    let mut readers: BTreeMap<String, &Layer> = BTreeMap::new();
-    for layer in by_line {
-        for tensor in layer.tensors() {
-            let first = *readers.entry(tensor.name.clone()).or_insert(layer);
-            // Layers of one name were reported as such, and share their tensors because of it.
-            if first.name != layer.name {
-                let other = first.name.clone();
-                let kind = ProblemKind::SharedTensor { tensor: tensor.name, other };
-                problems.add(layer.line, Some(&layer.name), kind);
-                break;
-            }
-        }
     }
 }

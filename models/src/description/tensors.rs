@@ -7,8 +7,9 @@
 //! scale = gamma / sqrt(var + 1e-5),   shift = beta - mean scale
 //! ```
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
+use super::problem::{ProblemKind, Problems};
 use crate::error::{TensorProblem, TensorProblemKind, TensorProblems};
 use crate::{ModelError, Weights};
 
@@ -66,6 +67,31 @@ impl Needed {
         match self.role {
             Role::Mean | Role::Variance { .. } => 0,
             Role::Weight { .. } | Role::Scale | Role::Shift => self.values(),
+        }
+    }
+}
+
+/// A layer with the tensors that it reads.
+pub(super) struct Reader<'l> {
+    pub(super) layer: &'l str,
+    pub(super) line: usize,
+    pub(super) tensors: Vec<Needed>,
+}
+
+/// Reports layers that would read one tensor.
+pub(super) fn report_shared<'l>(readers: impl Iterator<Item = Reader<'l>>, problems: &mut Problems) {
+    let mut by_line: Vec<Reader<'_>> = readers.filter(|reader| !reader.layer.is_empty()).collect();
+    by_line.sort_by_key(|reader| reader.line);
+    let mut first: BTreeMap<String, &str> = BTreeMap::new();
+    for Reader { layer, line, tensors } in by_line {
+        for Needed { name, .. } in tensors {
+            let other = *first.entry(name.clone()).or_insert(layer);
+            // Layers of one name were reported as such, and share their tensors because of it.
+            if other != layer {
+                let kind = ProblemKind::SharedTensor { tensor: name, other: other.to_owned() };
+                problems.add(line, Some(layer), kind);
+                break;
+            }
         }
     }
 }

@@ -34,7 +34,7 @@ pub(super) struct Wiring {
     pub(super) skip: Vec<Option<Source>>,
     /// Layers in an order of evaluation.
     pub(super) order: Vec<usize>,
-    /// The dense layer that predicts.
+    /// The dense layer that predicts; with a head, the readout, which it reads.
     pub(super) prediction: Option<usize>,
 }
 
@@ -67,7 +67,12 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let known = file.layers.iter().all(|layer| !matches!(layer.kind, FileKind::Unknown));
     let certain = known && problems.0.len() == before && file.layers.iter().all(|l| !l.name.is_empty());
     let readout = readout(file, known, problems);
-    let prediction = prediction(file, &graph, known, certain, problems);
+    let prediction = if file.head.is_empty() {
+        prediction(file, &graph, known, certain, problems)
+    } else {
+        let beside = report_dense(file, problems);
+        readout.filter(|_| certain && !beside)
+    };
     if let Some(prediction) = prediction
         && certain
     {
@@ -97,13 +102,15 @@ fn sources(
 ) -> (Vec<Source>, Vec<Option<Source>>) {
     let (mut from, mut skip) = (Vec::new(), Vec::new());
     for (i, layer) in file.layers.iter().enumerate() {
+        let place = if file.head.is_empty() { "in this file" } else { "of a table [[layer]]" };
         let mut find = |key: &'static str, name: &str, line: usize| {
             if name == EVENTS {
                 return Source::Events;
             }
             names.get(name).map_or_else(
                 || {
-                    let kind = ProblemKind::UnknownReference { key, input: EVENTS, found: name.to_owned() };
+                    let (input, found) = (EVENTS.to_owned(), name.to_owned());
+                    let kind = ProblemKind::UnknownReference { key, input, place, found };
                     problems.add(line, Some(&layer.name), kind);
                     Source::Unknown
                 },
@@ -223,6 +230,16 @@ fn prediction(
         only = false;
     }
     (only && certain).then_some(first)
+}
+
+/// Reports the dense layers of a file that has a head; whether there are any.
+fn report_dense(file: &File, problems: &mut Problems) -> bool {
+    let head = file.head.first().map_or(1, |layer| layer.line);
+    let before = problems.0.len();
+    for layer in file.layers.iter().filter(|layer| matches!(layer.kind, FileKind::Dense { .. })) {
+        problems.add(layer.line, Some(&layer.name), ProblemKind::BesideHead { head });
+    }
+    problems.0.len() > before
 }
 
 /// Reports the layers that `prediction` does not depend on.

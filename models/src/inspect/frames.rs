@@ -88,7 +88,7 @@ impl fmt::Display for FrameDescription {
     }
 }
 
-fn row(layer: &FrameLayer) -> [String; 7] {
+pub(super) fn row(layer: &FrameLayer) -> [String; 7] {
     [
         layer.name.clone(),
         layer.kind.to_string(),

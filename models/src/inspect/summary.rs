@@ -3,7 +3,7 @@
 use meissner_engine::{Candidates, Lifetime, Normalisation, Reach};
 use serde::Serialize;
 
-use crate::{Description, Layer};
+use crate::{Description, FrameLayer, Layer};
 
 /// A description as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -21,6 +21,8 @@ pub struct Summary {
     pub graph: GraphSummary,
     /// The layers, each after those it reads.
     pub layers: Vec<Layer>,
+    /// The layers that read the readout as an image, each after those it reads; none where there are dense layers.
+    pub head: Vec<FrameLayer>,
     /// Trained parameters, without running statistics.
     pub parameters: usize,
     /// Values in the tensors it needs, with running statistics.
@@ -76,6 +78,7 @@ impl Description {
             },
             graph: self.graph_summary(),
             layers: self.layers().to_vec(),
+            head: self.head().to_vec(),
             parameters: self.parameters(),
             values: tensors.iter().map(|(_, shape)| shape.iter().product::<usize>()).sum(),
             tensors: tensors.into_iter().map(|(name, shape)| TensorSummary { name, shape }).collect(),

@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use super::frames;
 use super::summary::Summary;
-use crate::description::activation_word;
-use crate::{Description, Layer, LayerKind};
+use crate::description::{Cost, FieldStart, Per, ReceptiveField, activation_word};
+use crate::{Description, FrameLayer, Layer, LayerKind};
 
 const HEADINGS: [&str; 7] =
     ["layer", "kind", "reads", "shape", "parameters", "multiply-adds a row", "receptive field of a row"];
@@ -20,7 +21,7 @@ impl fmt::Display for Description {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let summary = self.summary();
         head(&summary, f)?;
-        aligned(HEADINGS, self.layers().iter().map(row), f)?;
+        aligned(HEADINGS, self.layers().iter().map(row).chain(self.head().iter().map(head_row)), f)?;
         foot(self, &summary, f)
     }
 }
@@ -40,6 +41,13 @@ fn foot(description: &Description, summary: &Summary, f: &mut fmt::Formatter<'_>
     let events = description.layers().iter().filter(|layer| layer.level == Some(0));
     let cost: usize = events.map(|layer| layer.cost.multiply_adds).sum();
     write!(f, "an event's row through the event level: {cost} multiply-adds")?;
+    if !description.head().is_empty() {
+        let cost: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
+        write!(
+            f,
+            "\na prediction through the head: {cost} multiply-adds, fewer where the readout changed in part"
+        )?;
+    }
     if description.levels() > 1 {
         write!(
             f,
@@ -67,6 +75,14 @@ fn row(layer: &Layer) -> [String; 7] {
         cost,
         layer.field.to_string(),
     ]
+}
+
+/// A layer of the head: all of it is evaluated for a prediction, which the whole window reaches.
+fn head_row(layer: &FrameLayer) -> [String; 7] {
+    let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: Per::Prediction };
+    let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };
+    let [name, kind, reads, shape, parameters, ..] = frames::row(layer);
+    [name, kind, reads, shape, parameters, cost.to_string(), field.to_string()]
 }
 
 /// A layer's kind with its options, short.

@@ -64,7 +64,7 @@ impl Description {
                 band: Some(0),
             },
             bands: (0..self.levels()).map(|level| self.level_label(level)).collect(),
-            nodes: self.layers().iter().map(node).collect(),
+            nodes: self.layers().iter().map(node).chain(self.head().iter().map(frame_node)).collect(),
         }
     }
 

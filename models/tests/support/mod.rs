@@ -73,6 +73,39 @@ pub(crate) fn changed(old: &str, new: &str) -> String {
     SMALL.replacen(old, new, 1)
 }
 
+/// [`SMALL`] with a head in place of its dense layer, from line 36 on.
+pub(crate) fn with_head() -> String {
+    let head = r#"[[head]]
+name = "image"
+kind = "conv"
+channels = 2
+kernel = 3
+norm = "norm1"
+activation = "relu"
+
+[[head]]
+name = "halved"
+kind = "max_pool"
+
+[[head]]
+name = "flat"
+kind = "flatten"
+
+[[head]]
+name = "fc"
+kind = "dense"
+outputs = 1
+"#;
+    changed("[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n", head)
+}
+
+/// [`with_head`] with the first `old` replaced, which must be there.
+pub(crate) fn changed_head(old: &str, new: &str) -> String {
+    let text = with_head();
+    assert!(text.contains(old), "{old:?} must be in the description");
+    text.replacen(old, new, 1)
+}
+
 /// A small consistent description of a frame network.
 pub(crate) const SMALL_FRAMES: &str = r#"[network]
 name = "small"

@@ -24,9 +24,8 @@ impl FrameDescription {
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         self.check_preparation(weights)?;
         let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
-        // Every layer is read before any is missed, so that every tensor that does not fit is noted.
-        let parts: Vec<Option<Part>> = self.layers.iter().map(|layer| part(layer, &mut tensors)).collect();
-        let layers = tensors.finish(parts.into_iter().collect())?;
+        let layers = parts(&self.layers, &mut tensors);
+        let layers = tensors.finish(layers)?;
         Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers })
     }
 
@@ -37,6 +36,13 @@ impl FrameDescription {
     pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
         unused(&self.name, self.needed(), weights)
     }
+}
+
+/// The engine's layers; `None` where a tensor does not fit.
+pub(in super::super) fn parts(layers: &[FrameLayer], tensors: &mut Tensors<'_>) -> Option<Vec<Part>> {
+    // Every layer is read before any is missed, so that every tensor that does not fit is noted.
+    let parts: Vec<Option<Part>> = layers.iter().map(|layer| part(layer, tensors)).collect();
+    parts.into_iter().collect()
 }
 
 fn part(layer: &FrameLayer, tensors: &mut Tensors<'_>) -> Option<Part> {

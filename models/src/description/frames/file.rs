@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use meissner_kernels::Activation;
 use toml::de::DeValue;
 
-use super::super::document::{Document, NAME, Output, name};
+use super::super::document::{Document, LAYER, NAME, Output, name};
 use super::super::layer::activation_word;
 use super::super::problem::Problems;
 use super::super::table::{Given, Table, integer};
@@ -48,19 +48,19 @@ pub(super) struct File {
     pub(super) output: Output,
 }
 
-/// A `[[layer]]` table.
+/// A `[[layer]]` table, or a `[[head]]` table of a network over events.
 #[derive(Debug)]
-pub(super) struct FileLayer {
-    pub(super) name: String,
-    pub(super) line: usize,
+pub(in super::super) struct FileLayer {
+    pub(in super::super) name: String,
+    pub(in super::super) line: usize,
     /// What it reads; `None` is the layer before it.
-    pub(super) from: Option<Given<String>>,
+    pub(in super::super) from: Option<Given<String>>,
     /// What it joins to that.
-    pub(super) with: Option<Given<String>>,
+    pub(in super::super) with: Option<Given<String>>,
     /// Prefix of its tensors.
-    pub(super) weights: String,
+    pub(in super::super) weights: String,
     /// What it computes; `None` where something about it was reported.
-    pub(super) kind: Option<FrameKind>,
+    pub(in super::super) kind: Option<FrameKind>,
 }
 
 /// Reads `document`; whatever is wrong goes to `problems`.
@@ -71,6 +71,7 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
             (TABLE, "a table with a frame's shape and source"),
             ("output", "a table with the prediction's names and unit"),
         ],
+        &[],
         problems,
     );
     let mut network_name = None;
@@ -82,20 +83,27 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
     let input = input.map(|table| input::read(document.open(table, problems)));
     let output = document.output(output, problems);
     let mut layers = Vec::new();
-    for table in document.layers(problems) {
+    for table in document.layers(LAYER, problems) {
         let (layer, name) = document.layer(table, FRAME, problems);
-        layers.push(read_layer(layer, name, table.line()));
+        layers.push(read_layer(layer, name, table.line(), "\"frame\""));
     }
     let name = network_name.map(|given| given.value).unwrap_or_default();
     File { name, input, layers, output }
 }
 
-fn read_layer(mut table: Table<'_, '_>, layer_name: String, line: usize) -> FileLayer {
+/// Reads a layer's table; `input` is what messages call that which the first layer reads.
+pub(in super::super) fn read_layer(
+    mut table: Table<'_, '_>,
+    layer_name: String,
+    line: usize,
+    input: &str,
+) -> FileLayer {
+    let reference = format!("the name of a layer, or {input}");
     let choices: [(&str, &str); KINDS.len()] = KINDS.map(|word| (word, word));
     let word = table.choice("kind", &choices, None);
-    let from = table.optional("from", "the name of a layer, or \"frame\"", name);
+    let from = table.optional("from", &reference, name);
     let mut with = None;
-    let kind = word.and_then(|word| kind(word, &mut table, &mut with));
+    let kind = word.and_then(|word| kind(word, &reference, &mut table, &mut with));
     let trained = matches!(word, Some("conv" | "upconv" | "squeeze_excite" | "conv_lstm" | "lstm" | "dense"));
     let weights =
         trained.then(|| table.optional("weights", "the prefix of the layer's tensor names", name)).flatten();
@@ -108,7 +116,12 @@ fn read_layer(mut table: Table<'_, '_>, layer_name: String, line: usize) -> File
 }
 
 /// The keys of a kind. All are read before any is missed, so that every problem is reported.
-fn kind(word: &str, table: &mut Table<'_, '_>, with: &mut Option<Given<String>>) -> Option<FrameKind> {
+fn kind(
+    word: &str,
+    reference: &str,
+    table: &mut Table<'_, '_>,
+    with: &mut Option<Given<String>>,
+) -> Option<FrameKind> {
     let size = |value: Option<i64>| value.map(|v| v as usize);
     Some(match word {
         "conv" => {
@@ -128,7 +141,7 @@ fn kind(word: &str, table: &mut Table<'_, '_>, with: &mut Option<Given<String>>)
         "global_average" => FrameKind::GlobalAverage,
         "sum" => FrameKind::Sum,
         "concat" => {
-            *with = table.required("with", "the name of a layer, or \"frame\"", name);
+            *with = table.required("with", reference, name);
             FrameKind::Concat { with: with.as_ref()?.value.clone() }
         }
         "squeeze_excite" => {

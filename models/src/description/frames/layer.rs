@@ -17,7 +17,7 @@ pub struct FrameLayer {
     /// What it computes.
     #[serde(flatten)]
     pub kind: FrameKind,
-    /// What it reads: a layer's name or "frame".
+    /// What it reads: a layer's name or "frame"; for the first layers of a head the readout's name.
     pub from: String,
     /// Shape of what it reads.
     #[serde(serialize_with = "serialize_shape")]
@@ -29,7 +29,7 @@ pub struct FrameLayer {
     pub state: usize,
     /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
     pub parameters: usize,
-    /// Products of weights with values, each with the sum that it enters, for one frame.
+    /// Products of weights with values, each with the sum that it enters, for one frame; in a head, for one prediction.
     pub multiply_adds: usize,
     /// Prefix of its tensors' names.
     #[serde(skip)]

@@ -75,11 +75,15 @@ use meissner_engine::frames::FrameShape;
 
 use super::document::Document;
 use super::problem::{ProblemKind, Problems};
+use super::tensors::report_shared;
 use super::{DescriptionError, Needed, any, checked, text};
 use crate::ModelError;
 
+pub(super) use build::parts;
+pub(super) use file::{FileLayer, read_layer};
 pub(crate) use layer::serialize_shape;
 pub use layer::{FrameKind, FrameLayer};
+pub(super) use shapes::{Stack, check, extent, fits};
 pub use source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
 
 /// The table that marks a frame network.
@@ -121,7 +125,17 @@ impl FrameDescription {
             return None;
         }
         let file = file::read(document, problems);
-        let layers = shapes::check(&file, problems);
+        let stack = Stack {
+            layers: &file.layers,
+            input: FRAME,
+            shape: file.input.as_ref().and_then(|input| input.shape),
+            place: "in this file",
+            state: true,
+            names: file.output.names.as_ref(),
+            by_channel: true,
+        };
+        let layers = check(stack, problems);
+        report_shared(layers.iter().map(FrameLayer::reader), problems);
         let input = file.input?;
         let (outputs, unit) = (file.output.names?.value, file.output.unit);
         Some(Self { name: file.name, input: input.shape?, source: input.source?, layers, outputs, unit })

@@ -1,6 +1,6 @@
 //! Who reads whom, and shapes, costs and bounds, layer after layer in the order of the file.
 //!
-//! Enters: a [`File`]. Leaves: checked [`FrameLayer`]s; layers of which something was reported are left out.
+//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s; layers of which something was reported are left out.
 //! Invariant: where nothing was reported, all layers are there, every one reads what stands above it, and the last one,
 //! which predicts, depends on all.
 
@@ -11,14 +11,32 @@ use meissner_engine::frames::FrameShape;
 use super::super::problem::{ProblemKind, Problems};
 use super::super::table::Given;
 use super::super::tensors::Needed;
-use super::file::{File, FileLayer};
+use super::file::FileLayer;
 use super::layer::{FrameKind, FrameLayer};
-use super::{FRAME, LONGEST_SIDE, MOST_CHANNELS};
+use super::{LONGEST_SIDE, MOST_CHANNELS};
 
 /// Most values of one tensor: 256 MiB of f32.
 const LARGEST_TENSOR: usize = 1 << 26;
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
 const MOST_VALUES: usize = 1 << 28;
+
+/// Layers as they are written, one above the other.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Stack<'a> {
+    pub(in super::super) layers: &'a [FileLayer],
+    /// The name by which layers refer to what the first one reads.
+    pub(in super::super) input: &'a str,
+    /// Its shape; `None` where something about it was reported.
+    pub(in super::super) shape: Option<FrameShape>,
+    /// Where the layers stand that can be referred to, as messages say it.
+    pub(in super::super) place: &'static str,
+    /// Whether layers may remember what they read before.
+    pub(in super::super) state: bool,
+    /// Names of the predicted values.
+    pub(in super::super) names: Option<&'a Given<Vec<String>>>,
+    /// Whether an image that is predicted has a name for each channel, rather than for each value.
+    pub(in super::super) by_channel: bool,
+}
 
 /// What is known about the frame or a layer's output.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +47,7 @@ struct Known {
 }
 
 struct Shapes<'a> {
-    file: &'a File,
+    stack: Stack<'a>,
     problems: &'a mut Problems,
     names: BTreeMap<&'a str, usize>,
     /// Of the frame, then of each layer so far.
@@ -41,35 +59,33 @@ struct Shapes<'a> {
 }
 
 /// Checks what the layers read against what is there.
-pub(super) fn check(file: &File, problems: &mut Problems) -> Vec<FrameLayer> {
+pub(in super::super) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
     let before = problems.0.len();
     let mut names = BTreeMap::new();
-    for (i, layer) in file.layers.iter().enumerate().filter(|(_, layer)| !layer.name.is_empty()) {
+    for (i, layer) in stack.layers.iter().enumerate().filter(|(_, layer)| !layer.name.is_empty()) {
         let first: usize = *names.entry(layer.name.as_str()).or_insert(i);
         if first != i {
-            let kind = ProblemKind::DuplicateName { first: file.layers[first].line };
+            let kind = ProblemKind::DuplicateName { first: stack.layers[first].line };
             problems.add(layer.line, Some(&layer.name), kind);
         }
     }
-    let frame = file.input.as_ref().and_then(|input| input.shape);
-    let known = vec![frame.map(|shape| Known { shape, square: 1.0 })];
-    let values = frame.map_or(0, FrameShape::values);
-    let mut shapes = Shapes { file, problems, names, known, reads: Vec::new(), values, parameters: 0 };
+    let known = vec![stack.shape.map(|shape| Known { shape, square: 1.0 })];
+    let values = stack.shape.map_or(0, FrameShape::values);
+    let mut shapes = Shapes { stack, problems, names, known, reads: Vec::new(), values, parameters: 0 };
     let mut layers = Vec::new();
-    for layer in &file.layers {
+    for layer in stack.layers {
         let checked = shapes.layer(layer);
         shapes.known.push(checked.as_ref().map(|c| Known { shape: c.output, square: c.mean_square() }));
         layers.extend(checked);
     }
     let reads = shapes.reads;
-    if file.layers.is_empty() && problems.0.is_empty() {
+    if stack.layers.is_empty() && problems.0.is_empty() {
         problems.add(1, None, ProblemKind::MissingLayer { expected: "at least one" });
     }
-    output_names(file, &layers, problems);
+    output_names(stack, &layers, problems);
     // Where a kind is unknown or a reference failed, what nothing reads may be meant to be read.
-    if problems.0.len() == before && file.layers.iter().all(|layer| layer.kind.is_some()) {
-        report_unused(file, &reads, problems);
-        check_tensors(&layers, problems);
+    if problems.0.len() == before && stack.layers.iter().all(|layer| layer.kind.is_some()) {
+        report_unused(stack.layers, &reads, problems);
     }
     layers
 }
@@ -81,19 +97,20 @@ impl Shapes<'_> {
 
     /// What `given` refers to: 0 is the frame, i + 1 is layer i.
     fn refer(&mut self, layer: &FileLayer, key: &'static str, given: &Given<String>) -> Option<usize> {
-        if given.value == FRAME {
+        if given.value == self.stack.input {
             return Some(0);
         }
         let found = given.value.clone();
         match self.names.get(found.as_str()).copied() {
             Some(read) if read < self.reads.len() => Some(read + 1),
             Some(read) => {
-                let line = self.file.layers[read].line;
+                let line = self.stack.layers[read].line;
                 self.report(given.line, layer, ProblemKind::ForwardReference { key, found, line });
                 None
             }
             None => {
-                let kind = ProblemKind::UnknownReference { key, input: FRAME, found };
+                let (input, place) = (self.stack.input.to_owned(), self.stack.place);
+                let kind = ProblemKind::UnknownReference { key, input, place, found };
                 self.report(given.line, layer, kind);
                 None
             }
@@ -103,8 +120,8 @@ impl Shapes<'_> {
     /// What messages call the frame or a layer.
     fn describe(&self, read: usize) -> String {
         let shape = self.known[read].map_or_else(String::new, |known| format!(" ({})", known.shape));
-        match read.checked_sub(1).map(|i| &self.file.layers[i]) {
-            None => format!("{FRAME:?}{shape}"),
+        match read.checked_sub(1).map(|i| &self.stack.layers[i]) {
+            None => format!("{:?}{shape}", self.stack.input),
             Some(layer) => {
                 let word = layer.kind.as_ref().map_or("unknown", FrameKind::word);
                 format!("{word} layer {:?} on line {}{shape}", layer.name, layer.line)
@@ -155,7 +172,7 @@ impl Shapes<'_> {
         let output = self.output(layer, &kind, line, read, joined)?;
         let input = self.known[read]?;
         let other = joined.and_then(|joined| self.known[joined]).unwrap_or(input);
-        let from = read.checked_sub(1).map_or(FRAME, |i| &self.file.layers[i].name).to_owned();
+        let from = read.checked_sub(1).map_or(self.stack.input, |i| &self.stack.layers[i].name).to_owned();
         let checked = FrameLayer {
             name: layer.name.clone(),
             line: layer.line,
@@ -171,7 +188,13 @@ impl Shapes<'_> {
             joins: joined,
             square: f64::midpoint(input.square, other.square),
         };
-        self.bounded(layer, checked.counted())
+        let checked = checked.counted();
+        if checked.state > 0 && !self.stack.state {
+            let expected = "a layer without state: how often predictions are read must not matter".to_owned();
+            let found = format!("{:?}", checked.kind.word());
+            self.report(layer.line, layer, ProblemKind::Value { key: "kind", expected, found });
+        }
+        self.bounded(layer, checked)
     }
 
     /// Shape of what a layer of `kind` writes.
@@ -222,21 +245,11 @@ impl Shapes<'_> {
                 }
             }
         };
-        let fits = match output {
-            FrameShape::Vector(values) => values <= MOST_VALUES,
-            FrameShape::Image { channels, height, width } => {
-                let side = 1..=LONGEST_SIDE;
-                channels <= MOST_CHANNELS && side.contains(&height) && side.contains(&width)
-            }
-        };
-        if !fits {
-            let expected = format!(
-                "an output of at most {MOST_CHANNELS} channels and 1 to {LONGEST_SIDE} pixels a side, or at most \
-                 {MOST_VALUES} values"
-            );
-            self.report(layer.line, layer, ProblemKind::Extent { expected, found: output.to_string() });
+        if fits(output) {
+            return Some(output);
         }
-        fits.then_some(output)
+        self.report(layer.line, layer, extent(output));
+        None
     }
 
     /// Shape of two images side by side, or of two vectors one behind the other.
@@ -276,15 +289,34 @@ impl Shapes<'_> {
     }
 }
 
+/// What is reported of an output of `shape` that does not [fit](fits).
+pub(in super::super) fn extent(shape: FrameShape) -> ProblemKind {
+    let expected = format!(
+        "an output of at most {MOST_CHANNELS} channels and 1 to {LONGEST_SIDE} pixels a side, or at most {MOST_VALUES} \
+         values"
+    );
+    ProblemKind::Extent { expected, found: shape.to_string() }
+}
+
+/// Whether a value of `shape` is within bounds.
+pub(in super::super) fn fits(shape: FrameShape) -> bool {
+    match shape {
+        FrameShape::Vector(values) => values <= MOST_VALUES,
+        FrameShape::Image { channels, height, width } => {
+            let side = 1..=LONGEST_SIDE;
+            channels <= MOST_CHANNELS && side.contains(&height) && side.contains(&width)
+        }
+    }
+}
+
 /// Compares the prediction's values, or channels, with their names.
-fn output_names(file: &File, layers: &[FrameLayer], problems: &mut Problems) {
-    let (Some(last), Some(checked), Some(names)) = (file.layers.last(), layers.last(), &file.output.names)
-    else {
+fn output_names(stack: Stack<'_>, layers: &[FrameLayer], problems: &mut Problems) {
+    let (Some(last), Some(checked), Some(names)) = (stack.layers.last(), layers.last(), stack.names) else {
         return;
     };
     let expected = match checked.output {
-        FrameShape::Vector(values) => values,
-        FrameShape::Image { channels, .. } => channels,
+        FrameShape::Image { channels, .. } if stack.by_channel => channels,
+        output => output.values(),
     };
     if checked.line == last.line && names.value.len() != expected {
         let kind = ProblemKind::OutputNames { layer: last.name.clone(), expected, found: names.value.len() };
@@ -293,29 +325,14 @@ fn output_names(file: &File, layers: &[FrameLayer], problems: &mut Problems) {
 }
 
 /// Reports the layers that the last one does not depend on.
-fn report_unused(file: &File, reads: &[[Option<usize>; 2]], problems: &mut Problems) {
-    let mut used = vec![false; file.layers.len() + 1];
-    used[file.layers.len()] = true;
-    for (i, layer) in file.layers.iter().enumerate().rev() {
+fn report_unused(layers: &[FileLayer], reads: &[[Option<usize>; 2]], problems: &mut Problems) {
+    let mut used = vec![false; layers.len() + 1];
+    used[layers.len()] = true;
+    for (i, layer) in layers.iter().enumerate().rev() {
         if used[i + 1] {
             reads[i].iter().flatten().for_each(|&read| used[read] = true);
         } else {
             problems.add(layer.line, Some(&layer.name), ProblemKind::Unused);
-        }
-    }
-}
-
-/// Reports layers that would read one tensor.
-fn check_tensors(layers: &[FrameLayer], problems: &mut Problems) {
-    let mut readers: BTreeMap<String, &FrameLayer> = BTreeMap::new();
-    for layer in layers {
-        for tensor in layer.tensors() {
-            let first = *readers.entry(tensor.name.clone()).or_insert(layer);
-            if first.name != layer.name {
-                let kind = ProblemKind::SharedTensor { tensor: tensor.name, other: first.name.clone() };
-                problems.add(layer.line, Some(&layer.name), kind);
-                break;
-            }
         }
     }
 }

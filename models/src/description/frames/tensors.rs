@@ -3,7 +3,7 @@
 use meissner_engine::frames::FrameShape;
 use meissner_kernels::Activation;
 
-use super::super::tensors::{Needed, Role};
+use super::super::tensors::{Needed, Reader, Role};
 use super::layer::{FrameKind, FrameLayer};
 
 /// Channels of an image, or values of a vector; and rows and columns.
@@ -76,6 +76,11 @@ impl FrameLayer {
             | FrameKind::Flatten => {}
         }
         tensors
+    }
+
+    /// The tensors with who reads them.
+    pub(in super::super) fn reader(&self) -> Reader<'_> {
+        Reader { layer: &self.name, line: self.line, tensors: self.tensors() }
     }
 
     /// Its state, parameters and multiply-adds, from its kind and shapes.
