@@ -3,22 +3,18 @@
 mod support;
 
 use meissner_models::{AnyDescription, Description, FrameDescription, Problem};
-use support::{SMALL, SMALL_FRAMES, changed_frames};
+use support::{SMALL, SMALL_FRAMES, changed_frames, listed, only_of};
 
 fn problems(text: &str) -> Vec<Problem> {
     let error = FrameDescription::parse(text).expect_err("the description must be refused");
     assert_eq!(AnyDescription::parse(text).expect_err("this one too"), error);
-    let printed = error.to_string();
-    assert_eq!(printed.lines().count(), error.problems().len(), "one line a problem:\n{printed}");
-    error.problems().to_vec()
+    listed(&error)
 }
 
 /// The only problem, as printed.
 #[track_caller]
 fn only(text: &str) -> String {
-    let found = problems(text);
-    assert_eq!(found.len(), 1, "{found:#?}");
-    found[0].to_string()
+    only_of(&problems(text))
 }
 
 #[test]

@@ -3,21 +3,17 @@
 mod support;
 
 use meissner_models::{AnyDescription, Description, Problem};
-use support::{SMALL_FRAMES, changed, changed_head, with_head};
+use support::{SMALL_FRAMES, changed, changed_head, listed, only_of, with_head};
 
 fn problems(text: &str) -> Vec<Problem> {
     let error = Description::parse(text).expect_err("the description must be refused");
-    let printed = error.to_string();
-    assert_eq!(printed.lines().count(), error.problems().len(), "one line a problem:\n{printed}");
-    error.problems().to_vec()
+    listed(&error)
 }
 
 /// The only problem, as printed.
 #[track_caller]
 fn only(text: &str) -> String {
-    let found = problems(text);
-    assert_eq!(found.len(), 1, "{found:#?}");
-    found[0].to_string()
+    only_of(&problems(text))
 }
 
 #[test]

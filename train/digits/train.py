@@ -24,7 +24,8 @@ from graphs import Graphs
 from network import Digits
 from recordings import prepare
 
-NETWORKS = ("digits-all", "digits-past")  # digits-frozen runs with the weights of digits-past
+# digits-frozen runs with the weights of digits-past.
+NETWORKS = ("models/networks/digits-all.toml", "models/networks/digits-past.toml")
 FOLDS = 5
 
 

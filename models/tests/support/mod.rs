@@ -5,6 +5,8 @@ pub(crate) mod torch;
 
 use std::path::PathBuf;
 
+use meissner_models::{DescriptionError, Problem};
+
 /// A file of the shared folder; `None`, with a remark, where there is none and none is required.
 pub(crate) fn shared(file: &str) -> Option<PathBuf> {
     let root = std::env::var_os("MEISSNER_SHARED")
@@ -19,6 +21,20 @@ pub(crate) fn shared(file: &str) -> Option<PathBuf> {
     );
     println!("skipped: no ../shared/{file}");
     None
+}
+
+/// The problems of `error`, which it prints one a line.
+pub(crate) fn listed(error: &DescriptionError) -> Vec<Problem> {
+    let printed = error.to_string();
+    assert_eq!(printed.lines().count(), error.problems().len(), "one line a problem:\n{printed}");
+    error.problems().to_vec()
+}
+
+/// The only one of `problems`, as printed.
+#[track_caller]
+pub(crate) fn only_of(problems: &[Problem]) -> String {
+    assert_eq!(problems.len(), 1, "{problems:#?}");
+    problems[0].to_string()
 }
 
 /// A small consistent description with one layer of each kind.
