@@ -2,10 +2,8 @@
 //! what was exact when it was computed.
 
 use meissner_engine::{
-    Candidates, Engine, EngineError, Event, Network, Outcome, Position, Search, Sensor, StaleReadout,
-    Staleness,
+    Candidates, Engine, EngineError, Event, Network, Outcome, Search, Sensor, StaleReadout, Staleness,
 };
-use meissner_kernels::Precision;
 use meissner_models::{Description, Weights};
 use meissner_tests::compare::{Watched, bits};
 use meissner_tests::networks;
@@ -16,10 +14,8 @@ use proptest::prelude::*;
 #[derive(Clone, Debug)]
 struct Adaptation {
     neighbours: Option<usize>,
-    position: Option<Position>,
     capacity: Option<usize>,
     span_us: Option<i64>,
-    precision: Option<Precision>,
 }
 
 impl Adaptation {
@@ -31,38 +27,19 @@ impl Adaptation {
             network = network.with_neighbours(1 + neighbours % most).expect(ADMISSIBLE);
             assert_eq!(network.parts().graph.reach.most(), 1 + neighbours % most);
         }
-        if let Some(position) = self.position {
-            network = network.with_positions(position).expect(ADMISSIBLE);
-            assert!(network.parts().pooled.iter().all(|(pooling, _)| pooling.position == position));
-        }
         if let Some(capacity) = self.capacity {
             network = network.with_capacity(capacity).expect(ADMISSIBLE);
         }
         if let Some(span_us) = self.span_us {
             network = network.with_span_us(span_us).expect(ADMISSIBLE);
         }
-        if let Some(precision) = self.precision {
-            network = network.with_weights_rounded(precision).expect(ADMISSIBLE);
-        }
         network
     }
 }
 
 fn adaptation() -> impl Strategy<Value = Adaptation> {
-    (
-        proptest::option::of(0usize..24),
-        proptest::option::of(prop_oneof![Just(Position::Mean), Just(Position::Centre)]),
-        proptest::option::of(1usize..40),
-        proptest::option::of(50i64..2_000),
-        proptest::option::of(prop_oneof![Just(Precision::Bf16), Just(Precision::Int8)]),
-    )
-        .prop_map(|(neighbours, position, capacity, span_us, precision)| Adaptation {
-            neighbours,
-            position,
-            capacity,
-            span_us,
-            precision,
-        })
+    (proptest::option::of(0usize..24), proptest::option::of(1usize..40), proptest::option::of(50i64..2_000))
+        .prop_map(|(neighbours, capacity, span_us)| Adaptation { neighbours, capacity, span_us })
 }
 
 fn staleness() -> impl Strategy<Value = Staleness> {
@@ -209,7 +186,8 @@ fn nodes_at_their_cells_centre_never_move() {
         engine.counters().predictions.neighbourhoods_checked - before
     };
     assert!(checked(shape.build()) > 0);
-    assert_eq!(checked(shape.build().with_positions(Position::Centre).expect("admissible")), 0);
+    shape.pooled[0].mean = false;
+    assert_eq!(checked(shape.build()), 0);
 }
 
 #[test]

@@ -1,16 +1,14 @@
 //! Approximations that are asked for: which there are, where each takes effect, and what the reports say of them.
 //!
-//! Filters stand in front of the engine; neighbours, positions and precision change the network before it runs; a
+//! Filters stand in front of the engine; fewer neighbours change the network before it runs; a
 //! tolerance is the engine's; a stale readout stands behind it. Without any, everything is exact and reports say nothing.
 
 use std::io::{self, Write};
 
-use clap::ValueEnum;
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
 };
-use meissner_engine::{Counters, EngineError, Network, Position, Sensor, Staleness};
-use meissner_kernels::Precision;
+use meissner_engine::{Counters, EngineError, Network, Sensor, Staleness};
 use serde::Serialize;
 
 use crate::args::span_us;
@@ -32,13 +30,6 @@ pub(crate) struct ApproximationArgs {
     /// Let a node of the event graph read its first K neighbours alone.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..))]
     pub(crate) neighbours: Option<u8>,
-    /// Where pooled nodes lie, in place of what the description says. At their cells' centres they never move.
-    #[arg(long, value_enum, value_name = "mean|centre")]
-    pub(crate) positions: Option<Place>,
-    /// Round weights to this precision, with a step for each output channel; arithmetic stays in f32. Shows the error of
-    /// a precision, not its speed.
-    #[arg(long, value_enum, value_name = "bf16|int8")]
-    pub(crate) weights_precision: Option<Rounding>,
     /// Drop events without another one in the 8 pixels around them in the US microseconds before: noise. The
     /// contact-angle paper uses 1250.
     ///
@@ -65,33 +56,11 @@ pub(crate) struct ApproximationArgs {
     pub(crate) stale_us: Option<i64>,
 }
 
-/// Where pooled nodes lie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Place {
-    /// The mean of their members' positions.
-    Mean,
-    /// The centre of their cell.
-    Centre,
-}
-
-/// What weights are rounded to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Rounding {
-    /// 8 bits of exponent, 7 of fraction.
-    Bf16,
-    /// Multiples of a step for each output channel, 127 each way.
-    Int8,
-}
-
 impl ApproximationArgs {
     /// The options that only networks over events know, and whether each was given.
-    pub(crate) fn given(&self) -> [(&'static str, bool); 9] {
+    pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
         [
             ("--neighbours", self.neighbours.is_some()),
-            ("--positions", self.positions.is_some()),
-            ("--weights-precision", self.weights_precision.is_some()),
             ("--activity-filter", self.activity_filter.is_some()),
             ("--refractory", self.refractory.is_some()),
             ("--rate-limit", self.rate_limit.is_some()),
@@ -109,18 +78,6 @@ impl ApproximationArgs {
                     CliError::Option { option: "--neighbours", expected, found }
                 }
                 error => error.into(),
-            })?;
-        }
-        if let Some(place) = self.positions {
-            network = network.with_positions(match place {
-                Place::Mean => Position::Mean,
-                Place::Centre => Position::Centre,
-            })?;
-        }
-        if let Some(rounding) = self.weights_precision {
-            network = network.with_weights_rounded(match rounding {
-                Rounding::Bf16 => Precision::Bf16,
-                Rounding::Int8 => Precision::Int8,
             })?;
         }
         Ok(network)
@@ -160,8 +117,6 @@ impl ApproximationArgs {
         given.then(|| Approximations {
             filters: chain.filters().iter().map(of_filter).collect(),
             neighbours: self.neighbours,
-            positions: self.positions,
-            weights_precision: self.weights_precision,
             tolerance: self.tolerance,
             rows_within_tolerance: self.tolerance.map(|_| within()),
             stale_events: self.stale_events,
@@ -178,10 +133,6 @@ pub(crate) struct Approximations {
     filters: Vec<Filtered>,
     #[serde(skip_serializing_if = "Option::is_none")]
     neighbours: Option<u8>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    positions: Option<Place>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    weights_precision: Option<Rounding>,
     #[serde(skip_serializing_if = "Option::is_none")]
     tolerance: Option<f32>,
     /// Recomputed rows that kept what they had.
@@ -215,20 +166,6 @@ impl Approximations {
         }
         if let Some(neighbours) = self.neighbours {
             lines.push(format!("at most {neighbours} neighbours an event"));
-        }
-        if let Some(place) = self.positions {
-            let place = match place {
-                Place::Mean => "mean of their members",
-                Place::Centre => "centre of their cell",
-            };
-            lines.push(format!("pooled nodes at the {place}"));
-        }
-        if let Some(rounding) = self.weights_precision {
-            let name = match rounding {
-                Rounding::Bf16 => Precision::Bf16.name(),
-                Rounding::Int8 => Precision::Int8.name(),
-            };
-            lines.push(format!("weights rounded to {name}"));
         }
         if let Some((tolerance, rows)) = self.tolerance.zip(self.rows_within_tolerance) {
             lines.push(format!("{} recomputed rows within {tolerance} kept their values", grouped(rows)));

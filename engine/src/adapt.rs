@@ -1,12 +1,10 @@
-//! A network changed before it runs: a coarser graph, a shorter memory, rounded weights.
+//! A network changed before it runs: a coarser graph, a shorter memory.
 //!
 //! Enters: a checked network. Leaves: another one, checked again. What leaves is exact in itself: engine and batch agree on
 //! it bit for bit. What it predicts differs from what the network that entered does, by what only a measurement can say.
 
-use meissner_kernels::Precision;
-
 use crate::EngineError;
-use crate::network::{Network, NetworkParts, Position, Reach, in_range};
+use crate::network::{Network, NetworkParts, Reach, in_range};
 
 impl Network {
     /// The same network with another span.
@@ -35,36 +33,6 @@ impl Network {
             let (Reach::Knn { k: old } | Reach::Radius { max: old, .. }) = &mut parts.graph.reach;
             *old = most;
         })
-    }
-
-    /// The same network with the nodes of every pooling at `position`. At their cell's centre they never move, so that
-    /// an edge's attributes are computed once.
-    ///
-    /// # Errors
-    /// None at present: every network may have either.
-    pub fn with_positions(self, position: Position) -> Result<Self, EngineError> {
-        self.changed(|parts| parts.pooled.iter_mut().for_each(|(pooling, _)| pooling.position = position))
-    }
-
-    /// The same network with the weights of spline blocks and dense layers rounded to `precision` for each output
-    /// channel; biases and batch norm stay.
-    ///
-    /// # Errors
-    /// [`EngineError::Layer`] for a weight beyond the range of `precision`.
-    pub fn with_weights_rounded(self, precision: Precision) -> Result<Self, EngineError> {
-        let mut parts = self.into_parts();
-        let refused = |layer: &str| {
-            let layer = layer.to_owned();
-            move |source| EngineError::Layer { layer, source }
-        };
-        let pooled = parts.pooled.iter_mut().map(|(_, level)| level);
-        for block in std::iter::once(&mut parts.events).chain(pooled).flat_map(|level| &mut level.blocks) {
-            block.conv = block.conv.rounded(precision).map_err(refused(&block.name))?;
-        }
-        for layer in &mut parts.dense {
-            layer.dense = layer.dense.rounded(precision).map_err(refused(&layer.name))?;
-        }
-        Self::new(parts)
     }
 
     fn changed(self, change: impl FnOnce(&mut NetworkParts)) -> Result<Self, EngineError> {

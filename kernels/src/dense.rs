@@ -9,9 +9,8 @@
 
 use crate::elementary::{elu, sigmoid, tanh};
 use crate::error::{KernelError, check};
-use crate::isa::{Isa, Simd, Task, Vector, flat, flat_mut};
+use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
-use crate::precision::Precision;
 
 /// What follows a dense layer's sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,19 +67,6 @@ impl Dense {
         let stride = segments * Lanes::count(channels);
         let weight = weight.chunks_exact(channels).flat_map(Lanes::pack).collect();
         Ok(Self { inputs, outputs, stride, weight, bias, activation })
-    }
-
-    /// The same layer with the weights of each output rounded to `precision`.
-    ///
-    /// # Errors
-    /// A weight beyond the range of `precision`.
-    pub fn rounded(&self, precision: Precision) -> Result<Self, KernelError> {
-        let mut rounded = self.clone();
-        // The padding is zeros, and stays.
-        for weights in rounded.weight.chunks_exact_mut(self.stride) {
-            precision.round(flat_mut(weights))?;
-        }
-        Ok(rounded)
     }
 
     /// Values read.

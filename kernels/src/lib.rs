@@ -25,7 +25,6 @@ mod maximum;
 pub mod naive;
 mod nearby;
 mod planar;
-mod precision;
 mod recurrent;
 mod replace;
 mod spline;
@@ -44,7 +43,6 @@ pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
 pub use nearby::Nearby;
 pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
-pub use precision::Precision;
 pub use recurrent::{
     Lstm, LstmParts, LstmState, PlanarConvLstm, PlanarConvLstmState, Squash, lstm_update, lstm_update_rows,
 };

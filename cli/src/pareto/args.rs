@@ -38,10 +38,9 @@ How it measures:
   within some error of the exact one; what is less than 1.02 times as fast counts as no faster.
 
 Settings of networks over events: tolerance; neighbours below the network's; span as a share of the network's; every Nth
-  event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250 us; pooled nodes at
-  their cells' centres; weights rounded to bf16 or int8; a stale readout. Of frame networks: Winograd's convolutions and a
-  tolerance where there is any layer for them, the last readings of a window alone, rounded weights. Rounded weights are run in
-  f32: they show an error, and no speed.
+  event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250 us; a stale readout.
+  Of frame networks: Winograd's convolutions and a tolerance where there is any layer for them, the last readings of a window
+  alone.
 
 State (--state): a line of JSON for each measurement, {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\",
   \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. What is there is not measured again. A last line that was

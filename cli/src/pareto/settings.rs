@@ -3,10 +3,10 @@
 //! Enters: a network, and the mean rate of its events. Leaves: every setting that means something to it, the exact one
 //! first.
 
-use meissner_engine::{Event, Network, Position};
+use meissner_engine::{Event, Network};
 
 use super::measurement::EXACT;
-use crate::approximations::{ApproximationArgs, Place, Rounding};
+use crate::approximations::ApproximationArgs;
 use crate::error::CliError;
 
 /// A network with some approximations.
@@ -31,13 +31,11 @@ enum Change {
     Rate(u64, u64),
     /// Microseconds.
     Activity(i64),
-    Centre,
-    Weights(Rounding),
     /// Milliseconds.
     Stale(i64),
 }
 
-use Change::{Activity, Centre, Neighbours, Rate, Span, Stale, Stride, Tolerance, Weights};
+use Change::{Activity, Neighbours, Rate, Span, Stale, Stride, Tolerance};
 
 /// What is measured, where it means something.
 const SETTINGS: &[&[Change]] = &[
@@ -60,9 +58,6 @@ const SETTINGS: &[&[Change]] = &[
     &[Rate(1, 2)],
     &[Rate(1, 4)],
     &[Activity(1250)],
-    &[Centre],
-    &[Weights(Rounding::Bf16)],
-    &[Weights(Rounding::Int8)],
     &[Stale(1)],
     &[Stale(5)],
     &[Stale(10)],
@@ -78,8 +73,6 @@ const SETTINGS: &[&[Change]] = &[
     &[Stride(4), Tolerance(1e-2), Stale(5)],
     &[Stride(2), Span(1, 2)],
     &[Activity(1250), Tolerance(1e-2), Stale(5)],
-    &[Centre, Tolerance(1e-2)],
-    &[Centre, Stride(2), Tolerance(1e-2), Stale(5)],
 ];
 
 /// The settings of `network` over events that come at `rate` a second in the mean.
@@ -122,8 +115,7 @@ impl Change {
             Tolerance(_) => !(parts.graph.is_frozen() && parts.pooled.is_empty()),
             Neighbours(most) => usize::from(most) < parts.graph.reach.most(),
             Span(part, whole) => parts.span_us * part / whole > 0,
-            Centre => parts.pooled.iter().any(|(pooling, _)| pooling.position == Position::Mean),
-            Stride(_) | Rate(..) | Activity(_) | Weights(_) | Stale(_) => true,
+            Stride(_) | Rate(..) | Activity(_) | Stale(_) => true,
         }
     }
 
@@ -136,9 +128,6 @@ impl Change {
             Rate(1, 1) => "rate limit mean".to_owned(),
             Rate(part, whole) => format!("rate limit {part}/{whole} mean"),
             Activity(_) => "activity filter".to_owned(),
-            Centre => "positions centre".to_owned(),
-            Weights(Rounding::Bf16) => "weights bf16".to_owned(),
-            Weights(Rounding::Int8) => "weights int8".to_owned(),
             Stale(ms) => format!("stale {ms} ms"),
         }
     }
@@ -155,8 +144,6 @@ impl Change {
                 approximations.rate_limit = Some(limit.max(1.0) as u64);
             }
             Activity(us) => approximations.activity_filter = Some(us),
-            Centre => approximations.positions = Some(Place::Centre),
-            Weights(rounding) => approximations.weights_precision = Some(rounding),
             Stale(ms) => approximations.stale_us = Some(1000 * ms),
         }
     }
@@ -236,7 +223,6 @@ mod tests {
             "rows are computed once: {of_past:?}"
         );
         assert!(!of_past.iter().any(|name| name.contains("neighbours 8")), "it has 8: {of_past:?}");
-        assert!(names("tactigraph").any(|name| name == "positions centre"));
     }
 
     #[test]

@@ -84,7 +84,6 @@ fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
         "--sensor=3x3",
         "--longest-silence=4",
         "--rate-limit=9",
-        "--weights-precision=int8",
     ];
     let pictures = [
         "--mode=batch",
@@ -92,7 +91,7 @@ fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
         "--every=event",
         "--sensor=3x3",
         "--least-probability=1",
-        "--positions=centre",
+        "--refractory=5",
         "--stride=2",
     ];
     for (network, options) in [

@@ -99,13 +99,13 @@ fn differences(exact: &[Vec<f32>], found: &[Vec<f32>]) -> (f64, f64) {
 
 #[test]
 fn the_exact_setting_has_no_error_and_others_are_compared_with_it_at_every_event() {
-    let names = ["exact", "stride 4", "stale 5 ms", "weights int8"];
+    let names = ["exact", "stride 4", "stale 5 ms", "tolerance 0.01"];
     let report = run(&names, &[]);
     assert_eq!((&report["system"], &report["compared"]), (&"angle".into(), &"relative_rms".into()));
     let exact = setting(&report, 0, "exact");
     assert_eq!((number(&exact["numerical"]["max"]), number(&exact["error"])), (0.0, 0.0));
     assert_eq!(number(&exact["speed_up"]), 1.0);
-    assert!(number(&setting(&report, 0, "weights int8")["error"]) > 0.0);
+    assert!(number(&setting(&report, 0, "tolerance 0.01")["error"]) > 0.0);
 
     // Each setting again, by engines alone.
     let (engine, events) = engine("graphres");
@@ -250,7 +250,7 @@ fn the_drawing_names_the_front_and_the_table_has_every_setting() {
     let (folder, _) = state();
     let [svg, csv, json] = ["a.svg", "a.csv", "a.json"].map(|name| folder.path().join(name));
     let files = ["--svg", argument(&svg), "--csv", argument(&csv), "--json", argument(&json)];
-    let arguments = angle(&["stride", "weights"], &[&["--network", "tactigraph-past"], &files[..]].concat());
+    let arguments = angle(&["stride", "stale"], &[&["--network", "tactigraph-past"], &files[..]].concat());
     let output =
         meissner(&[&["pareto"], &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat());
     assert!(output.status.success(), "{}", message(&output));

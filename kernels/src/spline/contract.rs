@@ -6,7 +6,7 @@
 use std::hint::black_box;
 
 use crate::isa::{Simd, Task, Vector, accumulate, accumulate_in_four};
-use crate::lanes::{LANES, Lanes, Wide};
+use crate::lanes::{Lanes, Wide};
 
 /// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; eight or fewer that
 /// remain stand alone.
@@ -26,28 +26,6 @@ impl Packed {
         let block = |b: usize| lanes.iter().map(move |row| Wide::join(row[2 * b], row[2 * b + 1]));
         let last = lanes.iter().filter_map(|row| row.get(2 * blocks)).copied();
         Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
-    }
-
-    /// Changes the weights of each of the first `outputs` outputs, over all rows, by `change`.
-    pub(super) fn change<E>(
-        &mut self,
-        outputs: usize,
-        change: impl Fn(&mut [f32]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let blocks = Lanes::count(outputs) / 2;
-        let mut weights = vec![0.0; self.rows];
-        for o in 0..outputs {
-            let (block, at) = (o / (2 * LANES), o % (2 * LANES));
-            let mut column: Vec<&mut f32> = if block < blocks {
-                self.wide[block * self.rows..][..self.rows].iter_mut().map(|row| &mut row.0[at]).collect()
-            } else {
-                self.last.iter_mut().map(|row| &mut row.0[at]).collect()
-            };
-            weights.iter_mut().zip(&column).for_each(|(to, from)| *to = **from);
-            change(&mut weights)?;
-            column.iter_mut().zip(&weights).for_each(|(to, from)| **to = *from);
-        }
-        Ok(())
     }
 
     /// Every row of the sixteen outputs from lane `lane`, which is even.

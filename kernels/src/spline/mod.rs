@@ -29,7 +29,6 @@ use crate::error::{KernelError, check};
 use crate::isa::Isa;
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
-use crate::precision::Precision;
 use contract::Packed;
 use run::Run;
 
@@ -140,19 +139,6 @@ impl SplineConv {
         check("batch norm shift", shift, outputs)?;
         let (bias, scale, shift) = (Lanes::pack(bias), Lanes::pack(scale), Lanes::pack(shift));
         Ok(Self { inputs, outputs, kernel, weight, root, bias, scale, shift, elu: parts.elu })
-    }
-
-    /// The same block with its weights, and its root weights by themselves, rounded to `precision` for each output
-    /// channel.
-    ///
-    /// # Errors
-    /// A weight beyond the range of `precision`.
-    pub fn rounded(&self, precision: Precision) -> Result<Self, KernelError> {
-        let mut rounded = self.clone();
-        for packed in [Some(&mut rounded.weight), rounded.root.as_mut()].into_iter().flatten() {
-            packed.change(self.outputs, |weights| precision.round(weights))?;
-        }
-        Ok(rounded)
     }
 
     /// C, channels read.

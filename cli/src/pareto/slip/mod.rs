@@ -6,7 +6,6 @@
 //! | `rounded` | frame networks with rounded weights |
 //! | `subject` | a network with each of its settings |
 
-mod rounded;
 mod settings;
 mod subject;
 

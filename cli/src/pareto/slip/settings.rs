@@ -5,9 +5,8 @@ use std::sync::Arc;
 use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
 };
-use meissner_kernels::{Precision, WinogradTile};
+use meissner_kernels::WinogradTile;
 
-use super::rounded::rounded;
 use crate::error::CliError;
 use crate::pareto::measurement::EXACT;
 
@@ -18,7 +17,6 @@ pub(super) struct Setting {
     tolerance: Option<f32>,
     /// Readings of a window that are left out, from its first on.
     left_out: usize,
-    precision: Option<Precision>,
 }
 
 /// The settings of a network of `parts` over windows of `steps` readings.
@@ -35,11 +33,12 @@ pub(super) fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<Setting> 
         settings.extend(tolerances.map(|tolerance| Setting { tolerance: Some(tolerance), ..exact }));
     }
     settings.extend((1..steps.min(4)).map(|left_out| Setting { left_out, ..exact }));
-    let precisions = [Precision::Bf16, Precision::Int8];
-    settings.extend(precisions.map(|precision| Setting { precision: Some(precision), ..exact }));
-    for left_out in 1..steps.min(3) {
-        settings.push(Setting { left_out, precision: Some(Precision::Int8), ..exact });
-        settings.extend(tolerant.then_some(Setting { left_out, tolerance: Some(1e-2), ..exact }));
+    if tolerant {
+        settings.extend((1..steps.min(3)).map(|left_out| Setting {
+            left_out,
+            tolerance: Some(1e-2),
+            ..exact
+        }));
     }
     settings
 }
@@ -71,7 +70,6 @@ impl Setting {
             names.push(format!("steps {} of {steps}", steps - self.left_out));
         }
         names.extend(self.tolerance.map(|tolerance| format!("tolerance {tolerance}")));
-        names.extend(self.precision.map(|precision| format!("weights {}", precision.name())));
         if names.is_empty() { EXACT.to_owned() } else { names.join(" + ") }
     }
 
@@ -81,10 +79,7 @@ impl Setting {
     }
 
     /// An engine of a network of `parts`.
-    pub(super) fn engine(self, mut parts: FrameNetworkParts) -> Result<FrameEngine, CliError> {
-        if let Some(precision) = self.precision {
-            parts = rounded(parts, precision)?;
-        }
+    pub(super) fn engine(self, parts: FrameNetworkParts) -> Result<FrameEngine, CliError> {
         let skip = self.tolerance.map_or(Skip::Exact, Skip::Tolerance);
         let network = Arc::new(FrameNetwork::new(parts, self.convolution)?);
         Ok(FrameEngine::new(network, FrameOptions { skip, ..FrameOptions::default() })?)
@@ -106,7 +101,7 @@ mod tests {
         let (slip, canf) = (names("slip-tuned"), names("canf"));
         assert_eq!((slip[0].as_str(), canf[1].as_str()), ("exact", "winograd 2x2"));
         assert!(!slip.iter().any(|name| name.contains("winograd") || name.contains("tolerance")), "{slip:?}");
-        for expected in ["steps 4 of 5", "steps 2 of 5", "weights int8", "steps 3 of 5 + weights int8"] {
+        for expected in ["steps 4 of 5", "steps 2 of 5"] {
             assert!(slip.iter().any(|name| name == expected), "{expected}: {slip:?}");
         }
         assert!(canf.iter().any(|name| name == "tolerance 0.01"), "{canf:?}");
