@@ -13,6 +13,21 @@ struct Shipped {
 
 const SHIPPED: &[Shipped] = &[
     Shipped {
+        name: "digits-all",
+        description: include_str!("../networks/digits-all.toml"),
+        weights: include_bytes!("../weights/digits/digits-all.0.safetensors"),
+    },
+    Shipped {
+        name: "digits-frozen",
+        description: include_str!("../networks/digits-frozen.toml"),
+        weights: include_bytes!("../weights/digits/digits-past.0.safetensors"),
+    },
+    Shipped {
+        name: "digits-past",
+        description: include_str!("../networks/digits-past.toml"),
+        weights: include_bytes!("../weights/digits/digits-past.0.safetensors"),
+    },
+    Shipped {
         name: "graphres",
         description: include_str!("../networks/graphres.toml"),
         weights: include_bytes!("../weights/graphres.safetensors"),
@@ -39,8 +54,16 @@ const SHIPPED: &[Shipped] = &[
     },
 ];
 
-const NAMES: &[&str] =
-    &["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
+const NAMES: &[&str] = &[
+    "digits-all",
+    "digits-frozen",
+    "digits-past",
+    "graphres",
+    "graphres-published",
+    "tactigraph",
+    "tactigraph-frozen",
+    "tactigraph-past",
+];
 
 /// A frame network with the weights that it runs with.
 struct ShippedFrames {
@@ -171,7 +194,7 @@ impl AnyDescription {
 
 impl Weights {
     /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres",
-    /// "tactigraph-frozen" those of "tactigraph". Those of frame networks that nothing trained are drawn on the
+    /// "tactigraph-frozen" those of "tactigraph", "digits-frozen" those of "digits-past". Those of frame networks that nothing trained are drawn on the
     /// spot, the same bits everywhere.
     ///
     /// # Panics

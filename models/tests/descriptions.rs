@@ -19,11 +19,28 @@ fn layer<'a>(description: &'a Description, name: &str) -> &'a Layer {
 }
 
 #[test]
-fn every_shipped_network_predicts_roll_and_pitch_in_rad() {
+fn every_shipped_network_has_its_name() {
     for name in Description::shipped_names() {
         let (description, network) = shipped(name);
-        assert_eq!(description.name(), *name);
-        assert_eq!(network.name(), *name);
+        assert_eq!((description.name(), network.name()), (*name, *name));
+    }
+}
+
+#[test]
+fn networks_for_digits_give_a_logit_for_each_over_three_saccades() {
+    for name in ["digits-all", "digits-past", "digits-frozen"] {
+        let (description, network) = shipped(name);
+        let (names, unit) = description.outputs();
+        assert_eq!((names.len(), unit, network.outputs()), (10, "logit", 10));
+        assert!((0..10).all(|digit| names[digit] == digit.to_string()));
+        assert_eq!(network.parts().span_us, 300_000);
+    }
+}
+
+#[test]
+fn every_other_shipped_network_predicts_roll_and_pitch_in_rad() {
+    for name in Description::shipped_names().iter().filter(|name| !name.starts_with("digits-")) {
+        let (description, network) = shipped(name);
         let (names, unit) = description.outputs();
         assert_eq!((names.len(), unit, network.outputs()), (2, "rad", 2));
         assert_eq!(names, ["roll", "pitch"]);
