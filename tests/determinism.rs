@@ -1,10 +1,11 @@
-//! The same bits at any number of threads and on every instruction set.
+//! The same bits at any number of threads, on every instruction set, in every build, and as they were.
 
 use meissner_engine::{
     Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Sensor, Stream,
 };
 use meissner_kernels::Isa;
 use meissner_tests::compare::bits;
+use meissner_tests::fixed_run::{self, Mode};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
 use meissner_tests::random::Random;
 
@@ -90,5 +91,23 @@ fn every_number_of_threads_computes_the_same_bits() {
                 assert_eq!(bits(&got.expect("finite")), expected, "{candidates:?} on {threads} threads");
             }
         }
+    }
+}
+
+#[test]
+fn a_fixed_run_has_the_bits_that_it_always_had() {
+    for isa in Isa::available() {
+        let name = isa.name();
+        assert_eq!(fixed_run::of_events(Mode::Incremental(isa)), fixed_run::EVENTS_EXPECTED, "{name}");
+        for two_threads in [false, true] {
+            assert_eq!(fixed_run::of_frames(isa, two_threads), fixed_run::FRAMES_EXPECTED, "{name}");
+        }
+    }
+    for threads in [1, 2, 8] {
+        assert_eq!(
+            fixed_run::of_events(Mode::Batch { threads }),
+            fixed_run::EVENTS_EXPECTED,
+            "{threads} threads"
+        );
     }
 }

@@ -4,6 +4,7 @@
 pub mod compare;
 pub mod event_filters;
 pub mod event_frames;
+pub mod fixed_run;
 pub mod frame_networks;
 pub mod networks;
 pub mod random;

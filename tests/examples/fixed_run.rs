@@ -1,0 +1,27 @@
+//! Runs the fixed run of `meissner_tests::fixed_run` as this build has it, and fails where a bit is not what it always was.
+//!
+//!     cargo run --release -p meissner-tests --example fixed_run
+
+use std::process::ExitCode;
+
+use meissner_kernels::Isa;
+use meissner_tests::fixed_run::{self, Mode};
+
+fn main() -> ExitCode {
+    let mut right = true;
+    let mut say = |what: String, found: u64, expected: u64| {
+        let verdict = if found == expected { "as always" } else { "DIFFERENT" };
+        println!("{what:<22} {found:016x}  {verdict}");
+        right &= found == expected;
+    };
+    for isa in Isa::available() {
+        let events = fixed_run::of_events(Mode::Incremental(isa));
+        say(format!("events, {}", isa.name()), events, fixed_run::EVENTS_EXPECTED);
+        say(format!("frames, {}", isa.name()), fixed_run::of_frames(isa, false), fixed_run::FRAMES_EXPECTED);
+    }
+    for threads in [1, 2, 8] {
+        let batch = fixed_run::of_events(Mode::Batch { threads });
+        say(format!("batch, {threads} threads"), batch, fixed_run::EVENTS_EXPECTED);
+    }
+    if right { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

@@ -1,0 +1,129 @@
+//! One run, the same for ever: shipped networks over events and made networks over frames, and one number that stands for
+//! every bit of their predictions.
+//!
+//! The numbers depend on semantics and weights alone, and may change only where these are changed on purpose.
+
+use std::sync::Arc;
+
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::{Batch, Engine, Event, Options, Sensor, Stream};
+use meissner_kernels::{Isa, WinogradTile};
+use meissner_models::{Description, Weights};
+
+use crate::frame_networks::{self, Style};
+use crate::random::Random;
+
+/// What [`of_events`] gives, on every machine, instruction set and number of threads, from every build.
+pub const EVENTS_EXPECTED: u64 = 0x4b28_a247_4cc2_00ef;
+/// What [`of_frames`] gives.
+pub const FRAMES_EXPECTED: u64 = 0xf276_37a5_9cbd_5056;
+
+const SENSOR: Sensor = Sensor { width: 120, height: 90 };
+/// Pooled and frozen, over all and over the past, with and without a head.
+const NETWORKS: [&str; 6] =
+    ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past", "digits-all", "digits-past"];
+const EVENTS: i64 = 1_200;
+/// Events between predictions.
+const EVERY: usize = 150;
+
+/// How predictions over events are computed.
+#[derive(Clone, Copy, Debug)]
+pub enum Mode {
+    /// By what each event changes.
+    Incremental(Isa),
+    /// From scratch, on so many threads.
+    Batch {
+        /// Threads.
+        threads: usize,
+    },
+}
+
+/// FNV-1a over 64 bits (Fowler, Noll and Vo): the hash of `bits` after `hash`.
+fn hashed(hash: u64, bits: u32) -> u64 {
+    bits.to_le_bytes().iter().fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+const START: u64 = 0xcbf2_9ce4_8422_2325;
+
+fn over(values: &[f32], hash: u64) -> u64 {
+    values.iter().fold(hash, |hash, value| hashed(hash, value.to_bits()))
+}
+
+/// A blob that moves over the sensor in twice the span of the networks for digits, and noise.
+fn events() -> Vec<Event> {
+    let mut random = Random::new(9);
+    (0..EVENTS)
+        .map(|i| {
+            let spread = if random.below(10) == 0 { 60 } else { 12 };
+            let mut pixel = |centre: u64, extent: u64| ((centre + random.below(spread)) % extent) as u16;
+            Event::new(i * 500, pixel(i as u64 / 24, 120), pixel(20 + i as u64 / 40, 90), i % 3 == 0)
+        })
+        .collect()
+}
+
+/// The hash of all predictions over events.
+///
+/// # Panics
+/// If a shipped network cannot run.
+pub fn of_events(mode: Mode) -> u64 {
+    let events = events();
+    NETWORKS.iter().fold(START, |mut hash, name| {
+        let weights = Weights::shipped(name).expect("shipped weights");
+        let network = Description::shipped(name).expect("a shipped network").network(&weights);
+        let network = network.expect("the weights fit");
+        match mode {
+            Mode::Incremental(isa) => {
+                let options = Options { isa, ..Options::default() };
+                let mut engine = Engine::with_options(network, SENSOR, options).expect("exact");
+                for chunk in events.chunks(EVERY) {
+                    engine.push_slice(chunk);
+                    hash = over(engine.predict().expect("finite").values, hash);
+                }
+            }
+            Mode::Batch { threads } => {
+                let batch = Batch::new(network, SENSOR).expect("the sensor has pixels");
+                let streams: Vec<Stream<'_>> =
+                    (1..=events.len() / EVERY).map(|n| Stream::new(&events[..n * EVERY])).collect();
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                for prediction in pool.install(|| batch.with_parallel_rows(true).predict_all(&streams)) {
+                    hash = over(&prediction.expect("finite"), hash);
+                }
+            }
+        }
+        hash
+    })
+}
+
+/// The hash of all outputs over frames, of networks of every style with every kind of convolution.
+///
+/// # Panics
+/// If a network cannot run.
+pub fn of_frames(isa: Isa, two_threads: bool) -> u64 {
+    let image = [2, 12, 16];
+    let styles = [
+        Style::Classifier,
+        Style::UNet { squeeze: true },
+        Style::ConvolutionsThenLstm,
+        Style::ConvLstm { hidden: 5, peepholes: true },
+        Style::Delays,
+        Style::Committee { vector: false },
+    ];
+    let tiles = [
+        Convolution::Direct,
+        Convolution::Winograd(WinogradTile::Two),
+        Convolution::Winograd(WinogradTile::Four),
+    ];
+    let frames = frame_networks::sequence(12, image, 5);
+    let mut hash = START;
+    for (style, convolution) in styles.into_iter().flat_map(|style| tiles.map(|tile| (style, tile))) {
+        let parts = frame_networks::network(style, image, 16, 7);
+        let network = Arc::new(FrameNetwork::new(parts, convolution).expect("consistent"));
+        let options = FrameOptions { isa, two_threads, ..FrameOptions::default() };
+        let mut engine = FrameEngine::new(network, options).expect("an engine");
+        for frame in &frames {
+            engine.push(frame).expect("a frame");
+            hash = over(engine.predict().expect("finite").values, hash);
+        }
+    }
+    hash
+}
