@@ -5,6 +5,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, RateLimit, Refractory, Stride,
@@ -14,8 +15,11 @@ use meissner_engine::representations::{
     Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
     SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
-use meissner_engine::{Engine, Event, Options, Sensor, StaleReadout, Staleness};
+use meissner_engine::{
+    Engine, EngineError, Event, Options, Outcome, Prediction, Sensor, StaleReadout, Staleness,
+};
 use meissner_kernels::WinogradTile;
+use meissner_live::{Live, Overload, Predictor, QueueOptions};
 use meissner_models::{Description, Weights};
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::random::Random;
@@ -109,6 +113,59 @@ fn a_second_pass_over_a_recording_allocates_nothing() {
         println!("{name}: {warm_up} allocations in the first pass, {second} in the second");
         assert_eq!(second, 0, "{name}");
     }
+}
+
+/// An engine that says how much its thread has allocated.
+struct Watched(Engine, Arc<AtomicU64>);
+
+impl Predictor for Watched {
+    fn push(&mut self, event: Event) -> Outcome {
+        self.0.push(event)
+    }
+
+    fn advance(&mut self, t_us: i64) {
+        self.0.advance(t_us);
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        self.1.store(COUNT.get(), Ordering::Relaxed);
+        self.0.predict()
+    }
+}
+
+#[test]
+fn behind_a_queue_a_second_pass_allocates_nothing_on_either_side() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, events) = synthetic();
+    let description = Description::shipped("tactigraph-past").expect("a shipped network");
+    let network = description.network(&Weights::shipped("tactigraph-past").expect("shipped weights"));
+    let engine = Engine::new(network.expect("the weights fit"), sensor).expect("exact");
+    let theirs = Arc::new(AtomicU64::new(0));
+    let filter = BackgroundActivity::new(sensor, 1_250).expect("admissible");
+    // Room for all of a pass, so that what enters does not depend on how fast the worker is.
+    let options = QueueOptions {
+        capacity: 1 << 16,
+        overload: Overload::Filter(Chain::new(vec![Filter::BackgroundActivity(filter)])),
+        ..QueueOptions::default()
+    };
+    let (mut input, mut live) = Live::spawn(Watched(engine, Arc::clone(&theirs)), options).expect("a thread");
+    // The first prediction is computed in this thread; from here on the worker counts.
+    live.predict(Duration::MAX).expect("finite");
+    let span = events[events.len() - 1].t_us - events[0].t_us;
+    let mut shifted = events.clone();
+    let mut pass = |shift: i64| {
+        shifted.iter_mut().zip(&events).for_each(|(to, event)| to.t_us = event.t_us + shift);
+        let before = (COUNT.get(), theirs.load(Ordering::Relaxed));
+        for events in shifted.chunks(1_000) {
+            input.push_slice(events).expect("the worker lives");
+            input.advance(events[events.len() - 1].t_us);
+            live.predict(Duration::MAX).expect("finite");
+        }
+        (COUNT.get() - before.0, theirs.load(Ordering::Relaxed) - before.1)
+    };
+    let [first, second] = [0, span + 10 * 150_000].map(&mut pass);
+    println!("{first:?} allocations here and there in the first pass, {second:?} in the second");
+    assert_eq!(second, (0, 0));
 }
 
 #[test]

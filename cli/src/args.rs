@@ -14,6 +14,7 @@ pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
 pub(crate) use crate::eval::EvalArgs;
 pub(crate) use crate::pareto::ParetoArgs;
+pub(crate) use crate::play::PlayArgs;
 pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
 
@@ -34,6 +35,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Run a network over a recording or a live stream: predictions, latencies, and what was skipped.
     Run(RunArgs),
+    /// Play a recording at real speed against a bounded queue: reports by a deadline, what was dropped, what was late.
+    Play(PlayArgs),
     /// Measure: latencies by phase, work per layer, shares of the stages, memory, missed deadlines.
     Bench(BenchArgs),
     /// Show a network: layers, shapes, parameters, multiply-adds, receptive fields.
@@ -50,7 +53,7 @@ pub(crate) enum Command {
     Prepare(PrepareArgs),
 }
 
-/// What `run` and `bench` work on.
+/// What `run`, `play` and `bench` work on.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Input {
     /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV, npy), or - for CSV lines (t_us,x,y,p) on standard input as

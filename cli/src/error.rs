@@ -8,6 +8,7 @@ use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
 use meissner_io::datasets::DatasetError;
 use meissner_io::{Format, ImageError, IoError};
+use meissner_live::LiveError;
 use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
@@ -263,6 +264,12 @@ pub(crate) enum CliError {
     /// The engine refuses, or found that a result is not a number.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The engine's thread cannot start, or has ended.
+    #[error(transparent)]
+    Live(LiveError),
+    /// A prediction has other bits than the batch's.
+    #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
+    NotEqual,
     /// A file cannot be opened.
     #[error("cannot open {}: {source}", path.display())]
     Open {
@@ -287,6 +294,15 @@ pub(crate) enum CliError {
 /// The shipped networks in one line.
 fn shipped_names() -> String {
     AnyDescription::shipped_names().collect::<Vec<_>>().join(", ")
+}
+
+impl From<LiveError> for CliError {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Engine(error) => Self::Engine(error),
+            error => Self::Live(error),
+        }
+    }
 }
 
 impl CliError {

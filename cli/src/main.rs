@@ -9,6 +9,7 @@
 //! | `front` | an engine with filters before it and a stale readout behind it |
 //! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
+//! | `play/` | `meissner play` |
 //! | `bench/` | `meissner bench` |
 //! | `eval/` | `meissner eval` |
 //! | `prepare/` | `meissner prepare` |
@@ -42,6 +43,7 @@ mod layer_cost;
 mod model;
 mod output;
 mod pareto;
+mod play;
 mod prepare;
 mod progress;
 mod run;
@@ -63,6 +65,7 @@ use crate::args::{Args, Command};
 fn main() -> ExitCode {
     let done = match Args::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Play(args) => play::play(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Info(args) => info::info(&args),

@@ -1,7 +1,7 @@
 //! What the process has taken, where the platform tells it.
 
 /// Most bytes of memory that the process has had resident so far: Linux's `VmHWM`. None elsewhere.
-pub(super) fn peak_resident_bytes() -> Option<u64> {
+pub(crate) fn peak_resident_bytes() -> Option<u64> {
     parse(&std::fs::read_to_string("/proc/self/status").ok()?)
 }
 

@@ -34,6 +34,7 @@ use meissner_engine::{Event, Options};
 use meissner_models::AnyDescription;
 
 pub(crate) use args::BenchArgs;
+pub(crate) use memory::peak_resident_bytes;
 pub(crate) use part::start_us;
 
 use crate::args::Every;
@@ -103,7 +104,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
         front = passes.latency(&events, &phases, false, &mut measured)?;
     }
     // Before the other passes, whose bookkeeping is not the engine's.
-    let peak_resident_bytes = memory::peak_resident_bytes();
+    let peak_resident_bytes = peak_resident_bytes();
     let staged = passes.latency(&events, &phases, true, &mut Measured::new())?;
     let deadline = Deadline::measure(&mut passes, &events, args.period_us.unwrap_or(PERIOD_US))?;
     passes.progress.finish();

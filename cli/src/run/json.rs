@@ -31,7 +31,7 @@ struct Last<'a> {
 
 /// f32 values with the digits of the equal f64: the shortest digits of an f32 do not survive every reader that goes
 /// through f64 (7.038531e-26 is one that does not), these do.
-pub(super) struct Values<'a>(pub(super) &'a [f32]);
+pub(crate) struct Values<'a>(pub(crate) &'a [f32]);
 
 impl Serialize for Values<'_> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -50,13 +50,13 @@ impl<W: Write> JsonLines<W> {
     }
 
     /// The line of a prediction.
-    pub(super) fn prediction(&mut self, line: &impl Serialize) -> io::Result<()> {
+    pub(crate) fn prediction(&mut self, line: &impl Serialize) -> io::Result<()> {
         self.line(line)?;
         if self.live { self.out.flush() } else { Ok(()) }
     }
 
     /// The last line.
-    pub(super) fn last(&mut self, line: &impl Serialize) -> io::Result<()> {
+    pub(crate) fn last(&mut self, line: &impl Serialize) -> io::Result<()> {
         self.line(line)?;
         self.out.flush()
     }

@@ -9,7 +9,7 @@ use crate::text::grouped;
 const SHOWN: u64 = 40;
 
 /// Writes lines, one a prediction.
-pub(super) struct Lines<W> {
+pub(crate) struct Lines<W> {
     out: W,
     progress: Progress,
     /// How much there is to take, where that is known.
@@ -23,7 +23,7 @@ pub(super) struct Lines<W> {
 
 impl<W: Write> Lines<W> {
     /// Nothing yet; with `total`, about [`SHOWN`] lines will be shown, else all.
-    pub(super) fn new(out: W, total: Option<u64>, progress: Progress) -> Self {
+    pub(crate) fn new(out: W, total: Option<u64>, progress: Progress) -> Self {
         Self { out, progress, total, part: None, shown: 0, held: None }
     }
 
@@ -32,7 +32,7 @@ impl<W: Write> Lines<W> {
     }
 
     /// The line of a prediction after so much of the input.
-    pub(super) fn line(&mut self, taken: u64, line: String) -> io::Result<()> {
+    pub(crate) fn line(&mut self, taken: u64, line: String) -> io::Result<()> {
         let part = self.total.map(|total| taken.saturating_mul(SHOWN) / total.max(1));
         if part.is_some() && self.part == part {
             self.held = Some(line);
@@ -44,7 +44,7 @@ impl<W: Write> Lines<W> {
     }
 
     /// After the last of all `predictions`: the line that was held back, and how many were not shown.
-    pub(super) fn end(&mut self, predictions: u64) -> io::Result<&mut W> {
+    pub(crate) fn end(&mut self, predictions: u64) -> io::Result<&mut W> {
         if let Some(line) = self.held.take() {
             self.show(&line)?;
         }

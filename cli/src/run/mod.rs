@@ -6,12 +6,12 @@
 
 mod args;
 mod frames;
-mod json;
-mod lines;
+pub(crate) mod json;
+pub(crate) mod lines;
 mod machine;
 mod report;
 mod summary;
-mod table;
+pub(crate) mod table;
 
 use std::io::{BufWriter, stdout};
 use std::sync::Arc;

@@ -91,7 +91,7 @@ fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
 }
 
 /// Writes a row for each of `latencies` that was measured.
-pub(super) fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantiles>)]) -> io::Result<()> {
+pub(crate) fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantiles>)]) -> io::Result<()> {
     let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
     for &(name, quantiles) in latencies {
         if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {

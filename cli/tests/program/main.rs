@@ -24,6 +24,7 @@ mod output;
 mod pareto;
 mod pareto_digits;
 mod pareto_slip;
+mod play;
 mod prepare;
 mod prepare_digits;
 mod prepare_graphs;

@@ -1,0 +1,198 @@
+//! `meissner play`: what can be asked for.
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
+use std::str::FromStr;
+use std::time::Duration;
+
+use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Refractory};
+use meissner_engine::{EngineError, Sensor};
+use meissner_live::{Overload, QueueOptions};
+
+use crate::args::{Input, STATUS};
+
+/// At the end of the long help.
+const EXAMPLES: &str = "\
+Examples:
+  meissner play touch.aedat4 --network tactigraph-past --deadline 2ms
+  meissner play burst.raw --sensor 640x480 --network tactigraph-past --overload filter:1250us --verify
+  meissner play burst.raw --sensor 640x480 --network tactigraph-past --overload drop-newest --speed 0.1 --json";
+
+/// `meissner play`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{STATUS}"))]
+pub(crate) struct PlayArgs {
+    /// Events and network.
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// Stream time that passes in a second, in seconds.
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
+    pub(crate) speed: f64,
+    /// Most events that wait between the reader and the engine, each a thread of its own.
+    #[arg(long, value_name = "N", default_value_t = 1 << 16,
+          value_parser = clap::value_parser!(u32).range(1..=QueueOptions::LARGEST as i64))]
+    pub(crate) queue: u32,
+    /// What happens when events come faster than the engine takes them.
+    ///
+    /// block: the reader waits until half of the queue is free, and falls behind its time. drop-oldest, drop-newest: an
+    /// event that finds no room replaces the oldest one that waits, or is dropped. The others act from when more than
+    /// half of the queue is taken until a quarter is: thin:N lets events enter whose number is a multiple of N;
+    /// filter:USus those with another one in the 8 pixels around them in the microseconds before; refractory:USus those
+    /// so far from the last of their pixel; rate:N so many a second. Should the queue fill up all the same, these drop
+    /// the newest. Every dropped event is counted by reason.
+    ///
+    /// The filters among the approximations (--activity-filter and others) stand before the queue and always act.
+    #[arg(
+        long,
+        value_name = "block|drop-oldest|drop-newest|thin:N|filter:USus|refractory:USus|rate:N",
+        default_value = "drop-oldest"
+    )]
+    pub(crate) overload: Policy,
+    /// Stream time between two reports.
+    ///
+    /// Reports are due at the first event's time + this, + 2 of it, and so on up to the first at or after the last event,
+    /// on the wall clock: each is made, however far the engine is behind.
+    #[arg(long, value_name = "TIME", default_value = "10ms", value_parser = period)]
+    pub(crate) report_every: Duration,
+    /// Longest wait for a report's prediction.
+    ///
+    /// A prediction that covers every event that has entered the queue is fresh. Where the engine cannot be done in time
+    /// it predicts for what it has taken (behind); where no prediction of the report's own is finished by its deadline,
+    /// the newest earlier one stands for it (old). How far each is behind, and its age, are reported.
+    #[arg(long, value_name = "TIME", default_value = "5ms", value_parser = length)]
+    pub(crate) deadline: Duration,
+    /// Compute the prediction behind the last event from scratch, over the events that were accepted, and fail where it
+    /// differs in a bit.
+    ///
+    /// Of networks with frozen in-edges, it goes over the last (blocks + 1) x capacity accepted events, which is all
+    /// that a window can depend on; of others over the window.
+    #[arg(long)]
+    pub(crate) verify: bool,
+    /// One JSON object a line: reports, then a summary.
+    ///
+    /// A report: {"at_us": when it was due, "t_us": time of the newest event that its prediction covers (null before the
+    /// first), "value": [each output], "nodes": events in the window, "state": "fresh", "behind" or "old", "behind_events"
+    /// and "behind_us": events, and stream time, that had entered the queue and are not covered, "age_us": time since
+    /// the prediction was begun, "waited_us": time since it was asked for}.
+    ///
+    /// The last line: {"summary": {"events": taken from the recording, "offered": to the queue, "delivered": to the
+    /// engine, "dropped": {"oldest", "newest", "thinned", "filtered"} by the queue, "engine": {"accepted", "dropped":
+    /// {reason: count}}, "queue": {"capacity", "overload", "high_water": most events that waited, "blocked_us"},
+    /// "reports": {"due", "made", "fresh", "behind", "old", "past_deadline": returned after their deadline,
+    /// "past_deadline_max_us", "asked_late_max_us": from when one was due until it was asked for}, "waited_us", "age_us"
+    /// and "behind_us": {"p50", "p90", "p99", "p999", "max"}, "reader_lag_max_us": from an event's time until it was
+    /// offered, "drain_us": from the recording's end until all that waited was covered, "final": {"t_us", "value",
+    /// "nodes"}, "verified": {"events": in the batch, "equal", "batch_us"} (null without --verify),
+    /// "peak_resident_bytes", "approximations" (missing where there were none)}}.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What `--overload` names, before the sensor is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Policy {
+    Block,
+    DropOldest,
+    DropNewest,
+    Thin(u32),
+    Activity(i64),
+    Refractory(i64),
+    Rate(u64),
+}
+
+impl Policy {
+    /// The policy for `sensor`.
+    pub(super) fn overload(self, sensor: Sensor) -> Result<Overload, EngineError> {
+        let filter = match self {
+            Self::Block => return Ok(Overload::Block),
+            Self::DropOldest => return Ok(Overload::DropOldest),
+            Self::DropNewest => return Ok(Overload::DropNewest),
+            Self::Thin(stride) => return Ok(Overload::Thin { stride }),
+            Self::Activity(us) => Filter::BackgroundActivity(BackgroundActivity::new(sensor, us)?),
+            Self::Refractory(us) => Filter::Refractory(Refractory::new(sensor, us)?),
+            Self::Rate(rate) => Filter::RateLimit(RateLimit::new(rate)?),
+        };
+        Ok(Overload::Filter(Chain::new(vec![filter])))
+    }
+}
+
+impl FromStr for Policy {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let us = |text: &str| text.strip_suffix("us")?.parse().ok().filter(|&us: &i64| us > 0);
+        let policy = match text.split_once(':') {
+            None => match text {
+                "block" => Some(Self::Block),
+                "drop-oldest" => Some(Self::DropOldest),
+                "drop-newest" => Some(Self::DropNewest),
+                _ => None,
+            },
+            Some(("thin", n)) => n.parse().ok().filter(|&n| n > 0).map(Self::Thin),
+            Some(("filter", time)) => us(time).map(Self::Activity),
+            Some(("refractory", time)) => us(time).map(Self::Refractory),
+            Some(("rate", n)) => n.parse().ok().filter(|&n| n > 0).map(Self::Rate),
+            Some(_) => None,
+        };
+        policy.ok_or_else(|| {
+            "expected block, drop-oldest, drop-newest, thin:N such as thin:4, filter:USus such as filter:1250us, \
+             refractory:USus, or rate:N in events per second"
+                .to_owned()
+        })
+    }
+}
+
+/// Reads a length of time.
+fn length(text: &str) -> Result<Duration, String> {
+    let units = [("us", 1), ("ms", 1_000), ("s", 1_000_000)];
+    let read =
+        |(unit, factor): (&str, u64)| text.strip_suffix(unit)?.parse::<u64>().ok()?.checked_mul(factor);
+    let us = units.into_iter().find_map(read).filter(|&us| i64::try_from(us).is_ok());
+    us.map(Duration::from_micros).ok_or_else(|| "expected a time such as 500us, 10ms or 1s".to_owned())
+}
+
+/// Reads a length of time above 0.
+fn period(text: &str) -> Result<Duration, String> {
+    length(text).and_then(|length| {
+        if length.is_zero() { Err("expected a time above 0, such as 10ms".to_owned()) } else { Ok(length) }
+    })
+}
+
+/// Reads a positive factor.
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed: &f64| (1e-6..=1e6).contains(speed));
+    speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Policy, length, period, speed};
+    use std::time::Duration;
+
+    #[test]
+    fn policies_have_names_and_numbers() {
+        assert_eq!("drop-oldest".parse(), Ok(Policy::DropOldest));
+        assert_eq!("thin:4".parse(), Ok(Policy::Thin(4)));
+        assert_eq!("filter:1250us".parse(), Ok(Policy::Activity(1250)));
+        assert_eq!("refractory:1000us".parse(), Ok(Policy::Refractory(1000)));
+        assert_eq!("rate:400000".parse(), Ok(Policy::Rate(400_000)));
+        for wrong in
+            ["", "drop", "thin", "thin:", "thin:0", "filter:1250", "filter:0us", "rate:-1", "block:1"]
+        {
+            assert!(wrong.parse::<Policy>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn times_have_a_unit() {
+        assert_eq!(length("10ms"), Ok(Duration::from_millis(10)));
+        assert_eq!(length("0us"), Ok(Duration::ZERO));
+        assert_eq!(length("2s"), Ok(Duration::from_secs(2)));
+        for wrong in
+            ["", "10", "ms", "-1ms", "1.5ms", "10m", "99999999999999999999us", "9223372036854775808us"]
+        {
+            assert!(length(wrong).is_err(), "{wrong}");
+        }
+        assert!(period("0ms").is_err());
+        assert!(speed("0").is_err() && speed("nan").is_err() && speed("0.5") == Ok(0.5));
+    }
+}

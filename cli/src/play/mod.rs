@@ -1,0 +1,243 @@
+//! `meissner play`: a recording at real speed, a queue that may overflow, reports by their deadline.
+//!
+//! | file | job |
+//! |---|---|
+//! | `args` | what can be asked for |
+//! | `clock` | stream time on the wall clock |
+//! | `reader` | the sensor's side: events at their time |
+//! | `tally` | what becomes of reports |
+//! | `summary`, `report` | results for people and for programs |
+//!
+//! The recording is read beforehand. A thread offers its events when they are due, a worker pushes and predicts, and this
+//! one asks for a prediction at every report's time. Behind the end, one more prediction covers all that waits.
+
+mod args;
+mod clock;
+mod reader;
+mod report;
+mod summary;
+mod tally;
+
+use std::io::{BufWriter, Write, stdout};
+use std::panic;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use meissner_engine::filters::Chain;
+use meissner_engine::{Engine, Event, Options, Sensor, StaleReadout};
+use meissner_live::{Live, Predictor, QueueCounters, QueueOptions, Recorded};
+
+use crate::bench::peak_resident_bytes;
+use crate::error::CliError;
+use crate::header::header;
+use crate::latency::microseconds;
+use crate::model::Model;
+use crate::run::json::Values;
+use crate::skips::dropped;
+use crate::source::{self, Source};
+pub(crate) use args::PlayArgs;
+use clock::Clock;
+use reader::Reader;
+use report::{Due, Report};
+use summary::{Admitted, Last, Queue, Summary, Verified};
+use tally::Tally;
+
+/// Plays what `args` ask for, to standard output.
+pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
+    check(args)?;
+    let input = &args.input;
+    let model = Model::load(input)?;
+    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let sensor = source.sensor(input.sensor)?;
+    let network = Arc::new(model.network.clone());
+    let approximations = &input.approximations;
+    let tolerance = approximations.tolerance.unwrap_or(0.0);
+    let options = Options { late: input.late.into(), tolerance, ..Options::default() };
+    let engine = Engine::with_options(Arc::clone(&network), sensor, options)?;
+    let readout = StaleReadout::new(engine, approximations.staleness())?;
+
+    let mut out = BufWriter::new(stdout().lock());
+    if !args.json {
+        let policy = args.overload.overload(sensor)?.name().replace('_', " ");
+        let mode = format!("live, {} s of stream time a second, queue: {policy}", args.speed);
+        header(&mut out, &model, &mode, &source, sensor)?;
+    }
+    let limit = input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
+    let events = source.take(limit).collect::<Result<Vec<_>, _>>()?;
+    let plan = Plan::new(&events, args);
+    let report =
+        if args.json { Report::json(out) } else { Report::people(out, &model.outputs, plan.reports)? };
+    let mut stage = Stage { args, sensor, events: &events, plan, report };
+    if args.verify {
+        let recorded = Recorded::new(readout, network, sensor, input.late.into())?;
+        let (played, mut recorded) = stage.play(recorded)?;
+        let verified = verify(&mut recorded, &played.values)?;
+        stage.end(&played, recorded.predictor(), Some(verified))?;
+        return if verified.equal { Ok(()) } else { Err(CliError::NotEqual) };
+    }
+    let (played, readout) = stage.play(readout)?;
+    stage.end(&played, &readout, None)
+}
+
+/// Refuses what has no real time, or no batch to be equal to.
+fn check(args: &PlayArgs) -> Result<(), CliError> {
+    if args.input.recording.as_deref().is_some_and(source::is_stdin) {
+        return Err(CliError::Option {
+            option: "INPUT",
+            expected: "a recording, whose times say when events are due".to_owned(),
+            found: "standard input".to_owned(),
+        });
+    }
+    let approximations = &args.input.approximations;
+    let given = [
+        ("--tolerance", approximations.tolerance.is_some()),
+        ("--stale-events", approximations.stale_events.is_some()),
+        ("--stale-us", approximations.stale_us.is_some()),
+    ];
+    match given.into_iter().find(|&(_, given)| given && args.verify) {
+        None => Ok(()),
+        Some((option, _)) => Err(CliError::Option {
+            option: "--verify",
+            expected: "predictions that are exact over the accepted events".to_owned(),
+            found: format!("{option}, with which they are not"),
+        }),
+    }
+}
+
+/// When reports are due.
+#[derive(Clone, Copy)]
+struct Plan {
+    first_us: i64,
+    period_us: i64,
+    reports: u64,
+}
+
+impl Plan {
+    /// Up to the first time at or after the last event; one at least, where there is an event.
+    fn new(events: &[Event], args: &PlayArgs) -> Self {
+        let first_us = events.first().map_or(0, |event| event.t_us);
+        let last_us = events.iter().map(|event| event.t_us).max().unwrap_or(first_us);
+        let period_us = args.report_every.as_micros() as i64;
+        let span_us = (i128::from(last_us) - i128::from(first_us)).max(i128::from(!events.is_empty()));
+        let reports = span_us.unsigned_abs().div_ceil(period_us.unsigned_abs().into());
+        Self { first_us, period_us, reports: u64::try_from(reports).unwrap_or(u64::MAX) }
+    }
+
+    fn due(&self, number: u64) -> Due {
+        let elapsed_us = i128::from(self.period_us) * i128::from(number);
+        let at_us = i128::from(self.first_us).saturating_add(elapsed_us).try_into().unwrap_or(i64::MAX);
+        Due { number, at_us, elapsed_us }
+    }
+}
+
+/// A recording, and what is to be done with it.
+struct Stage<'a, W: Write> {
+    args: &'a PlayArgs,
+    sensor: Sensor,
+    events: &'a [Event],
+    plan: Plan,
+    report: Report<W>,
+}
+
+/// What happened.
+struct Played {
+    tally: Tally,
+    counters: QueueCounters,
+    chain: Chain,
+    lag: Duration,
+    drain: Duration,
+    /// The prediction behind the last event.
+    values: Vec<f32>,
+    t_us: Option<i64>,
+    nodes: usize,
+}
+
+impl<W: Write> Stage<'_, W> {
+    /// Plays into `predictor`, and gives it back.
+    fn play<P: Predictor + Send + 'static>(&mut self, predictor: P) -> Result<(Played, P), CliError> {
+        let (args, plan) = (self.args, self.plan);
+        let overload = args.overload.overload(self.sensor)?;
+        let options = QueueOptions { capacity: args.queue as usize, overload, ..QueueOptions::default() };
+        let chain = args.input.approximations.chain(self.sensor)?;
+        thread::scope(|threads| {
+            // Inside, so that whatever happens here ends the reader before it is waited for.
+            let (input, mut live) = Live::spawn(predictor, options)?;
+            let clock = Clock::new(Instant::now(), plan.first_us, args.speed);
+            let reader = Reader { clock, input, chain, lag: Duration::ZERO };
+            let (events, end_us) = (self.events, plan.due(plan.reports).at_us);
+            let reader = threads.spawn(move || reader.read(events, end_us));
+
+            let mut tally = Tally::new(plan.reports, args.deadline);
+            for number in 1..=plan.reports {
+                let due = plan.due(number);
+                clock.wait(due.at_us);
+                let late = Instant::now().saturating_duration_since(clock.at(due.at_us));
+                let timely = live.predict(args.deadline)?;
+                tally.count(&timely, late);
+                self.report.line(due, &timely)?;
+            }
+            let reader = reader.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
+            let ended = Instant::now();
+            let last = live.predict(Duration::MAX)?;
+            let played = Played {
+                values: last.values.to_vec(),
+                t_us: last.t_us,
+                nodes: last.nodes,
+                drain: ended.elapsed(),
+                tally,
+                counters: reader.input.counters(),
+                chain: reader.chain,
+                lag: reader.lag,
+            };
+            Ok((played, live.close()?))
+        })
+    }
+
+    /// Sums up.
+    fn end(
+        &mut self,
+        played: &Played,
+        readout: &StaleReadout,
+        verified: Option<Verified>,
+    ) -> Result<(), CliError> {
+        let counters = readout.engine().counters();
+        let Played { tally, counters: queue, .. } = played;
+        let approximations = &self.args.input.approximations;
+        Ok(self.report.summary(&Summary {
+            events: self.events.len() as u64,
+            offered: queue.offered,
+            delivered: queue.delivered,
+            dropped: queue.dropped_by_reason().into_iter().collect(),
+            engine: Admitted { accepted: counters.events.accepted, dropped: dropped(&counters) },
+            queue: Queue {
+                capacity: self.args.queue,
+                overload: self.args.overload.overload(self.sensor)?.name(),
+                high_water: queue.high_water,
+                blocked_us: microseconds(queue.blocked),
+            },
+            reports: tally.reports,
+            waited_us: tally.waited.quantiles(),
+            age_us: tally.age.quantiles(),
+            behind_us: tally.behind.quantiles(),
+            reader_lag_max_us: microseconds(played.lag),
+            drain_us: microseconds(played.drain),
+            last: Last { t_us: played.t_us, value: Values(&played.values), nodes: played.nodes },
+            verified,
+            peak_resident_bytes: peak_resident_bytes(),
+            approximations: approximations.report(&played.chain, &counters, readout.stale()),
+        })?)
+    }
+}
+
+/// Holds `values` against the batch over what `recorded` accepted.
+fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verified, CliError> {
+    let start = Instant::now();
+    let batch = recorded.from_scratch()?;
+    let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    Ok(Verified {
+        events: recorded.events().count(),
+        equal: bits(&batch) == bits(values),
+        batch_us: microseconds(start.elapsed()),
+    })
+}

@@ -1,0 +1,164 @@
+//! Reports and summary, for people and for programs.
+
+use std::io::{self, Write};
+
+use meissner_live::Timely;
+use serde::Serialize;
+
+use super::summary::Summary;
+use super::tally::State;
+use crate::latency::microseconds;
+use crate::progress::Progress;
+use crate::run::json::{JsonLines, Values};
+use crate::run::lines::Lines;
+use crate::run::table::quantiles;
+use crate::text::grouped;
+
+/// Where results go.
+pub(super) enum Report<W: Write> {
+    Json(JsonLines<W>),
+    People(Lines<W>),
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    at_us: i64,
+    t_us: Option<i64>,
+    value: Values<'a>,
+    nodes: usize,
+    state: State,
+    behind_events: u64,
+    behind_us: u64,
+    age_us: f64,
+    waited_us: f64,
+}
+
+#[derive(Serialize)]
+struct LastLine<'a> {
+    summary: &'a Summary<'a>,
+}
+
+/// When a report was due: its number from 1, its time, and that since the first event.
+#[derive(Clone, Copy)]
+pub(super) struct Due {
+    pub(super) number: u64,
+    pub(super) at_us: i64,
+    pub(super) elapsed_us: i128,
+}
+
+impl<W: Write> Report<W> {
+    /// JSON lines.
+    pub(super) fn json(out: W) -> Self {
+        Self::Json(JsonLines::new(out, true))
+    }
+
+    /// Headings for `outputs`, and then some of `due` lines.
+    pub(super) fn people(mut out: W, outputs: &[String], due: u64) -> io::Result<Self> {
+        write!(out, "{:>13}", "time (ms)")?;
+        for output in outputs {
+            write!(out, "  {output:>12}")?;
+        }
+        writeln!(
+            out,
+            "  {:>8}  {:>6}  {:>11}  {:>9}  {:>11}",
+            "nodes", "state", "behind (ms)", "age (ms)", "waited (us)"
+        )?;
+        out.flush()?;
+        Ok(Self::People(Lines::new(out, Some(due), Progress::new(None, false))))
+    }
+
+    /// The line of a report.
+    pub(super) fn line(&mut self, due: Due, timely: &Timely<'_>) -> io::Result<()> {
+        let (state, age_us) = (State::of(timely), microseconds(timely.age));
+        let &Timely { values, t_us, nodes, behind_events, behind_us, .. } = timely;
+        let waited_us = microseconds(timely.waited);
+        match self {
+            Self::Json(lines) => lines.prediction(&Line {
+                at_us: due.at_us,
+                t_us,
+                value: Values(values),
+                nodes,
+                state,
+                behind_events,
+                behind_us,
+                age_us,
+                waited_us,
+            }),
+            Self::People(lines) => {
+                let values: Vec<String> = values.iter().map(|value| format!("{value:>12.6}")).collect();
+                let (values, nodes) = (values.join("  "), grouped(nodes as u64));
+                let (time, behind, age) = (due.elapsed_us as f64 / 1e3, behind_us as f64 / 1e3, age_us / 1e3);
+                let state = state.name();
+                let line = format!(
+                    "{time:>13.3}  {values}  {nodes:>8}  {state:>6}  {behind:>11.3}  {age:>9.3}  {waited_us:>11.1}"
+                );
+                lines.line(due.number, line)
+            }
+        }
+    }
+
+    /// The end.
+    pub(super) fn summary(&mut self, summary: &Summary<'_>) -> io::Result<()> {
+        match self {
+            Self::Json(lines) => lines.last(&LastLine { summary }),
+            Self::People(lines) => {
+                let out = lines.end(summary.reports.made)?;
+                table(out, summary)?;
+                out.flush()
+            }
+        }
+    }
+}
+
+fn table(out: &mut impl Write, summary: &Summary<'_>) -> io::Result<()> {
+    let Summary { events, offered, delivered, engine, queue, reports, .. } = summary;
+    let [events, offered, delivered] = [events, offered, delivered].map(|&count| grouped(count));
+    let accepted = grouped(engine.accepted);
+    writeln!(
+        out,
+        "\nevents       {events} taken, {offered} offered, {delivered} delivered, {accepted} accepted"
+    )?;
+    let by_queue = summary.dropped.iter().map(|(reason, &count)| (format!("by the queue: {reason}"), count));
+    let by_engine = engine.dropped.iter().map(|(reason, &count)| (reason.replace('_', " "), count));
+    for (reason, count) in by_queue.chain(by_engine).filter(|&(_, count)| count > 0) {
+        writeln!(out, "dropped      {} {reason}", grouped(count))?;
+    }
+    writeln!(
+        out,
+        "queue        {}: at most {} of {} events waited; the reader waited {:.1} ms, and was {:.1} ms behind at most",
+        queue.overload.replace('_', " "),
+        grouped(queue.high_water),
+        grouped(queue.capacity.into()),
+        queue.blocked_us / 1e3,
+        summary.reader_lag_max_us / 1e3,
+    )?;
+    let counts = [reports.made, reports.due, reports.fresh, reports.behind, reports.old].map(grouped);
+    let [made, due, fresh, behind, old] = counts;
+    writeln!(out, "reports      {made} of {due} made: {fresh} fresh, {behind} behind, {old} old")?;
+    writeln!(
+        out,
+        "deadline     passed by {} of them, by {:.1} us at most; asked for {:.1} us late at most",
+        grouped(reports.past_deadline),
+        reports.past_deadline_max_us,
+        reports.asked_late_max_us
+    )?;
+    writeln!(out, "drained      {:.1} ms after the end", summary.drain_us / 1e3)?;
+    if let Some(bytes) = summary.peak_resident_bytes {
+        writeln!(
+            out,
+            "memory       at most {:.1} MiB, the recording included",
+            bytes as f64 / f64::from(1 << 20)
+        )?;
+    }
+    if let Some(verified) = &summary.verified {
+        let events = grouped(verified.events as u64);
+        let verdict = if verified.equal { "equals" } else { "DIFFERS from" };
+        let ms = verified.batch_us / 1e3;
+        writeln!(
+            out,
+            "verified     the last prediction {verdict} the batch over {events} accepted events ({ms:.0} ms)"
+        )?;
+    }
+    summary.approximations.as_ref().map_or(Ok(()), |approximations| approximations.write(out))?;
+    quantiles(out, &[("waited", summary.waited_us), ("age", summary.age_us), ("behind", summary.behind_us)])
+}

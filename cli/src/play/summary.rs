@@ -1,0 +1,70 @@
+//! What a play amounts to, in the names of the JSON summary.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::tally::Reports;
+use crate::approximations::Approximations;
+use crate::latency::Quantiles;
+use crate::run::json::Values;
+
+/// The whole play.
+#[derive(Serialize)]
+pub(super) struct Summary<'a> {
+    /// Events taken from the recording.
+    pub(super) events: u64,
+    pub(super) offered: u64,
+    pub(super) delivered: u64,
+    /// By the queue, by reason.
+    pub(super) dropped: BTreeMap<&'static str, u64>,
+    pub(super) engine: Admitted,
+    pub(super) queue: Queue,
+    pub(super) reports: Reports,
+    pub(super) waited_us: Option<Quantiles>,
+    pub(super) age_us: Option<Quantiles>,
+    /// Stream time.
+    pub(super) behind_us: Option<Quantiles>,
+    pub(super) reader_lag_max_us: f64,
+    pub(super) drain_us: f64,
+    /// The prediction behind the last event.
+    #[serde(rename = "final")]
+    pub(super) last: Last<'a>,
+    pub(super) verified: Option<Verified>,
+    pub(super) peak_resident_bytes: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) approximations: Option<Approximations>,
+}
+
+/// What the engine made of delivered events.
+#[derive(Serialize)]
+pub(super) struct Admitted {
+    pub(super) accepted: u64,
+    pub(super) dropped: BTreeMap<&'static str, u64>,
+}
+
+/// The queue.
+#[derive(Serialize)]
+pub(super) struct Queue {
+    pub(super) capacity: u32,
+    pub(super) overload: &'static str,
+    pub(super) high_water: u64,
+    pub(super) blocked_us: f64,
+}
+
+/// A prediction.
+#[derive(Serialize)]
+pub(super) struct Last<'a> {
+    pub(super) t_us: Option<i64>,
+    pub(super) value: Values<'a>,
+    pub(super) nodes: usize,
+}
+
+/// The last prediction against a batch.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct Verified {
+    /// Events that the batch went over.
+    pub(super) events: usize,
+    pub(super) equal: bool,
+    pub(super) batch_us: f64,
+}

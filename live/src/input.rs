@@ -1,0 +1,67 @@
+//! The side of the sensor.
+
+use std::sync::Arc;
+
+use meissner_engine::Event;
+use meissner_engine::filters::{Chain, EventFilter};
+
+use crate::shared::Shared;
+use crate::{LiveError, QueueCounters};
+
+/// Events that are decided about under one lock: so that nobody waits long for it.
+const CHUNK: usize = 512;
+
+/// Offers events to the queue; for the one thread that reads the sensor.
+#[derive(Debug)]
+pub struct Input {
+    shared: Arc<Shared>,
+    /// The filters of `Overload::Filter`: they work here, outside the lock.
+    filters: Option<Chain>,
+    passes: Vec<bool>,
+}
+
+impl Input {
+    pub(crate) fn new(shared: Arc<Shared>, filters: Option<Chain>) -> Self {
+        Self { shared, filters, passes: Vec::with_capacity(CHUNK) }
+    }
+
+    /// Offers `events`, in order of arrival: each enters the queue or is dropped and counted. Allocates nothing.
+    ///
+    /// Waits under [`Overload::Block`](crate::Overload::Block) where the queue is full, until half of it is free;
+    /// otherwise never.
+    ///
+    /// # Errors
+    /// [`LiveError::Closed`] where the worker has ended; what was not decided about is not counted.
+    pub fn push_slice(&mut self, events: &[Event]) -> Result<(), LiveError> {
+        let mut taken = 0;
+        for chunk in events.chunks(CHUNK) {
+            self.passes.clear();
+            if let Some(filters) = &mut self.filters {
+                self.passes.extend(chunk.iter().map(|&event| filters.admit(event)));
+            }
+            let decided = self.shared.offer(chunk, &self.passes);
+            taken += decided;
+            if decided < chunk.len() {
+                return Err(LiveError::Closed { offered: events.len(), taken });
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves time on to `t_us` behind the events offered so far, as [`meissner_engine::Engine::advance`]: a promise that
+    /// no earlier event will be offered, since the engine treats one as late. The next prediction that covers these
+    /// events is for the window at that time.
+    pub fn advance(&mut self, t_us: i64) {
+        self.shared.advance(t_us);
+    }
+
+    /// Whether the worker has ended or is about to: nothing that is offered would be taken.
+    pub fn is_closed(&self) -> bool {
+        self.shared.lock().is_closed()
+    }
+
+    /// What has become of offered events.
+    pub fn counters(&self) -> QueueCounters {
+        *self.shared.lock().intake.counters()
+    }
+}

@@ -1,0 +1,170 @@
+//! The queue of events, without threads.
+//!
+//! Enters: offered events, and for `Filter` which of them the filters let pass. Leaves: events in the order in which
+//! they came. Invariants: at most `capacity` wait; `offered = delivered + waiting + dropped`; no memory is taken after
+//! it was made; what enters depends on the sequence of calls alone, never on how offered events are cut in slices.
+//!
+//! *Positions* count events that entered, from 1: those up to `left()` have left, as delivered or as dropped oldest, those
+//! up to `entered()` have left or wait.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use meissner_engine::Event;
+
+use crate::{Overload, QueueCounters};
+
+/// The rule of [`Overload`] that the queue itself applies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rule {
+    Block,
+    DropOldest,
+    DropNewest,
+    Thin { stride: u64 },
+    Filter,
+}
+
+impl From<&Overload> for Rule {
+    fn from(overload: &Overload) -> Self {
+        match overload {
+            Overload::Block => Self::Block,
+            Overload::DropOldest => Self::DropOldest,
+            Overload::DropNewest => Self::DropNewest,
+            &Overload::Thin { stride } => Self::Thin { stride: stride.into() },
+            Overload::Filter(_) => Self::Filter,
+        }
+    }
+}
+
+/// A bounded queue under a rule.
+#[derive(Debug)]
+pub(crate) struct Intake {
+    ring: VecDeque<Event>,
+    capacity: usize,
+    rule: Rule,
+    congested: bool,
+    counters: QueueCounters,
+    /// Stamps of the first and of the newest event that entered.
+    stamps_us: Option<(i64, i64)>,
+}
+
+impl Intake {
+    /// An empty queue for `capacity` events, at least 1.
+    pub(crate) fn new(capacity: usize, rule: Rule) -> Self {
+        Self {
+            ring: VecDeque::with_capacity(capacity),
+            capacity,
+            rule,
+            congested: false,
+            counters: QueueCounters::default(),
+            stamps_us: None,
+        }
+    }
+
+    /// Decides about `events`; `passes` says of each whether the filters let it pass, and is empty where there are none.
+    /// How many were decided about: all, but under `Block` those that found room.
+    pub(crate) fn offer(&mut self, events: &[Event], passes: &[bool]) -> usize {
+        let room = self.capacity - self.ring.len();
+        let taken = match self.rule {
+            Rule::Block => {
+                let taken = room.min(events.len());
+                self.enter(&events[..taken]);
+                taken
+            }
+            Rule::DropNewest => {
+                let entering = room.min(events.len());
+                self.enter(&events[..entering]);
+                self.counters.dropped_newest += (events.len() - entering) as u64;
+                events.len()
+            }
+            Rule::DropOldest => {
+                // One after the other, events beyond the capacity would push out those at the start of the slice.
+                let (gone, staying) = events.split_at(events.len().saturating_sub(self.capacity));
+                let leaving = self.ring.len().saturating_sub(self.capacity - staying.len());
+                self.ring.drain(..leaving);
+                self.counters.dropped_oldest += (gone.len() + leaving) as u64;
+                if gone.len() + leaving > 0 {
+                    self.counters.high_water = self.capacity as u64;
+                }
+                self.enter(staying);
+                events.len()
+            }
+            Rule::Thin { stride } => {
+                self.one_by_one(events, |number, _| number.is_multiple_of(stride));
+                events.len()
+            }
+            Rule::Filter => {
+                self.one_by_one(events, |_, place| passes[place]);
+                events.len()
+            }
+        };
+        self.counters.offered += taken as u64;
+        self.counters.waiting = self.ring.len() as u64;
+        taken
+    }
+
+    /// Lets `events` in while not congested, and where `stays` is true of their number since the start and their place here.
+    fn one_by_one(&mut self, events: &[Event], stays: impl Fn(u64, usize) -> bool) {
+        for (place, event) in events.iter().enumerate() {
+            let waiting = self.ring.len();
+            self.congested =
+                if self.congested { 4 * waiting > self.capacity } else { 2 * waiting > self.capacity };
+            if self.congested && !stays(self.counters.offered + place as u64, place) {
+                match self.rule {
+                    Rule::Filter => self.counters.filtered += 1,
+                    _ => self.counters.thinned += 1,
+                }
+            } else if waiting == self.capacity {
+                self.counters.dropped_newest += 1;
+            } else {
+                self.enter(std::slice::from_ref(event));
+            }
+        }
+    }
+
+    fn enter(&mut self, events: &[Event]) {
+        self.ring.extend(events);
+        if let (Some(first), Some(newest)) = (events.first(), events.last()) {
+            self.stamps_us = Some((self.stamps_us.map_or(first.t_us, |(first, _)| first), newest.t_us));
+        }
+        self.counters.high_water = self.counters.high_water.max(self.ring.len() as u64);
+    }
+
+    /// Appends the oldest events, at most `most`, to `to`; how many there were.
+    pub(crate) fn take(&mut self, most: usize, to: &mut Vec<Event>) -> usize {
+        let taken = most.min(self.ring.len());
+        to.extend(self.ring.drain(..taken));
+        self.counters.delivered += taken as u64;
+        self.counters.waiting -= taken as u64;
+        taken
+    }
+
+    pub(crate) fn waiting(&self) -> usize {
+        self.ring.len()
+    }
+
+    /// Position of the newest event that entered.
+    pub(crate) fn entered(&self) -> u64 {
+        self.left() + self.counters.waiting
+    }
+
+    /// Position of the newest event that left.
+    pub(crate) fn left(&self) -> u64 {
+        self.counters.delivered + self.counters.dropped_oldest
+    }
+
+    /// Stamps of the first and of the newest event that entered.
+    pub(crate) fn stamps_us(&self) -> Option<(i64, i64)> {
+        self.stamps_us
+    }
+
+    pub(crate) fn counters(&self) -> &QueueCounters {
+        &self.counters
+    }
+
+    pub(crate) fn counters_mut(&mut self) -> &mut QueueCounters {
+        &mut self.counters
+    }
+}

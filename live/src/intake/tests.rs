@@ -1,0 +1,182 @@
+//! The queue against a model that looks at one event at a time and keeps every one of them in a list of its fate.
+
+use meissner_engine::Event;
+use proptest::prelude::*;
+
+use super::{Intake, Rule};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fate {
+    Waiting,
+    Delivered,
+    Oldest,
+    Newest,
+    Thinned,
+    Filtered,
+}
+
+/// Fates of all events offered so far, by their number.
+struct Model {
+    rule: Rule,
+    capacity: usize,
+    fates: Vec<Fate>,
+    congested: bool,
+    high_water: usize,
+}
+
+impl Model {
+    fn count(&self, fate: Fate) -> usize {
+        self.fates.iter().filter(|&&f| f == fate).count()
+    }
+
+    fn oldest(&self) -> Option<usize> {
+        self.fates.iter().position(|&f| f == Fate::Waiting)
+    }
+
+    /// Offers one event; whether it was decided about.
+    fn offer(&mut self, passes: bool) -> bool {
+        let waiting = self.count(Fate::Waiting);
+        let full = waiting == self.capacity;
+        if waiting * 2 > self.capacity {
+            self.congested = true;
+        } else if waiting * 4 <= self.capacity {
+            self.congested = false;
+        }
+        let number = self.fates.len() as u64;
+        let fate = match self.rule {
+            Rule::Block if full => return false,
+            Rule::DropOldest if full => {
+                let oldest = self.oldest().expect("a full queue holds events");
+                self.fates[oldest] = Fate::Oldest;
+                Fate::Waiting
+            }
+            Rule::Thin { stride } if self.congested && !number.is_multiple_of(stride) => Fate::Thinned,
+            Rule::Filter if self.congested && !passes => Fate::Filtered,
+            _ if full => Fate::Newest,
+            _ => Fate::Waiting,
+        };
+        self.fates.push(fate);
+        self.high_water = self.high_water.max(self.count(Fate::Waiting));
+        true
+    }
+
+    /// Numbers of the events that are taken.
+    fn take(&mut self, most: usize) -> Vec<usize> {
+        let mut taken = Vec::new();
+        while let Some(oldest) = self.oldest().filter(|_| taken.len() < most) {
+            self.fates[oldest] = Fate::Delivered;
+            taken.push(oldest);
+        }
+        taken
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Call {
+    /// Whether the filters let each pass.
+    Offer(Vec<bool>),
+    Take(usize),
+}
+
+fn rules() -> impl Strategy<Value = Rule> {
+    prop_oneof![
+        Just(Rule::Block),
+        Just(Rule::DropOldest),
+        Just(Rule::DropNewest),
+        (1..6_u64).prop_map(|stride| Rule::Thin { stride }),
+        Just(Rule::Filter),
+    ]
+}
+
+fn calls() -> impl Strategy<Value = Vec<Call>> {
+    let call = prop_oneof![
+        2 => prop::collection::vec(any::<bool>(), 0..30).prop_map(Call::Offer),
+        1 => (0..20_usize).prop_map(Call::Take),
+    ];
+    prop::collection::vec(call, 0..40)
+}
+
+proptest! {
+    #[test]
+    fn every_event_has_the_fate_that_the_model_gives_it(
+        rule in rules(), capacity in 1..20_usize, calls in calls(),
+    ) {
+        let mut model = Model { rule, capacity, fates: vec![], congested: false, high_water: 0 };
+        let mut intake = Intake::new(capacity, rule);
+        let room = intake.ring.capacity();
+        for call in calls {
+            match call {
+                Call::Offer(passes) => {
+                    let number = model.fates.len();
+                    let events: Vec<Event> = (0..passes.len())
+                        .map(|i| Event::new((number + i) as i64, 0, 0, true))
+                        .collect();
+                    let expected = passes.iter().take_while(|&&passes| model.offer(passes)).count();
+                    prop_assert_eq!(intake.offer(&events, &passes), expected);
+                }
+                Call::Take(most) => {
+                    let mut taken = Vec::new();
+                    prop_assert_eq!(intake.take(most, &mut taken), taken.len());
+                    let numbers: Vec<usize> = taken.iter().map(|event| event.t_us as usize).collect();
+                    prop_assert_eq!(numbers, model.take(most));
+                }
+            }
+            let counters = *intake.counters();
+            prop_assert_eq!(counters.offered, counters.delivered + counters.waiting + counters.dropped());
+            prop_assert_eq!(counters.waiting as usize, intake.waiting());
+            prop_assert!(intake.waiting() <= capacity);
+            let counted = [
+                (Fate::Waiting, counters.waiting),
+                (Fate::Delivered, counters.delivered),
+                (Fate::Oldest, counters.dropped_oldest),
+                (Fate::Newest, counters.dropped_newest),
+                (Fate::Thinned, counters.thinned),
+                (Fate::Filtered, counters.filtered),
+            ];
+            for (fate, count) in counted {
+                prop_assert_eq!(model.count(fate) as u64, count, "{:?}", fate);
+            }
+            prop_assert_eq!(counters.offered as usize, model.fates.len());
+            prop_assert_eq!(counters.high_water as usize, model.high_water);
+            prop_assert_eq!(intake.entered() - intake.left(), counters.waiting);
+        }
+        prop_assert_eq!(intake.ring.capacity(), room, "no memory is taken");
+    }
+}
+
+#[test]
+fn how_offered_events_are_cut_in_slices_does_not_matter() {
+    let events: Vec<Event> = (0..100).map(|t| Event::new(t, 0, 0, true)).collect();
+    let passes: Vec<bool> = (0..100).map(|t| t % 3 == 0).collect();
+    let rules = [Rule::DropOldest, Rule::DropNewest, Rule::Thin { stride: 4 }, Rule::Filter];
+    for rule in rules {
+        let mut outcomes = Vec::new();
+        for slice in [1, 7, 100] {
+            let mut intake = Intake::new(16, rule);
+            for (events, passes) in events.chunks(slice).zip(passes.chunks(slice)) {
+                assert_eq!(intake.offer(events, passes), events.len());
+            }
+            let mut left = Vec::new();
+            intake.take(100, &mut left);
+            outcomes.push((left, *intake.counters()));
+        }
+        assert!(outcomes.windows(2).all(|pair| pair[0] == pair[1]), "{rule:?}");
+    }
+}
+
+#[test]
+fn thinning_begins_above_half_and_ends_at_a_quarter() {
+    let mut intake = Intake::new(8, Rule::Thin { stride: 1000 });
+    let event = [Event::new(0, 0, 0, true)];
+    let offer = |intake: &mut Intake| {
+        let before = intake.waiting();
+        intake.offer(&event, &[]);
+        intake.waiting() > before
+    };
+    let entered: Vec<bool> = (0..7).map(|_| offer(&mut intake)).collect();
+    assert_eq!(entered, [true, true, true, true, true, false, false]);
+    intake.take(2, &mut Vec::new());
+    assert!(!offer(&mut intake), "3 of 8 is more than a quarter");
+    intake.take(1, &mut Vec::new());
+    assert!(offer(&mut intake));
+}

@@ -1,0 +1,63 @@
+//! The thread that owns the engine.
+//!
+//! Enters: batches of events, requests. Leaves: answers. Invariant: a request is answered as soon as what it is to cover
+//! has been pushed, or as late as it can be to be there at its deadline with what has been pushed by then.
+
+use std::time::Instant;
+
+use meissner_engine::Event;
+
+use crate::Predictor;
+use crate::pace::Pace;
+use crate::shared::Shared;
+
+/// Says that the worker has ended, however it did.
+struct End<'a>(&'a Shared);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// Pushes and predicts until it is told to end; gives `predictor` back.
+pub(crate) fn run<P: Predictor>(mut predictor: P, shared: &Shared, most: usize) -> P {
+    let _end = End(shared);
+    let mut pace = Pace::default();
+    let mut batch: Vec<Event> = Vec::with_capacity(most);
+    let mut covered_us = None;
+    while let Some(task) = shared.next(most, &mut batch) {
+        let begun = Instant::now();
+        for &event in &batch {
+            predictor.push(event);
+        }
+        covered_us = batch.last().map(|event| event.t_us).or(covered_us);
+        let mut now = begun;
+        if !batch.is_empty() {
+            batch.clear();
+            now = Instant::now();
+            pace.pushed(now - begun);
+        }
+        let Some(request) = task.request else { continue };
+        let complete = task.covered >= request.target;
+        if !complete && !pace.is_time(request.due, now) {
+            continue;
+        }
+        // Moved on any earlier, time would make events that still wait late.
+        if let Some(t_us) = request.advance_us.filter(|_| complete) {
+            predictor.advance(t_us);
+        }
+        let outcome = predictor.predict();
+        pace.predicted(now.elapsed());
+        shared.publish(request.number, |answer| match outcome {
+            Ok(prediction) => {
+                answer.copy(prediction);
+                answer.error = None;
+                (answer.covered, answer.covered_us) = (task.covered, covered_us);
+                answer.begun = now;
+            }
+            Err(error) => answer.error = Some(error),
+        });
+    }
+    predictor
+}

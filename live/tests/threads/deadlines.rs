@@ -1,0 +1,91 @@
+//! Predictions by their deadline, whatever the engine is at.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use meissner_live::{Live, Overload};
+
+use crate::fake::{Fake, PATIENCE, Verb, drained, event, events, options};
+
+#[test]
+fn an_idle_engine_answers_with_all_that_has_entered() {
+    let (mut input, mut live) =
+        Live::spawn(Fake::default(), options(64, Overload::Block)).expect("options are fine");
+    let first = live.predict(PATIENCE).expect("the worker lives");
+    assert!(first.fresh && first.t_us.is_none() && first.behind_us == 0, "{first:?}");
+    for (count, t) in (1..).zip([10, 20, 30]) {
+        input.push_slice(&[event(t, 0)]).expect("the worker lives");
+        let timely = live.predict(PATIENCE).expect("the worker lives");
+        assert!(timely.fresh && timely.age <= timely.waited, "{timely:?}");
+        assert_eq!((timely.t_us, timely.nodes), (Some(t), count));
+    }
+}
+
+#[test]
+fn at_the_deadline_comes_the_newest_finished_prediction_with_its_age() {
+    let fake = Fake::default();
+    let gate = Arc::clone(&fake.gate);
+    let (mut input, mut live) = Live::spawn(fake, options(64, Overload::Block)).expect("options are fine");
+    let held = gate.lock().expect("nobody panicked");
+    input.push_slice(&events(0..5)).expect("the worker lives");
+    let timely = live.predict(Duration::ZERO).expect("the worker lives");
+    assert_eq!((timely.t_us, timely.behind_events, timely.behind_us), (None, 5, 4), "before any event");
+    drop(held);
+    assert_eq!(drained(&mut live).expect("the worker lives"), 5);
+    let held = gate.lock().expect("nobody panicked");
+    input.push_slice(&events(100..110)).expect("the worker lives");
+    let deadline = Duration::from_millis(20);
+    for _ in 0..3 {
+        let timely = live.predict(deadline).expect("the worker lives");
+        assert!(!timely.fresh && !timely.own, "{timely:?}");
+        assert_eq!((timely.values, timely.t_us, timely.nodes), (&[5.0][..], Some(4), 5));
+        assert_eq!((timely.behind_events, timely.behind_us), (10, 105));
+        assert!(timely.waited >= deadline && timely.age >= timely.waited, "{timely:?}");
+        assert!(timely.waited < PATIENCE);
+    }
+    let now = live.predict(Duration::ZERO).expect("the worker lives");
+    assert_eq!((now.t_us, now.fresh), (Some(4), false));
+    drop(held);
+    assert_eq!(drained(&mut live).expect("the worker lives"), 15);
+}
+
+#[test]
+fn a_worker_that_will_not_be_done_in_time_predicts_for_what_it_has() {
+    let fake = Fake { nap: Duration::from_millis(1), ..Fake::default() };
+    let (mut input, mut live) =
+        Live::spawn(fake, options(1 << 15, Overload::Block)).expect("options are fine");
+    input.push_slice(&events(0..30_000)).expect("the worker lives");
+    let mut own = 0;
+    for _ in 0..20 {
+        let timely = live.predict(Duration::from_millis(200)).expect("the worker lives");
+        assert!(!timely.fresh && timely.behind_events > 0, "30 s of work do not fit: {timely:?}");
+        own += u32::from(timely.own);
+    }
+    assert!(own > 0, "of 20 calls, none was answered by a prediction of its own");
+}
+
+#[test]
+fn time_moves_on_behind_the_events_before_it_and_never_before_them() {
+    let fake = Fake::default();
+    let gate = Arc::clone(&fake.gate);
+    let (mut input, mut live) = Live::spawn(fake, options(256, Overload::Block)).expect("options are fine");
+    let held = gate.lock().expect("nobody panicked");
+    input.push_slice(&events(0..100)).expect("the worker lives");
+    input.advance(500);
+    input.advance(400);
+    // The worker will come to this one late, and to the next one first.
+    live.predict(Duration::ZERO).expect("the worker lives");
+    drop(held);
+    live.predict(PATIENCE).expect("the worker lives");
+    input.push_slice(&[event(600, 0)]).expect("the worker lives");
+    live.predict(PATIENCE).expect("the worker lives");
+    let verbs = live.close().expect("the worker lives").verbs;
+    let pushed = verbs.iter().filter(|verb| matches!(verb, Verb::Push(_))).count();
+    assert_eq!(pushed, 101);
+    let mut moves = verbs.clone();
+    moves.retain(|verb| matches!(verb, Verb::Advance(_)));
+    assert!(!moves.is_empty() && moves.iter().all(|&verb| verb == Verb::Advance(500)), "{moves:?}");
+    let first = verbs.iter().position(|&verb| verb == Verb::Advance(500));
+    assert_eq!(first, Some(100));
+    assert_eq!(verbs.last(), Some(&Verb::Push(600)), "its own time is enough");
+}

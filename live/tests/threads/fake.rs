@@ -1,0 +1,107 @@
+//! An engine that counts what it takes, and stands still, is slow or fails as a test asks.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use meissner_engine::{EngineError, Event, Outcome, Prediction};
+use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions};
+
+/// Longest time that a test waits for something that takes no time: the machine may do other things.
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
+
+/// What was asked of it, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verb {
+    Push(i64),
+    Advance(i64),
+}
+
+/// Predicts how many events it has taken.
+#[derive(Debug, Default)]
+pub(crate) struct Fake {
+    /// Whoever holds this makes it stand still at its next event.
+    pub(crate) gate: Arc<Mutex<()>>,
+    /// How long it sleeps over an event.
+    pub(crate) nap: Duration,
+    pub(crate) verbs: Vec<Verb>,
+    pub(crate) taken: usize,
+    pub(crate) values: [f32; 1],
+}
+
+/// An event in this column makes the next prediction fail.
+pub(crate) const NAN_COLUMN: u16 = 13;
+/// An event in this column makes the engine panic.
+pub(crate) const PANIC_COLUMN: u16 = 666;
+
+impl Fake {
+    /// Times of the events that were taken.
+    pub(crate) fn times(&self) -> Vec<i64> {
+        let time = |verb: &Verb| match verb {
+            Verb::Push(t_us) => Some(*t_us),
+            Verb::Advance(_) => None,
+        };
+        self.verbs.iter().filter_map(time).collect()
+    }
+}
+
+impl Predictor for Fake {
+    fn push(&mut self, event: Event) -> Outcome {
+        drop(self.gate.lock().unwrap_or_else(PoisonError::into_inner));
+        if !self.nap.is_zero() {
+            std::thread::sleep(self.nap);
+        }
+        assert!(event.x != PANIC_COLUMN, "asked to panic");
+        self.verbs.push(Verb::Push(event.t_us));
+        self.taken += 1;
+        self.values = [if event.x == NAN_COLUMN { f32::NAN } else { self.taken as f32 }];
+        Outcome::Accepted
+    }
+
+    fn advance(&mut self, t_us: i64) {
+        self.verbs.push(Verb::Advance(t_us));
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        if self.values[0].is_nan() {
+            return Err(EngineError::NotANumber { layer: "fake".to_owned(), rows: 1 });
+        }
+        let t_us = self.times().last().copied();
+        Ok(Prediction { values: &self.values, t_us, nodes: self.taken, rows: &[] })
+    }
+}
+
+/// Events at these times.
+pub(crate) fn events(times: std::ops::Range<i64>) -> Vec<Event> {
+    times.map(|t| Event::new(t, (t % 8) as u16, 0, true)).collect()
+}
+
+/// An event at `t_us` in column `x`.
+pub(crate) fn event(t_us: i64, x: u16) -> Event {
+    Event::new(t_us, x, 0, true)
+}
+
+pub(crate) fn options(capacity: usize, overload: Overload) -> QueueOptions {
+    QueueOptions { capacity, overload, batch: 16 }
+}
+
+/// Waits until the counters are as `is_so` wants them.
+pub(crate) fn wait_until(live: &Live<Fake>, is_so: impl Fn(QueueCounters) -> bool) {
+    let start = std::time::Instant::now();
+    while !is_so(live.counters()) {
+        assert!(start.elapsed() < PATIENCE, "{:?}", live.counters());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Asserts that every offered event is somewhere.
+pub(crate) fn check(counters: &QueueCounters, capacity: usize) {
+    assert_eq!(counters.offered, counters.delivered + counters.waiting + counters.dropped(), "{counters:?}");
+    assert!(counters.high_water <= capacity as u64, "{counters:?}");
+}
+
+/// The value of a prediction of everything: how many events were taken.
+pub(crate) fn drained(live: &mut Live<Fake>) -> Result<u64, LiveError> {
+    let timely = live.predict(PATIENCE)?;
+    assert!(timely.fresh && timely.own && timely.behind_events == 0, "{timely:?}");
+    Ok(timely.values[0] as u64)
+}

@@ -1,0 +1,8 @@
+//! Two threads and a worker: engines that stand still, are slow, fail, or are real.
+#![forbid(unsafe_code)]
+
+mod deadlines;
+mod ends;
+mod fake;
+mod overload;
+mod recorded;

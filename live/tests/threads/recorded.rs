@@ -1,0 +1,103 @@
+//! Real networks: what was predicted last has the bits of a batch over what was accepted.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use meissner_engine::filters::{BackgroundActivity, Chain, Filter};
+use meissner_engine::{Engine, Event, LatePolicy, Network, Options, Sensor};
+use meissner_live::{Live, Overload, Predictor, QueueOptions, Recorded};
+use meissner_models::{Description, Weights};
+use proptest::prelude::*;
+
+use crate::fake::PATIENCE;
+
+const SENSOR: Sensor = Sensor { width: 64, height: 48 };
+
+fn network(name: &str, capacity: usize) -> Arc<Network> {
+    let description = Description::shipped(name).expect("it is shipped");
+    let weights = Weights::shipped(name).expect("weights from a seed come with it");
+    let network = description.network(&weights).expect("they fit");
+    Arc::new(network.with_capacity(capacity).expect("the capacity is in range"))
+}
+
+fn recorded(network: &Arc<Network>, late: LatePolicy) -> Recorded<Engine> {
+    let options = Options { late, ..Options::default() };
+    let engine = Engine::with_options(Arc::clone(network), SENSOR, options).expect("the sensor has pixels");
+    Recorded::new(engine, Arc::clone(network), SENSOR, late).expect("the sensor has pixels")
+}
+
+/// `count` events around a place that moves, some of them late or outside the sensor.
+fn stream(count: u32, seed: u32) -> Vec<Event> {
+    let mut state = seed;
+    let mut random = |most: u32| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) % most
+    };
+    let event = |i: u32| {
+        let t_us = 1_000_000 + i64::from(i) * 60 + i64::from(random(200));
+        let (x, y) = (i / 50 % 40 + random(25), 10 + random(20));
+        Event::new(t_us, x as u16, y as u16, random(2) == 1)
+    };
+    (0..count).map(event).collect()
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+#[test]
+fn under_every_policy_the_last_prediction_equals_batch_over_the_accepted_events() {
+    let activity = BackgroundActivity::new(SENSOR, 500).expect("500 us is in range");
+    let policies = [
+        Overload::Block,
+        Overload::DropOldest,
+        Overload::DropNewest,
+        Overload::Thin { stride: 3 },
+        Overload::Filter(Chain::new(vec![Filter::BackgroundActivity(activity)])),
+    ];
+    let network = network("tactigraph-past", 300);
+    let events = stream(6000, 1);
+    for overload in policies {
+        let name = overload.name();
+        let options = QueueOptions { capacity: 256, overload, batch: 16 };
+        let (mut input, mut live) =
+            Live::spawn(recorded(&network, LatePolicy::Drop), options).expect("options are fine");
+        for events in events.chunks(500) {
+            input.push_slice(events).expect("the worker lives");
+            live.predict(Duration::from_micros(300)).expect("nothing is NaN");
+        }
+        input.advance(events.iter().map(|event| event.t_us).max().unwrap_or(0) + 7_000);
+        let last = live.predict(PATIENCE).expect("nothing is NaN");
+        assert!(last.fresh, "{name}");
+        let (last, nodes) = (bits(last.values), last.nodes);
+        let counters = live.counters();
+        assert_eq!(counters.delivered, 6000 - counters.dropped(), "{name}");
+        let mut recorded = live.close().expect("the worker lives");
+        assert_eq!(recorded.predictor().counters().events.pushed, counters.delivered, "{name}");
+        assert_eq!(recorded.predictor().nodes(), nodes, "{name}");
+        assert_eq!(last, bits(&recorded.from_scratch().expect("nothing is NaN")), "{name}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    #[test]
+    fn what_is_remembered_is_bounded_and_enough(
+        name in prop::sample::select(vec!["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"]),
+        capacity in 1..24_usize,
+        seed in any::<u32>(),
+        clamp in any::<bool>(),
+    ) {
+        let late = if clamp { LatePolicy::Clamp } else { LatePolicy::Drop };
+        let mut recorded = recorded(&network(name, capacity), late);
+        for (i, event) in stream(600, seed).into_iter().enumerate() {
+            recorded.push(event);
+            if i % 150 == 149 {
+                recorded.advance(event.t_us + 40);
+                let predicted = bits(recorded.predict().expect("nothing is NaN").values);
+                prop_assert_eq!(predicted, bits(&recorded.from_scratch().expect("nothing is NaN")));
+            }
+        }
+        prop_assert_eq!(recorded.events().count(), recorded.most());
+    }
+}
