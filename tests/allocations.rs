@@ -24,6 +24,7 @@ use meissner_models::{Description, Weights};
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::random::Random;
 use meissner_tests::shared::shared;
+use meissner_tests::snapshots::sealed;
 
 /// The system's allocator, counted.
 struct Counting;
@@ -34,6 +35,8 @@ thread_local! {
 }
 /// Bytes allocated and not freed.
 static HELD: AtomicU64 = AtomicU64::new(0);
+/// Most of them at once.
+static PEAK: AtomicU64 = AtomicU64::new(0);
 /// Held by each test: what runs beside it would be counted too.
 static ALONE: Mutex<()> = Mutex::new(());
 
@@ -42,11 +45,16 @@ fn count_one() {
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 
+fn hold(bytes: usize) {
+    let held = HELD.fetch_add(bytes as u64, Ordering::Relaxed) + bytes as u64;
+    PEAK.fetch_max(held, Ordering::Relaxed);
+}
+
 // SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_one();
-        HELD.fetch_add(layout.size() as u64, Ordering::Relaxed);
+        hold(layout.size());
         // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
         unsafe { System.alloc(layout) }
     }
@@ -59,7 +67,7 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count_one();
-        HELD.fetch_add(size as u64, Ordering::Relaxed);
+        hold(size);
         HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
         // SAFETY: as for `dealloc`, and the caller's promise about `size` is passed on.
         unsafe { System.realloc(pointer, layout, size) }
@@ -316,4 +324,35 @@ fn a_full_window_of_32768_events_takes_less_than_64_mib() {
     assert_eq!(engine.nodes(), 32_768);
     assert!(held < 64 << 20, "{held} bytes");
     assert!(u128::from(held) < engine.state_bytes() * 5 / 4, "{held} bytes");
+}
+
+#[test]
+fn lengths_that_were_made_up_take_no_more_than_one_more_engine() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let (sensor, events) = synthetic();
+    for name in ["tactigraph-past", "tactigraph-frozen"] {
+        let description = Description::shipped(name).expect("a shipped network");
+        let network = description.network(&Weights::shipped(name).expect("shipped weights"));
+        let options = Options { tolerance: 0.01, ..Options::default() };
+        let mut engine =
+            Engine::with_options(network.expect("the weights fit"), sensor, options).expect("admissible");
+        engine.push_slice(&events[..500]);
+        engine.predict().expect("finite");
+        let bytes = engine.to_bytes();
+        let mut worst = 0;
+        for at in (32..700).step_by(16).chain((700..bytes.len() - 24).step_by(bytes.len() / 20)) {
+            let mut wrong = bytes.clone();
+            wrong[at..at + 8].copy_from_slice(&(1u64 << 63).to_le_bytes());
+            let wrong = sealed(wrong);
+            let before = HELD.load(Ordering::Relaxed);
+            PEAK.store(before, Ordering::Relaxed);
+            let refused = engine.restore_bytes(&wrong);
+            worst = worst.max(PEAK.load(Ordering::Relaxed) - before);
+            if refused.is_ok() {
+                engine.restore_bytes(&bytes).expect("its own bytes");
+            }
+        }
+        println!("{name}: {worst} bytes at most, {} bytes of state foreseen", engine.state_bytes());
+        assert!(u128::from(worst) < engine.state_bytes() * 5 / 4, "{name}: {worst} bytes");
+    }
 }

@@ -70,6 +70,13 @@ impl ApproximationArgs {
         ]
     }
 
+    /// The first of those given that remember events or predictions beside the engine.
+    pub(crate) fn remembers(&self) -> Option<&'static str> {
+        let [.., activity, refractory, rate, stride, stale_events, stale_us] = self.given();
+        let remembering = [activity, refractory, rate, stride, stale_events, stale_us];
+        remembering.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+
     /// `network` as it is to run.
     pub(crate) fn adapt(&self, mut network: Network) -> Result<Network, CliError> {
         if let Some(neighbours) = self.neighbours {

@@ -270,6 +270,14 @@ pub(crate) enum CliError {
     /// A prediction has other bits than the batch's.
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
+    /// A state cannot be gone on from.
+    #[error("--resume {}: {source}", path.display())]
+    Resume {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: EngineError,
+    },
     /// A file cannot be opened.
     #[error("cannot open {}: {source}", path.display())]
     Open {

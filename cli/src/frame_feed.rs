@@ -7,6 +7,8 @@
 //! Frames over consecutive windows come once each, when time has passed the window's end, which is their time. A sliding
 //! window is read when [`Every`] says, and the time of its frame is that at which it is read.
 
+mod state;
+
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
     Completed, Consecutive, EventCounts, EventFrame, RepresentationError, SignedWindows, SlidingSigned,
@@ -16,12 +18,20 @@ use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
 use crate::args::Every;
+pub(crate) use state::FeedState;
+use state::Kept;
 
 /// Makes the frames of one stream of events.
 pub(crate) struct FrameFeed {
     /// Stands before the frames, whose own gates know no policy but to drop; what it lets through, they do too.
     gate: Admission,
     frames: Frames,
+    /// Events that frames to come will show, where someone will ask for the state.
+    kept: Option<Kept>,
+    /// Events that were accepted before this input.
+    before: u64,
+    /// Events beside the frame, and evicted ones, that were so before this input.
+    shown_before: [u64; 2],
 }
 
 enum Frames {
@@ -65,29 +75,41 @@ impl FrameFeed {
         late: LatePolicy,
         every: Every,
     ) -> Result<Option<Self>, RepresentationError> {
+        Self::beginning(description, sensor, late, every, None)
+    }
+
+    /// The same with consecutive windows from `start_us` on, where that is given.
+    fn beginning(
+        description: &FrameDescription,
+        sensor: Sensor,
+        late: LatePolicy,
+        every: Every,
+        start_us: Option<i64>,
+    ) -> Result<Option<Self>, RepresentationError> {
         let FrameShape::Image { height, width, .. } = description.input() else { return Ok(None) };
         // A description's sides are at most 4096.
         let (width, height) = (width as u16, height as u16);
         let frames = match *description.source() {
             FrameSource::EventCounts { period_us, place, maximum } => {
                 let crop = place.crop(width, height, sensor);
-                let options = Consecutive { crop, period_us, start_us: None };
+                let options = Consecutive { crop, period_us, start_us };
                 Frames::Counts { counts: EventCounts::new(sensor, options, maximum)?, period_us }
             }
             FrameSource::Signed { timing: SignedTiming::Consecutive { period_us }, place, rule } => {
                 let crop = place.crop(width, height, sensor);
-                let options = Consecutive { crop, period_us, start_us: None };
+                let options = Consecutive { crop, period_us, start_us };
                 Frames::Signed { windows: SignedWindows::new(sensor, options, rule)?, period_us }
             }
             FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, place, rule } => {
                 let crop = place.crop(width, height, sensor);
                 let capacity = SlidingSigned::DEFAULT_CAPACITY;
                 let window = SlidingSigned::new(sensor, crop, rule, span_us, capacity)?;
-                Frames::Sliding(Sliding { window, every, due_us: None, accepted: 0 })
+                Frames::Sliding(Sliding { window, span_us, every, due_us: None, accepted: 0 })
             }
             _ => return Ok(None),
         };
-        Ok(Some(Self { gate: Admission::new(sensor, late), frames }))
+        let gate = Admission::new(sensor, late);
+        Ok(Some(Self { gate, frames, kept: None, before: 0, shown_before: [0; 2] }))
     }
 
     /// Length of the windows in microseconds, where they are consecutive.
@@ -113,6 +135,11 @@ impl FrameFeed {
             Err(reason) => return Ok(Outcome::Dropped(reason)),
         };
         let mut done = Ok(());
+        let mut completed = false;
+        let mut sink = |fed: Fed<'_>| {
+            completed = true;
+            sink(fed)
+        };
         match &mut self.frames {
             Frames::Counts { counts, period_us } => {
                 counts.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
@@ -121,6 +148,12 @@ impl FrameFeed {
                 windows.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
             }
             Frames::Sliding(sliding) => done = sliding.push(event, self.gate.epoch_us(), &mut sink),
+        }
+        if let Some(kept) = &mut self.kept {
+            match &self.frames {
+                Frames::Sliding(sliding) => kept.note(event, false, Some(sliding.span_us)),
+                _ => kept.note(event, completed, None),
+            }
         }
         done.map(|()| Outcome::Accepted)
     }
@@ -139,6 +172,11 @@ impl FrameFeed {
         open.map_or(Ok(()), |frame| sink(fed(&frame, frame.start_us.saturating_add(period_us), period_us)))
     }
 
+    /// The newest time; none before the first event.
+    pub(crate) fn now_us(&self) -> Option<i64> {
+        self.gate.now_us()
+    }
+
     /// What became of the events so far.
     pub(crate) fn counters(&self) -> &EventCounters {
         self.gate.counters()
@@ -146,18 +184,19 @@ impl FrameFeed {
 
     /// Accepted events that no frame shows because they lie outside its part of the sensor.
     pub(crate) fn outside_crop(&self) -> u64 {
-        match &self.frames {
+        let outside_crop = match &self.frames {
             Frames::Counts { counts, .. } => counts.outside_crop(),
             Frames::Signed { windows, .. } => windows.outside_crop(),
             Frames::Sliding(sliding) => sliding.window.outside_crop(),
-        }
+        };
+        outside_crop - self.shown_before[0]
     }
 
     /// Events that left a sliding window before their time because it was full.
     pub(crate) fn evicted(&self) -> u64 {
         match &self.frames {
             Frames::Counts { .. } | Frames::Signed { .. } => 0,
-            Frames::Sliding(sliding) => sliding.window.counters().evicted,
+            Frames::Sliding(sliding) => sliding.window.counters().evicted - self.shown_before[1],
         }
     }
 }
@@ -165,6 +204,7 @@ impl FrameFeed {
 /// A sliding window, and when it is read.
 struct Sliding {
     window: SlidingSigned,
+    span_us: i64,
     every: Every,
     /// Next time of [`Every::StreamUs`]; none before the first event and beyond the clock's end.
     due_us: Option<i64>,
@@ -173,6 +213,19 @@ struct Sliding {
 }
 
 impl Sliding {
+    /// Goes on where another one was that had seen so many events, from the time of the first to `now_us`.
+    fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
+        match self.every {
+            Every::End => {}
+            Every::Events(events) => self.accepted = accepted % events,
+            Every::StreamUs(period_us) => {
+                // At least one: the first is due a period after the first event.
+                let count = if now_us > first_us { times(first_us, now_us, period_us) } else { 1 };
+                self.due_us = later(first_us, count, period_us);
+            }
+        }
+    }
+
     /// Takes an accepted event; `epoch_us` is the time of the first one.
     fn push<E>(
         &mut self,

@@ -25,6 +25,20 @@ impl Schedule {
         Self { every, accepted: 0, gate: Admission::new(sensor, late), due_us: None }
     }
 
+    /// Goes on where another schedule was that had seen so many accepted events, from the time of the first to `now_us`:
+    /// periods count from the first event, whatever was asked for then.
+    pub(crate) fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
+        self.gate.resume(first_us, now_us);
+        match self.every {
+            Every::End => {}
+            Every::Events(events) => self.accepted = accepted % events,
+            Every::StreamUs(period) => {
+                self.due_us = first_us.checked_add(period);
+                self.skip_to(now_us);
+            }
+        }
+    }
+
     /// Looks at the next event, before it is pushed: the time at which it will enter, where stream time matters and the
     /// event will be accepted.
     pub(crate) fn arrival_us(&mut self, event: Event) -> Option<i64> {
@@ -126,6 +140,26 @@ mod tests {
         }
         schedule.skip_to(i64::MAX);
         assert_eq!(schedule.last(), Last::Nothing);
+    }
+
+    #[test]
+    fn a_resumed_schedule_is_due_when_one_that_went_on_is() {
+        for every in [Every::StreamUs(10), Every::Events(3)] {
+            for cut in 1..7 {
+                let times = [5, 6, 15, 15, 16, 40, 65];
+                let (mut whole, mut resumed) = (schedule(every), schedule(every));
+                due(&mut whole, &times[..cut]);
+                for _ in 0..cut {
+                    whole.is_due_after_event();
+                }
+                resumed.resume(5, times[cut - 1], cut as u64);
+                for i in cut..7 {
+                    assert_eq!(due(&mut resumed, &times[i..=i]), due(&mut whole, &times[i..=i]), "{cut} {i}");
+                    assert_eq!(resumed.is_due_after_event(), whole.is_due_after_event(), "{cut} {i}");
+                }
+                assert_eq!(resumed.last(), whole.last());
+            }
+        }
     }
 
     #[test]

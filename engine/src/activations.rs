@@ -84,6 +84,19 @@ impl Activations {
         }
     }
 
+    /// What is stored of a row: nothing for one that has entered with a tolerance and has not been computed yet.
+    pub(crate) fn stored(&self, feature: usize, row: u32) -> Option<&[f32]> {
+        let values = self.features[feature].slice(row as usize);
+        (!values.iter().all(|v| v.is_nan())).then_some(values)
+    }
+
+    /// A row of a feature, to write as it was stored.
+    pub(crate) fn stored_mut(&mut self, feature: usize, row: u32) -> &mut [f32] {
+        let row = row as usize;
+        self.features[feature].row_mut(row).fill(Lanes::ZERO);
+        self.features[feature].slice_mut(row)
+    }
+
     /// Notes that the neighbourhood of `row` changed.
     #[inline]
     pub(crate) fn rewire(&mut self, row: u32) {

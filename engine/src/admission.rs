@@ -38,6 +38,16 @@ impl Admission {
         Self { sensor, late, clock: None, counters: EventCounters::default() }
     }
 
+    /// The gate in a state that it was in: epoch, and time counted from it.
+    pub(crate) fn resumed(
+        sensor: Sensor,
+        late: LatePolicy,
+        clock: Option<(i64, i64)>,
+        counters: EventCounters,
+    ) -> Self {
+        Self { sensor, late, clock, counters }
+    }
+
     /// Counts so far.
     pub fn counters(&self) -> &EventCounters {
         &self.counters
@@ -108,6 +118,11 @@ impl Admission {
         if let Some((epoch, now)) = &mut self.clock {
             *now = t_us.checked_sub(*epoch).map_or(*now, |t| t.max(*now));
         }
+    }
+
+    /// Goes on with the clock of another gate: its epoch, and its newest time, which is not earlier. Counts stay.
+    pub fn resume(&mut self, epoch_us: i64, now_us: i64) {
+        self.clock = Some((epoch_us, now_us.checked_sub(epoch_us).map_or(0, |t| t.max(0))));
     }
 
     /// Forgets the clock; the next event sets a new epoch. Counts go on.

@@ -123,3 +123,47 @@ pub struct Counters {
     /// Predictions.
     pub predictions: PredictionCounters,
 }
+
+impl Counters {
+    /// What was counted after `earlier`, which the same engine told.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        let layers = self.layers.iter().zip(&earlier.layers);
+        Self {
+            events: self.events.since(&earlier.events),
+            layers: layers.map(|(now, earlier)| now.since(earlier)).collect(),
+            predictions: self.predictions.since(&earlier.predictions),
+        }
+    }
+}
+
+/// Gives counters what each of their fields counted since.
+macro_rules! since {
+    ($name:ident { $($field:ident),* }) => {
+        impl $name {
+            fn since(&self, earlier: &Self) -> Self {
+                Self { $($field: self.$field.saturating_sub(earlier.$field)),* }
+            }
+        }
+    };
+}
+
+since!(EventCounters {
+    pushed,
+    accepted,
+    outside_sensor,
+    late,
+    time_out_of_range,
+    clamped,
+    expired,
+    evicted
+});
+since!(LayerCounters { recomputed, unchanged, within_tolerance, kept });
+since!(PredictionCounters {
+    read,
+    reused,
+    cells_recomputed,
+    cells_unchanged,
+    neighbourhoods_checked,
+    neighbourhoods_unchanged
+});

@@ -1,5 +1,7 @@
 //! The engine: events in, predictions out.
 
+mod stored;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,6 +14,7 @@ use crate::network::{Network, Normalisation, option};
 use crate::stages::Stage;
 use crate::step::Step;
 use crate::{EngineError, Event, Sensor};
+pub use stored::Snapshot;
 
 /// What a user may choose about an engine beside network and sensor.
 #[derive(Clone, Copy, Debug)]
@@ -82,7 +85,7 @@ pub struct Prediction<'a> {
 pub struct Engine {
     network: Arc<Network>,
     sensor: Sensor,
-    tolerance: f32,
+    options: Options,
     admission: Admission,
     step: Step,
     log: Log,
@@ -93,10 +96,6 @@ pub struct Engine {
     /// Whether there was a prediction since anything was computed.
     reported: bool,
 }
-
-/// The whole state of an engine at one moment; see [`Engine::snapshot`].
-#[derive(Clone, Debug)]
-pub struct Snapshot(Engine);
 
 impl Engine {
     /// An engine with the default [`Options`].
@@ -155,7 +154,7 @@ impl Engine {
             reported: false,
             network,
             sensor,
-            tolerance: options.tolerance,
+            options,
         })
     }
 
@@ -171,7 +170,7 @@ impl Engine {
 
     /// Largest change that does not propagate; 0 where the engine is exact.
     pub fn tolerance(&self) -> f32 {
-        self.tolerance
+        self.options.tolerance
     }
 
     /// Takes an event. An event that cannot enter is counted and changes nothing else: one outside the sensor, a late
@@ -260,33 +259,6 @@ impl Engine {
         self.newest_us = None;
     }
 
-    /// The state as it is, to return to.
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot(self.clone())
-    }
-
-    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between.
-    ///
-    /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with another network, sensor or tolerance; the engine stays as it
-    /// is.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
-        let other = &snapshot.0;
-        let refuse =
-            |what, expected: String, found: String| Err(EngineError::Snapshot { what, expected, found });
-        if !Arc::ptr_eq(&self.network, &other.network) {
-            return refuse("network", self.network.name().to_owned(), other.network.name().to_owned());
-        }
-        if self.sensor != other.sensor {
-            return refuse("sensor", self.sensor.to_string(), other.sensor.to_string());
-        }
-        if self.tolerance != other.tolerance {
-            return refuse("tolerance", self.tolerance.to_string(), other.tolerance.to_string());
-        }
-        self.clone_from(other);
-        Ok(())
-    }
-
     /// Counts of what was done and of what was not needed.
     pub fn counters(&self) -> Counters {
         Counters {
@@ -314,6 +286,11 @@ impl Engine {
     /// The newest time: of the newest event, or of a later `advance`. `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
+    }
+
+    /// The time of the first accepted event since the last reset, from which all others are counted.
+    pub fn epoch_us(&self) -> Option<i64> {
+        self.admission.epoch_us()
     }
 
     /// Events of the window from the oldest to the newest, with times as they were accepted.

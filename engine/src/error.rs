@@ -72,7 +72,19 @@ pub enum EngineError {
         /// Rows of the window that hold NaN.
         rows: usize,
     },
-    /// A snapshot belongs to another network, sensor or set of options.
+    /// The bytes of a snapshot are not what its format says, or not what an engine can be in.
+    #[error("snapshot: {what} at byte {at}: expected {expected}, found {found}")]
+    SnapshotBytes {
+        /// What is wrong.
+        what: String,
+        /// Where it starts.
+        at: usize,
+        /// What it can be.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A snapshot belongs to another network, sensor or set of options, or is of another version.
     #[error("snapshot: expected {what} {expected}, found {found}")]
     Snapshot {
         /// What differs.

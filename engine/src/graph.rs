@@ -136,6 +136,13 @@ impl EventGraph {
         start..start + usize::from(self.count[slot as usize])
     }
 
+    /// In-edges of `slot` whose source is still in `window`. With `frozen` others may name slots that have left: these are
+    /// free, or a later node's, and so behind the reader in any case.
+    pub(crate) fn present(&self, window: &Window, slot: u32) -> usize {
+        let own = window.age_rank(slot);
+        self.neighbours(slot).iter().filter(|n| window.age_rank(n.row) < own).count()
+    }
+
     /// Largest d2 at which `slot` would take a later neighbour.
     #[inline]
     fn bound(&self, slot: u32) -> f64 {
@@ -143,10 +150,11 @@ impl EventGraph {
         if span.len() == self.most { self.d2[span.end - 1] } else { self.rule.reach.limit() }
     }
 
-    /// Connects `slot`, the newest node of `window`.
-    pub(crate) fn insert(&mut self, window: &Window, slot: u32, delta: &mut Delta) {
+    /// Connects `slot`, the newest node of `window`. It reads the first `known` of its neighbourhood.
+    pub(crate) fn insert(&mut self, window: &Window, slot: u32, known: usize, delta: &mut Delta) {
         let node = window.node(slot);
         self.find(window, node);
+        self.found.truncate(known);
         let start = slot as usize * self.most;
         self.count[slot as usize] = self.found.len() as u16;
         for (i, c) in self.found.iter().enumerate() {

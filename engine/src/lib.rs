@@ -13,6 +13,7 @@ mod engine;
 mod error;
 mod event;
 pub mod filters;
+mod fingerprint;
 mod fraction;
 pub mod frames;
 mod graph;
@@ -25,6 +26,7 @@ mod readers;
 mod readout;
 pub mod representations;
 mod rows;
+mod snapshot;
 mod stages;
 mod stale;
 mod step;
@@ -41,5 +43,6 @@ pub use network::{
     Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts, Normalisation, Pooling,
     Position, Reach, Readout,
 };
+pub use snapshot::snapshot_note;
 pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};

@@ -6,8 +6,9 @@
 //! topological order.
 
 mod check;
+mod fingerprint;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use meissner_kernels::{Dense, SplineConv};
 
@@ -204,6 +205,8 @@ pub struct Network {
     parts: NetworkParts,
     /// Channels of each feature of each level.
     channels: Vec<Vec<usize>>,
+    /// Known from when it was first asked for.
+    fingerprint: OnceLock<u64>,
 }
 
 impl Network {
@@ -223,7 +226,7 @@ impl Network {
     /// does not exist yet or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
         let channels = check::channels(&parts)?;
-        Ok(Self { parts, channels })
+        Ok(Self { parts, channels, fingerprint: OnceLock::new() })
     }
 
     /// What the network is made of.
@@ -238,6 +241,13 @@ impl Network {
     /// Name, for reports.
     pub fn name(&self) -> &str {
         &self.parts.name
+    }
+
+    /// What tells this network from others: of structure, names and the bits of all parameters as they are computed with.
+    /// Equal networks have equal ones; others collide by chance alone, though not for someone who wants them to. O(parameters)
+    /// once.
+    pub fn fingerprint(&self) -> u64 {
+        *self.fingerprint.get_or_init(|| fingerprint::of(&self.parts))
     }
 
     /// Number of values in a prediction.

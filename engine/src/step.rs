@@ -15,7 +15,7 @@ use crate::cells::CellGrid;
 use crate::counters::Log;
 use crate::delta::Delta;
 use crate::engine::Options;
-use crate::graph::EventGraph;
+use crate::graph::{Adjacency, EventGraph};
 use crate::metric::Node;
 use crate::network::Network;
 use crate::pooled::{Below, PooledGraph};
@@ -114,22 +114,38 @@ impl Step {
     /// `node` enters, not earlier than any other; the window must have room.
     pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
         self.stopwatch.start();
-        let slot = self.window.push(node);
-        self.delta.clear();
-        self.delta.entered.push(slot);
-        self.graph.insert(&self.window, slot, &mut self.delta);
+        let slot = self.connect(node, usize::MAX);
         self.stopwatch.lap(Stage::EventGraph);
-        let events = &mut self.activations[0];
-        events.enter(slot);
-        events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
         if self.network.parts().graph.is_frozen() {
-            events.run_row(&self.network.parts().events, slot, &self.graph, self.isa, &mut log.layers);
+            let level = &self.network.parts().events;
+            self.activations[0].run_row(level, slot, &self.graph, self.isa, &mut log.layers);
             self.stopwatch.lap(Stage::EventLayers);
-        } else {
-            self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         }
         self.propagate();
         self.stopwatch.lap(Stage::PooledGraphs);
+    }
+
+    /// `node` enters as it once did: of its neighbourhood it reads the first `known`, and rows that are computed on arrival
+    /// are not; how many in-edges it has now.
+    pub(crate) fn enter_known(&mut self, node: Node, known: usize) -> usize {
+        let slot = self.connect(node, known);
+        self.propagate();
+        self.graph.neighbours(slot).len()
+    }
+
+    /// The structural stages of the event level, and its input.
+    fn connect(&mut self, node: Node, known: usize) -> u32 {
+        let slot = self.window.push(node);
+        self.delta.clear();
+        self.delta.entered.push(slot);
+        self.graph.insert(&self.window, slot, known, &mut self.delta);
+        let events = &mut self.activations[0];
+        events.enter(slot);
+        events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
+        if !self.network.parts().graph.is_frozen() {
+            self.delta.rewired.iter().for_each(|&row| events.rewire(row));
+        }
+        slot
     }
 
     /// The oldest `leaving` nodes leave.

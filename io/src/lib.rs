@@ -36,6 +36,7 @@
 #![forbid(unsafe_code)]
 
 mod aedat4;
+mod atomic;
 mod bytes;
 mod check;
 mod codec;
@@ -57,6 +58,7 @@ mod npy;
 mod prophesee;
 mod recording;
 
+pub use atomic::replace_file;
 pub use codec::{decode, decode_as, encode, read, read_as, write};
 pub use csv::CsvEvents;
 pub use detect::detect;

@@ -9,5 +9,6 @@ pub mod frame_networks;
 pub mod networks;
 pub mod random;
 pub mod shared;
+pub mod snapshots;
 pub mod stored;
 pub mod streams;

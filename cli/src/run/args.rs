@@ -8,6 +8,7 @@ use meissner_engine::frames::Convolution;
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
 
+use super::state::StateArgs;
 use crate::approximations::number;
 use crate::args::{Every, Input, Mode, STATUS};
 
@@ -15,6 +16,8 @@ use crate::args::{Every, Input, Mode, STATUS};
 const EXAMPLES: &str = "\
 Examples:
   meissner run touch.aedat4 --network tactigraph-past --every event
+  meissner run monday.csv --save-state touch.state
+  meissner run tuesday.csv --resume touch.state --save-state touch.state
   meissner run touch.aedat4 --network event-frame-cnn --every 5000us --json
   meissner run press.aedat4 --network force-convlstm --threads 2
   camera | meissner run - --sensor 346x260 --network force-lstm --json
@@ -74,6 +77,9 @@ pub(crate) struct RunArgs {
     /// all that time, "pixels": {"computed", "skipped", "absorbed"}, "layers": [the same for each layer]}}.
     #[arg(long)]
     pub(crate) json: bool,
+    /// Where a run goes on later, or from.
+    #[command(flatten)]
+    pub(crate) state: StateArgs,
     /// How a frame network runs.
     #[command(flatten)]
     pub(crate) frames: FrameArgs,

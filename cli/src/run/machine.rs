@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use meissner_engine::{
     Admission, Batch, Counters, Engine, EngineError, Event, LatePolicy, LayerCounters, Network, Options,
-    Outcome, Prediction, Sensor, StaleReadout, Stream,
+    Outcome, Prediction, Sensor, StaleReadout, Staleness, Stream,
 };
 
 use crate::args::{ApproximationArgs, Mode};
@@ -13,7 +13,14 @@ use crate::args::{ApproximationArgs, Mode};
 const MOST_FORGOTTEN: usize = 1 << 14;
 
 /// Takes events and predicts.
-pub(crate) enum Machine {
+pub(crate) struct Machine {
+    way: Way,
+    /// What was counted before this run.
+    before: Counters,
+}
+
+/// How predictions are computed.
+enum Way {
     /// What an event changes, behind a readout that may be stale.
     Incremental(Box<StaleReadout>),
     /// Every row, at every prediction.
@@ -28,56 +35,82 @@ impl Machine {
         late: LatePolicy,
         approximations: &ApproximationArgs,
     ) -> Result<Self, EngineError> {
-        Ok(match mode {
+        let way = match mode {
             Mode::Incremental => {
                 let tolerance = approximations.tolerance.unwrap_or(0.0);
                 let options = Options { late, tolerance, ..Options::default() };
                 let engine = Engine::with_options(network, sensor, options)?;
-                Self::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
+                Way::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
             }
-            Mode::Batch => Self::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
-        })
+            Mode::Batch => Way::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
+        };
+        let before = Counters { layers: way.counters().layers, ..Counters::default() };
+        Ok(Self { way, before })
+    }
+
+    /// Goes on from the state in `bytes`. Only for [`Mode::Incremental`], whose readout is not stale.
+    pub(super) fn resume(self, bytes: &[u8]) -> Result<Self, EngineError> {
+        let Way::Incremental(readout) = self.way else { return Ok(self) };
+        let mut engine = readout.into_engine();
+        engine.restore_bytes(bytes)?;
+        let before = engine.counters();
+        let way = Way::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
+        Ok(Self { way, before })
+    }
+
+    /// The engine, in [`Mode::Incremental`].
+    pub(super) fn engine(&self) -> Option<&Engine> {
+        match &self.way {
+            Way::Incremental(readout) => Some(readout.engine()),
+            Way::Batch(_) => None,
+        }
     }
 
     pub(crate) fn push(&mut self, event: Event) -> Outcome {
-        match self {
-            Self::Incremental(engine) => engine.push(event),
-            Self::Batch(batch) => batch.push(event),
+        match &mut self.way {
+            Way::Incremental(engine) => engine.push(event),
+            Way::Batch(batch) => batch.push(event),
         }
     }
 
     pub(crate) fn advance(&mut self, t_us: i64) {
-        match self {
-            Self::Incremental(engine) => engine.advance(t_us),
-            Self::Batch(batch) => batch.advance(t_us),
+        match &mut self.way {
+            Way::Incremental(engine) => engine.advance(t_us),
+            Way::Batch(batch) => batch.advance(t_us),
         }
     }
 
     pub(crate) fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        match self {
-            Self::Incremental(engine) => engine.predict(),
-            Self::Batch(batch) => batch.predict(),
+        match &mut self.way {
+            Way::Incremental(engine) => engine.predict(),
+            Way::Batch(batch) => batch.predict(),
         }
     }
 
     /// Events in the window.
     pub(crate) fn nodes(&self) -> usize {
-        match self {
-            Self::Incremental(readout) => readout.engine().nodes(),
-            Self::Batch(batch) => batch.nodes(),
+        match &self.way {
+            Way::Incremental(readout) => readout.engine().nodes(),
+            Way::Batch(batch) => batch.nodes(),
         }
     }
 
     /// Predictions that stood and were not computed.
     pub(crate) fn stale(&self) -> u64 {
-        match self {
-            Self::Incremental(readout) => readout.stale(),
-            Self::Batch(_) => 0,
+        match &self.way {
+            Way::Incremental(readout) => readout.stale(),
+            Way::Batch(_) => 0,
         }
     }
 
-    /// Counts of what the engine did; predictions that stood are not among them.
+    /// Counts of what the engine did in this run; predictions that stood are not among them.
     pub(crate) fn counters(&self) -> Counters {
+        self.way.counters().since(&self.before)
+    }
+}
+
+impl Way {
+    fn counters(&self) -> Counters {
         match self {
             Self::Incremental(readout) => readout.engine().counters(),
             Self::Batch(batch) => batch.counters(),

@@ -10,6 +10,7 @@ pub(crate) mod json;
 pub(crate) mod lines;
 mod machine;
 mod report;
+mod state;
 mod summary;
 pub(crate) mod table;
 
@@ -18,7 +19,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::filters::{Chain, EventFilter};
-use meissner_engine::{Event, Outcome};
+use meissner_engine::{Engine, Event, Outcome};
 use meissner_models::AnyDescription;
 
 use crate::args::{ApproximationArgs, Every, Mode};
@@ -34,6 +35,7 @@ use frames::Kind;
 use json::JsonLines;
 use machine::Machine;
 use report::{Reading, Report};
+use state::Saver;
 use summary::Summary;
 use table::People;
 
@@ -52,8 +54,17 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let network = Arc::new(model.network.clone());
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
     let sensor = source.sensor(input.sensor)?;
-    let machine =
-        Machine::new(args.mode, Arc::clone(&network), sensor, input.late.into(), &input.approximations)?;
+    let late = input.late.into();
+    let mut machine = Machine::new(args.mode, Arc::clone(&network), sensor, late, &input.approximations)?;
+    let mut schedule = Schedule::new(args.every.unwrap_or(EVERY), sensor, late);
+    if let Some(resumed) = args.state.read()? {
+        machine = machine.resume(&resumed.bytes).map_err(|source| resumed.refused(source))?;
+        if let Some(engine) = machine.engine()
+            && let (Some(first_us), Some(now_us)) = (engine.epoch_us(), engine.now_us())
+        {
+            schedule.resume(first_us, now_us, engine.counters().events.accepted);
+        }
+    }
 
     let limit = input.limit.unwrap_or(u64::MAX);
     let total = source.remaining().map(|remaining| remaining.min(limit));
@@ -71,14 +82,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         Box::new(People::new(out, &model.outputs, total, progress.clone())?)
     };
     let mut runner = Runner {
-        schedule: Schedule::new(args.every.unwrap_or(EVERY), sensor, input.late.into()),
+        schedule,
+        saver: args.state.saver(),
         chain: input.approximations.chain(sensor)?,
+        epoch_us: machine.engine().and_then(Engine::epoch_us),
         machine,
         report: &mut *report,
         push: Latency::new(),
         predict: Latency::new(),
         update: Duration::ZERO,
-        epoch_us: None,
         taken: 0,
         nodes_max: 0,
     };
@@ -91,27 +103,36 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     Ok(report.summary(&summary)?)
 }
 
-/// Refuses approximations of what is kept from one prediction to the next where nothing is.
+/// Refuses approximations of what is kept from one prediction to the next where nothing is, and states of what has none.
 fn check_mode(args: &RunArgs) -> Result<(), CliError> {
     let approximations = &args.input.approximations;
+    let batch = args.mode == Mode::Batch;
     let given = [
         ("--tolerance", approximations.tolerance.is_some()),
         ("--stale-events", approximations.stale_events.is_some()),
         ("--stale-us", approximations.stale_us.is_some()),
     ];
-    match given.into_iter().find(|(_, given)| *given && args.mode == Mode::Batch) {
-        None => Ok(()),
-        Some((option, _)) => Err(CliError::Option {
+    if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && batch) {
+        return Err(CliError::Option {
             option,
             expected: "--mode incremental with it, since it says what may be kept".to_owned(),
             found: "--mode batch, which computes every row at every prediction".to_owned(),
-        }),
+        });
     }
+    let Some(option) = args.state.given() else { return Ok(()) };
+    let found = match approximations.remembers() {
+        _ if batch => "--mode batch, which keeps all events".to_owned(),
+        Some(other) => format!("{other}, which remembers what the state does not hold"),
+        None => return Ok(()),
+    };
+    let expected = "neither --mode batch nor filters nor a stale readout with it".to_owned();
+    Err(CliError::Option { option, expected, found })
 }
 
 /// Takes events one after the other and reads predictions when they are due.
 struct Runner<'a> {
     schedule: Schedule,
+    saver: Option<Saver>,
     /// Stands before schedule and machine: what it drops moves no time on.
     chain: Chain,
     machine: Machine,
@@ -154,8 +175,21 @@ impl Runner<'_> {
             if self.schedule.is_due_after_event() {
                 self.read(None)?;
             }
+            if self.saver.as_mut().zip(self.machine.engine()).is_some_and(|(saver, engine)| {
+                // A late event that is let in counts as of now.
+                saver.is_due(engine.now_us().unwrap_or(event.t_us))
+            }) {
+                self.save()?;
+            }
         }
         Ok(())
+    }
+
+    /// Writes the state, where that was asked for; whether it was.
+    fn save(&self) -> Result<bool, CliError> {
+        let Some((saver, engine)) = self.saver.as_ref().zip(self.machine.engine()) else { return Ok(false) };
+        saver.write(&engine.to_bytes())?;
+        Ok(true)
     }
 
     /// Notes that an event was taken.
@@ -189,9 +223,12 @@ impl Runner<'_> {
 
     /// Reads what is due at the end, and sums up.
     fn end(mut self, layers: &[&str], approximations: &ApproximationArgs) -> Result<Summary, CliError> {
+        let goes_on = self.save()?;
         match self.schedule.last() {
             Last::Nothing => {}
             Last::Now => drop(self.read(None)?),
+            // Not due yet: another run goes on.
+            Last::At(_) if goes_on => {}
             Last::At(due_us) => drop(self.read(Some(due_us))?),
         }
         let (mut counters, stale) = (self.machine.counters(), self.machine.stale());

@@ -28,6 +28,7 @@ mod play;
 mod prepare;
 mod prepare_digits;
 mod prepare_graphs;
+mod resume;
 mod slip_data;
 mod slip_views;
 mod support;

@@ -47,6 +47,20 @@ impl Changes {
         [self.height, self.width]
     }
 
+    /// The bits, row after row.
+    pub(crate) fn words(&self) -> &[u64] {
+        &self.bits
+    }
+
+    /// Replaces the bits of one word, if all of them are pixels; whether they are.
+    pub(crate) fn set_word(&mut self, at: usize, word: u64) -> bool {
+        let fits = word & !self.mask(at % self.words) == 0;
+        if fits {
+            self.bits[at] = word;
+        }
+        fits
+    }
+
     /// Bits of a row's word `i` that are pixels.
     fn mask(&self, i: usize) -> u64 {
         match self.width - i * WORD {

@@ -5,6 +5,7 @@ use meissner_kernels::{
     PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3, WinogradTile,
 };
 
+use super::fingerprint;
 use super::network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 use super::shapes::{check_shape, misfit, shape, with};
 use crate::EngineError;
@@ -32,6 +33,7 @@ pub struct FrameNetwork {
     pub(super) buffers: Vec<FrameShape>,
     /// Whether images are planes.
     pub(super) planar: bool,
+    pub(super) fingerprint: u64,
 }
 
 /// A value: the frame, or what a layer writes.
@@ -137,7 +139,8 @@ impl FrameNetwork {
         }
         fuse_poolings(&mut units, &mut values);
         mark_eager(&mut units);
-        Ok(Self { name, units, values, buffers, planar })
+        let fingerprint = fingerprint::of(&name, input, &layers, convolution);
+        Ok(Self { name, units, values, buffers, planar, fingerprint })
     }
 
     /// Its name.

@@ -21,3 +21,20 @@ pub struct FrameCounters {
     /// Each layer's pixels.
     pub layers: Vec<FrameLayerCounters>,
 }
+
+impl FrameCounters {
+    /// What was counted after `earlier`, which the same engine told.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        let layer = |(now, earlier): (&FrameLayerCounters, &FrameLayerCounters)| FrameLayerCounters {
+            computed: now.computed.saturating_sub(earlier.computed),
+            skipped: now.skipped.saturating_sub(earlier.skipped),
+            absorbed: now.absorbed.saturating_sub(earlier.absorbed),
+        };
+        Self {
+            frames: self.frames.saturating_sub(earlier.frames),
+            predictions: self.predictions.saturating_sub(earlier.predictions),
+            layers: self.layers.iter().zip(&earlier.layers).map(layer).collect(),
+        }
+    }
+}

@@ -8,6 +8,7 @@ use super::compile::FrameNetwork;
 use super::counters::FrameCounters;
 use super::step::State;
 use crate::EngineError;
+use crate::snapshot::{Kind, Reader, Writer, differs};
 
 /// What need not be computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +54,14 @@ pub struct FramePrediction<'a> {
 
 /// State of a frame engine at one moment; see [`FrameEngine::snapshot`].
 #[derive(Clone, Debug)]
-pub struct FrameSnapshot(State);
+pub struct FrameSnapshot(FrameEngine);
+
+impl FrameSnapshot {
+    /// As [`FrameEngine::to_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.0.to_bytes()
+    }
+}
 
 /// A frame network and its state.
 #[derive(Clone, Debug)]
@@ -126,19 +134,85 @@ impl FrameEngine {
 
     /// The state, to go back to.
     pub fn snapshot(&self) -> FrameSnapshot {
-        FrameSnapshot(self.state.clone())
+        FrameSnapshot(self.clone())
     }
 
-    /// Goes back to `snapshot`, which an engine of the same network and options made; counters too.
+    /// Goes back to `snapshot`, which an engine of an equal network and equal options made; counters too.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it is another network's.
+    /// [`EngineError::Snapshot`] where it is of another network, or of another way to skip.
     pub fn restore(&mut self, snapshot: &FrameSnapshot) -> Result<(), EngineError> {
-        let (expected, found) = (self.state.layout(), snapshot.0.layout());
-        if expected != found {
-            return Err(EngineError::Snapshot { what: "layers of", expected, found });
+        let other = &snapshot.0;
+        self.check_network(other.network.fingerprint(), other.network.name())?;
+        self.check_skip(other.options.skip, other.options.sparse)?;
+        self.state.clone_from(&other.state);
+        Ok(())
+    }
+
+    /// The state as bytes, for [`Self::restore_bytes`], in this process or another; about as many as
+    /// [`Self::state_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.to_bytes_with(&[])
+    }
+
+    /// The same with a note of the caller's, which [`crate::snapshot_note`] gives back; the checksum covers it, too.
+    pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
+        let mut to = Writer::new(Kind::Frames);
+        to.u64(self.network.fingerprint());
+        to.text(self.network.name());
+        let (skip, tolerance) = skip_code(self.options.skip);
+        to.u8(skip);
+        to.u32(tolerance.to_bits());
+        to.flag(self.options.sparse);
+        self.state.write(&self.network, &mut to);
+        to.finish(note)
+    }
+
+    /// Goes on from the state that [`Self::to_bytes`] of an engine with an equal network and the same [`FrameOptions::skip`]
+    /// and [`FrameOptions::sparse`] wrote: what follows, counters included, is as if that engine had gone on.
+    ///
+    /// Cost: O(bytes). Beside the bytes, at most once more the memory that this engine takes.
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] where the bytes are of another version, network, or way to skip;
+    /// [`EngineError::SnapshotBytes`] where they are cut short, changed, or do not fit, also where a value is not finite: such
+    /// a state predicts nothing. The engine stays as it is then.
+    pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        let mut from = Reader::open(bytes, Kind::Frames)?;
+        let fingerprint = from.u64("network")?;
+        let name = from.text("network's name")?;
+        self.check_network(fingerprint, &name)?;
+        let (skip, tolerance) = (from.u8("skip")?, f32::from_bits(from.u32("tolerance")?));
+        let skip = match skip {
+            0 => Skip::Nothing,
+            1 => Skip::Exact,
+            2 => Skip::Tolerance(tolerance),
+            other => return Err(from.refuse("skip", 5, "0 to 2", other)),
+        };
+        self.check_skip(skip, from.flag("sparse")?)?;
+        let mut state = self.state.clone();
+        state.read(&self.network, &mut from)?;
+        from.end()?;
+        self.state = state;
+        Ok(())
+    }
+
+    fn check_network(&self, fingerprint: u64, name: &str) -> Result<(), EngineError> {
+        if fingerprint == self.network.fingerprint() {
+            return Ok(());
         }
-        self.state.clone_from(&snapshot.0);
+        let of = |name: &str, fingerprint: u64| format!("{name:?} with fingerprint {fingerprint:#018x}");
+        let expected = of(self.network.name(), self.network.fingerprint());
+        Err(differs("network", expected, of(name, fingerprint)))
+    }
+
+    fn check_skip(&self, skip: Skip, sparse: bool) -> Result<(), EngineError> {
+        if skip != self.options.skip {
+            return Err(differs("skip", format!("{:?}", self.options.skip), format!("{skip:?}")));
+        }
+        if sparse != self.options.sparse {
+            return Err(differs("sparse", self.options.sparse, sparse));
+        }
         Ok(())
     }
 
@@ -150,5 +224,14 @@ impl FrameEngine {
     /// Bytes of activations and state.
     pub fn state_bytes(&self) -> usize {
         self.state.bytes()
+    }
+}
+
+/// How [`Skip`] is written.
+fn skip_code(skip: Skip) -> (u8, f32) {
+    match skip {
+        Skip::Nothing => (0, 0.0),
+        Skip::Exact => (1, 0.0),
+        Skip::Tolerance(tolerance) => (2, tolerance + 0.0),
     }
 }

@@ -33,8 +33,8 @@ pub(super) enum Memory {
 #[derive(Clone, Debug)]
 pub(super) struct MapState {
     /// Whether there has been no step yet: what the cell shows is zeros.
-    new: bool,
-    cell: Vec<f32>,
+    pub(super) new: bool,
+    pub(super) cell: Vec<f32>,
     gates: FeatureMap,
 }
 

@@ -9,6 +9,7 @@ mod changes;
 mod compile;
 mod counters;
 mod engine;
+mod fingerprint;
 mod layers;
 mod network;
 mod patch;

@@ -26,6 +26,14 @@ impl FrameShape {
             Self::Image { channels, height, width } => channels * height * width,
         }
     }
+
+    /// Number of channels of an image; 0 for a vector.
+    pub(super) fn channels(self) -> usize {
+        match self {
+            Self::Vector(_) => 0,
+            Self::Image { channels, .. } => channels,
+        }
+    }
 }
 
 impl std::fmt::Display for FrameShape {

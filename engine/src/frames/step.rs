@@ -3,6 +3,8 @@
 //! A layer knows which pixels of what it reads have changed since it last ran. Layers with a state, and what they read,
 //! run with every frame; the others when a prediction is read, so that the changes of several frames meet in one.
 
+mod stored;
+
 use super::buffer::Buffer;
 use super::changes::Changes;
 use super::compile::{FrameNetwork, Kernel};
@@ -152,10 +154,7 @@ impl State {
         }
         if std::mem::take(&mut self.stale) {
             let value = network.values[network.units.len()];
-            let channels = match value.shape {
-                FrameShape::Image { channels, .. } => channels,
-                FrameShape::Vector(_) => 0,
-            };
+            let channels = value.shape.channels();
             self.buffers[value.buffer].flatten(value.first, channels, &mut self.prediction);
         }
         self.counters.predictions += 1;
@@ -276,11 +275,6 @@ impl State {
 
     pub(super) fn counters(&self) -> &FrameCounters {
         &self.counters
-    }
-
-    /// Sizes of all buffers, which tell networks apart.
-    pub(super) fn layout(&self) -> String {
-        self.buffers.iter().map(|b| b.bytes().to_string()).collect::<Vec<_>>().join(", ")
     }
 
     pub(super) fn bytes(&self) -> usize {

@@ -76,6 +76,11 @@ impl PlanarConvLstmState {
         &self.cell
     }
 
+    /// What the cell keeps, c, to write.
+    pub fn cell_mut(&mut self) -> &mut Planes {
+        &mut self.cell
+    }
+
     /// Back to zeros.
     pub fn reset(&mut self) {
         self.cell.clear();

@@ -137,6 +137,16 @@ impl LstmState {
         &flat(&self.cell)[..self.count]
     }
 
+    /// Becomes the state that shows `hidden` and keeps `cell`.
+    ///
+    /// # Panics
+    /// If a slice does not have the cell's size.
+    pub fn set(&mut self, hidden: &[f32], cell: &[f32]) {
+        for (to, from) in [(&mut self.hidden, hidden), (&mut self.cell, cell)] {
+            flat_mut(to)[..self.count].copy_from_slice(from);
+        }
+    }
+
     /// Back to zeros.
     pub fn reset(&mut self) {
         self.hidden.fill(Lanes::ZERO);

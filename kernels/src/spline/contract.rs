@@ -28,6 +28,11 @@ impl Packed {
         Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
     }
 
+    /// Every weight as it is stored, with padding.
+    pub(super) fn values(&self) -> impl Iterator<Item = f32> + '_ {
+        self.wide.iter().flat_map(|wide| wide.0).chain(self.last.iter().flat_map(|last| last.0))
+    }
+
     /// Every row of the sixteen outputs from lane `lane`, which is even.
     #[inline(always)]
     pub(super) fn wide(&self, lane: usize) -> &[Wide] {

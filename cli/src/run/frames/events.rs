@@ -9,6 +9,7 @@ use super::FrameModel;
 use super::header::header;
 use super::machine::Machine;
 use super::report::Report;
+use super::state::{Note, made};
 use super::summary::{EventCounts, InputCounts, Summary};
 use crate::args::Every;
 use crate::error::CliError;
@@ -34,16 +35,32 @@ struct Line<'a> {
     update_us: f64,
 }
 
-pub(super) fn run(args: &RunArgs, model: &FrameModel, machine: Machine) -> Result<(), CliError> {
+pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
     let input = &args.input;
     let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
     let sensor = source.sensor(input.sensor)?;
-    let every = args.every.unwrap_or(EVERY);
-    let feed = FrameFeed::new(&model.description, sensor, input.late.into(), every);
+    let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
+    let made = made(model, sensor, late);
+    let resumed = args.state.read()?;
+    if let Some(resumed) = &resumed {
+        machine.resume(&resumed.bytes).map_err(|source| resumed.refused(source))?;
+    }
+    let note = resumed.as_ref().map(|resumed| Note::read(resumed, &made)).transpose()?;
+    let feed = match &note {
+        Some(note) => note.resume(model, sensor, late, every),
+        None => FrameFeed::new(&model.description, sensor, late, every),
+    };
     let mut feed = feed
         .map_err(|source| CliError::Frames { network: input.network.clone(), source })?
         .ok_or_else(|| CliError::IsFrameNetwork(input.network.clone()))?;
-    let predictions = Predictions::new(args, &feed)?;
+    let mut predictions = Predictions::new(args, &feed)?;
+    if let (Predictions::Frames { every, since }, Some(note)) = (&mut predictions, &note) {
+        *since = note.since % *every;
+    }
+    let mut saver = args.state.saver();
+    if saver.is_some() {
+        feed.keep();
+    }
 
     let limit = input.limit.unwrap_or(u64::MAX);
     let total = source.remaining().map(|remaining| remaining.min(limit));
@@ -61,9 +78,9 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, machine: Machine) -> Resul
         predictions,
         longest_silence: args.frames.longest_silence.unwrap_or(LONGEST_SILENCE),
         zeros: vec![0.0; model.description.input().values()],
-        epoch_us: None,
+        epoch_us: note.as_ref().and_then(|note| Some(note.feed.as_ref()?.epoch_us)),
         newest: None,
-        silence: 0,
+        silence: note.as_ref().map_or(0, |note| note.silence),
         empty: 0,
         left_out: 0,
         resets: 0,
@@ -74,9 +91,20 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, machine: Machine) -> Resul
     for event in source.take(usize::try_from(limit).unwrap_or(usize::MAX)) {
         steps.event(&mut feed, event?)?;
         progress.set(steps.taken);
+        if let Some((saver, now_us)) = saver.as_mut().zip(feed.now_us())
+            && saver.is_due(now_us)
+        {
+            saver.write(&steps.state(&mut feed, &made))?;
+        }
     }
-    feed.finish(|fed| steps.take(fed))?;
-    steps.end()?;
+    if let Some(saver) = &saver {
+        saver.write(&steps.state(&mut feed, &made))?;
+    }
+    // The open window, and what is due later, are left to a run that goes on.
+    if saver.is_none() || every == Every::End {
+        feed.finish(|fed| steps.take(fed))?;
+        steps.end()?;
+    }
     progress.finish();
     let counters = feed.counters();
     let counts = EventCounts {
@@ -244,6 +272,16 @@ impl Steps {
             format!("{done:>5}  {time_ms:>13.3}{values}  {:>8}  {update_us:>11.1}", grouped(events))
         })?;
         Ok(())
+    }
+
+    /// The state, to go on from.
+    fn state(&self, feed: &mut FrameFeed, made: &str) -> Vec<u8> {
+        let since = match self.predictions {
+            Predictions::End => 0,
+            Predictions::Frames { since, .. } => since,
+        };
+        let note = Note { made: made.to_owned(), feed: feed.state(), silence: self.silence, since };
+        self.machine.to_bytes_with(&note.to_bytes())
     }
 
     /// Reads what is due at the end.

@@ -46,10 +46,12 @@ impl Kind {
         let (input, frames, electrodes) = (&args.input, &args.frames, &args.electrodes);
         let all_frames: &[Self] = &[EventFrames, Electrodes, Pictures];
         let events: &[Self] = &[EventGraph, EventFrames];
-        let options: [(&str, bool, &[Self]); 16] = [
+        let options: [(&str, bool, &[Self]); 18] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--late clamp", input.late == Late::Clamp, events),
             ("--every", args.every.is_some(), events),
+            ("--save-state", args.state.save_state.is_some(), events),
+            ("--resume", args.state.resume.is_some(), events),
             ("--span-us", input.span_us.is_some(), &[EventGraph]),
             ("--capacity", input.capacity.is_some(), &[EventGraph]),
             ("--mode batch", args.mode == Mode::Batch, &[EventGraph]),

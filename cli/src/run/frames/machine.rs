@@ -12,6 +12,8 @@ use crate::latency::Latency;
 pub(super) struct Machine {
     engine: FrameEngine,
     options: FrameOptions,
+    /// What was counted before this run.
+    before: FrameCounters,
     /// Making of frames, for each event, reading or picture.
     pub(super) prepare: Latency,
     pub(super) push: Latency,
@@ -32,8 +34,10 @@ pub(super) struct Predicted<'a> {
 
 impl Machine {
     pub(super) fn new(network: Arc<FrameNetwork>, options: FrameOptions) -> Result<Self, EngineError> {
+        let engine = FrameEngine::new(network, options)?;
         Ok(Self {
-            engine: FrameEngine::new(network, options)?,
+            before: engine.counters().clone(),
+            engine,
             options,
             prepare: Latency::new(),
             push: Latency::new(),
@@ -41,6 +45,18 @@ impl Machine {
             decision: Latency::new(),
             update: Duration::ZERO,
         })
+    }
+
+    /// Goes on from the state in `bytes`.
+    pub(super) fn resume(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        self.engine.restore_bytes(bytes)?;
+        self.before = self.engine.counters().clone();
+        Ok(())
+    }
+
+    /// The state, with a note.
+    pub(super) fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
+        self.engine.to_bytes_with(note)
     }
 
     pub(super) fn options(&self) -> FrameOptions {
@@ -95,8 +111,9 @@ impl Machine {
         std::mem::take(&mut self.update)
     }
 
-    pub(super) fn counters(&self) -> &FrameCounters {
-        self.engine.counters()
+    /// Counts of this run.
+    pub(super) fn counters(&self) -> FrameCounters {
+        self.engine.counters().since(&self.before)
     }
 
     /// Names of the layers, in the order of [`Self::counters`].

@@ -11,6 +11,7 @@ mod machine;
 mod overlay;
 mod pictures;
 mod report;
+mod state;
 mod summary;
 
 use std::sync::Arc;

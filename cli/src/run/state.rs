@@ -1,0 +1,112 @@
+//! The state of a run as a file, to go on from.
+//!
+//! Enters: what `--save-state`, `--save-every` and `--resume` ask for. Leaves: the bytes of a file, and a file that is
+//! replaced whole. Invariant: a state is of the moment behind an event, before what is due at the end of an input, so that a
+//! run that goes on from it predicts what one run over both inputs would.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use meissner_engine::EngineError;
+
+use crate::args::span_us;
+use crate::error::CliError;
+
+/// What can be asked for where a run goes on later.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "State (networks over events, and over frames of events)")]
+pub(crate) struct StateArgs {
+    /// Write the state behind the last event to this file, for --resume.
+    ///
+    /// What is due behind the last event only because the input ends (the prediction of --every Nus, a frame whose window
+    /// is still open) is left to the run that goes on; --every end predicts. The file is replaced whole: a crash while it is
+    /// written leaves the former one.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) save_state: Option<PathBuf>,
+    /// Write it also whenever US microseconds of stream time have passed since it was last written.
+    #[arg(long, value_name = "US", requires = "save_state", value_parser = span_us())]
+    pub(crate) save_every: Option<i64>,
+    /// Go on from the state in this file: INPUT is what comes after it, and both print what one run would.
+    ///
+    /// Network, weights, sensor, --late and --tolerance must be those of the run that wrote it, or it is refused. INPUT is
+    /// taken as it is: of events that the other run has seen, those before its last one are late (see --late), those at its
+    /// time would count twice. "rows" of the first prediction and "skips" are of this run, which computes each row anew.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) resume: Option<PathBuf>,
+}
+
+impl StateArgs {
+    /// The first of the options that was given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let options = [("--save-state", self.save_state.is_some()), ("--resume", self.resume.is_some())];
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+
+    /// The bytes to go on from.
+    pub(crate) fn read(&self) -> Result<Option<Resumed<'_>>, CliError> {
+        let Some(path) = self.resume.as_deref() else { return Ok(None) };
+        let bytes = fs::read(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+        Ok(Some(Resumed { path, bytes }))
+    }
+
+    pub(crate) fn saver(&self) -> Option<Saver> {
+        let path = self.save_state.clone()?;
+        Some(Saver { path, every_us: self.save_every, last_us: None })
+    }
+}
+
+/// A state to go on from.
+pub(crate) struct Resumed<'a> {
+    path: &'a Path,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Resumed<'_> {
+    /// The state is refused.
+    pub(crate) fn refused(&self, source: EngineError) -> CliError {
+        CliError::Resume { path: self.path.to_owned(), source }
+    }
+
+    /// What a run has written beside the engine's state is not what this one needs.
+    pub(crate) fn misfit(&self, what: &'static str, expected: String, found: String) -> CliError {
+        self.refused(EngineError::Snapshot { what, expected, found })
+    }
+}
+
+/// Writes states.
+pub(crate) struct Saver {
+    path: PathBuf,
+    every_us: Option<i64>,
+    /// Stream time of the last one, or of the first event.
+    last_us: Option<i64>,
+}
+
+impl Saver {
+    /// Whether a state is due behind an event at `t_us`, which is not earlier than the one before.
+    pub(crate) fn is_due(&mut self, t_us: i64) -> bool {
+        let last = *self.last_us.get_or_insert(t_us);
+        let due = self.every_us.is_some_and(|every| t_us.saturating_sub(last) >= every);
+        if due {
+            self.last_us = Some(t_us);
+        }
+        due
+    }
+
+    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), CliError> {
+        meissner_io::replace_file(&self.path, |out| out.write_all(bytes)).map_err(CliError::File)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Saver;
+
+    #[test]
+    fn states_are_due_when_the_time_has_passed_since_the_last() {
+        let mut saver = Saver { path: "state".into(), every_us: Some(10), last_us: None };
+        let due: Vec<bool> = [-3, 6, 7, 16, 17, 90, 91].map(|t| saver.is_due(t)).to_vec();
+        assert_eq!(due, [false, false, true, false, true, true, false]);
+        assert!(!Saver { every_us: None, ..saver }.is_due(i64::MAX));
+    }
+}

@@ -1,0 +1,209 @@
+//! A run that goes on from a state predicts what one run over both inputs would.
+
+use std::path::Path;
+
+use meissner_engine::Event;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::exit_status::fails;
+use crate::frames::OwnNetwork;
+use crate::support::{INCREMENTAL, argument, lines, meissner};
+
+/// Events on 30 x 30 pixels: bursts, equal stamps, a gap.
+fn events() -> Vec<Event> {
+    let at = |i: i64| 777 + i / 3 * 400 + 90_000 * (i / 150);
+    (0..400).map(|i| Event::new(at(i), (i * 37 % 30) as u16, (i * 11 % 30) as u16, i % 4 > 1)).collect()
+}
+
+/// A folder with the first events, the others, all of them, and whatever else will be there.
+fn recordings(cut: usize) -> TempDir {
+    let folder = tempfile::tempdir().expect("a place for temporary files");
+    let events = events();
+    for (name, part) in [("first", &events[..cut]), ("second", &events[cut..]), ("all", &events[..])] {
+        let line = |e: &Event| format!("{},{},{},{}\n", e.t_us, e.x, e.y, u8::from(e.on));
+        let csv = part.iter().map(line).collect::<Vec<_>>().concat();
+        std::fs::write(folder.path().join(name), format!("# sensor 30x30\n{csv}"))
+            .expect("it can be written");
+    }
+    folder
+}
+
+/// Everything of a prediction that depends on no clock and on no work.
+fn told(lines: &[Value]) -> Vec<Value> {
+    let told = |line: &Value| {
+        let line = line.as_object().expect("a line is an object");
+        line.iter()
+            .filter(|(key, _)| !["rows", "update_us"].contains(&key.as_str()))
+            .map(|(k, v)| (k.clone(), v.clone()))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    lines.iter().map(told).collect()
+}
+
+/// Runs `arguments`, the input's name in their place of `INPUT`, over all events and over both halves; what it printed.
+fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
+    let path = |name: &str| argument(&folder.join(name)).to_owned();
+    let run = |input: &str, more: &[String]| {
+        let input = path(input);
+        let place = |a: &String| if a == "INPUT" { input.clone() } else { a.clone() };
+        let arguments: Vec<String> = arguments.iter().map(place).chain(more.iter().cloned()).collect();
+        lines(&meissner(&arguments))
+    };
+    let (whole, summary) = run("all", &[]);
+    let (mut parts, first) = run("first", &["--save-state".into(), path("state")]);
+    let resume = ["--resume".into(), path("state"), "--save-state".into(), path("state")];
+    let (mut second, rest) = run("second", &resume);
+    parts.append(&mut second);
+    // A run without events ends it: what is due because the input ends.
+    std::fs::write(path("nothing"), "# sensor 30x30\nt,x,y,p\n").expect("it can be written");
+    let (mut last, _) = run("nothing", &resume[..2]);
+    parts.append(&mut last);
+    let events = |summary: &Value| {
+        let counts = if summary["input"].is_object() { &summary["input"] } else { summary };
+        counts["accepted"].as_u64().expect("a count")
+    };
+    assert_eq!(events(&first) + events(&rest), events(&summary), "each run counts its own events");
+    (told(&parts), told(&whole))
+}
+
+#[test]
+fn two_halves_of_a_recording_print_what_one_run_prints() {
+    for (cut, every) in [(1, "event"), (150, "7"), (151, "2500us"), (222, "90000us"), (399, "1000us")] {
+        let folder = recordings(cut);
+        for network in INCREMENTAL {
+            let own =
+                ["run", "INPUT", "--network", network, "--every", every, "--span-us", "20000", "--json"];
+            for more in [&[][..], &["--tolerance", "0.05"]] {
+                let arguments: Vec<String> = own.iter().chain(more).map(ToString::to_string).collect();
+                let (parts, whole) = halves(folder.path(), &arguments);
+                assert!(!whole.is_empty());
+                assert_eq!(parts, whole, "{arguments:?}, cut at {cut}");
+            }
+        }
+    }
+}
+
+const FRAMES: &str = r#"
+[network]
+name = "own"
+[input]
+kind = "image"
+channels = CHANNELS
+height = 20
+width = 20
+crop = "centre"
+[[layer]]
+name = "pool"
+kind = "average_pool"
+size = 5
+[[layer]]
+name = "flat"
+kind = "flatten"
+[[layer]]
+name = "lstm"
+kind = "lstm"
+hidden = 5
+[[layer]]
+name = "force"
+kind = "dense"
+outputs = 1
+[output]
+names = ["force"]
+unit = "N"
+"#;
+
+#[test]
+fn two_halves_print_what_one_run_prints_over_frames_of_events_too() {
+    let consecutive =
+        FRAMES.replace("CHANNELS", "2\nframes = \"event-counts\"\nperiod_us = 1000\nmaximum = 8");
+    let sliding = FRAMES.replace("CHANNELS", "1\nframes = \"signed\"\nspan_us = 3000");
+    for (description, every) in
+        [(&consecutive, &["1000us", "3000us"][..]), (&sliding, &["event", "7", "1500us"][..])]
+    {
+        let network = OwnNetwork::new(description);
+        for cut in [1, 149, 150, 298] {
+            let folder = recordings(cut);
+            for every in every {
+                let more = ["--every", every, "--longest-silence", "20", "--json"];
+                let (parts, whole) = halves(folder.path(), &network.arguments(Path::new("INPUT"), &more));
+                assert!(whole.len() > 10);
+                assert_eq!(parts, whole, "--every {every}, cut at {cut}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_state_is_written_as_time_passes() {
+    let folder = recordings(200);
+    let path = |name: &str| argument(&folder.path().join(name)).to_owned();
+    let state = path("state");
+    let run = |input: &str, more: &[&str]| {
+        let own = ["run", &path(input), "--network", "tactigraph-past", "--every", "event", "--json"];
+        lines(&meissner(&[&own, more].concat())).0
+    };
+    run("first", &["--save-state", &state, "--save-every", "5000"]);
+    let first = std::fs::read(&state).expect("it was written");
+    // Over the same events again all but those at the last time are late.
+    assert!(run("first", &["--resume", &state, "--save-state", &state]).len() < 4);
+    let rest = run("second", &["--resume", &state]);
+    assert_eq!(rest.len(), 200);
+    assert_ne!(std::fs::read(&state).expect("it was written"), first);
+}
+
+#[test]
+fn a_state_that_does_not_fit_is_refused_by_name_and_the_file_stays() {
+    let folder = recordings(200);
+    let path = |name: &str| argument(&folder.path().join(name)).to_owned();
+    let (input, state) = (path("first"), path("state"));
+    let run = |more: &[&str]| meissner(&[&["run", &input, "--every", "end"], more].concat());
+    assert!(run(&["--network", "tactigraph-past", "--save-state", &state]).status.success());
+    let bytes = std::fs::read(&state).expect("it was written");
+    let resume = ["--save-state", &state, "--resume", &state];
+    for (more, expected) in [
+        (&["--network", "tactigraph-frozen"][..], "snapshot: expected network \"tactigraph-past\""),
+        (&["--network", "tactigraph-past", "--capacity", "77"], "expected network"),
+        (&["--network", "tactigraph-past", "--sensor", "31x30"], "expected sensor 31x30, found 30x30"),
+        (&["--network", "tactigraph-past", "--tolerance", "1"], "expected tolerance 1, found 0"),
+        (&["--network", "tactigraph-past", "--late", "clamp"], "expected late policy clamp, found drop"),
+        (
+            &["--network", "force-lstm", "--sensor", "120x120"],
+            "expected state of a frame engine, found an engine over events",
+        ),
+    ] {
+        let expected = expected.replace("\"tactigraph-past\"", "\"tactigraph-frozen\"");
+        fails(&run(&[more, &resume].concat()), 1, &["--resume", &expected]);
+    }
+    for (at, expected) in [(0, "first bytes"), (8, "format version"), (70, "checksum")] {
+        let mut wrong = bytes.clone();
+        wrong[at] ^= 4;
+        std::fs::write(path("wrong"), wrong).expect("it can be written");
+        let output =
+            run(&["--network", "tactigraph-past", "--save-state", &state, "--resume", &path("wrong")]);
+        fails(&output, 1, &[expected]);
+    }
+    let output = run(&["--network", "tactigraph-past", "--resume", &path("none")]);
+    fails(&output, 1, &["cannot open"]);
+    let output = run(&["--network", "tactigraph-past", "--save-state", &path("none/state")]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(std::fs::read(&state).expect("it is there"), bytes);
+}
+
+#[test]
+fn a_state_of_what_has_none_is_bad_usage() {
+    for more in [
+        &["--save-state", "s", "--mode", "batch"][..],
+        &["--resume", "s", "--stride", "2"],
+        &["--save-state", "s", "--stale-us", "100"],
+        &["--save-state", "s", "--network", "canf"],
+        &["--resume", "s", "--network", "slip-lstm"],
+        &["--save-every", "100"],
+        &["--save-state", "s", "--save-every", "0"],
+    ] {
+        let output = meissner(&[&["run"], more].concat());
+        assert_eq!(output.status.code(), Some(2), "{more:?}");
+    }
+    assert!(!Path::new("s").exists());
+}

@@ -1,0 +1,307 @@
+//! An engine's state, in memory and as bytes.
+//!
+//! Bytes hold what cannot be computed: the clock, counters, the events of the window in order of arrival; with `frozen`
+//! in-edges, for each event how many of its in-edges come from events that are still there, and its rows; with a tolerance,
+//! every stored row. All else follows. A restored engine runs its own structural stages over the events, so that whatever
+//! the bytes say, slots, edges, cells and maxima agree with each other.
+//!
+//! Why that is enough: neighbourhoods are the first in a total order, so that of a `frozen` one what is still there is the
+//! first so many of the same order over the window. Values follow from the window, as in [`crate::Batch`], or are stored.
+//! With a tolerance every row is computed again: one of which nothing that it reads has changed comes to what it came to
+//! before, which is within the tolerance of what is stored, and so it stays.
+
+use std::sync::Arc;
+
+use super::Engine;
+use crate::admission::{Admission, LatePolicy};
+use crate::counters::{EventCounters, LayerCounters, PredictionCounters};
+use crate::metric::Node;
+use crate::snapshot::{Kind, Reader, Writer, differs};
+use crate::{EngineError, Sensor};
+
+/// The whole state of an engine at one moment; see [`Engine::snapshot`].
+#[derive(Clone, Debug)]
+pub struct Snapshot(Engine);
+
+impl Snapshot {
+    /// As [`Engine::to_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.0.to_bytes()
+    }
+}
+
+/// Bytes of an event.
+const EVENT: usize = 13;
+
+impl Engine {
+    /// The state as it is, to return to.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(self.clone())
+    }
+
+    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between.
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] where it was taken with another network, sensor or tolerance; the engine stays as it
+    /// is.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
+        let other = &snapshot.0;
+        if !Arc::ptr_eq(&self.network, &other.network) {
+            return Err(differs("network", self.network.name(), other.network.name()));
+        }
+        if self.sensor != other.sensor {
+            return Err(differs("sensor", self.sensor, other.sensor));
+        }
+        if self.tolerance() != other.tolerance() {
+            return Err(differs("tolerance", self.tolerance(), other.tolerance()));
+        }
+        self.clone_from(other);
+        Ok(())
+    }
+
+    /// The state as bytes, for [`Self::restore_bytes`], in this process or another: 13 bytes an event of the window, with
+    /// `frozen` in-edges a byte and the event's rows, with a tolerance every row. The first call computes
+    /// [`crate::Network::fingerprint`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.to_bytes_with(&[])
+    }
+
+    /// The same with a note of the caller's, which [`crate::snapshot_note`] gives back; the checksum covers it, too.
+    pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
+        let mut to = Writer::new(Kind::Events);
+        to.u64(self.network.fingerprint());
+        to.text(self.network.name());
+        to.u16(self.sensor.width);
+        to.u16(self.sensor.height);
+        to.u32((self.tolerance() + 0.0).to_bits());
+        to.u8(code(self.options.late));
+        self.write_counters(&mut to);
+        to.flag(self.newest_us.is_some());
+        if let (Some(newest), Some(epoch)) = (self.newest_us, self.epoch_us()) {
+            [epoch, self.admission.now(), newest - epoch].into_iter().for_each(|t| to.i64(t));
+        }
+        let window = &self.step.window;
+        to.size(window.len());
+        for Node { t, x, y, on } in window.slots().map(|slot| window.node(slot)) {
+            to.i64(t);
+            to.u16(x);
+            to.u16(y);
+            to.flag(on);
+        }
+        if self.network.parts().graph.is_frozen() {
+            // A node has at most 255 in-edges.
+            window.slots().for_each(|slot| to.u8(self.step.graph.present(window, slot) as u8));
+        }
+        (0..self.network.levels()).for_each(|level| self.write_rows(level, &mut to));
+        to.finish(note)
+    }
+
+    /// Goes on from the state that [`Self::to_bytes`] of an engine with an equal network, the same sensor, tolerance and
+    /// late policy wrote: predictions, and rows as of predictions, have the same bits as if that engine had gone on. What they
+    /// cost has not: the next prediction computes every row that is not stored, and counts it. [`Self::feature`] tells
+    /// rows from the next prediction on.
+    ///
+    /// Cost: that of pushing the window's events. Beside the bytes, at most once more the memory that this engine takes
+    /// ([`Self::state_bytes`]).
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] where the bytes are of another version, network, sensor, tolerance or late policy;
+    /// [`EngineError::SnapshotBytes`] where they are cut short, changed, or do not fit, also where a stored row is not
+    /// finite: such a state predicts nothing. The engine stays as it is then.
+    pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        let mut from = Reader::open(bytes, Kind::Events)?;
+        self.check_origin(&mut from)?;
+        let mut restored = Self::with_options(Arc::clone(&self.network), self.sensor, self.options)?;
+        let events = restored.read_counters(&mut from)?;
+        let now = restored.read_clock(&mut from, events)?;
+        restored.read_window(&mut from, now)?;
+        (0..self.network.levels()).try_for_each(|level| restored.read_rows(level, &mut from))?;
+        from.end()?;
+        restored.step.stopwatch = self.step.stopwatch.clone();
+        *self = restored;
+        Ok(())
+    }
+
+    /// Refuses the state of another engine.
+    fn check_origin(&self, from: &mut Reader<'_>) -> Result<(), EngineError> {
+        let fingerprint = from.u64("network")?;
+        let name = from.text("network's name")?;
+        if fingerprint != self.network.fingerprint() {
+            let of = |name: &str, fingerprint: u64| format!("{name:?} with fingerprint {fingerprint:#018x}");
+            let expected = of(self.network.name(), self.network.fingerprint());
+            return Err(differs("network", expected, of(&name, fingerprint)));
+        }
+        let sensor = Sensor::new(from.u16("sensor's columns")?, from.u16("sensor's rows")?);
+        if sensor != self.sensor {
+            return Err(differs("sensor", self.sensor, sensor));
+        }
+        let tolerance = f32::from_bits(from.u32("tolerance")?);
+        if tolerance.to_bits() != (self.tolerance() + 0.0).to_bits() {
+            return Err(differs("tolerance", self.tolerance(), tolerance));
+        }
+        let late = from.u8("late policy")?;
+        if late != code(self.options.late) {
+            let name = |code| ["drop", "clamp"].get(usize::from(code)).copied().unwrap_or("none of both");
+            return Err(differs("late policy", name(code(self.options.late)), name(late)));
+        }
+        Ok(())
+    }
+
+    fn write_counters(&self, to: &mut Writer) {
+        let c = self.admission.counters();
+        to.counts([c.pushed, c.accepted, c.outside_sensor, c.late]);
+        to.counts([c.time_out_of_range, c.clamped, c.expired, c.evicted]);
+        to.size(self.log.layers.len());
+        for log in &self.log.layers {
+            let LayerCounters { recomputed, unchanged, within_tolerance, kept } = log.counters;
+            to.counts([recomputed, unchanged, within_tolerance, kept]);
+        }
+        let p = self.log.predictions;
+        to.counts([p.read, p.reused, p.cells_recomputed, p.cells_unchanged]);
+        to.counts([p.neighbourhoods_checked, p.neighbourhoods_unchanged]);
+    }
+
+    fn read_counters(&mut self, from: &mut Reader<'_>) -> Result<EventCounters, EngineError> {
+        let [pushed, accepted, outside_sensor, late, time_out_of_range, clamped, expired, evicted] =
+            from.counts("count of events")?;
+        from.exactly("number of layers", self.log.layers.len())?;
+        for (log, counted) in self.log.layers.iter_mut().zip(&mut self.recomputed) {
+            let [recomputed, unchanged, within_tolerance, kept] = from.counts("count of rows")?;
+            log.counters = LayerCounters { recomputed, unchanged, within_tolerance, kept };
+            *counted = recomputed;
+        }
+        let [
+            read,
+            reused,
+            cells_recomputed,
+            cells_unchanged,
+            neighbourhoods_checked,
+            neighbourhoods_unchanged,
+        ] = from.counts("count of predictions")?;
+        self.log.predictions = PredictionCounters {
+            read,
+            reused,
+            cells_recomputed,
+            cells_unchanged,
+            neighbourhoods_checked,
+            neighbourhoods_unchanged,
+        };
+        let dropped = EventCounters { outside_sensor, late, time_out_of_range, ..EventCounters::default() };
+        Ok(EventCounters { pushed, accepted, clamped, expired, evicted, ..dropped })
+    }
+
+    /// The newest time, counted from the epoch; `None` before the first event.
+    fn read_clock(
+        &mut self,
+        from: &mut Reader<'_>,
+        counters: EventCounters,
+    ) -> Result<Option<i64>, EngineError> {
+        let mut clock = None;
+        if from.flag("whether there is a clock")? {
+            let epoch = from.i64("epoch")?;
+            let now = from.i64("newest time")?;
+            if now < 0 || epoch.checked_add(now).is_none() {
+                let expected = "a time from the epoch on that fits 64 bits";
+                return Err(from.refuse("newest time", 8, expected, now));
+            }
+            let newest = from.i64("newest event")?;
+            if !(0..=now).contains(&newest) {
+                return Err(from.refuse("newest event", 8, format!("0 to {now}"), newest));
+            }
+            clock = Some((epoch, now));
+            self.newest_us = Some(epoch + newest);
+        }
+        self.admission = Admission::resumed(self.sensor, self.options.late, clock, counters);
+        Ok(clock.map(|(_, now)| now))
+    }
+
+    /// Lets the window's events enter.
+    fn read_window(&mut self, from: &mut Reader<'_>, now: Option<i64>) -> Result<(), EngineError> {
+        let parts = self.network.parts();
+        let frozen = parts.graph.is_frozen();
+        let most = if now.is_some() { parts.capacity } else { 0 };
+        let count = from.length("number of events", most, EVENT + usize::from(frozen))?;
+        let now = now.unwrap_or(0);
+        let mut earliest = now.saturating_sub(parts.span_us).max(0);
+        let mut nodes = Vec::with_capacity(count);
+        for i in 0..count {
+            let t = from.i64(format_args!("time of event {i}"))?;
+            let newest = self.newest_us.zip(self.epoch_us()).map_or(0, |(newest, epoch)| newest - epoch);
+            if !(earliest..=newest).contains(&t) || (i + 1 == count && t != newest) {
+                let expected = format!("{earliest} to {newest}, the last at its end");
+                return Err(from.refuse(format_args!("time of event {i}"), 8, expected, t));
+            }
+            earliest = t;
+            let x = from.u16(format_args!("column of event {i}"))?;
+            let y = from.u16(format_args!("row of event {i}"))?;
+            if !self.sensor.contains(x, y) {
+                let expected = format!("a pixel of {}", self.sensor);
+                return Err(from.refuse(format_args!("event {i}"), 4, expected, format_args!("({x}, {y})")));
+            }
+            let on = from.flag(format_args!("polarity of event {i}"))?;
+            nodes.push(Node { t, x, y, on });
+        }
+        for (i, node) in nodes.into_iter().enumerate() {
+            if frozen {
+                let known = from.u8(format_args!("in-edges of event {i}"))?;
+                let found = self.step.enter_known(node, known.into());
+                if found != usize::from(known) {
+                    let expected = format!("at most {found}");
+                    return Err(from.refuse(format_args!("in-edges of event {i}"), 1, expected, known));
+                }
+            } else {
+                self.step.enter_known(node, usize::MAX);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the rows of a level are a matter of the past, and whether some may not have been computed yet.
+    fn stores_rows(&self, level: usize) -> (bool, bool) {
+        let on_arrival = level == 0 && self.network.parts().graph.is_frozen();
+        (on_arrival || self.tolerance() > 0.0, !on_arrival)
+    }
+
+    fn write_rows(&self, level: usize, to: &mut Writer) {
+        let (true, some_wait) = self.stores_rows(level) else { return };
+        let (rows, activations) = (self.step.rows(level), &self.step.activations[level]);
+        to.size(rows.len());
+        for feature in 1..self.network.channels(level).len() {
+            for &row in &rows {
+                let stored = activations.stored(feature, row);
+                if some_wait {
+                    to.flag(stored.is_some());
+                }
+                match stored {
+                    Some(values) => to.values(values),
+                    None if some_wait => {}
+                    None => to.values(activations.feature(feature).slice(row as usize)),
+                }
+            }
+        }
+    }
+
+    fn read_rows(&mut self, level: usize, from: &mut Reader<'_>) -> Result<(), EngineError> {
+        let (true, some_wait) = self.stores_rows(level) else { return Ok(()) };
+        let rows = self.step.rows(level);
+        from.exactly(format_args!("number of rows of level {level}"), rows.len())?;
+        let activations = &mut self.step.activations[level];
+        for (b, block) in self.network.level(level).blocks.iter().enumerate() {
+            for (i, &row) in rows.iter().enumerate() {
+                let what = format_args!("row {i} of layer {:?}", block.name);
+                if !some_wait || from.flag(what)? {
+                    from.values(what, activations.stored_mut(b + 1, row))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How a late policy is written.
+fn code(late: LatePolicy) -> u8 {
+    match late {
+        LatePolicy::Drop => 0,
+        LatePolicy::Clamp => 1,
+    }
+}

@@ -1,0 +1,148 @@
+//! The state of a frame engine as bytes.
+//!
+//! Bytes hold all values, what layers remember, and what each has yet to see: what a layer keeps can be a matter of the past,
+//! with a tolerance. Sizes are those of the engine that reads them, and a mark can only be set on a pixel that there is, so
+//! that whatever the bytes say, the state is one that layers can work on.
+
+use super::{Background, FrameNetwork, Pending, State};
+use crate::EngineError;
+use crate::frames::buffer::Buffer;
+use crate::frames::changes::Changes;
+use crate::frames::counters::FrameLayerCounters;
+use crate::frames::layers::Memory;
+use crate::snapshot::{Reader, Writer};
+
+/// The frame, or a layer, in messages.
+fn name(network: &FrameNetwork, value: usize) -> &str {
+    value.checked_sub(1).map_or("frame", |unit| &network.units[unit].name)
+}
+
+impl State {
+    pub(in crate::frames) fn write(&self, network: &FrameNetwork, to: &mut Writer) {
+        to.counts([self.frames, self.counters.frames, self.counters.predictions]);
+        to.size(self.counters.layers.len());
+        for &FrameLayerCounters { computed, skipped, absorbed } in &self.counters.layers {
+            to.counts([computed, skipped, absorbed]);
+        }
+        for (buffer, &shape) in self.buffers.iter().zip(&network.buffers) {
+            if !matches!(buffer, Buffer::Away) {
+                let mut values = vec![0.0; shape.values()];
+                buffer.flatten(0, shape.channels(), &mut values);
+                to.values(&values);
+            }
+        }
+        self.memories.iter().for_each(|memory| memory.write(to));
+        for Pending { pixels, any } in &self.pending {
+            to.flag(*any);
+            write_changes(pixels, to);
+        }
+        for reached in self.background.iter().flat_map(|background| &background.reached).flatten() {
+            write_changes(reached, to);
+        }
+    }
+
+    /// Becomes what `from` says; half so where it is refused.
+    pub(in crate::frames) fn read(
+        &mut self,
+        network: &FrameNetwork,
+        from: &mut Reader<'_>,
+    ) -> Result<(), EngineError> {
+        let [frames, pushed, predictions] = from.counts("count of frames")?;
+        (self.frames, self.counters.frames, self.counters.predictions) = (frames, pushed, predictions);
+        from.exactly("number of layers", self.counters.layers.len())?;
+        for layer in &mut self.counters.layers {
+            let [computed, skipped, absorbed] = from.counts("count of pixels")?;
+            *layer = FrameLayerCounters { computed, skipped, absorbed };
+        }
+        for (i, (buffer, &shape)) in self.buffers.iter_mut().zip(&network.buffers).enumerate() {
+            if !matches!(buffer, Buffer::Away) {
+                let mut values = vec![0.0; shape.values()];
+                from.values(format_args!("values of {:?}", name(network, i)), &mut values)?;
+                buffer.fill_from(&values);
+            }
+        }
+        for (i, memory) in self.memories.iter_mut().enumerate() {
+            memory.read(name(network, i + 1), from)?;
+        }
+        for (i, Pending { pixels, any }) in self.pending.iter_mut().enumerate() {
+            let what = format_args!("changes that {:?} has to see", name(network, i + 1));
+            *any = from.flag(what)?;
+            read_changes(pixels, what, from)?;
+        }
+        if let Some(Background { reached, .. }) = &mut self.background {
+            for (i, reached) in reached.iter_mut().enumerate() {
+                if let Some(reached) = reached {
+                    let what = format_args!("pixels of {:?} that events reach", name(network, i));
+                    read_changes(reached, what, from)?;
+                }
+            }
+        }
+        // The prediction is taken of the last layer's values again.
+        self.stale = true;
+        Ok(())
+    }
+}
+
+impl Memory {
+    fn write(&self, to: &mut Writer) {
+        match self {
+            Self::Nothing => {}
+            Self::Lstm(state) => {
+                to.values(state.hidden());
+                to.values(state.cell());
+            }
+            Self::ConvLstm(state) => {
+                to.flag(state.new);
+                to.values(&state.cell);
+            }
+            Self::PlanarConvLstm(state, _) => {
+                state.cell().values().for_each(|value| to.values(&[value]));
+            }
+            Self::Delay(vectors) => to.values(vectors),
+        }
+    }
+
+    fn read(&mut self, layer: &str, from: &mut Reader<'_>) -> Result<(), EngineError> {
+        let what = format_args!("state of {layer:?}");
+        match self {
+            Self::Nothing => Ok(()),
+            Self::Lstm(state) => {
+                let mut both = vec![0.0; 2 * state.cell().len()];
+                from.values(what, &mut both)?;
+                let (hidden, cell) = both.split_at(both.len() / 2);
+                state.set(hidden, cell);
+                Ok(())
+            }
+            Self::ConvLstm(state) => {
+                state.new = from.flag(what)?;
+                from.values(what, &mut state.cell)
+            }
+            Self::PlanarConvLstm(state, _) => {
+                let cell = state.cell_mut();
+                let mut values = vec![0.0; cell.channels() * cell.height() * cell.width()];
+                from.values(what, &mut values)?;
+                cell.set(&values);
+                Ok(())
+            }
+            Self::Delay(vectors) => from.values(what, vectors),
+        }
+    }
+}
+
+fn write_changes(changes: &Changes, to: &mut Writer) {
+    changes.words().iter().for_each(|&word| to.u64(word));
+}
+
+fn read_changes(
+    changes: &mut Changes,
+    what: impl std::fmt::Display,
+    from: &mut Reader<'_>,
+) -> Result<(), EngineError> {
+    for at in 0..changes.words().len() {
+        let word = from.u64(&what)?;
+        if !changes.set_word(at, word) {
+            return Err(from.refuse(what, 8, "marks on pixels", format_args!("{word:#018x}")));
+        }
+    }
+    Ok(())
+}

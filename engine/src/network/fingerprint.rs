@@ -1,0 +1,73 @@
+//! What tells two networks over events apart: everything that their predictions depend on, and names.
+
+use super::{
+    Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
+};
+use crate::Fraction;
+use crate::fingerprint::Fingerprint;
+
+/// The fingerprint of checked parts. O(parameters).
+pub(super) fn of(parts: &NetworkParts) -> u64 {
+    let mut to = Fingerprint::new();
+    to.text(&parts.name);
+    to.word(parts.span_us as u64);
+    to.size(parts.capacity);
+    match parts.graph.reach {
+        Reach::Knn { k } => [0, k as u64, 0],
+        Reach::Radius { r, max } => [1, max as u64, r.to_bits()],
+    }
+    .into_iter()
+    .for_each(|word| to.word(word));
+    to.word(match parts.graph.candidates {
+        Candidates::All => 0,
+        Candidates::Past(Lifetime::Window) => 1,
+        Candidates::Past(Lifetime::Frozen) => 2,
+    });
+    to.word(match parts.normalisation {
+        Normalisation::Fixed => 0,
+        Normalisation::PerGraph => 1,
+    });
+    level(&mut to, &parts.events);
+    to.size(parts.pooled.len());
+    for (above, blocks) in &parts.pooled {
+        pooling(&mut to, above);
+        level(&mut to, blocks);
+    }
+    let Readout { from, columns, rows, by_time } = parts.readout;
+    [from, columns, rows, by_time.into()].into_iter().for_each(|size| to.size(size));
+    to.size(parts.dense.len());
+    for layer in &parts.dense {
+        to.text(&layer.name);
+        layer.dense.visit_bits(|bits| to.word(bits.into()));
+    }
+    to.word(parts.head.is_some().into());
+    if let Some(head) = &parts.head {
+        to.word(head.fingerprint());
+    }
+    to.finish()
+}
+
+fn level(to: &mut Fingerprint, level: &Level) {
+    to.word(level.scale.to_bits().into());
+    to.size(level.blocks.len());
+    for Block { name, input, skip, conv } in &level.blocks {
+        to.text(name);
+        to.size(*input);
+        to.size(skip.map_or(0, |skip| skip + 1));
+        conv.visit_bits(|bits| to.word(bits.into()));
+    }
+}
+
+fn pooling(to: &mut Fingerprint, pooling: &Pooling) {
+    to.text(&pooling.name);
+    to.size(pooling.from);
+    let [x, y] = pooling.cell;
+    for size in [Some(x), Some(y), pooling.time] {
+        let word = |size: Fraction| u64::from(size.numerator()) << 32 | u64::from(size.denominator());
+        to.word(size.map_or(0, word));
+    }
+    to.word(match pooling.position {
+        Position::Mean => 0,
+        Position::Centre => 1,
+    });
+}

@@ -1,0 +1,191 @@
+//! The bytes of a snapshot in, its values out, each with the name under which it is refused.
+
+use std::fmt::Display;
+
+use super::{CHECKSUM, COUNT_LIMIT, HEADER, Kind, MAGIC, VERSION};
+use crate::{EngineError, fingerprint};
+
+/// What is left of a snapshot's content.
+#[derive(Debug)]
+pub(crate) struct Reader<'a> {
+    /// Everything but the checksum.
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// The content of `bytes`, a snapshot of `kind` whose version, length and checksum are right. O(bytes).
+    pub(crate) fn open(bytes: &'a [u8], kind: Kind) -> Result<Self, EngineError> {
+        Ok(parts(bytes, Some(kind))?.0)
+    }
+
+    /// Why what was read last, `bytes` bytes of it, is refused.
+    pub(crate) fn refuse(
+        &self,
+        what: impl Display,
+        bytes: usize,
+        expected: impl Display,
+        found: impl Display,
+    ) -> EngineError {
+        refused(what, self.at - bytes, expected, found)
+    }
+
+    fn take(&mut self, what: impl Display, bytes: usize) -> Result<&'a [u8], EngineError> {
+        let left = &self.bytes[self.at..];
+        let Some(taken) = left.get(..bytes) else {
+            return Err(refused(what, self.at, format!("{bytes} bytes"), left.len()));
+        };
+        self.at += bytes;
+        Ok(taken)
+    }
+
+    pub(crate) fn u8(&mut self, what: impl Display) -> Result<u8, EngineError> {
+        Ok(self.take(what, 1)?[0])
+    }
+
+    pub(crate) fn u16(&mut self, what: impl Display) -> Result<u16, EngineError> {
+        Ok(u16::from_le_bytes(array(self.take(what, 2)?)))
+    }
+
+    pub(crate) fn u32(&mut self, what: impl Display) -> Result<u32, EngineError> {
+        Ok(u32::from_le_bytes(array(self.take(what, 4)?)))
+    }
+
+    pub(crate) fn u64(&mut self, what: impl Display) -> Result<u64, EngineError> {
+        Ok(u64::from_le_bytes(array(self.take(what, 8)?)))
+    }
+
+    pub(crate) fn i64(&mut self, what: impl Display) -> Result<i64, EngineError> {
+        Ok(i64::from_le_bytes(array(self.take(what, 8)?)))
+    }
+
+    pub(crate) fn flag(&mut self, what: impl Display) -> Result<bool, EngineError> {
+        match self.u8(&what)? {
+            flag @ 0..=1 => Ok(flag == 1),
+            other => Err(self.refuse(what, 1, "0 or 1", other)),
+        }
+    }
+
+    /// Counts that can go on for as long as any engine runs.
+    pub(crate) fn counts<const N: usize>(&mut self, what: impl Display) -> Result<[u64; N], EngineError> {
+        let mut counts = [0; N];
+        for count in &mut counts {
+            *count = self.u64(&what)?;
+            if *count >= COUNT_LIMIT {
+                return Err(self.refuse(what, 8, "a count below 2^56", *count));
+            }
+        }
+        Ok(counts)
+    }
+
+    /// The number of items that follow, each of at least `each` bytes: at most `most`, and all of them there.
+    pub(crate) fn length(
+        &mut self,
+        what: impl Display,
+        most: usize,
+        each: usize,
+    ) -> Result<usize, EngineError> {
+        let length = self.u64(&what)?;
+        let left = (self.bytes.len() - self.at).checked_div(each).unwrap_or(usize::MAX);
+        match usize::try_from(length) {
+            Ok(length) if length <= most.min(left) => Ok(length),
+            _ => Err(self.refuse(what, 8, format!("at most {}", most.min(left)), length)),
+        }
+    }
+
+    /// A number that the engine knows.
+    pub(crate) fn exactly(&mut self, what: impl Display, expected: usize) -> Result<(), EngineError> {
+        let found = self.u64(&what)?;
+        if found == expected as u64 { Ok(()) } else { Err(self.refuse(what, 8, expected, found)) }
+    }
+
+    pub(crate) fn text(&mut self, what: impl Display) -> Result<String, EngineError> {
+        let length = self.length(&what, usize::MAX, 1)?;
+        Ok(String::from_utf8_lossy(self.take(what, length)?).into_owned())
+    }
+
+    /// Values that are all finite.
+    pub(crate) fn values(&mut self, what: impl Display, to: &mut [f32]) -> Result<(), EngineError> {
+        let start = self.at;
+        let bytes = self.take(&what, to.len().saturating_mul(4))?;
+        for (i, (to, from)) in to.iter_mut().zip(bytes.chunks_exact(4)).enumerate() {
+            let value = f32::from_bits(u32::from_le_bytes(array(from)));
+            if !value.is_finite() {
+                return Err(refused(format!("{what}, value {i}"), start + 4 * i, "a finite number", value));
+            }
+            *to = value;
+        }
+        Ok(())
+    }
+
+    /// Nothing is left.
+    pub(crate) fn end(self) -> Result<(), EngineError> {
+        let left = self.bytes.len() - self.at;
+        if left == 0 { Ok(()) } else { Err(refused("end", self.at, "no more bytes", left)) }
+    }
+}
+
+/// The content and the note of `bytes`, a snapshot of `kind`, or of any, whose version, length and checksum are right.
+fn parts(bytes: &[u8], kind: Option<Kind>) -> Result<(Reader<'_>, &[u8]), EngineError> {
+    let mut reader = Reader { bytes, at: 0 };
+    let magic = reader.take("first bytes", MAGIC.len())?;
+    if magic != MAGIC {
+        return Err(refused("first bytes", 0, MAGIC.escape_ascii(), magic.escape_ascii()));
+    }
+    let version = reader.u32("format version")?;
+    if version != VERSION {
+        return Err(differs("format version", VERSION, version));
+    }
+    let found = reader.u32("kind")?;
+    if let Some(kind) = kind.filter(|&kind| kind as u32 != found) {
+        return Err(differs("state of", Kind::name(kind as u32), Kind::name(found)));
+    }
+    let length = reader.u64("length")?;
+    if length != bytes.len() as u64 || bytes.len() < HEADER + 8 + CHECKSUM {
+        return Err(refused("length", HEADER - 8, format!("{} bytes", bytes.len()), length));
+    }
+    let (rest, checksum) = bytes.split_at(bytes.len() - CHECKSUM);
+    let (computed, stored) = (fingerprint::of_bytes(rest), u64::from_le_bytes(array(checksum)));
+    if stored != computed {
+        let hexadecimal = |word| format!("{word:#018x}");
+        return Err(refused("checksum", rest.len(), hexadecimal(computed), hexadecimal(stored)));
+    }
+    let (rest, length) = rest.split_at(rest.len() - 8);
+    let length = u64::from_le_bytes(array(length));
+    let most = rest.len() - HEADER;
+    if length > most as u64 {
+        return Err(refused("length of the note", rest.len(), format!("at most {most}"), length));
+    }
+    let (content, note) = rest.split_at(rest.len() - length as usize);
+    Ok((Reader { bytes: content, at: HEADER }, note))
+}
+
+/// The note in the bytes of a snapshot of any kind (see [`crate::Engine::to_bytes_with`]), which are checked as a whole.
+/// O(bytes).
+///
+/// # Errors
+/// [`EngineError::Snapshot`] for another version; [`EngineError::SnapshotBytes`] where the bytes are cut short or changed.
+pub fn snapshot_note(bytes: &[u8]) -> Result<&[u8], EngineError> {
+    Ok(parts(bytes, None)?.1)
+}
+
+/// As many bytes as an integer has, which were taken as many.
+fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    let mut array = [0; N];
+    array.copy_from_slice(bytes);
+    array
+}
+
+fn refused(what: impl Display, at: usize, expected: impl Display, found: impl Display) -> EngineError {
+    EngineError::SnapshotBytes {
+        what: what.to_string(),
+        at,
+        expected: expected.to_string(),
+        found: found.to_string(),
+    }
+}
+
+/// The engine and the snapshot have different values of what they must share.
+pub(crate) fn differs(what: &'static str, expected: impl Display, found: impl Display) -> EngineError {
+    EngineError::Snapshot { what, expected: expected.to_string(), found: found.to_string() }
+}

@@ -1,0 +1,119 @@
+//! An engine that goes on from bytes has the bits of the one that wrote them: over random networks, streams and
+//! interleavings, exactly and with a tolerance.
+//!
+//! `MEISSNER_CASES` sets the number of cases (1,000 without it).
+
+use std::sync::Arc;
+
+use meissner_engine::{Engine, EngineError, LatePolicy, Options, Outcome};
+use meissner_tests::compare::bits;
+use meissner_tests::networks::{self, NetworkShape};
+use meissner_tests::streams::{self, Script, Verb};
+use proptest::prelude::*;
+
+fn config() -> ProptestConfig {
+    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(1_000);
+    ProptestConfig { cases, max_shrink_iters: 20_000, ..ProptestConfig::default() }
+}
+
+fn options() -> impl Strategy<Value = Options> {
+    (prop_oneof![Just(0.0f32), Just(0.02), Just(0.3)], any::<bool>()).prop_map(|(tolerance, clamps)| {
+        Options {
+            tolerance,
+            late: if clamps { LatePolicy::Clamp } else { LatePolicy::Drop },
+            ..Options::default()
+        }
+    })
+}
+
+/// An engine of a network that is made anew.
+fn engine(shape: &NetworkShape, script: &Script, options: Options) -> Engine {
+    Engine::with_options(Arc::new(shape.build()), script.sensor, options).expect("admissible")
+}
+
+/// Does what a verb says, but for predictions; the time afterwards.
+fn act(engine: &mut Engine, script: &Script, verb: &Verb, clock: i64) -> i64 {
+    match *verb {
+        Verb::Push { dt, x, y, on } => {
+            let event = script.event(clock, (dt, x, y, on));
+            let accepted = engine.push(event) == Outcome::Accepted;
+            if accepted { clock.max(event.t_us) } else { clock }
+        }
+        Verb::Advance { dt } => {
+            engine.advance(clock + dt);
+            if engine.now_us().is_some() { clock + dt } else { clock }
+        }
+        Verb::Reset => {
+            engine.reset();
+            clock
+        }
+        Verb::Predict | Verb::Snapshot => clock,
+    }
+}
+
+/// Everything that a prediction shows, but for what it cost.
+#[derive(Debug, PartialEq)]
+struct Shown {
+    prediction: Result<(Vec<u32>, Option<i64>, usize), EngineError>,
+    events: Vec<meissner_engine::Event>,
+    counters: meissner_engine::EventCounters,
+    neighbourhoods: Vec<Vec<meissner_kernels::Neighbour>>,
+    features: Vec<Vec<Vec<Vec<u32>>>>,
+}
+
+fn show(engine: &mut Engine) -> Shown {
+    let prediction = engine.predict().map(|p| (bits(p.values), p.t_us, p.nodes));
+    let network = Arc::clone(engine.network());
+    let rows = |level, feature| engine.feature(level, feature).iter().map(|row| bits(row)).collect();
+    let level = |level| (0..network.channels(level).len()).map(|feature| rows(level, feature)).collect();
+    Shown {
+        prediction,
+        events: engine.events(),
+        counters: engine.counters().events,
+        neighbourhoods: (0..engine.nodes()).map(|i| engine.neighbourhood(i)).collect(),
+        features: (0..network.levels()).map(level).collect(),
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn an_engine_that_goes_on_from_bytes_has_the_same_bits(
+        shape in networks::network(),
+        script in prop_oneof![7 => streams::script(120), 1 => streams::script(700)],
+        options in options(),
+        cut in 0.0f64..1.0,
+    ) {
+        let cut = (script.verbs.len() as f64 * cut) as usize;
+        let mut whole = engine(&shape, &script, options);
+        let mut clock = script.origin_us;
+        for verb in &script.verbs[..cut] {
+            clock = act(&mut whole, &script, verb, clock);
+            if matches!(verb, Verb::Predict | Verb::Snapshot) {
+                let _ = whole.predict();
+            }
+        }
+        let bytes = whole.to_bytes();
+        let mut resumed = engine(&shape, &script, options);
+        resumed.restore_bytes(&bytes).expect("its own bytes");
+        prop_assert_eq!(&resumed.to_bytes(), &bytes, "what is restored is written as it was");
+        for (i, verb) in script.verbs[cut..].iter().enumerate() {
+            let next = act(&mut whole, &script, verb, clock);
+            prop_assert_eq!(act(&mut resumed, &script, verb, clock), next);
+            clock = next;
+            match verb {
+                Verb::Predict => prop_assert_eq!(show(&mut resumed), show(&mut whole), "verb {}", cut + i),
+                Verb::Snapshot => {
+                    // What has gone on for a while is written and read again.
+                    let bytes = resumed.snapshot().to_bytes();
+                    resumed = engine(&shape, &script, options);
+                    resumed.push(script.event(clock, (7, 1, 2, true)));
+                    resumed.restore_bytes(&bytes).expect("its own bytes");
+                }
+                _ => {}
+            }
+        }
+        prop_assert_eq!(show(&mut resumed), show(&mut whole), "at the end");
+    }
+}

@@ -1,0 +1,196 @@
+//! A frame engine that goes on from bytes has the bits of the one that wrote them; what does not fit is refused.
+
+use std::sync::Arc;
+
+use meissner_engine::EngineError;
+use meissner_engine::frames::{
+    Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
+};
+use meissner_kernels::WinogradTile;
+use meissner_tests::compare::bits;
+use meissner_tests::frame_networks::{Style, network, sequence};
+use meissner_tests::snapshots::sealed;
+use proptest::prelude::*;
+
+fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
+    let network = FrameNetwork::new(parts.clone(), convolution).expect("parts that fit");
+    FrameEngine::new(Arc::new(network), options).expect("options in range")
+}
+
+fn predict(engine: &mut FrameEngine) -> (Vec<u32>, u64) {
+    let prediction = engine.predict().expect("finite values");
+    (bits(prediction.values), prediction.frames)
+}
+
+fn style() -> impl Strategy<Value = Style> {
+    prop_oneof![
+        2 => Just(Style::Classifier),
+        2 => any::<bool>().prop_map(|squeeze| Style::UNet { squeeze }),
+        2 => Just(Style::ConvolutionsThenLstm),
+        3 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
+            .prop_map(|(hidden, peepholes)| Style::ConvLstm { hidden, peepholes }),
+        2 => Just(Style::Delays),
+        3 => any::<bool>().prop_map(|vector| Style::Committee { vector }),
+    ]
+}
+
+fn options() -> impl Strategy<Value = FrameOptions> {
+    let skip = prop_oneof![Just(Skip::Nothing), Just(Skip::Exact), Just(Skip::Tolerance(0.1))];
+    (skip, any::<bool>()).prop_map(|(skip, sparse)| FrameOptions { skip, sparse, ..FrameOptions::default() })
+}
+
+fn cases() -> u32 {
+    std::env::var("MEISSNER_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(150)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
+
+    #[test]
+    fn a_frame_engine_that_goes_on_from_bytes_has_the_same_bits(
+        style in style(),
+        channels in 1usize..4,
+        (height, width) in (1usize..7, 1usize..25).prop_map(|(h, w)| (4 * h, 4 * w)),
+        wide in prop_oneof![Just(3usize), Just(8), Just(16)],
+        convolution in prop_oneof![Just(Convolution::Direct), Just(Convolution::Winograd(WinogradTile::Two))],
+        options in options(),
+        cut in 0usize..12,
+        every in 1usize..4,
+        reset in 0usize..20,
+        seed in any::<u64>(),
+    ) {
+        let size = [channels, height, width];
+        let parts = network(style, size, wide, seed);
+        let mut whole = engine(&parts, convolution, options);
+        let mut resumed = engine(&parts, convolution, options);
+        for (n, frame) in sequence(12, size, seed ^ 1).iter().enumerate() {
+            if n == cut {
+                let bytes = whole.to_bytes();
+                resumed.restore_bytes(&bytes).expect("its own bytes");
+                prop_assert_eq!(&resumed.snapshot().to_bytes(), &bytes, "what is restored is written as it was");
+            }
+            for engine in [&mut whole, &mut resumed].into_iter().take(if n < cut { 1 } else { 2 }) {
+                if n == reset {
+                    engine.reset();
+                }
+                engine.push(frame).expect("a frame that fits");
+                if n % every == 0 {
+                    predict(engine);
+                }
+            }
+            if n >= cut && n % every == 0 {
+                prop_assert_eq!(predict(&mut resumed), predict(&mut whole), "frame {}", n);
+                prop_assert_eq!(resumed.counters(), whole.counters());
+            }
+        }
+        prop_assert_eq!(predict(&mut resumed), predict(&mut whole));
+        prop_assert_eq!(resumed.to_bytes(), whole.to_bytes());
+    }
+
+    #[test]
+    fn bytes_that_are_cut_or_flipped_are_refused_and_change_nothing(
+        style in style(),
+        options in options(),
+        place in 0.0f64..1.0,
+        bit in 0u32..8,
+        seed in any::<u64>(),
+    ) {
+        let (mut engine, bytes) = after_frames(style, options, seed);
+        let before = engine.to_bytes();
+        let at = (bytes.len() as f64 * place) as usize;
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 1 << bit;
+        for wrong in [&bytes[..at], &flipped] {
+            let error = engine.restore_bytes(wrong).expect_err("what was changed");
+            let typed = matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. });
+            prop_assert!(typed, "{}", error);
+            prop_assert_eq!(&engine.to_bytes(), &before);
+        }
+    }
+
+    #[test]
+    fn a_content_that_was_made_up_is_refused_or_gives_other_numbers(
+        style in style(),
+        options in options(),
+        changes in proptest::collection::vec(
+            (0.0f64..1.0, prop_oneof![Just(1u64 << 63), Just(u64::MAX), Just(0), any::<u64>()]), 1..4,
+        ),
+        seed in any::<u64>(),
+    ) {
+        let (mut engine, mut bytes) = after_frames(style, options, seed);
+        for (place, word) in changes {
+            let at = 24 + ((bytes.len() - 40) as f64 * place) as usize;
+            bytes[at..at + 8].copy_from_slice(&word.to_le_bytes());
+        }
+        let before = engine.to_bytes();
+        if engine.restore_bytes(&sealed(bytes)).is_err() {
+            prop_assert_eq!(&engine.to_bytes(), &before);
+        }
+        for frame in sequence(3, SIZE, seed) {
+            engine.push(&frame).expect("a frame that fits");
+            let _ = engine.predict();
+        }
+        engine.reset();
+        let _ = engine.predict();
+    }
+}
+
+/// Found by the property test: counts of a layer that runs with its pooling are multiplied by four.
+#[test]
+fn counts_that_were_made_up_leave_room_to_go_on() {
+    let style = Style::Classifier;
+    let (mut engine, bytes) = after_frames(style, FrameOptions::default(), 1);
+    let name = format!("{style:?}").len();
+    // Behind fingerprint, name, way to skip, counts of frames and number of layers: pixels that the pooling computed.
+    let at = 24 + 8 + (8 + name) + (1 + 4 + 1) + 3 * 8 + 8 + 3 * 8;
+    let with = |count: u64| {
+        let mut bytes = bytes.clone();
+        bytes[at..at + 8].copy_from_slice(&count.to_le_bytes());
+        sealed(bytes)
+    };
+    let error = engine.restore_bytes(&with(1 << 56)).expect_err("too large").to_string();
+    let expected = format!("count of pixels at byte {at}: expected a count below 2^56, found {}", 1u64 << 56);
+    assert_eq!(error, format!("snapshot: {expected}"));
+    assert_eq!(engine.restore_bytes(&with((1 << 56) - 1)), Ok(()));
+    for frame in sequence(3, SIZE, 2) {
+        engine.push(&frame).expect("a frame that fits");
+        predict(&mut engine);
+    }
+    assert!(engine.counters().layers[1].computed > 1 << 56);
+}
+
+const SIZE: [usize; 3] = [2, 8, 20];
+
+/// An engine that has seen three frames, and the bytes of one that has seen five.
+fn after_frames(style: Style, options: FrameOptions, seed: u64) -> (FrameEngine, Vec<u8>) {
+    let parts = network(style, SIZE, 3, seed);
+    let run = |frames| {
+        let mut engine = engine(&parts, Convolution::Direct, options);
+        sequence(frames, SIZE, seed).iter().for_each(|frame| engine.push(frame).expect("a frame that fits"));
+        engine
+    };
+    (run(3), run(5).to_bytes())
+}
+
+#[test]
+fn a_frame_snapshot_of_another_network_or_way_to_skip_is_refused() {
+    let parts = network(Style::ConvolutionsThenLstm, SIZE, 3, 1);
+    let mut other = parts.clone();
+    let FrameLayerKind::Lstm { bias, .. } = &mut other.layers[4].kind else { panic!("an LSTM") };
+    bias[3] = f32::from_bits(bias[3].to_bits() ^ 1);
+    let exact = FrameOptions::default();
+    let mut wanted = engine(&parts, Convolution::Direct, exact);
+    let refuse = |wanted: &mut FrameEngine, found: &FrameEngine, name: &str| {
+        for error in [wanted.restore(&found.snapshot()), wanted.restore_bytes(&found.to_bytes())] {
+            let error = error.expect_err(name);
+            assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
+        }
+    };
+    refuse(&mut wanted, &engine(&other, Convolution::Direct, exact), "network");
+    let winograd = Convolution::Winograd(WinogradTile::Two);
+    refuse(&mut wanted, &engine(&parts, winograd, exact), "network");
+    let tolerance = FrameOptions { skip: Skip::Tolerance(0.5), ..exact };
+    refuse(&mut wanted, &engine(&parts, Convolution::Direct, tolerance), "skip");
+    let sparse = FrameOptions { sparse: true, ..exact };
+    refuse(&mut wanted, &engine(&parts, Convolution::Direct, sparse), "sparse");
+}

@@ -1,0 +1,347 @@
+//! Snapshots that an engine refuses: with a typed error that names what is wrong, and the engine as it was.
+
+use std::sync::Arc;
+
+use meissner_engine::{
+    Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphRule, LatePolicy, Lifetime, Network,
+    NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
+};
+use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
+use meissner_tests::compare::bits;
+use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_tests::random::Random;
+use meissner_tests::snapshots::sealed;
+use proptest::prelude::*;
+
+const SENSOR: Sensor = Sensor { width: 20, height: 10 };
+/// Where the content of the snapshots below has its fields: the name is "random", there are three layers, and an epoch.
+const NAME: usize = 24 + 8;
+const SIZE: usize = NAME + 8 + 6;
+const COUNTS: usize = SIZE + 4 + 4 + 1;
+const LAYERS: usize = COUNTS + 8 * 8;
+const CLOCK: usize = LAYERS + 8 + 3 * 4 * 8 + 6 * 8;
+const WINDOW: usize = CLOCK + 1 + 3 * 8;
+
+fn block(channels: usize) -> BlockShape {
+    BlockShape { channels, kernel: [2, 2, 2], input: 0, skip: None, extras: [true; 4] }
+}
+
+/// A block over events, a pooling with a block over its cells.
+fn shape(candidates: Candidates) -> NetworkShape {
+    let pool =
+        PoolShape { from: 1, cell: [(1, 4), (1, 2)], time: Some((1, 2)), mean: true, blocks: vec![block(3)] };
+    NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k: 4 }, candidates },
+        span_us: 500,
+        capacity: 40,
+        blocks: vec![block(4)],
+        pooled: vec![pool],
+        from: 1,
+        grid: [2, 2],
+        dense: vec![2],
+        head: None,
+        seed: 5,
+    }
+}
+
+fn engine(network: Network, sensor: Sensor, options: Options) -> Engine {
+    Engine::with_options(Arc::new(network), sensor, options).expect("admissible")
+}
+
+/// Pushes events and reads a prediction now and then; the predictions, or why there were none.
+fn run(engine: &mut Engine, from_us: i64, events: usize, seed: u64) -> Vec<Result<Vec<u32>, EngineError>> {
+    let mut random = Random::new(seed);
+    let mut pixel = |extent: u16| random.below(extent.into()) as u16;
+    let mut out = vec![];
+    for i in 0..events {
+        let (x, y) = (pixel(SENSOR.width), pixel(SENSOR.height));
+        engine.push(Event::new(from_us.saturating_add(9 * i as i64), x, y, x % 3 == 0));
+        if i % 4 == 0 {
+            out.push(engine.predict().map(|p| bits(p.values)));
+        }
+    }
+    out
+}
+
+fn candidates() -> impl Strategy<Value = Candidates> {
+    prop_oneof![
+        Just(Candidates::All),
+        Just(Candidates::Past(Lifetime::Window)),
+        Just(Candidates::Past(Lifetime::Frozen)),
+    ]
+}
+
+/// An engine that has seen a few events, and the bytes of one that has seen more.
+fn after_events(candidates: Candidates, tolerance: f32) -> (Engine, Vec<u8>) {
+    let options = Options { tolerance, ..Options::default() };
+    let new = || engine(shape(candidates).build(), SENSOR, options);
+    let (mut few, mut many) = (new(), new());
+    run(&mut few, 0, 12, 1);
+    run(&mut many, -3, 90, 2);
+    (few, many.to_bytes())
+}
+
+fn is_typed(error: &EngineError) -> bool {
+    matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. })
+}
+
+proptest! {
+    #[test]
+    fn bytes_that_are_cut_or_flipped_are_refused_and_change_nothing(
+        candidates in candidates(),
+        tolerance in prop_oneof![Just(0.0f32), Just(0.1)],
+        place in 0.0f64..1.0,
+        bit in 0u32..8,
+    ) {
+        let (mut engine, bytes) = after_events(candidates, tolerance);
+        let mut untouched = engine.clone();
+        let at = (bytes.len() as f64 * place) as usize;
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 1 << bit;
+        for wrong in [&bytes[..at], &flipped] {
+            let error = engine.restore_bytes(wrong).expect_err("what was changed");
+            prop_assert!(is_typed(&error), "{}", error);
+        }
+        prop_assert_eq!(engine.counters(), untouched.counters());
+        prop_assert_eq!(run(&mut engine, 200, 60, 3), run(&mut untouched, 200, 60, 3));
+    }
+
+    #[test]
+    fn a_content_that_was_made_up_is_refused_or_gives_other_numbers(
+        candidates in candidates(),
+        tolerance in prop_oneof![Just(0.0f32), Just(0.1)],
+        changes in proptest::collection::vec(
+            (
+                prop_oneof![0usize..40, COUNTS..WINDOW + 200, 0usize..1 << 16],
+                1usize..9,
+                prop_oneof![Just(1u64 << 63), Just(u64::MAX), 0u64..64, any::<u64>()],
+            ),
+            1..4,
+        ),
+    ) {
+        let (mut engine, mut bytes) = after_events(candidates, tolerance);
+        let mut untouched = engine.clone();
+        for (place, count, word) in changes {
+            let at = COUNTS + place % (bytes.len() - 16 - COUNTS);
+            bytes[at..at + count].copy_from_slice(&word.to_le_bytes()[..count]);
+        }
+        if let Err(error) = engine.restore_bytes(&sealed(bytes)) {
+            prop_assert!(is_typed(&error), "{}", error);
+            prop_assert_eq!(run(&mut engine, 200, 60, 3), run(&mut untouched, 200, 60, 3));
+            return Ok(());
+        }
+        // Whatever it is now, it goes on: over events that fill the window, silence, and a reset.
+        let now = engine.now_us().unwrap_or(0);
+        run(&mut engine, now, 90, 3);
+        engine.advance(now.saturating_add(1_000));
+        let _ = engine.predict();
+        if let Err(error) = engine.restore_bytes(&engine.to_bytes()) {
+            // Numbers that were too large grow too large.
+            let error = error.to_string();
+            let grown = ["expected a finite number", "expected a count below 2^56"];
+            prop_assert!(grown.iter().any(|grown| error.contains(grown)), "{}", error);
+        }
+        engine.reset();
+        run(&mut engine, now, 9, 3);
+    }
+}
+
+/// Writes `value` to the content at `at`, and has it refused.
+fn refused(candidates: Candidates, at: usize, value: &[u8]) -> String {
+    let (mut engine, mut bytes) = after_events(candidates, 0.0);
+    bytes[at..at + value.len()].copy_from_slice(value);
+    let mut untouched = engine.clone();
+    let error = engine.restore_bytes(&sealed(bytes)).expect_err("a content that does not fit");
+    assert_eq!(run(&mut engine, 200, 60, 3), run(&mut untouched, 200, 60, 3));
+    error.to_string()
+}
+
+#[test]
+fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
+    let frozen = Candidates::Past(Lifetime::Frozen);
+    let huge = (1u64 << 63).to_le_bytes();
+    let (_, bytes) = after_events(frozen, 0.0);
+    let left = bytes.len() - 16 - (NAME + 8);
+    let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
+    let first = WINDOW + 8;
+    let in_edges = first + 13 * events;
+    let rows = in_edges + events;
+    for (at, value, expected) in [
+        (
+            NAME,
+            &huge[..],
+            format!("network's name at byte 32: expected at most {left}, found 9223372036854775808"),
+        ),
+        (
+            COUNTS,
+            &huge,
+            "count of events at byte 55: expected a count below 2^56, found 9223372036854775808".into(),
+        ),
+        (LAYERS, &huge, "number of layers at byte 119: expected 3, found 9223372036854775808".into()),
+        (CLOCK, &[2], format!("whether there is a clock at byte {CLOCK}: expected 0 or 1, found 2")),
+        (CLOCK + 1, &i64::MAX.to_le_bytes(), "newest time".into()),
+        (
+            CLOCK + 9,
+            &(-1i64).to_le_bytes(),
+            "expected a time from the epoch on that fits 64 bits, found -1".into(),
+        ),
+        (CLOCK + 17, &2_000i64.to_le_bytes(), "newest event".into()),
+        (
+            WINDOW,
+            &huge,
+            format!("number of events at byte {WINDOW}: expected at most 40, found 9223372036854775808"),
+        ),
+        (first, &0i64.to_le_bytes(), "time of event 0".into()),
+        (first + 8, &20u16.to_le_bytes(), "event 0 at byte".into()),
+        (first + 12, &[7], "polarity of event 0".into()),
+        (in_edges, &[1], format!("in-edges of event 0 at byte {in_edges}: expected at most 0, found 1")),
+        (
+            rows,
+            &huge,
+            format!("number of rows of level 0 at byte {rows}: expected {events}, found 9223372036854775808"),
+        ),
+        (rows + 8 + 4, &f32::NAN.to_le_bytes(), "row 0 of layer \"conv1_1\", value 1".into()),
+        (rows + 8, &f32::INFINITY.to_le_bytes(), "expected a finite number, found inf".into()),
+    ] {
+        let error = refused(frozen, at, value);
+        assert!(error.starts_with("snapshot: ") && error.contains(&expected), "{expected}: {error}");
+    }
+}
+
+#[test]
+fn a_content_that_goes_on_behind_its_end_is_refused() {
+    let (mut engine, mut bytes) = after_events(Candidates::All, 0.0);
+    // Before the length of the note and the checksum.
+    let at = bytes.len() - 16;
+    bytes.splice(at..at, [0; 5]);
+    let error = engine.restore_bytes(&sealed(bytes)).expect_err("five more bytes").to_string();
+    assert_eq!(error, format!("snapshot: end at byte {at}: expected no more bytes, found 5"));
+}
+
+#[test]
+fn a_note_comes_back_and_one_that_is_longer_than_the_snapshot_is_refused() {
+    let (mut engine, _) = after_events(Candidates::All, 0.0);
+    let mut bytes = engine.to_bytes_with(b"a note");
+    assert_eq!(snapshot_note(&bytes), Ok(&b"a note"[..]));
+    assert_eq!(engine.restore_bytes(&bytes), Ok(()));
+    assert_eq!(snapshot_note(&engine.to_bytes()), Ok(&[][..]));
+    let at = bytes.len() - 16;
+    for length in [at as u64 - 23, 1 << 63, u64::MAX] {
+        bytes[at..at + 8].copy_from_slice(&length.to_le_bytes());
+        bytes = sealed(bytes);
+        let expected = format!(
+            "snapshot: length of the note at byte {at}: expected at most {}, found {length}",
+            at - 24
+        );
+        assert_eq!(snapshot_note(&bytes).expect_err("too long").to_string(), expected);
+        assert_eq!(engine.restore_bytes(&bytes).expect_err("too long").to_string(), expected);
+    }
+}
+
+#[test]
+fn a_snapshot_of_another_version_or_kind_is_refused_before_anything_else() {
+    let (mut engine, bytes) = after_events(Candidates::All, 0.0);
+    for (at, expected) in [
+        (0, "first bytes at byte 0: expected MEISSNER, found \\x02EISSNER"),
+        (8, "expected format version 1, found 2"),
+        (12, "expected state of an engine over events, found a frame engine"),
+    ] {
+        let mut bytes = bytes.clone();
+        bytes[at] = 2;
+        bytes.truncate(60);
+        let error = engine.restore_bytes(&bytes).expect_err(expected).to_string();
+        assert_eq!(error, format!("snapshot: {expected}"));
+    }
+}
+
+#[test]
+fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
+    let weights: Vec<f32> = (0..24).map(|w| w as f32 / 8.0 - 1.0).collect();
+    let network = |weights: &[f32]| {
+        let mut parts = shape(Candidates::All).build().parts().clone();
+        let dense = Dense::new(4, 3, 2, weights, None, Activation::Identity);
+        parts.dense = vec![DenseLayer { name: "fc".to_owned(), dense: dense.expect("sizes fit") }];
+        Network::new(parts).expect("the parts fit")
+    };
+    let mut other = weights.clone();
+    other[7] = f32::from_bits(other[7].to_bits() ^ 1);
+    let exact = Options::default();
+    let mut wanted = engine(network(&weights), SENSOR, exact);
+    run(&mut wanted, 0, 30, 1);
+    let mut refuse = |found: Engine, name: &str| {
+        let mut untouched = wanted.clone();
+        let error = wanted.restore_bytes(&found.to_bytes()).expect_err(name);
+        assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
+        assert_eq!(run(&mut wanted, 300, 30, 3), run(&mut untouched, 300, 30, 3));
+    };
+    refuse(engine(network(&other), SENSOR, exact), "network");
+    refuse(engine(network(&weights).with_capacity(41).expect("in range"), SENSOR, exact), "network");
+    refuse(engine(network(&weights), Sensor::new(20, 11), exact), "sensor");
+    refuse(engine(network(&weights), SENSOR, Options { tolerance: 0.5, ..exact }), "tolerance");
+    refuse(engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact }), "late policy");
+    let same = engine(network(&weights), SENSOR, exact).to_bytes();
+    assert_eq!(wanted.restore_bytes(&same), Ok(()));
+}
+
+#[test]
+fn whatever_changes_predictions_changes_the_fingerprint() {
+    let flip = |values: &mut Vec<f32>| values[3] = f32::from_bits(values[3].to_bits() ^ 1);
+    let spline = |change: &dyn Fn(&mut SplineParts)| {
+        let values = |count, seed| Random::new(seed).values(count, 1.0);
+        let mut parts = SplineParts {
+            inputs: 1,
+            outputs: 4,
+            kernel: [2, 2, 2],
+            weight: values(32, 1),
+            root: Some(values(4, 2)),
+            bias: Some(values(4, 3)),
+            norm: Some((values(4, 4), values(4, 5))),
+            elu: true,
+        };
+        change(&mut parts);
+        SplineConv::new(&parts).expect("sizes fit")
+    };
+    let fingerprint = |change: &dyn Fn(&mut NetworkParts), conv: SplineConv| {
+        let mut parts = shape(Candidates::All).build().parts().clone();
+        parts.events.blocks[0].conv = conv;
+        change(&mut parts);
+        Network::new(parts).expect("the parts fit").fingerprint()
+    };
+    let parameters: [&dyn Fn(&mut SplineParts); 8] = [
+        &|_| {},
+        &|parts| flip(&mut parts.weight),
+        &|parts| parts.root.iter_mut().for_each(flip),
+        &|parts| parts.root = None,
+        &|parts| parts.bias.iter_mut().for_each(flip),
+        &|parts| parts.norm.iter_mut().for_each(|(scale, _)| flip(scale)),
+        &|parts| parts.norm.iter_mut().for_each(|(_, shift)| flip(shift)),
+        &|parts| parts.elu = false,
+    ];
+    let structure: [&dyn Fn(&mut NetworkParts); 17] = [
+        &|parts| parts.name.push('2'),
+        &|parts| parts.span_us += 1,
+        &|parts| parts.capacity += 1,
+        &|parts| parts.graph.reach = Reach::Knn { k: 5 },
+        &|parts| parts.graph.reach = Reach::Radius { r: 0.5, max: 4 },
+        &|parts| parts.graph.reach = Reach::Radius { r: 0.6, max: 4 },
+        &|parts| parts.graph.candidates = Candidates::Past(Lifetime::Window),
+        &|parts| parts.graph.candidates = Candidates::Past(Lifetime::Frozen),
+        &|parts| parts.events.scale *= 2.0,
+        &|parts| parts.events.blocks[0].name.push('2'),
+        &|parts| parts.pooled[0].0.cell = [Fraction::new(1, 5).expect("positive"); 2],
+        &|parts| parts.pooled[0].0.time = None,
+        &|parts| parts.pooled[0].0.position = Position::Centre,
+        &|parts| parts.pooled[0].1.scale *= 2.0,
+        &|parts| (parts.readout.columns, parts.readout.rows) = (4, 1),
+        &|parts| (parts.readout.columns, parts.readout.rows) = (1, 4),
+        &|parts| parts.normalisation = Normalisation::PerGraph,
+    ];
+    let mut all: Vec<u64> = parameters.map(|change| fingerprint(&|_| {}, spline(change))).to_vec();
+    all.extend(structure.map(|change| fingerprint(change, spline(&|_| {}))));
+    let again = fingerprint(&|_| {}, spline(&|_| {}));
+    assert_eq!(all[0], again, "equal networks have equal ones");
+    let count = all.len();
+    all.sort_unstable();
+    all.dedup();
+    assert_eq!(all.len(), count, "all are different");
+}
