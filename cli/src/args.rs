@@ -17,6 +17,7 @@ pub(crate) use crate::pareto::ParetoArgs;
 pub(crate) use crate::play::PlayArgs;
 pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
+pub(crate) use crate::stress::StressArgs;
 
 pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
                       or do not fit), 2 on bad usage. A reader that closes the pipe ends the program with status 0.";
@@ -51,6 +52,8 @@ pub(crate) enum Command {
     Pareto(ParetoArgs),
     /// Write what a network reads, with labels, for training.
     Prepare(PrepareArgs),
+    /// Streams, weights and states that are built to hurt: whether every promise holds, and errors against f64.
+    Stress(StressArgs),
 }
 
 /// What `run`, `play` and `bench` work on.

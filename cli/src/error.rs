@@ -278,6 +278,12 @@ pub(crate) enum CliError {
         /// Why.
         source: EngineError,
     },
+    /// A network has no form in f64.
+    #[error(transparent)]
+    Reference(meissner_reference::ReferenceError),
+    /// Results are not what is promised; they say how.
+    #[error("promises that are broken: expected none, found {0}")]
+    Broken(usize),
     /// A file cannot be opened.
     #[error("cannot open {}: {source}", path.display())]
     Open {

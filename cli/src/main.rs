@@ -14,6 +14,7 @@
 //! | `eval/` | `meissner eval` |
 //! | `prepare/` | `meissner prepare` |
 //! | `pareto/` | `meissner pareto` |
+//! | `stress/` | `meissner stress` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `schedule` | when predictions are read |
 //! | `latency`, `skips`, `layer_cost` | what several measure |
@@ -51,6 +52,7 @@ mod schedule;
 mod skips;
 mod slip;
 mod source;
+mod stress;
 mod svg;
 mod text;
 mod threads;
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::eval(&args),
         Command::Prepare(args) => prepare::prepare(&args),
         Command::Pareto(args) => pareto::pareto(&args),
+        Command::Stress(args) => stress::stress(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -32,6 +32,8 @@ pub enum Activation {
 #[derive(Clone, Debug)]
 pub struct Dense {
     inputs: usize,
+    /// Values of one row of the input.
+    channels: usize,
     outputs: usize,
     /// Lanes of one output's weights.
     stride: usize,
@@ -66,7 +68,7 @@ impl Dense {
         check("bias", &bias, outputs)?;
         let stride = segments * Lanes::count(channels);
         let weight = weight.chunks_exact(channels).flat_map(Lanes::pack).collect();
-        Ok(Self { inputs, outputs, stride, weight, bias, activation })
+        Ok(Self { inputs, channels, outputs, stride, weight, bias, activation })
     }
 
     /// Values read.
@@ -92,6 +94,27 @@ impl Dense {
         [self.inputs, self.outputs, self.stride, activation].into_iter().for_each(|size| visit(size as u32));
         let weights = self.weight.iter().flat_map(|lanes| lanes.0);
         weights.chain(self.bias.iter().copied()).for_each(|value| visit(value.to_bits()));
+    }
+
+    /// Values of one row of the input; there are [`Self::inputs`] / channels rows.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The weights, (outputs, inputs). O(weights).
+    pub fn weight(&self) -> Vec<f32> {
+        let rows = self.weight.chunks_exact(Lanes::count(self.channels));
+        rows.flat_map(|row| row.iter().flat_map(|lanes| lanes.0).take(self.channels)).collect()
+    }
+
+    /// The biases, (outputs).
+    pub fn bias(&self) -> &[f32] {
+        &self.bias
+    }
+
+    /// What follows the sum.
+    pub fn activation(&self) -> Activation {
+        self.activation
     }
 
     /// Computes every output. `inputs` is what [`crate::Matrix::lanes`] gives; `out` is packed in lanes, its padding

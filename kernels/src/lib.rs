@@ -12,6 +12,7 @@
 
 mod dense;
 mod elementary;
+mod elementwise;
 mod error;
 mod frames;
 #[allow(
@@ -31,6 +32,7 @@ mod spline;
 
 pub use dense::{Activation, Dense};
 pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
+pub use elementwise::Elementary;
 pub use error::KernelError;
 pub use frames::{
     Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, PooledConv3x3, PooledScratch, Region,

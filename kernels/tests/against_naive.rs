@@ -88,6 +88,30 @@ proptest! {
     }
 
     #[test]
+    fn a_block_made_of_its_own_parts_has_the_same_parts(case in case()) {
+        let parts = SplineConv::new(&case.parts).unwrap().parts();
+        prop_assert_eq!(&parts.weight, &case.parts.weight);
+        prop_assert_eq!(&parts.root, &case.parts.root);
+        prop_assert_eq!((parts.kernel, parts.elu), (case.parts.kernel, case.parts.elu));
+        let outputs = case.parts.outputs;
+        let zeros = vec![0.0; outputs];
+        prop_assert_eq!(parts.bias, Some(case.parts.bias.unwrap_or_else(|| zeros.clone())));
+        prop_assert_eq!(parts.norm, Some(case.parts.norm.unwrap_or((vec![1.0; outputs], zeros))));
+    }
+
+    #[test]
+    fn a_dense_layer_tells_the_parameters_that_it_was_made_of(
+        (segments, channels, outputs, weight, bias) in (1usize..9, 1usize..40, 1usize..12)
+            .prop_flat_map(|(s, c, o)| (Just(s), Just(c), Just(o), values(s * c * o), values(o))),
+    ) {
+        let dense = Dense::new(segments, channels, outputs, &weight, Some(&bias), Activation::Elu).unwrap();
+        prop_assert_eq!(dense.weight(), weight);
+        prop_assert_eq!(dense.bias(), &bias[..]);
+        prop_assert_eq!((dense.channels(), dense.inputs(), dense.activation()),
+            (channels, segments * channels, Activation::Elu));
+    }
+
+    #[test]
     fn a_dense_layer_is_the_same_bits_as_its_scalar_twin(
         (segments, channels, outputs, mut x, weight, bias) in (1usize..9, 1usize..40, 1usize..12)
             .prop_flat_map(|(s, c, o)| (Just(s), Just(c), Just(o), values(s * c), values(s * c * o), values(o))),

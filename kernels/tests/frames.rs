@@ -1,7 +1,8 @@
 //! What layers over frames promise beside their bits: known answers, bands, refusals, and how far Winograd's are off.
 
-use meissner_kernels::{Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Region};
+use meissner_kernels::{Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Planes, Region};
 use meissner_kernels::{TransposedConv2x2, WinogradConv3x3, WinogradTile};
+use meissner_kernels::{max_pool_2x2, planar_max_pool};
 
 /// Numbers in -1..1 without a pattern.
 fn values(n: usize) -> Vec<f32> {
@@ -171,5 +172,26 @@ fn winograd_stays_close_to_the_direct_convolution() {
         let difference =
             direct.iter().zip(all_values(&out)).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
         assert!(difference > 0.0 && difference / largest < bound, "{tile:?}: {}", difference / largest);
+    }
+}
+
+#[test]
+fn a_maximum_over_a_window_that_holds_nan_is_nan_wherever_it_is() {
+    for place in 0..4 {
+        let value = |y: usize, x: usize, c: usize| {
+            if 2 * y + x == place && c == 1 { f32::NAN } else { (y + x + c) as f32 - 2.0 }
+        };
+        let image: Vec<f32> = (0..4 * 19).map(|i| value(i / 38, i / 19 % 2, i % 19)).collect();
+        let map = FeatureMap::from_pixels([2, 2, 19], 0, &image).unwrap();
+        let planes = Planes::from_values(1, 2, 2, &[0, 1, 2, 3].map(|i| value(i / 2, i % 2, 1)));
+        for isa in Isa::available() {
+            let mut out = FeatureMap::zeros(1, 1, 19, 0).unwrap();
+            max_pool_2x2(isa, map.view(), Region::all(1, 1), out.band()).unwrap();
+            let nan: Vec<usize> = (0..19).filter(|&c| out.pixel(0, 0)[c].is_nan()).collect();
+            assert_eq!(nan, [1], "place {place}, {}", isa.name());
+        }
+        let mut out = Planes::zeros(1, 1, 1);
+        planar_max_pool(&planes, &mut out);
+        assert!(out.values().all(f32::is_nan), "place {place}");
     }
 }

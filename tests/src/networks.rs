@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameNetwork};
+use meissner_engine::frames::{Convolution, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
     Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, Network, NetworkParts,
     Normalisation, Pooling, Position, Reach, Readout,
@@ -74,6 +74,14 @@ impl NetworkShape {
     /// # Panics
     /// If the engine refuses it: the strategies make admissible networks only.
     pub fn build(&self) -> Network {
+        self.build_with_head().0
+    }
+
+    /// The same, with the parameters of its head, where it has one.
+    ///
+    /// # Panics
+    /// As [`Self::build`].
+    pub fn build_with_head(&self) -> (Network, Option<FrameNetworkParts>) {
         let mut random = Random::new(self.seed);
         let (events, mut channels) = level(&self.blocks, 1, &mut random);
         let mut pooled = Vec::new();
@@ -106,12 +114,14 @@ impl NetworkShape {
         };
         let times = time.map_or(1, |size| size.cells() + 1);
         let (mut segments, mut inputs) = (self.grid[0] * self.grid[1] * times, channels[readout.from]);
-        let head = self.head.map(|convolved| {
+        let head_parts = self.head.map(|convolved| {
             let image = [times * inputs, self.grid[1], self.grid[0]];
             let outputs = self.dense.last().copied().unwrap_or(1);
-            let parts = frame_networks::head(image, convolved, outputs, random.bits());
-            Arc::new(FrameNetwork::new(parts, Convolution::Direct).expect("the layers fit"))
+            frame_networks::head(image, convolved, outputs, random.bits())
         });
+        let head = head_parts
+            .clone()
+            .map(|parts| Arc::new(FrameNetwork::new(parts, Convolution::Direct).expect("the layers fit")));
         let mut dense = Vec::new();
         for (i, &outputs) in self.dense.iter().enumerate().filter(|_| head.is_none()) {
             let weight = random.values(segments * inputs * outputs, 0.5);
@@ -133,7 +143,7 @@ impl NetworkShape {
             dense,
             head,
         };
-        Network::new(parts).expect("the parts fit")
+        (Network::new(parts).expect("the parts fit"), head_parts)
     }
 }
 

@@ -28,6 +28,7 @@ fn help_and_version_succeed() {
         &["pareto", "digits", "--help"],
         &["pareto", "angle", "--help"],
         &["pareto", "slip", "--help"],
+        &["stress", "--help"],
     ] {
         assert_eq!(meissner(arguments).status.code(), Some(0), "{arguments:?}");
     }

@@ -31,4 +31,5 @@ mod prepare_graphs;
 mod resume;
 mod slip_data;
 mod slip_views;
+mod stress;
 mod support;

@@ -1,6 +1,6 @@
 //! Poolings of maps, channel by channel.
 //!
-//! Maximum: of the pixels row by row, a later one only where it is larger. Averages: sums from +0 in the order that each
+//! Maximum: of the pixels row by row, a later one only where it is larger or NaN; a window that holds NaN is NaN. Averages: sums from +0 in the order that each
 //! function states, times the inverse of their number rounded to f32.
 
 use super::region::Region;
@@ -88,7 +88,7 @@ impl<const MAXIMUM: bool> Task for Pool<'_, '_, MAXIMUM> {
                     };
                     let mut acc = if MAXIMUM { at(0) } else { S::V16::splat(simd, 0.0) };
                     for i in usize::from(MAXIMUM)..size * size {
-                        acc = if MAXIMUM { acc.max(at(i)) } else { acc.add(at(i)) };
+                        acc = if MAXIMUM { acc.max_or_nan(simd, at(i)) } else { acc.add(at(i)) };
                     }
                     let y = if MAXIMUM { acc } else { acc.mul(scale) };
                     store_some(y, &mut target[c..input.channels.min(c + 2 * LANES)]);

@@ -108,8 +108,9 @@ impl Task for Pool<'_> {
                 for c in (0..outputs).step_by(2 * LANES) {
                     let at = first + c;
                     let load = |at: usize| S::V16::load_slice(simd, &strip[at..]);
-                    let above = load(at).max(load(at + outputs));
-                    let all = above.max(load(at + row)).max(load(at + row + outputs));
+                    let above = load(at).max_or_nan(simd, load(at + outputs));
+                    let below = |all: S::V16, at: usize| all.max_or_nan(simd, load(at));
+                    let all = below(below(above, at + row), at + row + outputs);
                     store_some(all, &mut to[c..outputs.min(c + 2 * LANES)]);
                 }
             }

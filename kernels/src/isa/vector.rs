@@ -56,6 +56,20 @@ pub trait Vector<S>: Copy {
     /// `other` where it is larger, else self: where either is NaN, self.
     #[must_use]
     fn max(self, other: Self) -> Self;
+    /// `other` where it is larger or NaN, else self: what is NaN on either side stays NaN.
+    #[must_use]
+    #[inline(always)]
+    fn max_or_nan(self, simd: S, other: Self) -> Self {
+        let (mut values, mut others) = (Self::ZEROS, Self::ZEROS);
+        self.store(&mut values);
+        other.store(&mut others);
+        for (value, &mut other) in values.as_mut().iter_mut().zip(others.as_mut()) {
+            // By value, so that the comparison is one of vectors.
+            let (v, larger) = (*value, other > *value);
+            *value = if larger | other.is_nan() { other } else { v };
+        }
+        Self::load(simd, &values)
+    }
     /// Bit i is set where element i is at most that of `other`; clear where either is NaN.
     #[must_use]
     fn at_most(self, other: Self) -> u32;

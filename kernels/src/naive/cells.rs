@@ -98,13 +98,13 @@ pub fn planar_conv_lstm(
     }
 }
 
-/// The largest value of each 2 x 2 window.
+/// The largest value of each 2 x 2 window; NaN where one of them is.
 pub fn maximum_pool((channels, height, width): (usize, usize, usize), image: &[f32]) -> Vec<f32> {
     let mut out = Vec::new();
     for (c, y) in (0..channels).flat_map(|c| (0..height / 2).map(move |y| (c, y))) {
         for x in 0..width / 2 {
             let window = (0..4).map(|i| image[(c * height + 2 * y + i / 2) * width + 2 * x + i % 2]);
-            out.push(window.fold(f32::NEG_INFINITY, |m, v| if v > m { v } else { m }) + 0.0);
+            out.push(window.fold(f32::NEG_INFINITY, |m, v| if v > m || v.is_nan() { v } else { m }) + 0.0);
         }
     }
     out

@@ -203,11 +203,11 @@ pub fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Imag
     out
 }
 
-/// Maximum of 2 x 2 pixels.
+/// Maximum of 2 x 2 pixels; NaN where one of them is.
 pub fn max_pool_2x2(input: &Image) -> Image {
     Image::new([input.height / 2, input.width / 2, input.channels], |y, x, c| {
         let at = |i: usize| input.at((2 * y + i / 2) as isize, (2 * x + i % 2) as isize, c);
-        (1..4).fold(at(0), |largest, i| if at(i) > largest { at(i) } else { largest })
+        (1..4).fold(at(0), |largest, i| if at(i) > largest || at(i).is_nan() { at(i) } else { largest })
     })
 }
 

@@ -2,13 +2,13 @@
 
 use super::planes::Planes;
 
-/// The largest value of each 2 x 2 window; -0 becomes +0, which makes it free of order. O(values).
+/// The largest value of each 2 x 2 window; -0 becomes +0, which makes it free of order. A window that holds NaN is NaN. O(values).
 ///
 /// # Panics
 /// If `out` is not (channels, height / 2, width / 2).
 pub fn planar_max_pool(image: &Planes, out: &mut Planes) {
     check(image, 2, out);
-    let larger = |a: f32, b: f32| if b > a { b } else { a };
+    let larger = |a: f32, b: f32| if (b > a) | b.is_nan() { b } else { a };
     for channel in 0..out.channels() {
         for y in 0..out.height() {
             let (above, below) = (image.row(channel, 2 * y), image.row(channel, 2 * y + 1));

@@ -6,7 +6,7 @@
 use std::hint::black_box;
 
 use crate::isa::{Simd, Task, Vector, accumulate, accumulate_in_four};
-use crate::lanes::{Lanes, Wide};
+use crate::lanes::{LANES, Lanes, Wide};
 
 /// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; eight or fewer that
 /// remain stand alone.
@@ -31,6 +31,16 @@ impl Packed {
     /// Every weight as it is stored, with padding.
     pub(super) fn values(&self) -> impl Iterator<Item = f32> + '_ {
         self.wide.iter().flat_map(|wide| wide.0).chain(self.last.iter().flat_map(|last| last.0))
+    }
+
+    /// The weights as they came: rows of `outputs` values.
+    pub(super) fn unpacked(&self, outputs: usize) -> Vec<f32> {
+        let blocks = Lanes::count(outputs) / 2;
+        let value = |row: usize, o: usize| match o / (2 * LANES) {
+            block if block < blocks => self.wide[block * self.rows + row].0[o % (2 * LANES)],
+            _ => self.last[row].0[o % LANES],
+        };
+        (0..self.rows).flat_map(|row| (0..outputs).map(move |o| value(row, o))).collect()
     }
 
     /// Every row of the sixteen outputs from lane `lane`, which is even.

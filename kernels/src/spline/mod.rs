@@ -141,6 +141,28 @@ impl SplineConv {
         Ok(Self { inputs, outputs, kernel, weight, root, bias, scale, shift, elu: parts.elu })
     }
 
+    /// The parameters in `PyTorch`'s layouts: a block made of them computes the same bits. A bias of zeros and a norm that
+    /// changes nothing are there even where the block was made without. O(parameters).
+    pub fn parts(&self) -> SplineParts {
+        let values =
+            |lanes: &[Lanes]| lanes.iter().flat_map(|l| l.0).take(self.outputs).collect::<Vec<f32>>();
+        let root = self.root.as_ref().map(|root| {
+            let packed = root.unpacked(self.outputs);
+            let of = |o: usize| packed.iter().copied().skip(o).step_by(self.outputs);
+            (0..self.outputs).flat_map(of).collect()
+        });
+        SplineParts {
+            inputs: self.inputs,
+            outputs: self.outputs,
+            kernel: self.kernel,
+            weight: self.weight.unpacked(self.outputs),
+            root,
+            bias: Some(values(&self.bias)),
+            norm: Some((values(&self.scale), values(&self.shift))),
+            elu: self.elu,
+        }
+    }
+
     /// C, channels read.
     pub fn inputs(&self) -> usize {
         self.inputs

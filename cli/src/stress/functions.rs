@@ -1,0 +1,112 @@
+//! The largest error of each elementary function, over all inputs or a part of them.
+
+use meissner_kernels::{Elementary, Isa};
+use meissner_reference::{elementary, ulps};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Inputs that are computed together.
+const CHUNK: u64 = 1 << 16;
+/// Of all bit patterns, every so many are taken where a part is enough; prime, so that all patterns of low bits occur.
+const STRIDE: u64 = 4099;
+/// Bit patterns to each side of a special value.
+const NEAR: u32 = 512;
+
+/// The largest error of a function.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct FunctionRow {
+    pub(super) function: &'static str,
+    /// Inputs that were computed.
+    pub(super) inputs: u64,
+    /// Largest error in units in the last place.
+    pub(super) ulps: f64,
+    /// Where it is.
+    pub(super) at: f32,
+    /// What the function's documentation states.
+    pub(super) bound: f64,
+    /// Inputs that are not NaN and whose results are.
+    pub(super) not_numbers: u64,
+    pub(super) broken: Vec<String>,
+}
+
+/// The largest error of a part.
+#[derive(Clone, Copy, Debug)]
+struct Worst {
+    inputs: u64,
+    ulps: f64,
+    at: f32,
+    not_numbers: u64,
+}
+
+impl Worst {
+    const NONE: Self = Self { inputs: 0, ulps: 0.0, at: 0.0, not_numbers: 0 };
+
+    /// Of both, the larger; of equal ones that of the smaller bit pattern, so that no order of parts shows.
+    fn with(self, other: Self) -> Self {
+        let key = |worst: &Self| (worst.ulps, u32::MAX - worst.at.to_bits());
+        let larger = if key(&other) > key(&self) { other } else { self };
+        Self {
+            inputs: self.inputs + other.inputs,
+            not_numbers: self.not_numbers + other.not_numbers,
+            ..larger
+        }
+    }
+}
+
+/// The largest error of `function` over all bit patterns, or over a part of them; `done` hears of every share of 1 / 256.
+pub(super) fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionRow {
+    let worst = if quick {
+        let strided: Vec<u32> = (0..1u64 << 32).step_by(STRIDE as usize).map(|bits| bits as u32).collect();
+        let worst = strided.par_chunks(CHUNK as usize).map(|bits| over(function, bits.iter().copied()));
+        worst.reduce(|| Worst::NONE, Worst::with).with(over(function, near_special_values().into_iter()))
+    } else {
+        let chunks = (1u64 << 32) / CHUNK;
+        let part = |chunk: u64| {
+            if chunk.is_multiple_of(chunks / 256) {
+                done();
+            }
+            over(function, (chunk * CHUNK..(chunk + 1) * CHUNK).map(|bits| bits as u32))
+        };
+        (0..chunks).into_par_iter().map(part).reduce(|| Worst::NONE, Worst::with)
+    };
+    let Worst { inputs, ulps, at, not_numbers } = worst;
+    let bound = function.bound();
+    let mut broken = Vec::new();
+    if ulps > bound || ulps.is_nan() {
+        broken.push(format!("{ulps:.3} ULP at {at:e}, stated are {bound}"));
+    }
+    if not_numbers > 0 {
+        broken.push(format!("{not_numbers} inputs that are numbers become NaN"));
+    }
+    FunctionRow { function: function.name(), inputs, ulps, at, bound, not_numbers, broken }
+}
+
+/// The largest error over some bit patterns.
+fn over(function: Elementary, bits: impl Iterator<Item = u32>) -> Worst {
+    let inputs: Vec<f32> = bits.map(f32::from_bits).collect();
+    let mut values = inputs.clone();
+    function.apply(Isa::best(), &mut values);
+    let mut worst = Worst { inputs: inputs.len() as u64, ..Worst::NONE };
+    for (&x, &got) in inputs.iter().zip(&values) {
+        if got.is_nan() && !x.is_nan() {
+            worst.not_numbers += 1;
+        }
+        let error = ulps(got, elementary(function, f64::from(x)));
+        if error > worst.ulps {
+            (worst.ulps, worst.at) = (error, x);
+        }
+    }
+    worst
+}
+
+/// Bit patterns about zeros, ones, infinities, the ends of the denormal numbers, and where results saturate or powers of two
+/// change.
+fn near_special_values() -> Vec<u32> {
+    let halves = (1..210).map(|n| (f64::from(n) * std::f64::consts::LN_2 / 2.0) as f32);
+    let named =
+        [0.0, f32::MIN_POSITIVE, 1.0, 9.010_913, 16.635_532, 17.328_68, 30.0, 87.336_54, 88.722_84, 89.0];
+    let named = named.into_iter().chain([103.278_93, 103.972_08, 104.0, f32::MAX, f32::INFINITY, f32::NAN]);
+    let magnitudes = named.chain(halves).map(f32::to_bits);
+    let near = |bits: u32| bits.saturating_sub(NEAR)..=bits.saturating_add(NEAR).min(u32::MAX >> 1);
+    magnitudes.flat_map(near).flat_map(|bits| [bits, bits | 1 << 31]).collect()
+}

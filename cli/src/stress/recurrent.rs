@@ -1,0 +1,147 @@
+//! Gates that are saturated, open or closed, over very many frames.
+
+use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
+use meissner_kernels::Activation;
+
+use super::Size;
+use super::frames::{FrameCase, FrameSubject, Frames, layer};
+use super::random::Random;
+use super::row::Expect;
+
+/// Columns and rows of an image.
+const SIDES: [usize; 2] = [4, 3];
+/// Values of a vector.
+const INPUTS: usize = 4;
+
+/// What remembers.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Cell {
+    /// An LSTM over vectors.
+    Lstm,
+    /// A convolutional LSTM over planes.
+    ConvLstm,
+    /// One whose gates see the cells.
+    Peepholes,
+}
+
+/// All that remember.
+pub(super) const CELLS: [Cell; 3] = [Cell::Lstm, Cell::ConvLstm, Cell::Peepholes];
+
+impl Cell {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Lstm => "lstm",
+            Self::ConvLstm => "convlstm",
+            Self::Peepholes => "convlstm with peepholes",
+        }
+    }
+}
+
+/// Weights and frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gates {
+    pub(super) name: &'static str,
+    /// Of i, f, g and o.
+    bias: [f32; 4],
+    /// Factor of the weights on the frame, and on what the cell shows.
+    weights: [f32; 2],
+    /// Largest weight of a peephole.
+    peepholes: f32,
+    frames: Frames,
+    within: f64,
+}
+
+fn noise(_: u64, random: &mut Random, frame: &mut [f32]) {
+    frame.iter_mut().for_each(|v| *v = random.symmetric());
+}
+
+fn alternating(step: u64, _: &mut Random, frame: &mut [f32]) {
+    frame.fill(if step.is_multiple_of(2) { 1.0 } else { -1.0 });
+}
+
+const ORDINARY: Gates = Gates {
+    name: "ordinary",
+    bias: [0.0; 4],
+    weights: [0.6, 0.3],
+    peepholes: 0.3,
+    frames: noise,
+    within: super::WITHIN,
+};
+
+/// All of them.
+pub(super) const GATES: &[Gates] = &[
+    ORDINARY,
+    Gates { name: "forget gate at 1", bias: [0.0, 40.0, 0.0, 0.0], within: 1e-1, ..ORDINARY },
+    // Nothing leaves, everything enters: the cell is a sum over all frames, which f32 rounds at each.
+    Gates {
+        name: "all gates at 1",
+        bias: [40.0, 40.0, 0.0, 40.0],
+        weights: [0.6, 0.0],
+        peepholes: 0.0,
+        within: 1e-1,
+        ..ORDINARY
+    },
+    Gates { name: "all gates at 0", bias: [-200.0, -200.0, 0.0, -200.0], ..ORDINARY },
+    Gates { name: "gates in the denormal range", bias: [-95.0, 0.0, 0.0, 0.0], ..ORDINARY },
+    Gates { name: "gates that alternate", weights: [1e4, 0.3], frames: alternating, ..ORDINARY },
+    Gates {
+        name: "frames of 1e30",
+        frames: |step, random, frame| {
+            noise(step, random, frame);
+            frame.iter_mut().for_each(|v| *v *= 1e30);
+        },
+        ..ORDINARY
+    },
+];
+
+/// `gates` in `cell`.
+pub(super) fn case(cell: Cell, gates: &Gates, size: &Size) -> FrameCase {
+    FrameCase {
+        group: "recurrent",
+        name: gates.name,
+        subject: subject(cell, gates),
+        steps: size.frames,
+        expect: Expect::Finite,
+        within: gates.within,
+        ordinary: subject(cell, &ORDINARY),
+    }
+}
+
+fn subject(cell: Cell, gates: &Gates) -> FrameSubject {
+    let mut random = Random::new(7);
+    let [width, height] = SIDES;
+    let hidden = if matches!(cell, Cell::Lstm) { 8 } else { 2 };
+    let bias = gates.bias.iter().flat_map(|&bias| vec![bias; hidden]).collect();
+    let [on_frame, on_shown] = gates.weights;
+    let (input, kind) = match cell {
+        Cell::Lstm => {
+            let weight_ih = random.values(4 * hidden * INPUTS, on_frame);
+            let weight_hh = random.values(4 * hidden * hidden, on_shown);
+            (FrameShape::Vector(INPUTS), FrameLayerKind::Lstm { hidden, weight_ih, weight_hh, bias })
+        }
+        Cell::ConvLstm | Cell::Peepholes => {
+            // One channel of the frame, then those of what is shown, for each output.
+            let weight = (0..4 * hidden).flat_map(|_| {
+                let mut weights = random.values(9, on_frame);
+                weights.extend(random.values(9 * hidden, on_shown / 2.0));
+                weights
+            });
+            let weight = weight.collect();
+            let peepholes = matches!(cell, Cell::Peepholes)
+                .then(|| random.values(3 * hidden * height * width, gates.peepholes));
+            let activation = Activation::Tanh;
+            let kind = FrameLayerKind::ConvLstm { hidden, weight, bias, peepholes, activation };
+            (FrameShape::Image { channels: 1, height, width }, kind)
+        }
+    };
+    let shown = if matches!(cell, Cell::Lstm) { hidden } else { hidden * height * width };
+    let mut layers = vec![layer("cell", 0, kind)];
+    if !matches!(cell, Cell::Lstm) {
+        layers.push(layer("flat", 1, FrameLayerKind::Flatten));
+    }
+    let (weight, bias) = (random.values(2 * shown, 0.5), Some(random.values(2, 0.5)));
+    let dense = FrameLayerKind::Dense { outputs: 2, weight, bias, activation: Activation::Identity };
+    layers.push(layer("fc", layers.len(), dense));
+    let parts = FrameNetworkParts { name: cell.name().to_owned(), input, layers };
+    FrameSubject { parts, convolution: Convolution::Direct, frames: gates.frames }
+}

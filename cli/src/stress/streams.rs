@@ -1,0 +1,169 @@
+//! Streams that are built to hurt, through shipped networks.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use meissner_engine::{Event, Network, Sensor};
+use meissner_models::{Description, Weights};
+
+use super::Size;
+use super::events::{EventCase, Subject};
+use super::random::Random;
+use super::row::Expect;
+use crate::error::CliError;
+
+/// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
+/// past, with poolings and without.
+pub(super) const NETWORKS: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
+/// Most events in the window: fewer than there are, so that some are evicted.
+const CAPACITY: usize = 300;
+/// Of the shipped networks, in microseconds.
+const SPAN: i64 = 150_000;
+const SENSOR: Sensor = Sensor { width: 240, height: 180 };
+
+/// A stream.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub(super) name: &'static str,
+    span_us: i64,
+    sensor: Sensor,
+    /// Event `i` of so many.
+    event: fn(i: i64, count: i64, &mut Random) -> Event,
+}
+
+/// Anywhere on the sensor.
+fn spread(t_us: i64, random: &mut Random) -> Event {
+    Event::new(t_us, random.below(240) as u16, random.below(180) as u16, random.below(2) == 1)
+}
+
+/// Time `i` of those that begin at `first` and are `mean` microseconds apart, give or take as much.
+fn at(first: i64, i: i64, mean: i64, random: &mut Random) -> i64 {
+    first + i * mean + random.below(mean as u64 + 1) as i64
+}
+
+const fn usual(name: &'static str, event: fn(i64, i64, &mut Random) -> Event) -> Shape {
+    Shape { name, span_us: SPAN, sensor: SENSOR, event }
+}
+
+/// The stream that others are compared with.
+const ORDINARY: Shape = usual("ordinary", |i, _, random| spread(at(0, i, 600, random), random));
+
+/// All streams.
+pub(super) const SHAPES: &[Shape] = &[
+    ORDINARY,
+    usual("stamps around 2^53", |i, n, random| spread(at((1 << 53) - 300 * n, i, 600, random), random)),
+    usual("stamps around 2^62", |i, n, random| spread(at((1 << 62) - 300 * n, i, 600, random), random)),
+    usual("negative stamps, through 0", |i, n, random| spread(at(-300 * n, i, 600, random), random)),
+    usual("stamps from the least i64", |i, _, random| spread(at(i64::MIN, i, 600, random), random)),
+    usual("stamps up to the largest i64", |i, n, random| {
+        spread(at(i64::MAX - 600 * n - 600, i, 600, random), random)
+    }),
+    usual("least i64, then the largest", |i, n, random| {
+        // What lies more than 63 bits from the epoch is dropped.
+        spread(if i < n / 2 { at(i64::MIN, i, 600, random) } else { i64::MAX }, random)
+    }),
+    Shape {
+        span_us: 10,
+        ..usual("span of 10 us", |i, _, random| spread(i / 16 + random.below(2) as i64 / 2, random))
+    },
+    Shape {
+        span_us: 10_000_000,
+        ..usual("span of 10 s", |i, _, random| spread(at(0, i, 40_000, random), random))
+    },
+    Shape {
+        span_us: Network::LONGEST_SPAN_US,
+        ..usual("span of 12 days, stamps around 2^53", |i, n, random| {
+            let mean = Network::LONGEST_SPAN_US / 250;
+            spread(at((1 << 53) - n / 2 * mean, i, mean, random), random)
+        })
+    },
+    usual("hours of silence between bursts", |i, _, random| {
+        spread(i / 50 * 20_000_000_000 + at(0, i % 50, 20, random), random)
+    }),
+    usual("one pixel", |i, _, random| Event::new(at(0, i, 600, random), 120, 90, random.below(2) == 1)),
+    usual("one instant", |_, _, random| spread(77, random)),
+    usual("one pixel at one instant", |i, _, _| Event::new(77, 120, 90, i % 3 == 0)),
+    Shape {
+        sensor: Sensor { width: 256, height: 256 },
+        ..usual("checkerboard of equal distances", |i, _, _| {
+            let (x, y) = (i % 16, i / 16 % 16);
+            Event::new(i / 256, (2 * x + y % 2) as u16 * 4, y as u16 * 4, (x + y) % 2 == 0)
+        })
+    },
+    Shape {
+        sensor: Sensor { width: 1, height: 1 },
+        ..usual("sensor of one pixel", |i, _, random| Event::new(at(0, i, 600, random), 0, 0, i % 2 == 0))
+    },
+    Shape {
+        sensor: Sensor { width: 4096, height: 4096 },
+        ..usual("corners of 4096 x 4096", |i, _, random| {
+            let end = |bit: i64| if i & bit == 0 { 0 } else { 4095 };
+            Event::new(at(0, i, 600, random), end(1), end(2), random.below(2) == 1)
+        })
+    },
+    Shape {
+        sensor: Sensor { width: 65_535, height: 1 },
+        ..usual("ends of 65535 x 1", |i, _, random| {
+            Event::new(at(0, i, 600, random), if i % 2 == 0 { 0 } else { 65_534 }, 0, random.below(2) == 1)
+        })
+    },
+];
+
+/// The events of `shape`.
+fn events(shape: &Shape, count: usize) -> Vec<Event> {
+    let mut random = Random::new(1);
+    let count = count as i64;
+    let mut events: Vec<Event> = (0..count).map(|i| (shape.event)(i, count, &mut random)).collect();
+    events.sort_by_key(|event| event.t_us);
+    events
+}
+
+/// The shipped network `name`, with room for [`CAPACITY`] events.
+pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, CliError> {
+    let wrong = |source| CliError::Weights { weights: name.to_owned(), source };
+    let description = Description::shipped(name).ok_or_else(|| CliError::UnknownNetwork(name.to_owned()))?;
+    Ok(description.network(weights).map_err(wrong)?.with_capacity(CAPACITY)?)
+}
+
+/// The shipped weights of `name`.
+pub(super) fn weights(name: &str) -> Result<Weights, CliError> {
+    Weights::shipped(name).ok_or_else(|| CliError::NoWeights(name.to_owned()))
+}
+
+/// The ordinary stream through `network`.
+pub(super) fn ordinary(network: Network, size: &Size) -> Subject {
+    Subject { network: Arc::new(network), sensor: SENSOR, events: events(&ORDINARY, size.events) }
+}
+
+/// `shape` through the shipped network `name`.
+pub(super) fn case(shape: &Shape, name: &str, size: &Size) -> Result<EventCase, CliError> {
+    let shipped = network(name, &weights(name)?)?;
+    let subject = Subject {
+        network: Arc::new(shipped.clone().with_span_us(shape.span_us)?),
+        sensor: shape.sensor,
+        events: events(shape, size.events),
+    };
+    Ok(EventCase {
+        group: "streams",
+        name: shape.name,
+        subject,
+        norms: BTreeMap::new(),
+        expect: Expect::Finite,
+        within: super::WITHIN,
+        ordinary: ordinary(shipped, size),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_are_in_order_and_on_their_sensor() {
+        for shape in SHAPES {
+            let events = events(shape, 640);
+            assert!(events.is_sorted_by_key(|e| e.t_us), "{}", shape.name);
+            assert!(events.iter().all(|e| shape.sensor.contains(e.x, e.y)), "{}", shape.name);
+        }
+    }
+}

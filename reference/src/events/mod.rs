@@ -1,0 +1,176 @@
+//! A network over events from scratch, in f64, with the neighbourhoods and cells of the contract.
+//!
+//! Enters: a [`Stream`]. Leaves: every feature of every level, the readout, the prediction. Neighbourhoods and cells are the
+//! engine's because both follow one total order and exact integers; a value may differ by rounding alone.
+
+mod neighbours;
+mod pool;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use meissner_engine::frames::FrameNetworkParts;
+use meissner_engine::{Level, Network, Normalisation, Sensor, Stream};
+use meissner_kernels::Activation;
+
+use crate::activation::activated;
+use crate::error::ReferenceError;
+use crate::frames::FrameReference;
+use crate::spline::{BatchNorm, Edge, Norm, Spline};
+
+/// Rows of a feature, each with a value for every channel.
+pub type Rows = Vec<Vec<f64>>;
+
+/// A network over the events of a sensor.
+#[derive(Clone, Debug)]
+pub struct EventReference {
+    network: Arc<Network>,
+    sensor: Sensor,
+    /// Blocks of each level.
+    blocks: Vec<Vec<Spline>>,
+    dense: Vec<Dense>,
+    head: Option<FrameReference>,
+}
+
+/// A dense layer.
+#[derive(Clone, Debug)]
+struct Dense {
+    /// (outputs, inputs).
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+    activation: Activation,
+}
+
+/// One level.
+#[derive(Clone, Debug)]
+pub struct ReferenceLevel {
+    /// What enters the level, then what each block wrote.
+    pub features: Vec<Rows>,
+    /// First row that is in the window; rows before it are there for `frozen` in-edges.
+    pub first: usize,
+    edges: Vec<Vec<Edge>>,
+    /// Shares of sensor and span, time from the epoch.
+    positions: Vec<[f64; 3]>,
+    /// Index of each row's cell along x, y and t; empty at the event level.
+    cells: Vec<[i64; 3]>,
+}
+
+/// Everything that was computed.
+#[derive(Clone, Debug)]
+pub struct EventTrace {
+    /// The event level, then one per pooling.
+    pub levels: Vec<ReferenceLevel>,
+    /// (cells, channels).
+    pub readout: Rows,
+    /// The last layer's outputs.
+    pub prediction: Vec<f64>,
+}
+
+impl EventReference {
+    /// `network` over the events of `sensor`; `head` has the parameters of its head, where it has one.
+    ///
+    /// # Errors
+    /// [`ReferenceError::PerGraph`] for a network that is normalised per graph, [`ReferenceError::Head`] where `head` is
+    /// there and the network has none or the other way round, [`ReferenceError::Engine`] where its layers do not fit.
+    pub fn new(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        head: Option<FrameNetworkParts>,
+    ) -> Result<Self, ReferenceError> {
+        let network = network.into();
+        let parts = network.parts();
+        if parts.normalisation == Normalisation::PerGraph {
+            return Err(ReferenceError::PerGraph(parts.name.clone()));
+        }
+        if parts.head.is_some() != head.is_some() {
+            let word = |there: bool| if there { "some" } else { "none" };
+            let (expected, found) = (word(parts.head.is_some()), word(head.is_some()));
+            return Err(ReferenceError::Head { network: parts.name.clone(), expected, found });
+        }
+        let dense = |layer: &meissner_engine::DenseLayer| Dense {
+            weight: layer.dense.weight(),
+            bias: layer.dense.bias().to_vec(),
+            activation: layer.dense.activation(),
+        };
+        let blocks = |level: &Level| level.blocks.iter().map(|block| Spline::new(&block.conv)).collect();
+        Ok(Self {
+            sensor,
+            blocks: (0..network.levels()).map(|l| blocks(network.level(l))).collect(),
+            dense: parts.dense.iter().map(dense).collect(),
+            head: head.map(FrameReference::new).transpose()?,
+            network,
+        })
+    }
+
+    /// The same with the batch norms of these blocks, by name, as they were trained instead of folded.
+    ///
+    /// # Panics
+    /// If a norm has not a value for each channel of its block.
+    #[must_use]
+    pub fn with_norms(mut self, norms: &BTreeMap<String, BatchNorm>) -> Self {
+        for (l, blocks) in self.blocks.iter_mut().enumerate() {
+            for (spline, block) in blocks.iter_mut().zip(&self.network.level(l).blocks) {
+                if let Some(norm) = norms.get(&block.name) {
+                    let lengths = [&norm.gamma, &norm.beta, &norm.mean, &norm.variance].map(Vec::len);
+                    assert_eq!(
+                        lengths,
+                        [block.conv.outputs(); 4],
+                        "{}: a value for each channel",
+                        block.name
+                    );
+                    spline.norm = Norm::Full(norm.clone());
+                }
+            }
+        }
+        self
+    }
+
+    /// Computes every row of every layer. O(n^2) for the neighbourhoods of n events.
+    ///
+    /// # Panics
+    /// If an event of the stream is outside the sensor, before the epoch, or before its predecessor.
+    pub fn forward(&self, stream: Stream<'_>) -> EventTrace {
+        let parts = self.network.parts();
+        let mut levels = vec![neighbours::level(self, stream)];
+        self.run_blocks(0, &mut levels[0]);
+        for (l, (pooling, level)) in parts.pooled.iter().enumerate() {
+            let below_pooling = l.checked_sub(1).map(|below| &parts.pooled[below].0);
+            let mut pooled = pool::level(self, (pooling, level.scale), &levels[l], below_pooling, stream);
+            self.run_blocks(l + 1, &mut pooled);
+            levels.push(pooled);
+        }
+        let readout = pool::readout(self, &levels[levels.len() - 1], stream);
+        let prediction = self.after(&readout);
+        EventTrace { levels, readout, prediction }
+    }
+
+    fn run_blocks(&self, l: usize, level: &mut ReferenceLevel) {
+        for (spline, block) in self.blocks[l].iter().zip(&self.network.level(l).blocks) {
+            let input = &level.features[block.input];
+            let skip = block.skip.map(|skip| &level.features[skip]);
+            let row = |row: usize| spline.row(input, row, &level.edges[row], skip.map(|skip| &skip[row][..]));
+            let rows = (0..input.len()).map(row).collect();
+            level.features.push(rows);
+        }
+    }
+
+    /// What dense layers or the head make of the readout.
+    fn after(&self, readout: &Rows) -> Vec<f64> {
+        if let Some(head) = &self.head {
+            let cells = readout.len() / self.network.readout_times();
+            let channels = self.network.readout_channels();
+            let image: Vec<f64> = (0..readout.len() * channels)
+                .map(|i| readout[i / cells / channels * cells + i % cells][i / cells % channels])
+                .collect();
+            return head.clone().push(&image).to_vec();
+        }
+        let flat: Vec<f64> = readout.iter().flatten().copied().collect();
+        self.dense.iter().fold(flat, |values, layer| {
+            let output = |(weights, &bias): (&[f32], &f32)| {
+                let sum: f64 = values.iter().zip(weights).map(|(x, &w)| x * f64::from(w)).sum();
+                activated(layer.activation, sum + f64::from(bias))
+            };
+            layer.weight.chunks_exact(values.len()).zip(&layer.bias).map(output).collect()
+        })
+    }
+}

@@ -1,0 +1,76 @@
+//! The event level: neighbourhoods by comparing all pairs in the contract's order (smaller d2 first, then the later event),
+//! d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 from integer differences.
+
+use std::ops::Range;
+
+use meissner_engine::{Candidates, Event, Stream};
+
+use super::{EventReference, ReferenceLevel};
+use crate::spline::{Edge, attribute};
+
+/// Rows, edges and input of the event level.
+pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> ReferenceLevel {
+    let parts = reference.network.parts();
+    let oldest = stream.now_us.saturating_sub(parts.span_us);
+    let in_time = stream.events.iter().take_while(|e| e.t_us < oldest).count();
+    let first = in_time.max(stream.events.len().saturating_sub(parts.capacity));
+    // What has left the window still feeds the rows that read it on arrival.
+    let start = if parts.graph.is_frozen() { 0 } else { first };
+    let events = &stream.events[start..];
+    let extents =
+        [f64::from(reference.sensor.width), f64::from(reference.sensor.height), parts.span_us as f64];
+    let difference = |source: &Event, reader: &Event| {
+        let integers = [
+            i64::from(source.x) - i64::from(reader.x),
+            i64::from(source.y) - i64::from(reader.y),
+            source.t_us - reader.t_us,
+        ];
+        [0, 1, 2].map(|d| integers[d] as f64 / extents[d])
+    };
+    let neighbourhood = |i: usize| -> Vec<Edge> {
+        let mut found: Vec<(f64, usize)> = candidates(reference, events, i)
+            .filter(|&j| j != i)
+            .map(|j| {
+                let [x, y, t] = difference(&events[j], &events[i]);
+                ((x * x + y * y) + t * t, j)
+            })
+            .filter(|(d2, _)| *d2 <= parts.graph.reach.limit())
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        found.truncate(parts.graph.reach.most());
+        let edge = |(_, j): (f64, usize)| {
+            let u = difference(&events[j], &events[i]).map(|d| attribute(d, parts.events.scale));
+            Edge { row: j, u }
+        };
+        found.into_iter().map(edge).collect()
+    };
+    let position = |e: &Event| {
+        [
+            f64::from(e.x) / extents[0],
+            f64::from(e.y) / extents[1],
+            (e.t_us - stream.epoch_us) as f64 / extents[2],
+        ]
+    };
+    ReferenceLevel {
+        edges: (0..events.len()).map(neighbourhood).collect(),
+        features: vec![events.iter().map(|e| vec![if e.on { 1.0 } else { -1.0 }]).collect()],
+        positions: events.iter().map(position).collect(),
+        cells: Vec::new(),
+        first: first - start,
+    }
+}
+
+/// Indices that event `i` may read from, itself not excluded.
+fn candidates(reference: &EventReference, events: &[Event], i: usize) -> Range<usize> {
+    let parts = reference.network.parts();
+    match parts.graph.candidates {
+        Candidates::All => 0..events.len(),
+        Candidates::Past(_) if !parts.graph.is_frozen() => 0..i,
+        Candidates::Past(_) => {
+            // The window as it was on arrival, after it had made room.
+            let oldest = events[i].t_us.saturating_sub(parts.span_us);
+            let in_time = events[..i].iter().take_while(|e| e.t_us < oldest).count();
+            in_time.max((i + 1).saturating_sub(parts.capacity))..i
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The f64 reference against `PyTorch`, through the golden files: what it computes is right, not only what the engine computes,
+//! too. `PyTorch`'s f32 is what remains of the differences.
+
+use std::sync::Arc;
+
+use meissner_engine::{Event, Sensor, Stream};
+use meissner_models::{Description, FrameDescription, Weights};
+use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, Rows};
+use meissner_tests::shared::{Golden, shared};
+
+const SENSOR: Sensor = Sensor { width: 240, height: 180 };
+const LAYER: f64 = 1e-5;
+const PREDICTION: f64 = 1e-5;
+
+/// Asserts that the golden values are within a share of the largest magnitude of the reference's.
+fn assert_close(what: &str, golden: &[f32], reference: &[f64], share: f64) {
+    let mut difference = Difference::default();
+    difference.add_all(golden, reference);
+    assert!(difference.relative() <= share, "{what}: relative error {:e}", difference.relative());
+}
+
+fn assert_rows(what: &str, golden: &Golden, name: &str, rows: &Rows) {
+    assert_close(what, golden.floats(name), &rows.concat(), LAYER);
+}
+
+fn trace(golden: &Golden, name: &str, weights: &Weights) -> EventTrace {
+    let description = Description::shipped(name).expect("a shipped network");
+    let network = Arc::new(description.network(weights).expect("the weights fit"));
+    let rows = golden.integers("events").chunks_exact(4);
+    let events: Vec<Event> = rows.map(|e| Event::new(e[0], e[1] as u16, e[2] as u16, e[3] == 1)).collect();
+    EventReference::new(network, SENSOR, None).expect("fixed scales").forward(Stream::new(&events))
+}
+
+#[test]
+fn graphres_in_f64_agrees_with_the_golden_files() {
+    let Some(path) = shared("data/checkpoints/contact_angle_graphres.safetensors") else { return };
+    let weights = Weights::load(&path).expect("readable weights");
+    for window in ["a", "idle", "late"] {
+        let name = format!("graphres_fixed_{window}");
+        let Some(golden) = Golden::load(&name) else { return };
+        let trace = trace(&golden, "graphres", &weights);
+        let [events, pooled] = &trace.levels[..] else { panic!("{name} has two levels") };
+        for n in 1..=7 {
+            let rows = if n <= 5 { &events.features[n] } else { &pooled.features[n - 5] };
+            assert_rows(&format!("{name}: conv{n}"), &golden, &format!("conv{n}"), rows);
+        }
+        assert_rows(&format!("{name}: pool"), &golden, "pool_x", &pooled.features[0]);
+        assert_rows(&format!("{name}: readout"), &golden, "readout", &trace.readout);
+        assert_close(&format!("{name}: y"), golden.floats("y"), &trace.prediction, PREDICTION);
+    }
+}
+
+#[test]
+fn tactigraph_in_f64_agrees_with_the_golden_file() {
+    let Some(path) = shared("golden/tactigraph.safetensors") else { return };
+    let Some(golden) = Golden::load("tactigraph") else { return };
+    let weights = Weights::load(&path).expect("readable weights");
+    let trace = trace(&golden, "tactigraph", &weights);
+    for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
+        assert_rows(&format!("level{l}"), &golden, &format!("level{l}"), &level.features[feature]);
+    }
+    assert_close("y", golden.floats("y"), &trace.prediction, PREDICTION);
+}
+
+/// The shipped description, for images of another size where the golden file has one.
+fn description(name: &str, size: Option<[usize; 2]>) -> FrameDescription {
+    let path = format!("{}/../models/networks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut text = std::fs::read_to_string(path).expect("a shipped description");
+    if let Some([height, width]) = size {
+        for (key, value) in [("height", height), ("width", width)] {
+            let line = text.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("an image");
+            text = text.replacen(&line.to_owned(), &format!("{key} = {value}"), 1);
+        }
+    }
+    FrameDescription::parse(&text).expect("consistent")
+}
+
+/// Runs every sequence of the golden file; `each` says whether there is an answer for each step.
+fn check_frames(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
+    let Some(golden) = Golden::load(file) else { return };
+    let path = shared(&format!("golden/{file}.safetensors")).expect("it is there");
+    let weights = Weights::load(path).expect("readable");
+    let description = description(name, size);
+    let mut reference =
+        FrameReference::new(description.network_parts(&weights).expect("the weights fit")).expect("they fit");
+    let x: Vec<f64> = golden.floats("x").iter().map(|&v| f64::from(v)).collect();
+    let mut answers = Vec::new();
+    for sequence in x.chunks_exact(x.len() / golden.shape("x")[0]) {
+        reference.reset();
+        for frame in sequence.chunks_exact(description.input().values()) {
+            let prediction = reference.push(frame);
+            if each {
+                answers.extend_from_slice(prediction);
+            }
+        }
+        if !each {
+            answers.extend_from_slice(reference.prediction());
+        }
+    }
+    assert_close(name, golden.floats("y"), &answers, PREDICTION);
+}
+
+#[test]
+fn frame_networks_in_f64_agree_with_the_golden_files() {
+    for name in ["slip-tuned", "slip-regularised", "slip-lstm"] {
+        check_frames(name, &name.replace('-', "_"), None, false);
+    }
+    check_frames("force-convlstm", "force_convlstm", Some([21, 19]), true);
+    for name in ["force-cnnlstm", "force-lstm", "force-tdnn"] {
+        check_frames(name, &name.replace('-', "_"), None, true);
+    }
+    check_frames("event-frame-cnn", "event_frame_cnn", None, false);
+    check_frames("canf", "canf", Some([48, 64]), false);
+    check_frames("canf-plain", "canf_plain", Some([48, 64]), false);
+}

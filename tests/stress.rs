@@ -1,0 +1,168 @@
+//! What overflows: no NaN passes for a prediction, and what is infinite is the same in every way of computing it.
+
+use std::sync::Arc;
+
+use meissner_engine::frames::{
+    Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions,
+    FrameShape, Skip,
+};
+use meissner_engine::{Batch, Engine, EngineError, Event, Network, NetworkParts, Sensor, Stream};
+use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
+use meissner_models::{Description, Weights};
+use meissner_tests::compare::bits;
+use meissner_tests::random::Random;
+
+const SENSOR: Sensor = Sensor { width: 60, height: 40 };
+
+fn layer(name: &str, from: usize, kind: FrameLayerKind) -> FrameLayer {
+    FrameLayer { name: name.to_owned(), from, kind }
+}
+
+/// Pixels x, y of 8 channels; the second convolution makes NaN of what the first makes infinite, and nothing else.
+fn nan_of_infinity() -> FrameNetworkParts {
+    let conv =
+        |channels, weight| FrameLayerKind::Conv { kernel: 1, channels, weight, bias: None, relu: false };
+    let mut differences = vec![0.0; 64];
+    (0..8).for_each(|o| differences[o * 8..o * 8 + 2].copy_from_slice(&[1.0, -1.0]));
+    let dense = FrameLayerKind::Dense {
+        outputs: 1,
+        weight: vec![1.0; 8 * 4],
+        bias: None,
+        activation: Activation::Identity,
+    };
+    FrameNetworkParts {
+        name: "overflow".to_owned(),
+        input: FrameShape::Image { channels: 8, height: 4, width: 4 },
+        layers: vec![
+            layer("large", 0, conv(8, vec![10.0; 64])),
+            layer("difference", 1, conv(8, differences)),
+            layer("pool", 2, FrameLayerKind::MaxPool),
+            layer("flat", 3, FrameLayerKind::Flatten),
+            layer("fc", 4, dense),
+        ],
+    }
+}
+
+#[test]
+fn nan_in_one_pixel_of_a_pooled_window_is_an_error_wherever_it_is() {
+    let network =
+        Arc::new(FrameNetwork::new(nan_of_infinity(), Convolution::Direct).expect("the layers fit"));
+    for skip in [Skip::Exact, Skip::Nothing] {
+        let options = FrameOptions { skip, ..FrameOptions::default() };
+        let mut engine = FrameEngine::new(Arc::clone(&network), options).expect("options in range");
+        for pixel in 0..16 {
+            let mut frame = vec![1.0; 8 * 16];
+            (0..8).for_each(|c| frame[c * 16 + pixel] = 3e38);
+            engine.push(&frame).expect("finite values");
+            let error = engine.predict().map(|p| p.values.to_vec());
+            let expected = EngineError::NotANumber { layer: "difference".to_owned(), rows: 1 };
+            assert_eq!(error, Err(expected), "pixel {pixel}, {skip:?}");
+        }
+        engine.push(&[1.0; 8 * 16]).expect("finite values");
+        assert_eq!(engine.predict().expect("it goes on").values, [0.0], "{skip:?}");
+    }
+}
+
+#[test]
+fn a_tile_that_overflows_is_an_error_and_not_a_prediction() {
+    let weight = |o: usize, i: usize| if (o + i).is_multiple_of(2) { 0.02 } else { -0.02 };
+    let weight = (0..4 * 8).flat_map(|i| [weight(i / 8, i % 8); 9]).collect();
+    let conv = FrameLayerKind::Conv { kernel: 3, channels: 4, weight, bias: None, relu: false };
+    let input = FrameShape::Image { channels: 8, height: 8, width: 8 };
+    let parts = FrameNetworkParts { name: "tiles".to_owned(), input, layers: vec![layer("conv", 0, conv)] };
+    let mut random = Random::new(5);
+    let frame: Vec<f32> = (0..8 * 64).map(|_| if random.below(2) == 0 { 3e37 } else { -3e37 }).collect();
+    let predict = |convolution| {
+        let network = Arc::new(FrameNetwork::new(parts.clone(), convolution).expect("the layers fit"));
+        let mut engine = FrameEngine::new(network, FrameOptions::default()).expect("options in range");
+        engine.push(&frame).expect("finite values");
+        engine.predict().map(|p| p.values.iter().all(|v| v.is_finite()))
+    };
+    assert_eq!(predict(Convolution::Direct), Ok(true), "directly, nothing overflows");
+    // Sums inside a tile of F(4 x 4) are up to a hundred times as large as what comes of them.
+    let expected = EngineError::NotANumber { layer: "conv".to_owned(), rows: 1 };
+    assert_eq!(predict(Convolution::Winograd(WinogradTile::Four)), Err(expected));
+}
+
+fn events(count: i64) -> Vec<Event> {
+    let mut random = Random::new(2);
+    let mut pixel = |extent: u16| random.below(extent.into()) as u16;
+    (0..count).map(|i| Event::new(i * 700, pixel(60), pixel(40), i % 3 == 0)).collect()
+}
+
+/// The shipped network with its blocks' weights and those of its last dense layer times these.
+fn changed(name: &str, blocks: f32, last: f32) -> Arc<Network> {
+    let weights = Weights::shipped(name).expect("shipped weights");
+    let network = Description::shipped(name).expect("a shipped network").network(&weights);
+    let network = network.expect("the weights fit").with_capacity(48).expect("in range");
+    let mut parts: NetworkParts = network.parts().clone();
+    let scaled = |values: &[f32], by: f32| values.iter().map(|v| v * by).collect::<Vec<_>>();
+    let levels = std::iter::once(&mut parts.events).chain(parts.pooled.iter_mut().map(|(_, level)| level));
+    for block in levels.flat_map(|level| &mut level.blocks) {
+        let parts = block.conv.parts();
+        let parts = SplineParts { weight: scaled(&parts.weight, blocks), ..parts };
+        block.conv = SplineConv::new(&parts).expect("finite weights");
+    }
+    if let Some(layer) = parts.dense.last_mut() {
+        let old = &layer.dense;
+        let (segments, weight) = (old.inputs() / old.channels(), scaled(&old.weight(), last));
+        layer.dense =
+            Dense::new(segments, old.channels(), old.outputs(), &weight, Some(old.bias()), old.activation())
+                .expect("finite weights");
+    }
+    Arc::new(Network::new(parts).expect("the parts fit"))
+}
+
+/// Prediction or error after each event, which are the same from scratch.
+fn outcomes(network: &Arc<Network>) -> Vec<Result<Vec<f32>, EngineError>> {
+    let batch = Batch::new(Arc::clone(network), SENSOR).expect("the sensor has pixels");
+    let mut engine = Engine::new(Arc::clone(network), SENSOR).expect("the network is exact");
+    let events = events(120);
+    let mut out = Vec::new();
+    for i in 0..events.len() {
+        engine.push(events[i]);
+        let got = engine.predict().map(|p| p.values.to_vec());
+        let want = batch.forward(Stream::new(&events[..=i])).map(|trace| trace.prediction);
+        let text =
+            |outcome: &Result<Vec<f32>, EngineError>| outcome.as_ref().map(|v| bits(v)).map_err(Clone::clone);
+        assert_eq!(text(&got), text(&want), "event {i}");
+        out.push(got);
+    }
+    out
+}
+
+#[test]
+fn exploding_activations_are_an_error_with_the_layers_name_in_engine_and_batch_alike() {
+    for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
+        let network = changed(name, 1e6, 1.0);
+        let refused: Vec<EngineError> = outcomes(&network).into_iter().filter_map(Result::err).collect();
+        assert!(!refused.is_empty(), "{name}: 1e6 in each of 7 or 10 blocks is more than f32 holds");
+        for error in refused {
+            let EngineError::NotANumber { layer, .. } = &error else { panic!("{name}: {error}") };
+            assert!(network.layers().contains(&layer.as_str()), "{name}: {layer}");
+        }
+    }
+}
+
+#[test]
+fn an_infinite_prediction_is_given_as_such_and_holds_no_nan() {
+    for name in ["graphres", "tactigraph-past"] {
+        let outcomes = outcomes(&changed(name, 1.0, 1e38));
+        let values = || outcomes.iter().flatten().flatten();
+        assert!(values().any(|v| v.is_infinite()), "{name}");
+        assert!(!values().any(|v| v.is_nan()), "{name}");
+    }
+}
+
+#[test]
+fn vanishing_and_denormal_activations_are_the_same_bits_in_engine_and_batch() {
+    for name in ["graphres", "tactigraph-past"] {
+        for by in [1e-6, 1e-39, 1e-44] {
+            let outcomes = outcomes(&changed(name, by, 1.0));
+            assert!(
+                outcomes.iter().all(|o| o.as_ref().is_ok_and(|v| v.iter().all(|v| v.is_finite()))),
+                "{name}, {by:e}"
+            );
+        }
+    }
+}
