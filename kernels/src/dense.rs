@@ -81,21 +81,6 @@ impl Dense {
         self.outputs
     }
 
-    /// Calls `visit` with sizes, activation and the bits of every parameter, padding included, in a fixed order: what tells
-    /// two layers apart. O(parameters).
-    pub fn visit_bits(&self, mut visit: impl FnMut(u32)) {
-        let activation = match self.activation {
-            Activation::Identity => 0,
-            Activation::Relu => 1,
-            Activation::Elu => 2,
-            Activation::Sigmoid => 3,
-            Activation::Tanh => 4,
-        };
-        [self.inputs, self.outputs, self.stride, activation].into_iter().for_each(|size| visit(size as u32));
-        let weights = self.weight.iter().flat_map(|lanes| lanes.0);
-        weights.chain(self.bias.iter().copied()).for_each(|value| visit(value.to_bits()));
-    }
-
     /// Values of one row of the input; there are [`Self::inputs`] / channels rows.
     pub fn channels(&self) -> usize {
         self.channels

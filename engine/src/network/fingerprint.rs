@@ -1,5 +1,7 @@
 //! What tells two networks over events apart: everything that their predictions depend on, and names.
 
+use meissner_kernels::{Activation, Dense, SplineParts};
+
 use super::{
     Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
 };
@@ -38,7 +40,7 @@ pub(super) fn of(parts: &NetworkParts) -> u64 {
     to.size(parts.dense.len());
     for layer in &parts.dense {
         to.text(&layer.name);
-        layer.dense.visit_bits(|bits| to.word(bits.into()));
+        dense(&mut to, &layer.dense);
     }
     to.word(parts.head.is_some().into());
     if let Some(head) = &parts.head {
@@ -54,8 +56,32 @@ fn level(to: &mut Fingerprint, level: &Level) {
         to.text(name);
         to.size(*input);
         to.size(skip.map_or(0, |skip| skip + 1));
-        conv.visit_bits(|bits| to.word(bits.into()));
+        block(to, &conv.parts());
     }
+}
+
+fn block(to: &mut Fingerprint, parts: &SplineParts) {
+    let SplineParts { inputs, outputs, kernel, weight, root, bias, norm, elu } = parts;
+    [*inputs, *outputs, usize::from(*elu)].into_iter().chain(*kernel).for_each(|size| to.size(size));
+    let (scale, shift) = norm.as_ref().map_or((&[][..], &[][..]), |(scale, shift)| (scale, shift));
+    for values in
+        [weight, root.as_deref().unwrap_or_default(), bias.as_deref().unwrap_or_default(), scale, shift]
+    {
+        to.values(values);
+    }
+}
+
+fn dense(to: &mut Fingerprint, layer: &Dense) {
+    [layer.inputs(), layer.channels()].into_iter().for_each(|size| to.size(size));
+    to.word(match layer.activation() {
+        Activation::Identity => 0,
+        Activation::Relu => 1,
+        Activation::Elu => 2,
+        Activation::Sigmoid => 3,
+        Activation::Tanh => 4,
+    });
+    to.values(&layer.weight());
+    to.values(layer.bias());
 }
 
 fn pooling(to: &mut Fingerprint, pooling: &Pooling) {

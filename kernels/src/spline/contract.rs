@@ -28,11 +28,6 @@ impl Packed {
         Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
     }
 
-    /// Every weight as it is stored, with padding.
-    pub(super) fn values(&self) -> impl Iterator<Item = f32> + '_ {
-        self.wide.iter().flat_map(|wide| wide.0).chain(self.last.iter().flat_map(|last| last.0))
-    }
-
     /// The weights as they came: rows of `outputs` values.
     pub(super) fn unpacked(&self, outputs: usize) -> Vec<f32> {
         let blocks = Lanes::count(outputs) / 2;

@@ -198,20 +198,6 @@ impl SplineConv {
         spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
     }
 
-    /// Calls `visit` with sizes, switches and the bits of every parameter, padding included, in a fixed order: what tells
-    /// two blocks apart. O(parameters).
-    pub fn visit_bits(&self, mut visit: impl FnMut(u32)) {
-        let [x, y, t] = self.kernel;
-        [self.inputs, self.outputs, x, y, t].into_iter().for_each(|size| visit(size as u32));
-        visit(u32::from(self.elu) | u32::from(self.has_root()) << 1);
-        let packed = [Some(&self.weight), self.root.as_ref()].into_iter().flatten();
-        let lanes = [&self.bias, &self.scale, &self.shift].into_iter().flatten();
-        packed
-            .flat_map(Packed::values)
-            .chain(lanes.flat_map(|lanes| lanes.0))
-            .for_each(|value| visit(value.to_bits()));
-    }
-
     /// Computes rows, each as if it were alone; together, they share the weights that are loaded. Best in groups of
     /// [`Self::GROUP`].
     ///
