@@ -1,0 +1,36 @@
+//! Every promise in the documentation names tests that are there.
+
+use std::path::Path;
+
+const PAGE: &str = include_str!("../docs/what-you-can-rely-on.md");
+
+/// What stands between backticks and ends as the path of a Rust file, with a test or without.
+fn references() -> Vec<(&'static str, Option<&'static str>)> {
+    let code = PAGE.split('`').skip(1).step_by(2);
+    code.filter_map(|text| match text.split_once("::") {
+        Some((path, test)) if path.ends_with(".rs") => Some((path, Some(test))),
+        None if text.ends_with(".rs") => Some((text, None)),
+        _ => None,
+    })
+    .collect()
+}
+
+#[test]
+fn every_promise_names_tests_that_are_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace");
+    let references = references();
+    assert!(references.len() > 30, "{references:?}");
+    for (path, test) in references {
+        let text = std::fs::read_to_string(root.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let Some(test) = test else { continue };
+        let at = text.find(&format!("fn {test}(")).unwrap_or_else(|| panic!("{path} has no {test}"));
+        assert!(text[..at].trim_end().ends_with("#[test]"), "{path}: {test} is no test");
+    }
+}
+
+#[test]
+fn every_row_of_promises_names_what_holds_it() {
+    for row in PAGE.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| promise")) {
+        assert!(row.contains(".rs"), "{row}");
+    }
+}
