@@ -112,7 +112,9 @@ impl Change {
         let parts = network.parts();
         match self {
             // Rows that are computed once on arrival have nothing to be compared with.
-            Tolerance(_) => !(parts.graph.is_frozen() && parts.pooled.is_empty()),
+            Tolerance(_) => {
+                !parts.graph.is_frozen() || parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty())
+            }
             Neighbours(most) => usize::from(most) < parts.graph.reach.most(),
             Span(part, whole) => parts.span_us * part / whole > 0,
             Stride(_) | Rate(..) | Activity(_) | Stale(_) => true,
@@ -223,6 +225,8 @@ mod tests {
             "rows are computed once: {of_past:?}"
         );
         assert!(!of_past.iter().any(|name| name.contains("neighbours 8")), "it has 8: {of_past:?}");
+        assert!(!names("digits-frozen").any(|name| name.contains("tolerance")), "its cells have no blocks");
+        assert!(names("digits-past").any(|name| name.contains("tolerance")));
     }
 
     #[test]
