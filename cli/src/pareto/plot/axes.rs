@@ -12,6 +12,8 @@ pub(super) const FIELD: Area = Area { left: 92.0, top: 112.0, right: 1148.0, bot
 const NOTHING: f64 = 26.0;
 /// Room at both ends, as a share of the axis.
 const ROOM: f64 = 0.05;
+/// Largest share as a multiple of the smallest that a linear axis still tells apart.
+const MOST_LINEAR: f64 = 10.0;
 /// Most marks of a linear axis.
 const MOST_MARKS: f64 = 10.0;
 
@@ -25,6 +27,8 @@ pub(super) struct Axes {
 enum Scale {
     /// Shares at both ends.
     Linear(f64, f64),
+    /// Decimal logarithms of the shares at both ends.
+    Shares(f64, f64),
     /// Decimal logarithms at both ends.
     Logarithmic(f64, f64),
 }
@@ -40,8 +44,15 @@ impl Axes {
                     let (low, high) = s.interval_95.unwrap_or((s.error, s.error));
                     [low, high]
                 });
-                let (low, high) = widened(bounds, 0.02);
-                Scale::Linear(low, high)
+                let least = bounds.clone().fold(f64::INFINITY, f64::min);
+                let most = bounds.clone().fold(0.0, f64::max);
+                if least > 0.0 && most > MOST_LINEAR * least {
+                    let (low, high) = widened(bounds.map(f64::log10), 0.5);
+                    Scale::Shares(low, high)
+                } else {
+                    let (low, high) = widened(bounds, 0.02);
+                    Scale::Linear(low, high)
+                }
             }
             Compared::RelativeRms => {
                 let errors = settings().map(|setting| setting.error).filter(|&error| error > 0.0);
@@ -62,6 +73,9 @@ impl Axes {
             Scale::Linear(low, high) => {
                 FIELD.bottom - (error - low) / (high - low) * (FIELD.bottom - FIELD.top)
             }
+            Scale::Shares(low, high) => {
+                FIELD.bottom - (error.log10() - low) / (high - low) * (FIELD.bottom - FIELD.top)
+            }
             Scale::Logarithmic(..) if error <= 0.0 => FIELD.bottom - NOTHING / 2.0,
             Scale::Logarithmic(low, high) => {
                 let bottom = FIELD.bottom - NOTHING;
@@ -74,8 +88,11 @@ impl Axes {
     pub(super) fn write(&self, svg: &mut String, report: &Report) -> fmt::Result {
         self.times(svg)?;
         let title = match self.y {
-            Scale::Linear(low, high) => {
-                self.shares(svg, low, high)?;
+            Scale::Linear(low, high) | Scale::Shares(low, high) => {
+                match self.y {
+                    Scale::Shares(..) => self.shares_by_ratio(svg, low, high)?,
+                    _ => self.shares(svg, low, high)?,
+                }
                 let of = report.networks.iter().flat_map(|network| &network.exact().measurement.task).next();
                 format!("wrong answers, {} (%; bars: 95 % interval)", of.map_or("", |task| task.of.as_str()))
             }
@@ -144,6 +161,20 @@ impl Axes {
         for mark in marks {
             let share = mark as f64 * step;
             line(svg, self.y(share), &format!("{:.decimals$}", 100.0 * share))?;
+        }
+        Ok(())
+    }
+
+    /// Marks at 1, 2, 3, 5 and 7 of every power of ten.
+    fn shares_by_ratio(&self, svg: &mut String, low: f64, high: f64) -> fmt::Result {
+        for power in low.floor() as i32..=high.floor() as i32 {
+            for digit in [1.0, 2.0, 3.0, 5.0, 7.0] {
+                let share = digit * 10_f64.powi(power);
+                if (low..=high).contains(&share.log10()) && share <= 1.0 {
+                    let decimals = (-2 - power).max(0) as usize;
+                    line(svg, self.y(share), &format!("{:.decimals$}", 100.0 * share))?;
+                }
+            }
         }
         Ok(())
     }
