@@ -6,13 +6,13 @@ const PAGE: &str = include_str!("../docs/what-you-can-rely-on.md");
 
 /// What stands between backticks and ends as the path of a Rust file, with a test or without.
 fn references() -> Vec<(&'static str, Option<&'static str>)> {
+    let of_rust = |path: &str| Path::new(path).extension().is_some_and(|extension| extension == "rs");
     let code = PAGE.split('`').skip(1).step_by(2);
-    code.filter_map(|text| match text.split_once("::") {
-        Some((path, test)) if path.ends_with(".rs") => Some((path, Some(test))),
-        None if text.ends_with(".rs") => Some((text, None)),
-        _ => None,
-    })
-    .collect()
+    let reference = |text: &'static str| match text.split_once("::") {
+        Some((path, test)) => (path, Some(test)),
+        None => (text, None),
+    };
+    code.map(reference).filter(|(path, _)| of_rust(path)).collect()
 }
 
 #[test]
