@@ -17,6 +17,7 @@ pub(crate) use crate::pareto::ParetoArgs;
 pub(crate) use crate::play::PlayArgs;
 pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
+pub(crate) use crate::soak::SoakArgs;
 pub(crate) use crate::stress::StressArgs;
 
 pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
@@ -54,6 +55,8 @@ pub(crate) enum Command {
     Prepare(PrepareArgs),
     /// Streams, weights and states that are built to hurt: whether every promise holds, and errors against f64.
     Stress(StressArgs),
+    /// Recordings round and round for very long: bits, memory and latencies at the end as at the start.
+    Soak(SoakArgs),
 }
 
 /// What `run`, `play` and `bench` work on.

@@ -15,8 +15,10 @@
 //! | `prepare/` | `meissner prepare` |
 //! | `pareto/` | `meissner pareto` |
 //! | `stress/` | `meissner stress` |
+//! | `soak/` | `meissner soak` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `schedule` | when predictions are read |
+//! | `random` | numbers from a seed |
 //! | `latency`, `skips`, `layer_cost` | what several measure |
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
@@ -47,10 +49,12 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod random;
 mod run;
 mod schedule;
 mod skips;
 mod slip;
+mod soak;
 mod source;
 mod stress;
 mod svg;
@@ -76,6 +80,7 @@ fn main() -> ExitCode {
         Command::Prepare(args) => prepare::prepare(&args),
         Command::Pareto(args) => pareto::pareto(&args),
         Command::Stress(args) => stress::stress(&args),
+        Command::Soak(args) => soak::soak(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -106,8 +106,14 @@ fn recording_format(path: &str) -> Option<Format> {
 impl Model {
     /// The network that `args` ask for.
     pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
-        let (description, shipped) = describe(&args.network)?;
-        let (weights, label) = weights(&args.network, shipped, args.weights.as_deref())?;
+        let model = Self::named(&args.network, args.weights.as_deref())?;
+        Ok(Self { network: adapted(model.network, args)?, ..model })
+    }
+
+    /// The network called `name` as it is described, with the weights in the file at `path` or those shipped for it.
+    pub(crate) fn named(name: &str, path: Option<&Path>) -> Result<Self, CliError> {
+        let (description, shipped) = describe(name)?;
+        let (weights, label) = weights(name, shipped, path)?;
         let network = description
             .network(&weights)
             .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
@@ -121,7 +127,7 @@ impl Model {
         let multiply_adds = network.layers().into_iter().map(of_row).collect();
         Ok(Self {
             multiply_adds,
-            network: adapted(network, args)?,
+            network,
             outputs: names.iter().map(|name| format!("{name} ({unit})")).collect(),
             weights: labelled(label, &weights),
         })

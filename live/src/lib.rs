@@ -14,6 +14,7 @@
 //! | `input`, `live` | the handles of the two sides |
 //! | `worker`, `pace` | the thread that owns the engine; when it stops taking events for a prediction |
 //! | `predictor` | what the worker needs of an engine |
+//! | `record` | what a batch needs of a stream's past |
 //! | `recorded` | an engine that remembers what it accepted, to be held against a batch |
 //!
 //! Bits: what the engine is given is a sequence of events and moves of time, and its predictions are those of the same
@@ -27,6 +28,7 @@ mod live;
 mod overload;
 mod pace;
 mod predictor;
+mod record;
 mod recorded;
 mod shared;
 mod worker;
@@ -36,4 +38,5 @@ pub use input::Input;
 pub use live::{Live, Timely};
 pub use overload::{Overload, QueueCounters, QueueOptions};
 pub use predictor::Predictor;
+pub use record::Record;
 pub use recorded::Recorded;

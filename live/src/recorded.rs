@@ -1,29 +1,19 @@
 //! An engine that remembers what it accepted, to be held against a batch.
 //!
 //! Enters: events and moves of time. Leaves: the same prediction as the engine's, and on request the batch's over the
-//! accepted events. Invariant: what is remembered suffices for the batch, and is bounded.
-//!
-//! With `frozen` in-edges a row of block b holds what its neighbours held in block b - 1, and these are at most a
-//! window's capacity of events before it. A row of the window thus depends, over B blocks, on no event before the last
-//! (B + 1) capacities; earlier ones are forgotten, and the epoch is kept beside them. Without `frozen` it is one capacity.
+//! accepted events. Invariant: engine and record are given the same.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
-use meissner_engine::{
-    Admission, Batch, EngineError, Event, LatePolicy, Network, Outcome, Prediction, Sensor, Stream,
-};
+use meissner_engine::{EngineError, Event, LatePolicy, Network, Outcome, Prediction, Sensor};
 
-use crate::Predictor;
+use crate::{Predictor, Record};
 
-/// An exact engine behind the gate of its own that says what it accepts.
+/// An exact engine and the [`Record`] of what it accepted.
 #[derive(Clone, Debug)]
 pub struct Recorded<P> {
     predictor: P,
-    gate: Admission,
-    batch: Batch,
-    events: VecDeque<Event>,
-    most: usize,
+    record: Record,
 }
 
 impl<P: Predictor> Recorded<P> {
@@ -38,12 +28,7 @@ impl<P: Predictor> Recorded<P> {
         sensor: Sensor,
         late: LatePolicy,
     ) -> Result<Self, EngineError> {
-        let network = network.into();
-        let parts = network.parts();
-        let windows = if parts.graph.is_frozen() { parts.events.blocks.len() + 1 } else { 1 };
-        let most = parts.capacity.saturating_mul(windows);
-        let batch = Batch::new(network, sensor)?;
-        Ok(Self { predictor, gate: Admission::new(sensor, late), batch, events: VecDeque::new(), most })
+        Ok(Self { predictor, record: Record::new(network, sensor, late)? })
     }
 
     /// The predictor.
@@ -53,41 +38,31 @@ impl<P: Predictor> Recorded<P> {
 
     /// Most events that are remembered.
     pub fn most(&self) -> usize {
-        self.most
+        self.record.most()
     }
 
     /// Accepted events that are remembered, from the oldest.
     pub fn events(&self) -> impl Iterator<Item = Event> {
-        self.events.iter().copied()
+        self.record.events()
     }
 
-    /// The prediction from scratch over the accepted events. Cost: a row in every layer for each event remembered.
+    /// The prediction from scratch, as [`Record::from_scratch`].
     ///
     /// # Errors
-    /// [`EngineError::NotANumber`] as [`Batch::forward`].
+    /// As [`Record::from_scratch`].
     pub fn from_scratch(&mut self) -> Result<Vec<f32>, EngineError> {
-        let stream = Stream {
-            epoch_us: self.gate.epoch_us().unwrap_or(0),
-            now_us: self.gate.now_us().unwrap_or(0),
-            events: self.events.make_contiguous(),
-        };
-        Ok(self.batch.forward(stream)?.prediction)
+        self.record.from_scratch()
     }
 }
 
 impl<P: Predictor> Predictor for Recorded<P> {
     fn push(&mut self, event: Event) -> Outcome {
-        if let Ok(event) = self.gate.admit(event) {
-            if self.events.len() == self.most {
-                self.events.pop_front();
-            }
-            self.events.push_back(event);
-        }
+        self.record.push(event);
         self.predictor.push(event)
     }
 
     fn advance(&mut self, t_us: i64) {
-        self.gate.advance(t_us);
+        self.record.advance(t_us);
         self.predictor.advance(t_us);
     }
 

@@ -6,7 +6,7 @@
 //! | `pass` | one engine over all events, every call timed |
 //! | `phases` | which events belong to a burst |
 //! | `deadline` | the work of each period of stream time |
-//! | `memory` | the process's peak |
+//! | `memory` | the process's memory |
 //! | `part`, `moments` | the events that are measured, and when frames are taken of them |
 //! | `frames/` | the same for a frame network |
 //! | `compare/` | a network over events against a frame network |
@@ -34,7 +34,7 @@ use meissner_engine::{Event, Options};
 use meissner_models::AnyDescription;
 
 pub(crate) use args::BenchArgs;
-pub(crate) use memory::peak_resident_bytes;
+pub(crate) use memory::{peak_resident_bytes, resident_bytes};
 pub(crate) use part::start_us;
 
 use crate::args::Every;

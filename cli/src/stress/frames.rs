@@ -9,9 +9,9 @@ use meissner_engine::frames::{
 };
 use meissner_reference::{Difference, FrameReference};
 
-use super::random::Random;
 use super::row::{Errors, Expect, Row};
 use crate::error::CliError;
+use crate::random::Random;
 
 /// The frame of a step.
 pub(super) type Frames = fn(step: u64, &mut Random, frame: &mut [f32]);

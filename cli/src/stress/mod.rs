@@ -13,7 +13,6 @@ mod args;
 mod events;
 mod frames;
 mod functions;
-mod random;
 mod recurrent;
 mod row;
 mod streams;

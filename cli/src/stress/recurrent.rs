@@ -5,8 +5,8 @@ use meissner_kernels::Activation;
 
 use super::Size;
 use super::frames::{FrameCase, FrameSubject, Frames, layer};
-use super::random::Random;
 use super::row::Expect;
+use crate::random::Random;
 
 /// Columns and rows of an image.
 const SIDES: [usize; 2] = [4, 3];

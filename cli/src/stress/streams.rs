@@ -8,9 +8,9 @@ use meissner_models::{Description, Weights};
 
 use super::Size;
 use super::events::{EventCase, Subject};
-use super::random::Random;
 use super::row::Expect;
 use crate::error::CliError;
+use crate::random::Random;
 
 /// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
 /// past, with poolings and without.

@@ -6,8 +6,8 @@ use meissner_kernels::WinogradTile;
 
 use super::Size;
 use super::frames::{FrameCase, FrameSubject, Frames, layer};
-use super::random::Random;
 use super::row::Expect;
+use crate::random::Random;
 
 const CHANNELS: usize = 8;
 const HEIGHT: usize = 14;

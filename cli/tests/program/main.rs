@@ -31,5 +31,6 @@ mod prepare_graphs;
 mod resume;
 mod slip_data;
 mod slip_views;
+mod soak;
 mod stress;
 mod support;

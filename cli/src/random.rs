@@ -1,11 +1,11 @@
-//! Numbers from a seed, so that a case is the same on every machine.
+//! Numbers from a seed, so that what is made of them is the same on every machine.
 
 /// `SplitMix64` (Steele, Lea and Flood 2014).
 #[derive(Clone, Debug)]
-pub(super) struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed)
     }
 
@@ -18,17 +18,17 @@ impl Random {
     }
 
     /// Uniform below `bound`.
-    pub(super) fn below(&mut self, bound: u64) -> u64 {
+    pub(crate) fn below(&mut self, bound: u64) -> u64 {
         self.bits() % bound
     }
 
     /// Uniform in -1..1.
-    pub(super) fn symmetric(&mut self) -> f32 {
+    pub(crate) fn symmetric(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
 
     /// `count` values uniform in -`scale`..`scale`.
-    pub(super) fn values(&mut self, count: usize, scale: f32) -> Vec<f32> {
+    pub(crate) fn values(&mut self, count: usize, scale: f32) -> Vec<f32> {
         (0..count).map(|_| self.symmetric() * scale).collect()
     }
 }

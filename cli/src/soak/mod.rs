@@ -1,0 +1,150 @@
+//! `meissner soak`: one engine over recordings round and round, for very long, disturbed all the while.
+//!
+//! | file | job |
+//! |---|---|
+//! | `args` | what can be asked for |
+//! | `endless` | recordings one after the other for ever, stamps shifted so that time goes on |
+//! | `disturbance` | what is done to the engine between events, dealt from a seed |
+//! | `subject` | the engine, timed, and the record of what it accepted |
+//! | `report` | what came of it, as it is written as JSON |
+//! | `verdict` | which promises are broken |
+//! | `table` | the same for people |
+//!
+//! All but times and memory depends on recordings, network and seed alone.
+
+mod args;
+mod disturbance;
+mod endless;
+mod report;
+mod subject;
+mod table;
+mod verdict;
+
+use std::io::{BufWriter, Write, stdout};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use meissner_engine::{Options, Sensor};
+
+pub(crate) use args::SoakArgs;
+
+use crate::bench::{peak_resident_bytes, resident_bytes};
+use crate::error::CliError;
+use crate::model::Model;
+use crate::output;
+use crate::progress::Progress;
+use crate::random::Random;
+use crate::source::Source;
+use disturbance::Deck;
+use endless::{Endless, Tape};
+use report::{Checkpoint, Part, Report};
+use subject::{Subject, Timed};
+
+/// Runs the subcommand.
+pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
+    let model = Model::named(&args.network, args.weights.as_deref())?;
+    let (tapes, sensor) = tapes(args)?;
+    if let Some(path) = &args.json {
+        output::check_writable(path)?;
+    }
+    let report = run(args, &model, tapes, sensor)?;
+    if let Some(path) = &args.json {
+        output::write(path, output::json(&report)?)?;
+    }
+    let mut out = BufWriter::new(stdout().lock());
+    table::write(&mut out, &report)?;
+    out.flush()?;
+    match report.broken.len() {
+        0 => Ok(()),
+        broken => Err(CliError::Broken(broken)),
+    }
+}
+
+/// The recordings, and a sensor that holds all of them.
+fn tapes(args: &SoakArgs) -> Result<(Vec<Tape>, Sensor), CliError> {
+    let named: Vec<Option<&Path>> = if args.recordings.is_empty() {
+        vec![None]
+    } else {
+        args.recordings.iter().map(|path| Some(path.as_path())).collect()
+    };
+    let mut extent = Sensor::new(0, 0);
+    let mut tapes = Vec::with_capacity(named.len());
+    for recording in named {
+        let source = Source::open(recording, args.sensor.is_some())?;
+        let sensor = source.sensor(args.sensor)?;
+        extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
+        let name = source.name.clone();
+        let events = source.collect::<Result<Vec<_>, _>>()?;
+        let found = format!("{name}, which has none");
+        tapes.push(Tape::new(name, events).ok_or(CliError::Option {
+            option: "RECORDING",
+            expected: "recordings with events".to_owned(),
+            found,
+        })?);
+    }
+    Ok((tapes, extent))
+}
+
+fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Result<Report, CliError> {
+    let start = Instant::now();
+    let network = Arc::new(model.network.clone());
+    let mut stream = Endless::new(tapes, Random::new(args.seed));
+    let mut deck = Deck::new(Random::new(!args.seed), args.disturb_every);
+    let mut subject = Subject::new(Arc::clone(&network), sensor)?;
+    let checkpoints = args.events.div_ceil(args.checkpoint_every);
+    let part = checkpoints.div_ceil(10);
+    let (mut first, mut last) = (Part::new(), Part::new());
+    let mut rows = Vec::with_capacity(checkpoints as usize);
+    let progress = Progress::new(Some(args.events), false);
+    let mut done = 0;
+    for number in 0..checkpoints {
+        let mut timed = Timed::new();
+        let until = args.events.min((number + 1).saturating_mul(args.checkpoint_every));
+        while done < until {
+            if let Some(disturbance) = deck.after_an_event() {
+                subject.disturb(disturbance, &mut stream)?;
+            }
+            let event = stream.next();
+            done += 1;
+            subject.push(event, done.is_multiple_of(args.every), &mut timed)?;
+            progress.set(done);
+        }
+        let checked = subject.check()?;
+        let row = Checkpoint::new(done, &checked, &timed, resident_bytes(), start.elapsed());
+        progress.suspend(|| eprintln!("checkpoint {} of {checkpoints}: {}", number + 1, table::line(&row)));
+        if number < part {
+            first.add(&row, &timed);
+        }
+        if number >= checkpoints - part {
+            last.add(&row, &timed);
+        }
+        rows.push(row);
+    }
+    progress.finish();
+    let parts = network.parts();
+    let report = Report {
+        recordings: stream.names(),
+        rounds: stream.rounds(),
+        network: network.name().to_owned(),
+        weights: model.weights.clone(),
+        sensor: [sensor.width, sensor.height],
+        span_us: parts.span_us,
+        capacity: parts.capacity,
+        isa: Options::default().isa.name(),
+        seed: args.seed,
+        every: args.every,
+        events: done,
+        accepted: subject.accepted(),
+        disturbances: subject.disturbances(),
+        first: first.report(),
+        last: last.report(),
+        ratio: None,
+        memory: None,
+        peak_resident_bytes: peak_resident_bytes(),
+        seconds: start.elapsed().as_secs_f64(),
+        broken: Vec::new(),
+        checkpoints: rows,
+    };
+    Ok(verdict::judged(report, args.memory_growth))
+}

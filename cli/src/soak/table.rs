@@ -1,0 +1,90 @@
+//! Results of a soak for people.
+
+use std::io::{self, Write};
+
+use super::report::{Checkpoint, PartReport, Report};
+use crate::latency::Quantiles;
+use crate::text::{Table, grouped};
+
+/// What was measured at a checkpoint, in one line.
+pub(super) fn line(row: &Checkpoint) -> String {
+    let p50 = |quantiles: Option<Quantiles>| quantiles.map_or("-".to_owned(), |q| format!("{:.2}", q.p50));
+    format!(
+        "{} events in {:.0} s, {} with the batch over {}, {} resident, push {} us, predict {} us in the median",
+        grouped(row.events),
+        row.seconds,
+        if row.equal { "equal" } else { "NOT EQUAL" },
+        grouped(row.compared as u64),
+        mebibytes(row.resident_bytes),
+        p50(row.latency_us.push),
+        p50(row.latency_us.predict),
+    )
+}
+
+/// Writes everything but the single checkpoints.
+pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
+    let [width, height] = report.sensor;
+    writeln!(out, "recordings   {}", report.recordings.join(", "))?;
+    writeln!(out, "             {width}x{height} pixels, {} more rounds", grouped(report.rounds))?;
+    writeln!(out, "network      {}, incremental, {}", report.network, report.isa)?;
+    writeln!(out, "weights      {}", report.weights)?;
+    let (events, accepted) = (grouped(report.events), grouped(report.accepted));
+    writeln!(
+        out,
+        "events       {events}, {accepted} accepted, in {:.0} s; seed {}",
+        report.seconds, report.seed
+    )?;
+    let done = &report.disturbances;
+    writeln!(
+        out,
+        "disturbed    {} silences, {} moves of time, {} states as bytes, {} snapshots, {} resets\n",
+        done.silences, done.advances, done.bytes, done.snapshots, done.resets
+    )?;
+    let mut table = Table::new(&["us", "p50", "p90", "p99", "p99.9", "max", "resident"]);
+    for (name, part) in [("first tenth", &report.first), ("last tenth", &report.last)] {
+        cells(name, part).into_iter().for_each(|row| table.row(row));
+    }
+    table.write(out)?;
+    writeln!(out)?;
+    let equal = report.checkpoints.iter().filter(|row| row.equal).count();
+    writeln!(out, "bits         equal to the batch at {equal} of {} checkpoints", report.checkpoints.len())?;
+    match &report.memory {
+        Some(memory) => writeln!(
+            out,
+            "memory       {:+.1} % after warm-up: {} to {}; at most {}",
+            memory.growth_percent,
+            mebibytes(Some(memory.warm_bytes)),
+            mebibytes(Some(memory.end_bytes)),
+            mebibytes(report.peak_resident_bytes)
+        )?,
+        None => writeln!(out, "memory       not judged: too few checkpoints, or not known on this platform")?,
+    }
+    if let Some(ratio) = &report.ratio {
+        for (name, ratio) in [("push", ratio.push), ("predict", ratio.predict)] {
+            if let Some(ratio) = ratio {
+                let (p50, p99) = (ratio.p50, ratio.p99);
+                writeln!(out, "latency      {name}: last tenth to first, median {p50:.2}, p99 {p99:.2}")?;
+            }
+        }
+    }
+    report.broken.iter().try_for_each(|broken| writeln!(out, "broken: {broken}"))
+}
+
+fn cells(name: &str, part: &PartReport) -> Vec<Vec<String>> {
+    let calls = [("push", part.latency_us.push), ("predict", part.latency_us.predict)];
+    let row = |(call, quantiles): (&str, Option<Quantiles>)| {
+        let mut cells = vec![format!("{name}, {call}")];
+        match quantiles {
+            Some(q) => cells.extend([q.p50, q.p90, q.p99, q.p999, q.max].map(|us| format!("{us:.2}"))),
+            None => cells.extend([(); 5].map(|()| "-".to_owned())),
+        }
+        cells.push(mebibytes(part.resident_bytes));
+        cells
+    };
+    calls.map(row).to_vec()
+}
+
+fn mebibytes(bytes: Option<u64>) -> String {
+    bytes
+        .map_or_else(|| "unknown".to_owned(), |bytes| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20)))
+}

@@ -1,0 +1,104 @@
+//! `meissner soak` in its short form: bits, every kind of disturbance, and runs that are their seed's.
+
+use serde_json::Value;
+
+use crate::exit_status::fails;
+use crate::support::{argument, file, meissner, message, text};
+
+/// A run that ends well, and what it wrote.
+fn soak(arguments: &[&str]) -> Value {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("soak.json");
+    let output = meissner(&[&["soak"], arguments, &["--json", argument(&path)]].concat());
+    assert!(output.status.success(), "{}\n{}", message(&output), text(&output));
+    assert!(text(&output).contains("equal to the batch at"), "{}", text(&output));
+    serde_json::from_slice(&std::fs::read(path).expect("it was written")).expect("one JSON object")
+}
+
+fn count(value: &Value) -> u64 {
+    value.as_u64().unwrap_or_else(|| panic!("{value} is a count"))
+}
+
+/// What no clock and no allocator reaches.
+fn deterministic(report: &Value) -> Vec<String> {
+    let checkpoints = report["checkpoints"].as_array().expect("checkpoints");
+    let of = |row: &Value| {
+        ["events", "t_us", "nodes", "compared", "bits"].map(|key| row[key].to_string()).join(" ")
+    };
+    let mut told: Vec<String> = checkpoints.iter().map(of).collect();
+    told.push(report["disturbances"].to_string());
+    told
+}
+
+/// Every promise holds over a run of so many checkpoints, and everything was done that a soak does.
+fn holds(report: &Value, checkpoints: usize) {
+    assert_eq!(report["broken"], Value::Array(Vec::new()));
+    let rows = report["checkpoints"].as_array().expect("checkpoints");
+    assert_eq!(rows.len(), checkpoints);
+    for row in rows {
+        assert_eq!(row["equal"], true, "{row}");
+        let quantiles = ["p50", "p90", "p99", "p999", "max"].map(|key| row["push"][key].as_f64());
+        assert!(quantiles.is_sorted() && quantiles[0] > Some(0.0), "{row}");
+    }
+    let done = &report["disturbances"];
+    for kind in ["silences", "advances", "bytes", "snapshots", "resets"] {
+        assert!(count(&done[kind]) > 0, "{kind}: {done}");
+    }
+    assert_eq!(done["returns_that_differ"], 0);
+    assert!(rows.iter().any(|row| count(&row["nodes"]) > 500), "windows are full at some checkpoints");
+}
+
+#[test]
+fn a_network_over_the_past_soaks_without_a_changed_bit() {
+    let network = ["--network", "tactigraph-past", "--events", "2e5", "--checkpoint-every", "1e4"];
+    let report = soak(&[&network[..], &["--disturb-every", "5e3", "--memory-growth", "25"]].concat());
+    holds(&report, 20);
+    assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 12));
+    let known = report["checkpoints"][0]["resident_bytes"].is_u64();
+    assert_eq!((known, report["memory"].is_object()), (cfg!(target_os = "linux"), known));
+}
+
+#[test]
+fn a_network_over_all_neighbours_soaks_without_a_changed_bit() {
+    let network = ["--network", "graphres", "--events", "2e4", "--checkpoint-every", "2e3"];
+    let report = soak(&[&network[..], &["--disturb-every", "1e3", "--every", "10"]].concat());
+    holds(&report, 10);
+    assert_eq!(report["memory"], Value::Null, "ten checkpoints are too few");
+}
+
+#[test]
+fn a_run_is_its_seeds() {
+    let run = |seed| {
+        let network = ["--network", "tactigraph-past", "--events", "3e4", "--checkpoint-every", "5e3"];
+        deterministic(&soak(
+            &[&network[..], &["--disturb-every", "1e3", "--every", "100", "--seed", seed]].concat(),
+        ))
+    };
+    let first = run("5");
+    assert_eq!(first, run("5"));
+    assert_ne!(first, run("6"));
+}
+
+#[test]
+fn several_recordings_follow_one_another_on_the_largest_sensor() {
+    let (_one, small) = file("small.csv", "# sensor 8x20\n0,1,1,1\n100,2,2,1\n90,3,3,0\n");
+    let (_two, wide) = file("wide.csv", "# sensor 30x8\n5000000,29,7,1\n5000100,2,2,1\n");
+    let arguments = ["--network", "tactigraph-past", "--events", "1000", "--checkpoint-every", "100"];
+    let report =
+        soak(&[&[argument(&small), argument(&wide)], &arguments[..], &["--disturb-every", "10"]].concat());
+    assert_eq!(report["sensor"].to_string(), "[30,20]");
+    assert_eq!(
+        (count(&report["rounds"]), count(&report["accepted"]) < 1_000),
+        (399, true),
+        "one stamp steps back"
+    );
+    assert_eq!(report["broken"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn what_cannot_be_soaked_is_refused() {
+    let (_folder, empty) = file("empty.csv", "# sensor 8x8\nt,x,y,p\n");
+    fails(&meissner(&["soak", argument(&empty), "--events", "10"]), 2, &["empty.csv", "events"]);
+    fails(&meissner(&["soak", "--events", "1.5"]), 2, &["--events"]);
+    fails(&meissner(&["soak", "--events", "10", "--network", "canf"]), 1, &["canf", "frame network"]);
+}

@@ -1,0 +1,86 @@
+//! What a batch needs of a stream's past, and no more.
+//!
+//! Enters: events and moves of time. Leaves: the batch's prediction over the accepted events. Invariant: what is
+//! remembered suffices for the batch, and is bounded.
+//!
+//! With `frozen` in-edges a row of block b holds what its neighbours held in block b - 1, and these are at most a
+//! window's capacity of events before it. A row of the window thus depends, over B blocks, on no event before the last
+//! (B + 1) capacities; earlier ones are forgotten, and the epoch is kept beside them. Without `frozen` it is one capacity.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use meissner_engine::{Admission, Batch, EngineError, Event, LatePolicy, Network, Sensor, Stream};
+
+/// The accepted events that a prediction can depend on, behind a gate of its own that says which are accepted.
+#[derive(Clone, Debug)]
+pub struct Record {
+    gate: Admission,
+    batch: Batch,
+    events: VecDeque<Event>,
+    most: usize,
+}
+
+impl Record {
+    /// Remembers what an exact engine of `network` on `sensor` accepts that treats late events as `late` says. 16 bytes
+    /// for each event that is remembered, at most [`Self::most`].
+    ///
+    /// # Errors
+    /// [`EngineError::Sensor`] for a sensor without pixels.
+    pub fn new(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        late: LatePolicy,
+    ) -> Result<Self, EngineError> {
+        let network = network.into();
+        let parts = network.parts();
+        let windows = if parts.graph.is_frozen() { parts.events.blocks.len() + 1 } else { 1 };
+        let most = parts.capacity.saturating_mul(windows);
+        let batch = Batch::new(network, sensor)?;
+        Ok(Self { gate: Admission::new(sensor, late), batch, events: VecDeque::new(), most })
+    }
+
+    /// Most events that are remembered.
+    pub fn most(&self) -> usize {
+        self.most
+    }
+
+    /// Accepted events that are remembered, from the oldest.
+    pub fn events(&self) -> impl Iterator<Item = Event> {
+        self.events.iter().copied()
+    }
+
+    /// Takes an event, as `Engine::push` does.
+    pub fn push(&mut self, event: Event) {
+        if let Ok(event) = self.gate.admit(event) {
+            if self.events.len() == self.most {
+                self.events.pop_front();
+            }
+            self.events.push_back(event);
+        }
+    }
+
+    /// Moves time on, as `Engine::advance` does.
+    pub fn advance(&mut self, t_us: i64) {
+        self.gate.advance(t_us);
+    }
+
+    /// Forgets all events, as `Engine::reset` does; the memory for them is kept.
+    pub fn reset(&mut self) {
+        self.gate.reset();
+        self.events.clear();
+    }
+
+    /// The prediction from scratch over the accepted events. Cost: a row in every layer for each event remembered.
+    ///
+    /// # Errors
+    /// [`EngineError::NotANumber`] as [`Batch::forward`].
+    pub fn from_scratch(&mut self) -> Result<Vec<f32>, EngineError> {
+        let stream = Stream {
+            epoch_us: self.gate.epoch_us().unwrap_or(0),
+            now_us: self.gate.now_us().unwrap_or(0),
+            events: self.events.make_contiguous(),
+        };
+        Ok(self.batch.forward(stream)?.prediction)
+    }
+}
