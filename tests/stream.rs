@@ -85,6 +85,19 @@ fn an_advance_before_the_first_event_or_back_in_time_changes_nothing() {
     assert_eq!(stream.compare(), Ok(()));
 }
 
+/// Found by fuzzing: the comparison with the batch took such a time for the newest one.
+#[test]
+fn an_advance_further_than_63_bits_from_the_epoch_changes_nothing() {
+    let mut stream = watched(ALL);
+    assert_eq!(stream.push(Event::new(-5, 1, 1, true)), Outcome::Accepted);
+    stream.advance(i64::MAX);
+    assert_eq!((stream.engine.now_us(), stream.engine.nodes()), (Some(-5), 1));
+    assert_eq!(stream.compare(), Ok(()));
+    stream.advance(i64::MAX - 5);
+    assert_eq!((stream.engine.now_us(), stream.engine.nodes()), (Some(i64::MAX - 5), 0));
+    assert_eq!(stream.compare(), Ok(()));
+}
+
 #[test]
 fn among_equal_stamps_and_distances_the_later_arrival_comes_first() {
     for candidates in EVERY {

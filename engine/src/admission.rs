@@ -113,7 +113,8 @@ impl Admission {
         self.clock = Some((t_us, 0));
     }
 
-    /// Moves `now` on to `t_us`. Earlier times, and any time before the first event, change nothing.
+    /// Moves `now` on to `t_us`. Earlier times, any time before the first event, and times whose distance from the epoch
+    /// does not fit 64 bits change nothing.
     pub fn advance(&mut self, t_us: i64) {
         if let Some((epoch, now)) = &mut self.clock {
             *now = t_us.checked_sub(*epoch).map_or(*now, |t| t.max(*now));

@@ -201,7 +201,8 @@ impl Engine {
     }
 
     /// Moves time on to `t_us`, on the events' clock, without an event: what has become older than the span leaves.
-    /// Earlier times, and any time before the first event, change nothing.
+    /// Earlier times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
+    /// nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
         self.expire();

@@ -13,7 +13,7 @@ use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array, units};
 use crate::check::{Held, cannot_hold};
-use crate::error::{IoError, Place};
+use crate::error::{IoError, Place, beginning};
 use crate::evt2::outside;
 use crate::format::Format;
 use crate::prophesee::Header;
@@ -34,7 +34,9 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let header = Header::parse(format, bytes)?;
     // A file without a version is older than version 2 and packs its pixels otherwise.
     if header.version.as_deref() != Some("2") {
-        let actual = header.version.map_or("no version".to_owned(), |version| format!("version {version}"));
+        let actual = header
+            .version
+            .map_or("no version".to_owned(), |version| format!("version {}", beginning(&version, 40)));
         return Err(IoError::Unsupported { expected: "DAT of version 2", actual });
     }
     let sensor = header.sensor(format, SIDE)?;

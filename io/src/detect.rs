@@ -4,7 +4,7 @@
 //! without control characters and with a comma in its first line; N-MNIST has no mark at all and is tried
 //! last.
 
-use crate::error::IoError;
+use crate::error::{IoError, beginning};
 use crate::format::Format;
 use crate::prophesee::{Header, Kind, has_header};
 use crate::{aedat4, csv, nmnist, npy};
@@ -34,7 +34,7 @@ pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
             Some(Kind::Known(format)) => Ok(format),
             Some(Kind::Unknown(encoding)) => Err(IoError::Unsupported {
                 expected: "EVT 2.0 or 3.0",
-                actual: format!("encoding `{encoding}`"),
+                actual: format!("encoding `{}`", beginning(&encoding, 40)),
             }),
             None => Err(unknown(bytes)),
         };

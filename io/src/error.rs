@@ -162,3 +162,13 @@ pub enum IoError {
         actual: String,
     },
 }
+
+/// The first `most` characters of what a file says, for a message that is no longer than a person wants to read.
+pub(crate) fn beginning(text: &str, most: usize) -> String {
+    let mut characters = text.chars();
+    let mut beginning: String = characters.by_ref().take(most).collect();
+    if characters.next().is_some() {
+        beginning.push_str("..");
+    }
+    beginning
+}

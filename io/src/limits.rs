@@ -17,8 +17,10 @@ pub const PACKET_BYTES: u64 = 64 << 20;
 /// Frames are not counted in this: they are not decompressed at all.
 pub const EXPANSION: u64 = 64;
 
-/// Longest header of AEDAT4, in bytes (1 MiB; one to four kilobytes are usual).
-pub const HEADER_BYTES: u64 = 1 << 20;
+/// Longest header of AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
+///
+/// Its XML's parser compares each attribute of an element with all before it: 1 MiB of them takes a minute.
+pub const HEADER_BYTES: u64 = 1 << 16;
 
 /// Longest header of `.npy`, in bytes (64 KiB, as in version 1 of the format).
 pub const NPY_HEADER_BYTES: u64 = 1 << 16;

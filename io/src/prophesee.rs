@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use meissner_engine::Sensor;
 
+use crate::csv::shown;
 use crate::error::{IoError, Place};
 use crate::format::Format;
 
@@ -141,7 +142,7 @@ impl Header {
                     what,
                     place: Place::Byte(number.line.start as u64),
                     expected: format!("1 to {most} pixels"),
-                    actual: format!("`{}`", number.text),
+                    actual: shown(number.text.as_bytes()),
                 }),
             }
         };

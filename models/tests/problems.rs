@@ -327,6 +327,23 @@ fn a_tensor_beyond_bounds_is_reported() {
 }
 
 #[test]
+fn a_network_that_asks_for_a_terabyte_is_refused_at_the_layer_with_which_it_is_too_large() {
+    // Each layer's weights are within bounds: 2^26 of them.
+    let mut text = SMALL.split("[[layer]]").next().map(str::to_owned).unwrap_or_default();
+    let layer = |i| {
+        format!("[[layer]]\nname = \"c{i}\"\nkind = \"spline\"\nchannels = 2896\nkernel = 2\nnorm = false\n")
+    };
+    text.extend((0..1000).map(layer));
+    text += "[[layer]]\nname = \"grid\"\nkind = \"readout\"\ngrid = [1, 1]\n\
+             [[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n\
+             [output]\nnames = [\"roll\"]\nunit = \"rad\"\n";
+    let found = only(&text);
+    let expected =
+        "layer \"c5\": expected at most 268435456 parameters in the network up to this layer, found";
+    assert!(found.contains(expected), "{found}");
+}
+
+#[test]
 fn independent_problems_are_all_reported_by_line() {
     let text = changed("k = 4", "k = 0")
         .replace("channels = 3\nkernel = 2\n", "channels = \"many\"\nkernel = 2\nstride = 1\n")

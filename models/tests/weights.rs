@@ -276,6 +276,29 @@ fn many_views_of_one_storage_cannot_take_more_than_a_multiple_of_the_file() {
 }
 
 #[test]
+fn entries_that_share_bytes_are_refused() {
+    // Checked one by one, entries over the same bytes would take time that grows with the square of the archive.
+    let data = vec![0; 600];
+    let entries: [(&str, &[u8]); 3] = [("a", &data), ("b", &data), ("c", &data)];
+    assert!(archive(&entries, Deviation::default()).len() < 3 * 760);
+    let error =
+        Weights::from_bytes(&archive(&entries, Deviation { size: Some(760), ..Deviation::default() }));
+    let error = error.expect_err("refused").to_string();
+    assert!(error.contains("expected entries that share no bytes: at most"), "{error}");
+}
+
+#[test]
+fn a_pickle_or_a_header_beyond_its_bound_is_refused_before_it_is_read() {
+    let pickle = Pickle::new().raw(&vec![b')'; 1 << 22]).raw(b".");
+    let error = Weights::from_bytes(&file(&pickle, &[])).expect_err("refused").to_string();
+    assert!(error.contains("data.pkl: expected at most 4194304 bytes, found 4194307"), "{error}");
+    for length in [(1_u64 << 24) + 1, 1 << 63, u64::MAX] {
+        let error = Weights::from_bytes(&length.to_le_bytes()).expect_err("refused").to_string();
+        assert!(error.contains(&format!("at most 16777216 bytes expected, {length} found")), "{error}");
+    }
+}
+
+#[test]
 fn archives_with_64_bit_records_are_read() {
     let pickle = state_dict(&[("a", vector(3))]);
     let data = bytes_of(&[1.0, 2.0, 3.0]);

@@ -59,7 +59,8 @@ impl Watched {
     /// Moves time on.
     pub fn advance(&mut self, t_us: i64) {
         self.engine.advance(t_us);
-        if !self.accepted.is_empty() {
+        // A time whose distance from the epoch does not fit 64 bits is as little a time as that of such an event.
+        if self.accepted.first().is_some_and(|first| t_us.checked_sub(first.t_us).is_some()) {
             self.now = self.now.max(t_us);
         }
     }

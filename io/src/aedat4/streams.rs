@@ -6,7 +6,8 @@
 use meissner_engine::Sensor;
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::error::{IoError, Place};
+use crate::csv::shown;
+use crate::error::{IoError, Place, beginning};
 use crate::format::Format;
 use crate::recording::StreamKind;
 
@@ -32,9 +33,13 @@ pub(super) fn parse(format: Format, xml: &[u8], place: Place) -> Result<Vec<Stre
     };
     let text =
         std::str::from_utf8(xml).map_err(|e| malformed("XML of the streams", "UTF-8", e.to_string()))?;
+    // Each element would copy and compare all that are declared around it: 64 KiB of them take a minute.
+    if text.contains("xmlns") {
+        return Err(malformed("XML of the streams", "no name spaces", "`xmlns`".to_owned()));
+    }
     let options = ParsingOptions { nodes_limit: NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)
-        .map_err(|e| malformed("XML of the streams", "well-formed XML", e.to_string()))?;
+        .map_err(|e| malformed("XML of the streams", "well-formed XML", beginning(&e.to_string(), 200)))?;
     let Some(root) = document.descendants().find(|node| is_node(*node, "outInfo")) else {
         return Err(malformed("XML of the streams", "a node outInfo", "none".to_owned()));
     };
@@ -44,7 +49,7 @@ pub(super) fn parse(format: Format, xml: &[u8], place: Place) -> Result<Vec<Stre
         let id = node.attribute("name").unwrap_or_default();
         let id = id
             .parse()
-            .map_err(|_| malformed("number of a stream", "an integer of 32 bits", format!("`{id}`")))?;
+            .map_err(|_| malformed("number of a stream", "an integer of 32 bits", shown(id.as_bytes())))?;
         if streams.iter().any(|stream| stream.id == id) {
             return Err(malformed("number of a stream", "a number once", format!("{id} twice")));
         }
@@ -67,7 +72,7 @@ pub(super) fn parse(format: Format, xml: &[u8], place: Place) -> Result<Vec<Stre
             text.map(|text| match text.parse() {
                 // Coordinates are i16.
                 Ok(side) if (1..=1 << 15).contains(&side) => Ok(side),
-                _ => Err(malformed("size of a sensor", "1 to 32768 pixels", format!("`{text}`"))),
+                _ => Err(malformed("size of a sensor", "1 to 32768 pixels", shown(text.as_bytes()))),
             })
             .transpose()
         };

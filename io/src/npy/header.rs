@@ -2,6 +2,7 @@
 
 use super::scan::Scanner;
 use crate::bytes::Bytes;
+use crate::csv::shown;
 use crate::error::{IoError, Place};
 use crate::limits::NPY_HEADER_BYTES;
 use crate::names;
@@ -133,8 +134,8 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
         scanner.expect(b',')?;
         let kind_at = scanner.string()?;
         let Some((kind, bytes)) = kind(kind_at) else {
-            let shown = kind_at.escape_ascii();
-            return Err(scanner.error(&format!("a type of fixed size before this, not `{shown}`")));
+            let found = shown(kind_at);
+            return Err(scanner.error(&format!("a type of fixed size before this, not {found}")));
         };
         scanner.expect(b')')?;
         columns.push(Column { name, offset: stride, kind });

@@ -162,11 +162,61 @@ fn absurd_lengths_in_the_container_are_refused() {
 #[test]
 fn xml_that_expands_or_nests_without_end_is_refused() {
     let entities = r#"<!DOCTYPE d [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]><dv>&b;</dv>"#;
-    let deep = "<a>".repeat(200_000);
-    let closed = format!("{}{}", "<a>".repeat(60_000), "</a>".repeat(60_000));
+    let deep = "<a>".repeat(20_000);
+    let closed = format!("{}{}", "<a>".repeat(9_000), "</a>".repeat(9_000));
     for xml in [entities, &deep, &closed] {
         let error = decode(&header(0, xml, -1)).unwrap_err();
         assert!(matches!(error, IoError::Malformed { what: "XML of the streams", .. }), "{error}");
+    }
+}
+
+/// A parser that compares each attribute or name space with all before it takes time, and memory, that grow with the square
+/// of the header.
+#[test]
+fn xml_of_nothing_but_attributes_or_name_spaces_is_refused_in_seconds() {
+    let longest = HEADER_BYTES as usize - 100;
+    let repeated = |item: &dyn Fn(usize) -> String, bytes: usize| {
+        (0..)
+            .map(item)
+            .scan(0, |sum, item| {
+                *sum += item.len();
+                (*sum < bytes).then_some(item)
+            })
+            .collect::<String>()
+    };
+    let attributes = format!("<dv{}/>", repeated(&|i| format!(" a{i:x}=''"), longest));
+    let spaces = repeated(&|i| format!(" xmlns:a{i:x}='b'"), longest / 2);
+    let spaces = format!("<dv{spaces}>{}</dv>", repeated(&|_| "<a xmlns:z='y'/>".to_owned(), longest / 2));
+    for xml in [attributes, spaces] {
+        let start = std::time::Instant::now();
+        let error = decode(&header(0, &xml, -1)).unwrap_err();
+        assert!(matches!(error, IoError::Malformed { what: "XML of the streams", .. }), "{error}");
+        assert!(start.elapsed() < std::time::Duration::from_secs(5), "{:?}", start.elapsed());
+    }
+}
+
+#[test]
+fn messages_quote_what_a_file_says_in_part() {
+    let long = "9".repeat(50_000);
+    let xml = |streams: &str| header(0, &outputs(streams), -1);
+    let node = format!(r#"<node name="{long}"/>"#);
+    let size = format!(
+        r#"<node name="0"><attr key="typeIdentifier">EVTS</attr>
+           <node name="info"><attr key="sizeX">{long}</attr></node></node>"#
+    );
+    let descr = format!("{{'descr': [('t', '{long}')], }}");
+    let npy = [&b"\x93NUMPY\x01\0"[..], &(descr.len() as u16).to_le_bytes(), descr.as_bytes()].concat();
+    let texts = [
+        format!("% evt {long}\n"),
+        format!("% evt 2.0\n% geometry {long}x2\n"),
+        format!("% Version {long}\n"),
+        format!("# sensor {}x2\n1,2,3,4\n", &long[..4000]),
+        format!("{},{long}\n", &long[..4000]),
+    ];
+    let files = [xml(&node), xml(&size), xml(&format!("<a{long}>")), npy];
+    for bytes in files.into_iter().chain(texts.map(String::into_bytes)) {
+        let error = decode(&bytes).unwrap_err();
+        assert!(error.to_string().len() < 500, "{} bytes: {error:.600}", error.to_string().len());
     }
 }
 

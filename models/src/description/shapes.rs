@@ -15,6 +15,8 @@ use super::wiring::{Source, Wiring};
 
 /// Most values of one tensor: 256 MiB of f32.
 const LARGEST_TENSOR: usize = 1 << 26;
+/// Most parameters of a network: 1 GiB of f32.
+const MOST_PARAMETERS: usize = 1 << 28;
 
 /// What is known about a layer's output.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +55,7 @@ pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Ve
     let outputs = vec![Output::Unknown; file.layers.len()];
     let mut shapes = Shapes { file, wiring, problems, outputs, levels: vec![events] };
     let layers: Vec<Layer> = wiring.order.iter().filter_map(|&i| shapes.layer(i)).collect();
+    shapes.parameters(&layers);
     shapes.output_names();
     layers
 }
@@ -355,6 +358,28 @@ impl Shapes<'_> {
             field: ReceptiveField { steps: Vec::new(), from: FieldStart::Window },
             ..Self::checked(layer, kind, inputs, outputs)
         })
+    }
+
+    /// Reports the first layer with which the network is too large, where nothing else was reported.
+    fn parameters(&mut self, layers: &[Layer]) {
+        if !self.problems.0.is_empty() {
+            return;
+        }
+        let mut total = 0_usize;
+        for layer in layers {
+            total = total.saturating_add(layer.parameters);
+            if total > MOST_PARAMETERS {
+                let expected =
+                    format!("at most {MOST_PARAMETERS} parameters in the network up to this layer");
+                let line = self.file.layers.iter().find(|l| l.name == layer.name).map_or(1, |l| l.line);
+                self.problems.add(
+                    line,
+                    Some(&layer.name),
+                    ProblemKind::Extent { expected, found: total.to_string() },
+                );
+                return;
+            }
+        }
     }
 
     /// Compares the prediction's values with their names.

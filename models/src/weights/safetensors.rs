@@ -7,8 +7,18 @@ use safetensors::tensor::{Dtype, SafeTensors};
 use super::scalar::Float;
 use super::{FormatError, Tensor, TensorFile, Weights};
 
+/// Longest header: some 100,000 tensors. A byte of it may become ten.
+const LARGEST_HEADER: u64 = 1 << 24;
+
 /// Reads the bytes of a safetensors file.
 pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
+    if let Some(&length) = bytes.first_chunk() {
+        let length = u64::from_le_bytes(length);
+        if length > LARGEST_HEADER {
+            let found = format!("a header of at most {LARGEST_HEADER} bytes expected, {length} found");
+            return Err(FormatError::Safetensors(found));
+        }
+    }
     let invalid = |e: safetensors::SafeTensorError| FormatError::Safetensors(e.to_string());
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(invalid)?;
     let file = SafeTensors::deserialize(bytes).map_err(invalid)?;

@@ -14,6 +14,9 @@ const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
 /// The same, for a message.
 const NESTED_WORDS: &str = "\"state_dict\", \"model_state_dict\" or \"model\"";
 
+/// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
+const LARGEST_PICKLE: usize = 1 << 22;
+
 /// Whether `bytes` start as `torch.save` wrote before it wrote archives: a pickle of its magic number.
 pub(super) fn is_legacy(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20])
@@ -35,6 +38,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
             found: format!("{} other entries", archive.names().count()),
         });
     };
+    if pickle.len() > LARGEST_PICKLE {
+        return Err(FormatError::Zip {
+            what: format!("{root}data.pkl"),
+            expected: format!("at most {LARGEST_PICKLE} bytes"),
+            found: pickle.len().to_string(),
+        });
+    }
     if let Some(order) = archive.get(&format!("{root}byteorder"))?
         && order.trim_ascii() != b"little"
     {

@@ -1,7 +1,8 @@
 //! Zip archives of stored entries, as `torch.save` writes them: no compression, no encryption, one volume.
 //!
 //! Enters: the archive's bytes. Leaves: names and slices of these bytes, so nothing is allocated by a size that the
-//! archive claims. Invariant: every slice lies inside the archive and has the CRC-32 that the directory states.
+//! archive claims. Invariant: every slice lies inside the archive and has the CRC-32 that the directory states, and all of them
+//! together are no longer than the archive.
 //!
 //! Layout (PKWARE's APPNOTE 6.3): local header and data of each entry, the central directory, its end record; 64-bit
 //! forms of both where a 32-bit field is saturated. Sizes come from the directory: local headers may leave them out.
@@ -43,8 +44,14 @@ impl<'a> Archive<'a> {
             refuse("directory", format!("within {} bytes", bytes.len()), format!("{size} bytes at {start}"))
         })?;
         let mut entries = BTreeMap::new();
+        let mut left = bytes.len();
         for _ in 0..count {
             let (name, entry, length) = central(bytes, rest)?;
+            // Entries that share bytes would be checked once for each: time that grows with the square of the archive.
+            left = left.checked_sub(entry.data.len()).ok_or_else(|| {
+                let expected = format!("entries that share no bytes: at most {left} more");
+                refuse(name, expected, format!("{} bytes", entry.data.len()))
+            })?;
             if entries.insert(name, entry).is_some() {
                 return Err(refuse(name, "one entry of a name", "two"));
             }

@@ -1,0 +1,243 @@
+//! Writes the seeds of the corpora: `cargo run -p meissner-fuzz --example seeds`. Findings beside them stay.
+//!
+//! The bytes come from the writers of the tests beside each reader, which share no code with it.
+
+use std::fs;
+use std::io;
+
+use meissner_fuzz::{NETWORK, corpus, snapshot_seeds};
+use meissner_io::Format;
+use meissner_models::{AnyDescription, Description, TensorFile, draw};
+
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../io/tests/codecs/support/mod.rs"]
+mod codecs;
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../io/tests/images/support.rs"]
+mod images;
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../models/tests/support/torch.rs"]
+mod torch;
+
+use codecs::aedat4::{Compression, File, event_packet};
+use torch::{Deviation, Pickle, View, archive, state_dict};
+
+fn main() -> io::Result<()> {
+    recordings()?;
+    electrodes()?;
+    pictures()?;
+    weights()?;
+    descriptions()?;
+    let (events, frames) = snapshot_seeds();
+    for (target, seeds) in [("snapshot", events), ("frame_snapshot", frames)] {
+        for (i, bytes) in seeds.into_iter().enumerate() {
+            // The same without the byte that asks for a right checksum.
+            let plain = [&[i as u8, 0], &bytes[2..]].concat();
+            put(target, &format!("engine{i}"), &bytes)?;
+            put(target, &format!("engine{i}-as-it-is"), &plain)?;
+        }
+    }
+    scripts()
+}
+
+fn put(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let folder = corpus::folder().join(target);
+    fs::create_dir_all(&folder)?;
+    fs::write(folder.join(name), bytes)
+}
+
+fn recordings() -> io::Result<()> {
+    for (i, (format, bytes)) in codecs::samples().into_iter().enumerate() {
+        let target = format.to_string().to_lowercase().replace('-', "");
+        put(&target, &format!("sample{i}"), &bytes)?;
+        put("any_recording", &format!("{target}{i}"), &bytes)?;
+    }
+    let events = &codecs::events()[..3];
+    for compression in Compression::ALL {
+        let mut file = File::new(compression, None);
+        file.push(0, &event_packet(events));
+        put("aedat4", &format!("no-sensor-{compression:?}").to_lowercase(), &file.bytes())?;
+        file.table = None;
+        put("aedat4", &format!("not-closed-{compression:?}").to_lowercase(), &file.bytes())?;
+    }
+    put("evt2", "bare", &codecs::evt2("", &codecs::evt2_words(events)))?;
+    put(
+        "evt2",
+        "format",
+        &codecs::evt2("% format EVT2;height=720;width=1280\n", &codecs::evt2_words(events)),
+    )?;
+    put(
+        "evt2",
+        "trigger",
+        &codecs::evt2("% evt 2.0\n", &[0x8000_0001, 0xa040_0101, 0x1000_0801, 0xe000_0000]),
+    )?;
+    // Row, column, vectors of 12 and of 8, a trigger and words of the vendor.
+    let vectors = [0x8001, 0x6002, 0x0003, 0x3805, 0x4fff, 0x50ff, 0x2001, 0xa101, 0xe000, 0xf000];
+    put("evt3", "vectors", &codecs::evt3("% evt 3.0\n% geometry 640x480\n% end\n", &vectors))?;
+    put(
+        "evt3",
+        "wrap",
+        &codecs::evt3("% format EVT3\n% end\n", &[0x8fff, 0x6fff, 0x0001, 0x2001, 0x8000, 0x6000, 0x2802]),
+    )?;
+    put("dat", "no-sensor", &codecs::encoded(Format::Dat, None, events))?;
+    put("nmnist", "one", &[1, 2, 0x80, 0, 9])?;
+    let texts = [
+        ("plain", "10,3,4,1\n12,3,5,0\n"),
+        ("names", "\u{feff}P, X ,\"y\",timestamp,other\r\nTrue,1,2,3.00,x\r\n\r\n# more\r\n-1,4,5,-6,\r\n"),
+        ("sensor", "# sensor 4x3\nt,x,y,p\n1,3,2,+1\n"),
+        ("far", "-9223372036854775808,65535,65535,1\n9223372036854775807,0,0,0"),
+    ];
+    for (name, text) in texts {
+        put("csv", name, text.as_bytes())?;
+    }
+    let header = "{'descr': [('t', '>i8'), ('pad', '|V3'), ('x', '|u1'), ('y', '<i2'), ('p', '|b1')], \
+                  'fortran_order': False, 'shape': (1,), }";
+    let npy = [&b"\x93NUMPY\x02\0"[..], &(header.len() as u32).to_le_bytes(), header.as_bytes(), &[0; 15]];
+    put("npy", "other-types", &npy.concat())?;
+    for (name, start) in [("near", [0_u8, 0]), ("sensor", [1, 200]), ("far", [0, 1])] {
+        let steps: Vec<u8> = (0..90_u8).map(|i| i.wrapping_mul(37)).collect();
+        put("convert", name, &[&start[..], &steps].concat())?;
+    }
+    put("convert", "in-order", &[&[0, 0][..], &[9, 0, 3, 0, 4, 0, 1].repeat(5)].concat())
+}
+
+fn electrodes() -> io::Result<()> {
+    let names: Vec<String> = (1..=24).map(|e| format!("ff_e{e}")).collect();
+    let row = vec!["3500"; 24].join(",");
+    put("electrodes", "rows", format!("{}\n{row}\n{row}\n", names.join(",")).as_bytes())?;
+    let timed: String = [0, 10, 20, 20, 100, 90].iter().map(|t| format!("{t},{row}\n")).collect();
+    put("electrodes", "times", format!("time_ms,{}\n{timed}", names.join(",")).as_bytes())?;
+    let reversed: Vec<String> = (1..=24).rev().map(|e| format!("\"Electrode {e}\"")).collect();
+    let wrong = row.replacen("3500", "nan", 1);
+    put(
+        "electrodes",
+        "bad-rows",
+        format!("# a\r\n{}\r\n{wrong}\r\n1,2\r\n{row}\r\n", reversed.join(",")).as_bytes(),
+    )
+}
+
+fn pictures() -> io::Result<()> {
+    for (i, (name, bytes)) in images::samples().into_iter().enumerate() {
+        let target = match name {
+            "JPEG" => "jpeg",
+            "PPM" | "PGM" => "pnm",
+            _ => "png",
+        };
+        put(target, &format!("sample{i}"), &bytes)?;
+    }
+    put("jpeg", "partial-blocks", &images::jpeg(9, 3, &[[10, 128, 128], [20, 90, 200]]))?;
+    put("png", "grey16", &images::png(1, 2, 16, 0, &[0, 1, 2, 1, 3, 4]))?;
+    put("png", "alpha", &images::png(1, 1, 8, 6, &[0, 1, 2, 3, 4]))?;
+    put("pnm", "comment", b"P5# a\n2 # b\n1\n7\n\x01\x07")
+}
+
+fn weights() -> io::Result<()> {
+    let description = Description::parse(NETWORK).expect("a consistent description");
+    let drawn = draw(&description, 3);
+    let remark = [("about".to_owned(), "drawn".to_owned())];
+    put("safetensors", "network", &drawn.to_safetensors(&remark.into()))?;
+    let mut file = TensorFile::default();
+    file.f32("a", &[2, 3], &[1.0, f32::NAN, f32::INFINITY, -0.0, 1e-40, 3.0]);
+    file.i64("b", &[1], &[-1]);
+    file.i32("c", &[0, 4], &[]);
+    put("safetensors", "types", &file.into_bytes())?;
+    let header = r#"{"h":{"dtype":"F16","shape":[2],"data_offsets":[0,4]},"b":{"dtype":"BF16","shape":[],"data_offsets":[4,6]},"d":{"dtype":"F64","shape":[1],"data_offsets":[6,14]}}"#;
+    let bytes = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes(), &[0x3c; 14]].concat();
+    put("safetensors", "halves", &bytes)?;
+
+    // The same network as a state dict: one storage for each tensor.
+    let tensors: Vec<(&str, Vec<i64>, Vec<u8>)> = drawn
+        .iter()
+        .map(|(name, tensor)| {
+            let values = tensor.values().expect("floats").iter().flat_map(|v| v.to_le_bytes()).collect();
+            (name, tensor.shape().iter().map(|&size| size as i64).collect(), values)
+        })
+        .collect();
+    let keys: Vec<String> = (0..tensors.len()).map(|i| i.to_string()).collect();
+    let strides: Vec<Vec<i64>> = tensors
+        .iter()
+        .map(|(_, shape, _)| (1..=shape.len()).map(|i| shape[i..].iter().product()).collect())
+        .collect();
+    let views: Vec<(&str, View<'_>)> = (0..tensors.len())
+        .map(|i| {
+            let (name, shape, bytes) = &tensors[i];
+            let values = bytes.len() as i64 / 4;
+            let view = View {
+                storage: "FloatStorage",
+                key: &keys[i],
+                values,
+                offset: 0,
+                shape,
+                strides: &strides[i],
+            };
+            (*name, view)
+        })
+        .collect();
+    let pickle = state_dict(&views);
+    let storages: Vec<(&str, &[u8])> =
+        tensors.iter().zip(&keys).map(|((_, _, bytes), key)| (key.as_str(), bytes.as_slice())).collect();
+    put("torch", "network", &torch::file(&pickle, &storages))?;
+
+    let view =
+        View { storage: "FloatStorage", key: "0", values: 16, offset: 1, shape: &[2, 3], strides: &[1, 2] };
+    let small = state_dict(&[("a", view), ("b", View { shape: &[], strides: &[], ..view })]);
+    let entries: [(&str, &[u8]); 2] = [("data.pkl", &small.0), ("data/0", &[0; 64])];
+    put("torch", "plain", &archive(&entries, Deviation::default()))?;
+    put("torch", "wide", &archive(&entries, Deviation { wide: true, ..Deviation::default() }))?;
+    put("torch", "compressed", &archive(&entries, Deviation { method: 8, ..Deviation::default() }))?;
+    put("pickle", "views", &small.0)?;
+    let nested = Pickle::new().raw(b"}(").text("epoch").int(70_000).text("list").raw(b"](K\x01K\x02e");
+    let nested = nested.text("model").raw(&small.0[2..small.0.len() - 1]).raw(b"u.");
+    put("pickle", "checkpoint", &nested.0)?;
+    let parameter = Pickle::new().raw(b"}").text("p").global("torch._utils", "_rebuild_parameter").raw(b"(");
+    let half = View { storage: "HalfStorage", values: 32, ..view };
+    let parameter = parameter.tensor(&half).raw(&[0x88]).ordered_dict().raw(b"tRs.");
+    put("pickle", "parameter", &parameter.0)?;
+    let system = Pickle::new().global("os", "system").raw(b"(").text("true").raw(b"tR.");
+    put("pickle", "os-system", &system.0)?;
+    put("pickle", "deep", &[&[0x80, 2][..], b"N", &[0x85; 2000], b"."].concat())
+}
+
+fn descriptions() -> io::Result<()> {
+    put("description", "small", NETWORK.as_bytes())?;
+    for name in
+        ["graphres-published", "tactigraph-frozen", "digits-past", "canf", "force-convlstm", "slip-best"]
+    {
+        let path = corpus::folder().join(format!("../../models/networks/{name}.toml"));
+        let text = fs::read_to_string(path)?;
+        AnyDescription::parse(&text).expect("a shipped description");
+        put("description", name, text.as_bytes())?;
+    }
+    let head = r#"
+[[head]]
+name = "image"
+kind = "conv"
+channels = 2
+kernel = 3
+[[head]]
+name = "flat"
+kind = "flatten"
+[[head]]
+name = "out"
+kind = "dense"
+outputs = 1
+"#;
+    let (before, rest) = NETWORK.split_once("[[layer]]\nname = \"fc\"").expect("a dense layer");
+    let output = &rest[rest.find("[output]").expect("an output")..];
+    put("description", "head", format!("{before}{output}{head}").as_bytes())?;
+    let large =
+        NETWORK.replace("capacity = 16", "capacity = 65536").replace("channels = 2", "channels = 4096");
+    put("description", "large", large.as_bytes())
+}
+
+/// Bytes for the targets that take them as choices.
+fn scripts() -> io::Result<()> {
+    for seed in 0..24_u64 {
+        let mut random = meissner_tests::random::Random::new(seed);
+        let length = 80 + random.below(600);
+        let bytes: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
+        put("graph", &format!("script{seed}"), &bytes)?;
+        put("interleavings", &format!("script{seed}"), &bytes)?;
+    }
+    Ok(())
+}

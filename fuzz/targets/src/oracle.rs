@@ -1,0 +1,155 @@
+//! Bytes as a network and a stream: the engine against the batch, bit for bit.
+
+use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor};
+use meissner_tests::compare::Watched;
+use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_tests::streams::{Script, Verb};
+
+use crate::choices::Choices;
+use crate::target::Verdict;
+
+/// Most verbs of a stream, and most comparisons: each is a batch from scratch.
+const VERBS: usize = 120;
+const COMPARISONS: usize = 12;
+
+/// The event graph alone: pushes at any time and pixel, `advance`, resets; neighbourhoods against all pairs.
+///
+/// # Panics
+/// If a promise is broken.
+pub fn graph(bytes: &[u8]) -> Verdict {
+    let mut choices = Choices::new(bytes);
+    let shape = NetworkShape {
+        graph: rule(&mut choices),
+        span_us: i64::from(choices.u16()) + 1,
+        capacity: choices.within(1, 48),
+        blocks: vec![],
+        pooled: vec![],
+        from: 0,
+        grid: [1, 1],
+        dense: vec![1],
+        head: None,
+        seed: 1,
+    };
+    let sensor = Sensor::new(choices.within(1, 70) as u16, choices.within(1, 70) as u16);
+    let mut watched = Watched::new(shape.build(), sensor, Search::Exhaustive);
+    let mut now = choices.option(Choices::u64).unwrap_or(0) as i64;
+    let mut comparisons = 0;
+    for _ in 0..VERBS {
+        if choices.is_empty() {
+            break;
+        }
+        let (verb, step) = (choices.byte(), choices.byte());
+        now = match step {
+            0..200 => now.saturating_add(step.into()),
+            200..230 => now.saturating_sub((step - 199).into()),
+            230..250 => now.saturating_add(choices.u16().into()),
+            250.. => choices.u64() as i64,
+        };
+        match verb {
+            0..220 => {
+                // A few pixels lie beside the sensor.
+                let pixel = |choice: u8, side: u16| u16::from(choice) % (side + side.div_ceil(16));
+                let (x, y) = (pixel(choices.byte(), sensor.width), pixel(choices.byte(), sensor.height));
+                watched.push(Event::new(now, x, y, verb & 1 == 1));
+            }
+            220..235 => watched.advance(now),
+            235..238 => watched.reset(),
+            _ if comparisons < COMPARISONS => {
+                comparisons += 1;
+                assert_eq!(watched.compare(), Ok(()));
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(watched.compare(), Ok(()));
+    assert_eq!(watched.compare_with(Search::Grid), Ok(()));
+    Verdict::Accepted
+}
+
+/// A network of any kind under any interleaving of the engine's verbs: every row of every layer.
+///
+/// # Panics
+/// If a promise is broken.
+pub fn interleavings(bytes: &[u8]) -> Verdict {
+    let mut choices = Choices::new(bytes);
+    let shape = NetworkShape {
+        graph: rule(&mut choices),
+        span_us: 50 + i64::from(choices.u16()) % 2_000,
+        capacity: choices.within(1, 40),
+        blocks: choices.list(0, 3, block),
+        pooled: choices.list(0, 2, pool),
+        from: choices.within(0, 7),
+        grid: [choices.within(1, 5), choices.within(1, 4)],
+        dense: choices.list(1, 3, |choices| choices.within(1, 9)),
+        head: choices.option(|choices| choices.within(1, 9)),
+        seed: choices.byte().into(),
+    };
+    let sensor = Sensor::new(choices.within(1, 70) as u16, choices.within(1, 70) as u16);
+    let origins = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
+    let origin_us = origins[choices.within(0, 3)];
+    let search = if choices.flag() { Search::Exhaustive } else { Search::Grid };
+    let mut comparisons = 0;
+    let mut verbs = Vec::new();
+    while !choices.is_empty() && verbs.len() < VERBS && comparisons < COMPARISONS {
+        let verb = verb(&mut choices);
+        comparisons += usize::from(!matches!(verb, Verb::Push { .. } | Verb::Advance { .. }));
+        verbs.push(verb);
+    }
+    let script = Script { sensor, origin_us, verbs };
+    let mut watched = Watched::new(shape.build(), sensor, search);
+    assert_eq!(watched.run(&script), Ok(()));
+    Verdict::Accepted
+}
+
+fn rule(choices: &mut Choices<'_>) -> GraphRule {
+    let reach = if choices.flag() {
+        Reach::Knn { k: choices.within(1, 24) }
+    } else {
+        Reach::Radius { r: 0.05 + f64::from(choices.byte()) / 160.0, max: choices.within(1, 24) }
+    };
+    let candidates =
+        [Candidates::All, Candidates::Past(Lifetime::Window), Candidates::Past(Lifetime::Frozen)];
+    GraphRule { reach, candidates: candidates[choices.within(0, 2)] }
+}
+
+fn block(choices: &mut Choices<'_>) -> BlockShape {
+    let kernel = [choices.within(2, 4), choices.within(2, 4), choices.within(1, 4)];
+    let extras = choices.byte();
+    BlockShape {
+        channels: choices.within(1, 9),
+        kernel,
+        input: choices.within(0, 7),
+        skip: choices.option(|choices| choices.within(0, 7)),
+        extras: [0, 1, 2, 3].map(|bit| extras >> bit & 1 == 1),
+    }
+}
+
+fn pool(choices: &mut Choices<'_>) -> PoolShape {
+    let fraction =
+        |choices: &mut Choices<'_>, n, d| (choices.within(1, n) as u32, choices.within(1, d) as u32);
+    PoolShape {
+        from: choices.within(0, 7),
+        cell: [fraction(choices, 4, 9), fraction(choices, 4, 9)],
+        time: choices.option(|choices| fraction(choices, 3, 7)),
+        mean: choices.flag(),
+        blocks: choices.list(0, 2, block),
+    }
+}
+
+fn verb(choices: &mut Choices<'_>) -> Verb {
+    match choices.byte() {
+        0..200 => {
+            let step = choices.byte();
+            let dt = match step {
+                0..180 => i64::from(step),
+                180..200 => i64::from(step) - 200,
+                200.. => i64::from(choices.u16()) % 1_500,
+            };
+            Verb::Push { dt, x: choices.byte().into(), y: choices.byte().into(), on: choices.flag() }
+        }
+        200..215 => Verb::Advance { dt: i64::from(choices.u16()) % 3_000 },
+        215..218 => Verb::Reset,
+        218..222 => Verb::Snapshot,
+        222.. => Verb::Predict,
+    }
+}
