@@ -70,7 +70,7 @@ pub(crate) struct SoakArgs {
     /// "resets", "returns_that_differ"}, "first" and "last" (tenth of the checkpoints): {"push": {"p50", "p90", "p99",
     /// "p999", "max"} in microseconds, "predict": the same, "resident_bytes": median}, "ratio" (last to first): {"push":
     /// {"p50", "p99"}, "predict": the same}, "memory": {"warm_bytes", "end_bytes", "growth_percent"} or null where it is not
-    /// judged, "peak_resident_bytes", "seconds", "broken": [what], "checkpoints": [{"events", "t_us", "nodes", "compared"
+    /// judged, "peak_resident_bytes", "seconds", "broken": what is, as texts, "checkpoints": [{"events", "t_us", "nodes", "compared"
     /// (events of the batch), "equal", "bits" (of the prediction, hexadecimal), "push", "predict", "resident_bytes",
     /// "seconds"}]}.
     #[arg(long, value_name = "FILE")]

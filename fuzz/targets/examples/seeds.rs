@@ -105,7 +105,7 @@ fn electrodes() -> io::Result<()> {
     let names: Vec<String> = (1..=24).map(|e| format!("ff_e{e}")).collect();
     let row = vec!["3500"; 24].join(",");
     put("electrodes", "rows", format!("{}\n{row}\n{row}\n", names.join(",")).as_bytes())?;
-    let timed: String = [0, 10, 20, 20, 100, 90].iter().map(|t| format!("{t},{row}\n")).collect();
+    let timed = [0, 10, 20, 20, 100, 90].map(|t| format!("{t},{row}\n")).concat();
     put("electrodes", "times", format!("time_ms,{}\n{timed}", names.join(",")).as_bytes())?;
     let reversed: Vec<String> = (1..=24).rev().map(|e| format!("\"Electrode {e}\"")).collect();
     let wrong = row.replacen("3500", "nan", 1);
