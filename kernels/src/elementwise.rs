@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn vectors_give_the_bits_of_the_scalar_functions_on_every_instruction_set() {
-        let inputs: Vec<f32> = (0..=u32::MAX).step_by(65_521).map(f32::from_bits).collect();
+        let inputs: Vec<f32> = (0..=u32::MAX).step_by(65_519).map(f32::from_bits).collect();
         assert_ne!(inputs.len() % (2 * LANES), 0, "some values are left over");
         for function in Elementary::ALL {
             let expected: Vec<f32> = inputs.iter().map(|&x| function.of(x)).collect();
