@@ -5,31 +5,18 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
-use meissner_models::{FrameDescription, Weights};
+use meissner_models::Weights;
 use meissner_tests::compare::bits;
-use meissner_tests::shared::{Golden, assert_close, shared};
+use meissner_tests::shared::{Golden, assert_close, frame_description, shared};
 
 const PREDICTION: f32 = 1e-4;
-
-/// The shipped description, for images of another size where the golden file has one.
-fn description(name: &str, size: Option<[usize; 2]>) -> FrameDescription {
-    let path = format!("{}/../models/networks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let mut text = std::fs::read_to_string(path).expect("a shipped description");
-    if let Some([height, width]) = size {
-        for (key, value) in [("height", height), ("width", width)] {
-            let line = text.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("an image");
-            text = text.replacen(&line.to_owned(), &format!("{key} = {value}"), 1);
-        }
-    }
-    FrameDescription::parse(&text).expect("consistent")
-}
 
 /// Runs every sequence of the golden file; `each` says whether there is an answer for each step.
 fn check(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
     let Some(golden) = Golden::load(file) else { return };
     let weights =
         Weights::load(shared(&format!("golden/{file}.safetensors")).expect("it is there")).expect("readable");
-    let description = description(name, size);
+    let description = frame_description(name, size);
     let (x, y) = (golden.floats("x"), golden.floats("y"));
     let sequences = golden.shape("x")[0];
     let frame = description.input().values();

@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use meissner_engine::{Event, Sensor, Stream};
-use meissner_models::{Description, FrameDescription, Weights};
+use meissner_models::{Description, Weights};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, Rows};
-use meissner_tests::shared::{Golden, shared};
+use meissner_tests::shared::{Golden, frame_description, shared};
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const LAYER: f64 = 1e-5;
@@ -62,25 +62,12 @@ fn tactigraph_in_f64_agrees_with_the_golden_file() {
     assert_close("y", golden.floats("y"), &trace.prediction, PREDICTION);
 }
 
-/// The shipped description, for images of another size where the golden file has one.
-fn description(name: &str, size: Option<[usize; 2]>) -> FrameDescription {
-    let path = format!("{}/../models/networks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let mut text = std::fs::read_to_string(path).expect("a shipped description");
-    if let Some([height, width]) = size {
-        for (key, value) in [("height", height), ("width", width)] {
-            let line = text.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("an image");
-            text = text.replacen(&line.to_owned(), &format!("{key} = {value}"), 1);
-        }
-    }
-    FrameDescription::parse(&text).expect("consistent")
-}
-
 /// Runs every sequence of the golden file; `each` says whether there is an answer for each step.
 fn check_frames(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
     let Some(golden) = Golden::load(file) else { return };
     let path = shared(&format!("golden/{file}.safetensors")).expect("it is there");
     let weights = Weights::load(path).expect("readable");
-    let description = description(name, size);
+    let description = frame_description(name, size);
     let mut reference =
         FrameReference::new(description.network_parts(&weights).expect("the weights fit")).expect("they fit");
     let x: Vec<f64> = golden.floats("x").iter().map(|&v| f64::from(v)).collect();

@@ -6,9 +6,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_benches::random::Random;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
+use meissner_models::random::Random;
 use meissner_models::{FrameDescription, Weights};
 
 const NETWORKS: [&str; 2] = ["canf-plain", "canf"];

@@ -15,11 +15,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_benches::random::Random;
 use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
 use meissner_kernels::{Isa, WinogradTile};
+use meissner_models::random::Random;
 use meissner_models::{FrameDescription, Weights};
 
 const LARGEST_ERROR: f32 = 1e-4;

@@ -2,7 +2,7 @@
 
 use meissner_kernels::{ConvParts, FeatureMap};
 
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// A layer's sizes.
 #[derive(Clone, Copy, Debug)]

@@ -10,8 +10,8 @@ use meissner_kernels::{
 use crate::check::bits;
 use crate::cost::{self, Cost};
 use crate::networks;
-use crate::random::Random;
 use crate::streams::Recording;
+use meissner_models::random::Random;
 
 /// Most rows of a case: enough to go through many neighbourhoods, few enough to repeat often.
 const MOST_ROWS: usize = 1_024;

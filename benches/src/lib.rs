@@ -10,7 +10,6 @@ pub mod kernel_cases;
 pub mod lap;
 pub mod networks;
 pub mod peak;
-pub mod random;
 pub mod streams;
 pub mod timing;
 pub mod tree;

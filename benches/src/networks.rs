@@ -9,8 +9,8 @@ use meissner_engine::{
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 use meissner_models::{Description, Weights};
 
-use crate::random::Random;
 use crate::streams::SPAN_US;
+use meissner_models::random::Random;
 
 /// Shipped networks that run event by event.
 pub const INCREMENTAL: [&str; 3] = ["graphres", "tactigraph", "tactigraph-past"];

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::{Event, Sensor};
 
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// Span of the shipped networks' windows in microseconds.
 pub const SPAN_US: i64 = 150_000;
@@ -64,12 +64,12 @@ impl Recording {
         let mut out = Vec::with_capacity(events);
         let mut t_us = 0;
         for _ in 0..events {
-            t_us += i64::from(random.below(43));
+            t_us += random.below(43) as i64;
             let event = if random.below(20) == 0 {
                 let (x, y) = (random.below(346) as u16, random.below(260) as u16);
                 Event::new(t_us, x, y, random.below(2) == 0)
             } else {
-                let dot = random.below(COLUMNS * ROWS);
+                let dot = random.below((COLUMNS * ROWS).into()) as u32;
                 // A triangular sway of 12 pixels in 80 ms: integers, so that no platform's sine is asked.
                 let phase = (t_us % 80_000) as i32;
                 let (shift, right) = if phase < 40_000 {
@@ -78,7 +78,7 @@ impl Recording {
                     ((80_000 - phase) * 12 / 40_000, false)
                 };
                 let front = random.below(2) == 0;
-                let dy = random.below(2 * RADIUS as u32 + 1) as i32 - RADIUS;
+                let dy = random.below(2 * RADIUS as u64 + 1) as i32 - RADIUS;
                 let half = RADIUS - dy.abs() / 2 + random.below(3) as i32 - 1;
                 let dx = if front == right { half } else { -half };
                 let x = 20 + 27 * (dot % COLUMNS) as i32 + shift + dx;

@@ -18,7 +18,6 @@
 //! | `soak/` | `meissner soak` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `schedule` | when predictions are read |
-//! | `random` | numbers from a seed |
 //! | `latency`, `skips`, `layer_cost` | what several measure |
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
@@ -49,7 +48,6 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
-mod random;
 mod run;
 mod schedule;
 mod skips;

@@ -3,14 +3,19 @@
 //! Enters: a description and a seed. Leaves: every tensor that it needs, the same bits on every machine: integers,
 //! additions, multiplications and square roots only, in f64, rounded once to f32.
 //!
-//! Each tensor has its own stream of `SplitMix64` (Steele, Lea and Flood 2014), which starts at the seed plus the FNV-1a
+//! Each tensor has its own stream of [`Random`], which starts at the seed plus the FNV-1a
 //! hash of the tensor's name, so that a tensor does not depend on those drawn before it. A normal value is
 //! the sum of four uniform ones, centred and scaled to variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et
 //! al. 2015); of a spline convolution the inputs are its channels, for the basis of an edge sums to 1. Running variances
 //! are drawn around what the description expects, so that activations neither explode nor vanish.
 
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
+
 use crate::description::frames::FrameDescription;
 use crate::description::{Description, Needed, Role};
+use crate::random::Random;
 use crate::weights::{Tensor, Weights};
 
 /// A description whose tensors can be drawn.
@@ -51,7 +56,7 @@ mod needed {
 /// Never: every tensor is drawn in the size of its shape.
 pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
     Weights::new(description.list().into_iter().map(|needed| {
-        let mut stream = SplitMix64(seed.wrapping_add(fnv1a(&needed.name)));
+        let mut stream = Random::new(seed.wrapping_add(hash(&needed.name)));
         let draw = distribution(&needed);
         let values = (0..needed.values()).map(|_| draw(&mut stream) as f32).collect();
         let tensor = Tensor::new(needed.shape, values).expect("as many values as the shape has");
@@ -60,14 +65,14 @@ pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
 }
 
 /// How the values of a tensor are drawn: by what it is there for.
-fn distribution(needed: &Needed) -> Box<dyn Fn(&mut SplitMix64) -> f64> {
-    let uniform = |low: f64, high: f64| -> Box<dyn Fn(&mut SplitMix64) -> f64> {
+fn distribution(needed: &Needed) -> Box<dyn Fn(&mut Random) -> f64> {
+    let uniform = |low: f64, high: f64| -> Box<dyn Fn(&mut Random) -> f64> {
         Box::new(move |stream| low + (high - low) * stream.uniform())
     };
     match needed.role {
         Role::Weight { inputs } => {
             let deviation = (2.0 / inputs as f64).sqrt();
-            Box::new(move |stream| deviation * stream.normal())
+            Box::new(move |stream| deviation * normal(stream))
         }
         Role::Scale => uniform(0.8, 1.2),
         Role::Variance { about } => uniform(0.4 * about, 1.6 * about),
@@ -76,51 +81,32 @@ fn distribution(needed: &Needed) -> Box<dyn Fn(&mut SplitMix64) -> f64> {
 }
 
 /// FNV-1a, 64 bits.
-fn fnv1a(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+fn hash(text: &str) -> u64 {
+    let mut hasher = FnvHasher::default();
+    hasher.write(text.as_bytes());
+    hasher.finish()
 }
 
-/// `SplitMix64`.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// At least 0, below 1, in steps of 2^-53.
-    fn uniform(&mut self) -> f64 {
-        const STEP: f64 = 1.0 / 9_007_199_254_740_992.0;
-        (self.next() >> 11) as f64 * STEP
-    }
-
-    /// Mean 0, variance 1, within +-2 sqrt 3.
-    fn normal(&mut self) -> f64 {
-        let sum = (self.uniform() + self.uniform()) + (self.uniform() + self.uniform());
-        (sum - 2.0) * 3.0_f64.sqrt()
-    }
+/// Mean 0, variance 1, within +-2 sqrt 3.
+fn normal(random: &mut Random) -> f64 {
+    let sum = (random.uniform() + random.uniform()) + (random.uniform() + random.uniform());
+    (sum - 2.0) * 3.0_f64.sqrt()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{SplitMix64, fnv1a};
+    use super::{hash, normal};
+    use crate::random::Random;
 
     #[test]
-    fn the_generators_give_their_published_values() {
-        let mut stream = SplitMix64(1_234_567);
-        let found = [stream.next(), stream.next(), stream.next()];
-        assert_eq!(found, [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423]);
-        assert_eq!(fnv1a("foobar"), 0x8594_4171_f739_67e8);
+    fn the_hash_gives_its_published_value() {
+        assert_eq!(hash("foobar"), 0x8594_4171_f739_67e8);
     }
 
     #[test]
     fn normal_values_have_mean_0_and_variance_1() {
-        let mut stream = SplitMix64(1);
-        let values: Vec<f64> = (0..100_000).map(|_| stream.normal()).collect();
+        let mut stream = Random::new(1);
+        let values: Vec<f64> = (0..100_000).map(|_| normal(&mut stream)).collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64;
         assert!(mean.abs() < 0.02 && (variance - 1.0).abs() < 0.02, "mean {mean}, variance {variance}");

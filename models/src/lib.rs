@@ -7,6 +7,7 @@
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
+//! - [`random`]: numbers from a seed, the same on every machine
 //! - [`metrics`]: confusion, accuracy, precision, recall, F1, and how sure they are
 //! - [`systems`]: what stands around a network: normalisation, windows, reports, overlays
 //!
@@ -26,6 +27,7 @@ mod draw;
 mod error;
 pub mod inspect;
 pub mod metrics;
+pub mod random;
 mod shipped;
 pub mod systems;
 mod weights;

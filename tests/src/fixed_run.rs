@@ -3,8 +3,10 @@
 //!
 //! The numbers depend on semantics and weights alone, and may change only where these are changed on purpose.
 
+use std::hash::Hasher;
 use std::sync::Arc;
 
+use fnv::FnvHasher;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
 use meissner_engine::{Batch, Engine, Event, Options, Sensor, Stream};
 use meissner_kernels::{Isa, WinogradTile};
@@ -38,15 +40,9 @@ pub enum Mode {
     },
 }
 
-/// FNV-1a over 64 bits (Fowler, Noll and Vo): the hash of `bits` after `hash`.
-fn hashed(hash: u64, bits: u32) -> u64 {
-    bits.to_le_bytes().iter().fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
-}
-
-const START: u64 = 0xcbf2_9ce4_8422_2325;
-
-fn over(values: &[f32], hash: u64) -> u64 {
-    values.iter().fold(hash, |hash, value| hashed(hash, value.to_bits()))
+/// FNV-1a over 64 bits, whose values are its authors' on every machine (Fowler, Noll and Vo).
+fn add(hasher: &mut FnvHasher, values: &[f32]) {
+    values.iter().for_each(|value| hasher.write(&value.to_bits().to_le_bytes()));
 }
 
 /// A blob that moves over the sensor in twice the span of the networks for digits, and noise.
@@ -67,7 +63,8 @@ fn events() -> Vec<Event> {
 /// If a shipped network cannot run.
 pub fn of_events(mode: Mode) -> u64 {
     let events = events();
-    NETWORKS.iter().fold(START, |mut hash, name| {
+    let mut hash = FnvHasher::default();
+    for name in NETWORKS {
         let weights = Weights::shipped(name).expect("shipped weights");
         let network = Description::shipped(name).expect("a shipped network").network(&weights);
         let network = network.expect("the weights fit");
@@ -77,7 +74,7 @@ pub fn of_events(mode: Mode) -> u64 {
                 let mut engine = Engine::with_options(network, SENSOR, options).expect("exact");
                 for chunk in events.chunks(EVERY) {
                     engine.push_slice(chunk);
-                    hash = over(engine.predict().expect("finite").values, hash);
+                    add(&mut hash, engine.predict().expect("finite").values);
                 }
             }
             Mode::Batch { threads } => {
@@ -86,12 +83,12 @@ pub fn of_events(mode: Mode) -> u64 {
                     (1..=events.len() / EVERY).map(|n| Stream::new(&events[..n * EVERY])).collect();
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
                 for prediction in pool.install(|| batch.with_parallel_rows(true).predict_all(&streams)) {
-                    hash = over(&prediction.expect("finite"), hash);
+                    add(&mut hash, &prediction.expect("finite"));
                 }
             }
         }
-        hash
-    })
+    }
+    hash.finish()
 }
 
 /// The hash of all outputs over frames, of networks of every style with every kind of convolution.
@@ -114,7 +111,7 @@ pub fn of_frames(isa: Isa, two_threads: bool) -> u64 {
         Convolution::Winograd(WinogradTile::Four),
     ];
     let frames = frame_networks::sequence(12, image, 5);
-    let mut hash = START;
+    let mut hash = FnvHasher::default();
     for (style, convolution) in styles.into_iter().flat_map(|style| tiles.map(|tile| (style, tile))) {
         let parts = frame_networks::network(style, image, 16, 7);
         let network = Arc::new(FrameNetwork::new(parts, convolution).expect("consistent"));
@@ -122,8 +119,8 @@ pub fn of_frames(isa: Isa, two_threads: bool) -> u64 {
         let mut engine = FrameEngine::new(network, options).expect("an engine");
         for frame in &frames {
             engine.push(frame).expect("a frame");
-            hash = over(engine.predict().expect("finite").values, hash);
+            add(&mut hash, engine.predict().expect("finite").values);
         }
     }
-    hash
+    hash.finish()
 }

@@ -7,8 +7,9 @@ pub mod event_frames;
 pub mod fixed_run;
 pub mod frame_networks;
 pub mod networks;
-pub mod random;
 pub mod shared;
 pub mod snapshots;
 pub mod stored;
 pub mod streams;
+
+pub use meissner_models::random;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use meissner_models::FrameDescription;
 use safetensors::{Dtype, SafeTensors};
 
 /// `path` below the folder that `MEISSNER_SHARED` names, else `../shared`. Where it is not there, says so and returns
@@ -92,6 +93,22 @@ impl Golden {
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.floats.keys().map(String::as_str)
     }
+}
+
+/// The shipped description of a frame network, for images of another height and width where the golden file has them.
+///
+/// # Panics
+/// If there is none of that name, or `size` is for a network whose frames are no images.
+pub fn frame_description(name: &str, size: Option<[usize; 2]>) -> FrameDescription {
+    let path = format!("{}/../models/networks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut text = std::fs::read_to_string(path).expect("a shipped description");
+    if let Some([height, width]) = size {
+        for (key, value) in [("height", height), ("width", width)] {
+            let line = text.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("an image");
+            text = text.replacen(&line.to_owned(), &format!("{key} = {value}"), 1);
+        }
+    }
+    FrameDescription::parse(&text).expect("consistent")
 }
 
 /// Asserts that `got` is within `tolerance` of `expected`, relative to the largest magnitude of `expected`.

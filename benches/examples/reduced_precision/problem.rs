@@ -1,9 +1,9 @@
 //! Rows to compute: real activations and in-edges, weights from a seed, and the engine's own answer.
 
-use meissner_benches::random::Random;
 use meissner_engine::Trace;
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow};
 use meissner_kernels::{SplineScratch, spline_basis};
+use meissner_models::random::Random;
 
 /// Rows of a problem.
 pub(crate) const ROWS: usize = 1_024;

@@ -9,6 +9,7 @@
 //! makes the same events.
 
 use meissner_engine::{Event, Sensor};
+use meissner_models::random::Random;
 
 /// The simulated sensor.
 pub(crate) const SENSOR: Sensor = Sensor { width: 240, height: 180 };
@@ -42,11 +43,11 @@ const SEED: u64 = 0x6d65_6973_736e_6572;
 pub(crate) fn press_and_release() -> Vec<Event> {
     let (width, height) = (usize::from(SENSOR.width), usize::from(SENSOR.height));
     let mut before = brightness(0);
-    let mut random = Random(SEED);
+    let mut random = Random::new(SEED);
     // A pixel at rest stands anywhere between its thresholds. All in the middle would fire together at the very end,
     // when their brightness is back where it was.
     let mut reference: Vec<f64> =
-        before.iter().map(|b| b * (0.8 + random.below(1 << 16) as f64 / f64::from(1 << 17))).collect();
+        before.iter().map(|b| b * (0.8 + below(&mut random, 1 << 16) as f64 / f64::from(1 << 17))).collect();
     let mut events = Vec::new();
     for frame in 1..=DURATION_US / FRAME_US {
         let start_us = (frame - 1) * FRAME_US;
@@ -124,23 +125,15 @@ fn displaced(rest: [f64; 2], contact: [f64; 2], depth: f64) -> [f64; 2] {
 
 /// Background activity: events at random pixels and times, of either polarity.
 fn add_noise(events: &mut Vec<Event>, random: &mut Random) {
-    let mut t_us = random.below(2 * NOISE_US);
+    let mut t_us = below(random, 2 * NOISE_US);
     while t_us < DURATION_US {
-        let (x, y) = (random.below(SENSOR.width.into()) as u16, random.below(SENSOR.height.into()) as u16);
-        events.push(Event::new(t_us, x, y, random.below(2) == 1));
-        t_us += 1 + random.below(2 * NOISE_US);
+        let (x, y) = (below(random, SENSOR.width.into()) as u16, below(random, SENSOR.height.into()) as u16);
+        events.push(Event::new(t_us, x, y, below(random, 2) == 1));
+        t_us += 1 + below(random, 2 * NOISE_US);
     }
 }
 
-/// `SplitMix64`.
-struct Random(u64);
-
-impl Random {
-    /// An integer from 0 to less than `bound`.
-    fn below(&mut self, bound: i64) -> i64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 33) as i64 % bound
-    }
+/// An integer from 0 to less than `bound`.
+fn below(random: &mut Random, bound: i64) -> i64 {
+    (random.bits() >> 33) as i64 % bound
 }

@@ -3,7 +3,7 @@
 //! Enters: a seed. Leaves: disturbances at random distances. Invariant: they come from a deck that is shuffled and dealt to
 //! its end, so that eight in a row from the start of a deck hold each kind.
 
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// What is done between two events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ fn distance(random: &mut Random, mean: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::{Deck, Disturbance};
-    use crate::random::Random;
+    use meissner_models::random::Random;
 
     fn disturbances(seed: u64, events: u64) -> Vec<(u64, Disturbance)> {
         let mut deck = Deck::new(Random::new(seed), 100);

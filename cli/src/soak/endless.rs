@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use meissner_engine::Event;
 
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// Silences are below 2 to this power, in microseconds: some 9 minutes.
 const LONGEST: u64 = 29;
@@ -98,8 +98,8 @@ impl Endless {
 #[cfg(test)]
 mod tests {
     use super::{Endless, Tape};
-    use crate::random::Random;
     use meissner_engine::Event;
+    use meissner_models::random::Random;
 
     fn tape(times: &[i64]) -> Tape {
         let events = times.iter().map(|&t| Event::new(t, 0, 0, true)).collect();

@@ -34,10 +34,10 @@ use crate::error::CliError;
 use crate::model::Model;
 use crate::output;
 use crate::progress::Progress;
-use crate::random::Random;
 use crate::source::Source;
 use disturbance::Deck;
 use endless::{Endless, Tape};
+use meissner_models::random::Random;
 use report::{Checkpoint, Part, Report};
 use subject::{Subject, Timed};
 

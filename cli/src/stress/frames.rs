@@ -11,7 +11,7 @@ use meissner_reference::{Difference, FrameReference};
 
 use super::row::{Errors, Expect, Row};
 use crate::error::CliError;
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// The frame of a step.
 pub(super) type Frames = fn(step: u64, &mut Random, frame: &mut [f32]);

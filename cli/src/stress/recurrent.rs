@@ -6,7 +6,7 @@ use meissner_kernels::Activation;
 use super::Size;
 use super::frames::{FrameCase, FrameSubject, Frames, layer};
 use super::row::Expect;
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// Columns and rows of an image.
 const SIDES: [usize; 2] = [4, 3];

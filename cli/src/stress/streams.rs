@@ -10,7 +10,7 @@ use super::Size;
 use super::events::{EventCase, Subject};
 use super::row::Expect;
 use crate::error::CliError;
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
 /// past, with poolings and without.

@@ -7,7 +7,7 @@ use meissner_kernels::WinogradTile;
 use super::Size;
 use super::frames::{FrameCase, FrameSubject, Frames, layer};
 use super::row::Expect;
-use crate::random::Random;
+use meissner_models::random::Random;
 
 const CHANNELS: usize = 8;
 const HEIGHT: usize = 14;

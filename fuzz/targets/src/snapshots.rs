@@ -63,38 +63,76 @@ fn engine(candidates: Candidates, tolerance: f32) -> Engine {
     };
     let options = Options { tolerance, ..Options::default() };
     let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("admissible");
-    go_on(&mut engine, 30);
+    engine.go_on();
     engine
 }
 
 fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
     let network = FrameNetwork::new(network(style, FRAME, 2, 1), Convolution::Direct).expect("layers fit");
     let mut engine = FrameEngine::new(Arc::new(network), options).expect("admissible");
-    go_on_with_frames(&mut engine, 3);
+    engine.go_on();
     engine
 }
 
-/// Events of a few pixels after whatever time it is, and predictions.
-fn go_on(engine: &mut Engine, events: usize) {
-    let mut random = Random::new(1);
-    let mut now = engine.now_us().unwrap_or(7);
-    for i in 0..events {
-        now = now.saturating_add(random.below(40) as i64);
-        let (x, y) = (random.below(SENSOR.width.into()) as u16, random.below(SENSOR.height.into()) as u16);
-        engine.push(Event::new(now, x, y, x.is_multiple_of(2)));
-        if i % 4 == 3 {
-            let prediction = engine.predict();
-            assert!(matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. })), "{prediction:?}");
+/// What engines of both kinds have.
+trait Stored: Clone {
+    fn to_bytes(&self) -> Vec<u8>;
+    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError>;
+    fn reset(&mut self);
+    /// Inputs after whatever time it is, and predictions.
+    fn go_on(&mut self);
+}
+
+impl Stored for Engine {
+    fn to_bytes(&self) -> Vec<u8> {
+        self.to_bytes()
+    }
+
+    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        self.restore_bytes(bytes)
+    }
+
+    fn reset(&mut self) {
+        self.reset();
+    }
+
+    /// Events of a few pixels.
+    fn go_on(&mut self) {
+        let mut random = Random::new(1);
+        let mut now = self.now_us().unwrap_or(7);
+        for i in 0..30 {
+            now = now.saturating_add(random.below(40) as i64);
+            let (x, y) =
+                (random.below(SENSOR.width.into()) as u16, random.below(SENSOR.height.into()) as u16);
+            self.push(Event::new(now, x, y, x.is_multiple_of(2)));
+            if i % 4 == 3 {
+                let prediction = self.predict();
+                assert!(matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. })), "{prediction:?}");
+            }
         }
     }
 }
 
-fn go_on_with_frames(engine: &mut FrameEngine, frames: usize) {
-    for mut frame in sequence(frames, FRAME, 3) {
-        frame.truncate(engine.network().input().values());
-        engine.push(&frame).expect("a frame that fits");
-        let prediction = engine.predict();
-        assert!(matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. })), "{prediction:?}");
+impl Stored for FrameEngine {
+    fn to_bytes(&self) -> Vec<u8> {
+        self.to_bytes()
+    }
+
+    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        self.restore_bytes(bytes)
+    }
+
+    fn reset(&mut self) {
+        self.reset();
+    }
+
+    fn go_on(&mut self) {
+        for mut frame in sequence(3, FRAME, 3) {
+            frame.truncate(self.network().input().values());
+            self.push(&frame).expect("a frame that fits");
+            let prediction = self.predict();
+            assert!(matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. })), "{prediction:?}");
+        }
     }
 }
 
@@ -106,32 +144,12 @@ fn choose<'e, E>(engines: &'e [E], bytes: &[u8]) -> Option<(&'e E, Vec<u8>)> {
     Some((&engines[usize::from(which) % engines.len()], content))
 }
 
-fn is_typed(error: &EngineError) {
-    let typed = matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. });
-    assert!(typed && error.to_string().contains("expected"), "{error}");
-}
-
 /// Snapshots of engines over events.
 ///
 /// # Panics
 /// If a promise is broken.
 pub fn snapshot(bytes: &[u8]) -> Verdict {
-    let Some((first, content)) = choose(&ENGINES, bytes) else { return Verdict::Refused };
-    let mut engine = first.clone();
-    if let Err(error) = engine.restore_bytes(&content) {
-        is_typed(&error);
-        assert_eq!(engine.to_bytes(), first.to_bytes(), "a refusal changes nothing");
-        return Verdict::Refused;
-    }
-    snapshot_note(&content).expect("what was restored has a note");
-    let stored = engine.to_bytes();
-    let mut again = first.clone();
-    again.restore_bytes(&stored).expect("what was stored can be restored");
-    assert_eq!(again.to_bytes(), stored);
-    go_on(&mut engine, 20);
-    engine.reset();
-    go_on(&mut engine, 4);
-    Verdict::Accepted
+    check(&ENGINES, bytes)
 }
 
 /// Snapshots of frame engines.
@@ -139,10 +157,15 @@ pub fn snapshot(bytes: &[u8]) -> Verdict {
 /// # Panics
 /// If a promise is broken.
 pub fn frame_snapshot(bytes: &[u8]) -> Verdict {
-    let Some((first, content)) = choose(&FRAME_ENGINES, bytes) else { return Verdict::Refused };
+    check(&FRAME_ENGINES, bytes)
+}
+
+fn check<E: Stored>(engines: &[E], bytes: &[u8]) -> Verdict {
+    let Some((first, content)) = choose(engines, bytes) else { return Verdict::Refused };
     let mut engine = first.clone();
     if let Err(error) = engine.restore_bytes(&content) {
-        is_typed(&error);
+        let typed = matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. });
+        assert!(typed && error.to_string().contains("expected"), "{error}");
         assert_eq!(engine.to_bytes(), first.to_bytes(), "a refusal changes nothing");
         return Verdict::Refused;
     }
@@ -151,9 +174,9 @@ pub fn frame_snapshot(bytes: &[u8]) -> Verdict {
     let mut again = first.clone();
     again.restore_bytes(&stored).expect("what was stored can be restored");
     assert_eq!(again.to_bytes(), stored);
-    go_on_with_frames(&mut engine, 2);
+    engine.go_on();
     engine.reset();
-    go_on_with_frames(&mut engine, 1);
+    engine.go_on();
     Verdict::Accepted
 }
 

@@ -69,32 +69,32 @@ impl Axes {
     }
 
     pub(super) fn y(&self, error: f64) -> f64 {
+        let along = |value: f64, (low, high): (f64, f64), bottom: f64| {
+            bottom - (value - low) / (high - low) * (bottom - FIELD.top)
+        };
         match self.y {
-            Scale::Linear(low, high) => {
-                FIELD.bottom - (error - low) / (high - low) * (FIELD.bottom - FIELD.top)
-            }
-            Scale::Shares(low, high) => {
-                FIELD.bottom - (error.log10() - low) / (high - low) * (FIELD.bottom - FIELD.top)
-            }
+            Scale::Linear(low, high) => along(error, (low, high), FIELD.bottom),
+            Scale::Shares(low, high) => along(error.log10(), (low, high), FIELD.bottom),
             Scale::Logarithmic(..) if error <= 0.0 => FIELD.bottom - NOTHING / 2.0,
-            Scale::Logarithmic(low, high) => {
-                let bottom = FIELD.bottom - NOTHING;
-                bottom - (error.log10() - low) / (high - low) * (bottom - FIELD.top)
-            }
+            Scale::Logarithmic(low, high) => along(error.log10(), (low, high), FIELD.bottom - NOTHING),
         }
     }
 
     /// Lines, marks and titles.
     pub(super) fn write(&self, svg: &mut String, report: &Report) -> fmt::Result {
         self.times(svg)?;
+        let wrong_answers = || {
+            let of = report.networks.iter().flat_map(|network| &network.exact().measurement.task).next();
+            format!("wrong answers, {} (%; bars: 95 % interval)", of.map_or("", |task| task.of.as_str()))
+        };
         let title = match self.y {
-            Scale::Linear(low, high) | Scale::Shares(low, high) => {
-                match self.y {
-                    Scale::Shares(..) => self.shares_by_ratio(svg, low, high)?,
-                    _ => self.shares(svg, low, high)?,
-                }
-                let of = report.networks.iter().flat_map(|network| &network.exact().measurement.task).next();
-                format!("wrong answers, {} (%; bars: 95 % interval)", of.map_or("", |task| task.of.as_str()))
+            Scale::Linear(low, high) => {
+                self.shares(svg, low, high)?;
+                wrong_answers()
+            }
+            Scale::Shares(low, high) => {
+                self.shares_by_ratio(svg, low, high)?;
+                wrong_answers()
             }
             Scale::Logarithmic(low, high) => {
                 self.powers(svg, low, high)?;
