@@ -5,21 +5,35 @@
 use meissner_engine::{Candidates, Event, GraphRule, Reach, Search, Sensor};
 use meissner_tests::compare::Watched;
 use meissner_tests::networks::{self, NetworkShape, PoolShape};
-use meissner_tests::streams;
+use meissner_tests::streams::{self, Script};
 use proptest::prelude::*;
 
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(5_000);
-    ProptestConfig { cases, max_shrink_iters: 20_000, ..ProptestConfig::default() }
+/// One case of so many.
+fn config(of: u32) -> ProptestConfig {
+    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(5_000_u32);
+    ProptestConfig { cases: cases.div_ceil(of), max_shrink_iters: 20_000, ..ProptestConfig::default() }
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(config(1))]
 
     #[test]
     fn incremental_equals_batch_bit_for_bit(shape in networks::network(), script in prop_oneof![7 => streams::script(120), 1 => streams::script(700)]) {
         let search = if shape.seed % 2 == 0 { Search::Exhaustive } else { Search::Grid };
         let mut watched = Watched::new(shape.build(), script.sensor, search);
+        prop_assert_eq!(watched.run(&script), Ok(()));
+    }
+}
+
+proptest! {
+    // Each batch makes tables of all columns and rows.
+    #![proptest_config(config(100))]
+
+    /// The graph is searched in larger cells there.
+    #[test]
+    fn incremental_equals_batch_bit_for_bit_on_large_sensors(shape in networks::network(), script in streams::script(60), width in 70..=u16::MAX, height in 70..=u16::MAX) {
+        let script = Script { sensor: Sensor::new(width, height), ..script };
+        let mut watched = Watched::new(shape.build(), script.sensor, Search::Exhaustive);
         prop_assert_eq!(watched.run(&script), Ok(()));
     }
 }

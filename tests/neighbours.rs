@@ -56,20 +56,29 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
     )
 }
 
-/// Clusters of events far apart, and some between them; spans up to a minute.
-fn scenes() -> impl Strategy<Value = (Vec<Event>, i64)> {
+/// Clusters of events far apart, and some between them, on sensors of any size; spans up to a minute.
+fn scenes() -> impl Strategy<Value = (Vec<Event>, Sensor, i64)> {
     let event = (0i64..40, 0u16..8, 0u16..12, 0u16..12, any::<bool>());
     let step_us = prop_oneof![3 => Just(1i64), 2 => Just(25), 1 => Just(20_000)];
-    (proptest::collection::vec(event, 1..500), step_us).prop_map(|(steps, step_us)| {
-        let mut t = 1_000_000_000_000;
-        let place = |(dt, cluster, x, y, on): (i64, u16, u16, u16, bool)| {
-            t += dt / 4 * step_us;
-            let [left, top] = [[3, 5], [60, 20], [200, 90], [225, 160]][usize::from(cluster % 4)];
-            let wide = if cluster == 7 { 12 } else { 1 };
-            Event::new(t, (left + x * wide).min(239), (top + y * wide).min(179), on)
-        };
-        (steps.into_iter().map(place).collect(), 5_000 * step_us)
-    })
+    let sensor =
+        prop_oneof![3 => Just((240, 180)), 1 => Just((4_096, 4_096)), 1 => (240..=u16::MAX, 180..=u16::MAX)];
+    (proptest::collection::vec(event, 1..500), sensor, step_us).prop_map(
+        |(steps, (width, height), step_us)| {
+            let mut t = 1_000_000_000_000;
+            let place = |(dt, cluster, x, y, on): (i64, u16, u16, u16, bool)| {
+                t += dt / 4 * step_us;
+                let [left, top] = [[3, 5], [60, 20], [200, 90], [225, 160]][usize::from(cluster % 4)];
+                // In units of 240 columns and 180 rows but for the pixels of a cluster.
+                let at = |corner: u16, pixel: u16, units: u16, extent: u16| {
+                    let (pixel, scale) = (u32::from(pixel), u32::from(extent) / u32::from(units));
+                    let wide = if cluster == 7 { 12 * scale } else { 1 };
+                    (u32::from(corner) * scale + pixel * wide).min(u32::from(extent) - 1) as u16
+                };
+                Event::new(t, at(left, x, 240, width), at(top, y, 180, height), on)
+            };
+            (steps.into_iter().map(place).collect(), Sensor::new(width, height), 5_000 * step_us)
+        },
+    )
 }
 
 /// A network of which the graph alone matters: the `k` nearest of all nodes.
@@ -92,9 +101,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn the_grid_finds_what_comparing_all_pairs_finds((events, span_us) in scenes(), k in 1usize..=40) {
+    fn the_grid_finds_what_comparing_all_pairs_finds((events, sensor, span_us) in scenes(), k in 1usize..=40) {
         let shape = graph_alone(k, span_us);
-        let batch = Batch::new(shape.build(), Sensor::new(240, 180)).expect("the sensor has pixels");
+        let batch = Batch::new(shape.build(), sensor).expect("the sensor has pixels");
         let edges = |search| {
             let trace = batch.clone().with_search(search).forward(Stream::new(&events)).expect("finite");
             trace.levels[0].edges.clone()

@@ -6,6 +6,7 @@ use meissner_engine::{
 };
 use meissner_tests::compare::Watched;
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_tests::random::Random;
 
 const SPAN_US: i64 = 1_000;
 const SENSOR: Sensor = Sensor { width: 40, height: 30 };
@@ -120,6 +121,25 @@ fn an_event_outside_the_sensor_is_dropped_and_counted() {
     assert_eq!(stream.engine.counters().events.outside_sensor, 3);
     assert_eq!(stream.engine.counters().events.accepted, 0);
     assert_eq!(stream.compare(), Ok(()));
+}
+
+/// A search that visits every cell of 8 x 8 pixels would go through 67 million of them for an event, and hold 2 GiB.
+#[test]
+fn the_largest_sensor_takes_few_mib_and_gives_the_bits_of_the_batch() {
+    for candidates in EVERY {
+        let sensor = Sensor::new(u16::MAX, u16::MAX);
+        let shape = NetworkShape { capacity: 300, ..shape(candidates) };
+        let mut stream = Watched::new(shape.build(), sensor, Search::Exhaustive);
+        assert!(stream.engine.state_bytes() < 8 << 20, "{candidates:?}: {}", stream.engine.state_bytes());
+        let mut random = Random::new(3);
+        for i in 0..600 {
+            let mut pixel = || random.below(u16::MAX.into()) as u16;
+            stream.push(Event::new(i / 8, pixel(), pixel(), i % 3 == 0));
+            if i % 100 == 99 {
+                assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time.
+//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are of
+//! 8 x 8 pixels, and larger on sensors that would have too many of them.
 //!
 //! Inserting and expiring are O(1). A search visits cells in rings around the query and, in each cell, nodes from the
 //! query's time outwards. A ring, a cell or the rest of a cell is left out only where its lower bound of d2, computed
@@ -10,8 +11,11 @@ use std::collections::VecDeque;
 use crate::Sensor;
 use crate::metric::{Metric, Node};
 
-/// log2 of a cell's side in pixels.
+/// log2 of a cell's side in pixels, at least.
 const SIDE_LOG2: u32 = 3;
+/// Most cells: a search can come to look at all of them, and where a sensor has many more pixels than a window has nodes,
+/// small cells are empty ones.
+const MOST_CELLS: usize = 1 << 15;
 
 /// A node as its cell keeps it.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +28,8 @@ struct Entry {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
+    /// log2 of a cell's side in pixels.
+    side_log2: u32,
     columns: usize,
     rows: usize,
     cells: Vec<VecDeque<Entry>>,
@@ -41,15 +47,24 @@ pub(crate) enum Times {
 
 impl Grid {
     pub(crate) fn new(sensor: Sensor) -> Self {
-        let count = |extent: u16| (usize::from(extent) + (1 << SIDE_LOG2) - 1) >> SIDE_LOG2;
-        let (columns, rows) = (count(sensor.width), count(sensor.height));
-        Self { columns, rows, cells: vec![VecDeque::new(); columns * rows], nodes: 0 }
+        let (side_log2, [columns, rows]) = Self::extent(sensor);
+        Self { side_log2, columns, rows, cells: vec![VecDeque::new(); columns * rows], nodes: 0 }
+    }
+
+    /// log2 of a cell's side, and how many columns and rows of such cells a sensor has.
+    fn extent(sensor: Sensor) -> (u32, [usize; 2]) {
+        let cells = |side_log2| {
+            [sensor.width, sensor.height].map(|extent| usize::from(extent).div_ceil(1_usize << side_log2))
+        };
+        let fits = |&side_log2: &u32| cells(side_log2).iter().product::<usize>() <= MOST_CELLS;
+        let side_log2 = (SIDE_LOG2..u16::BITS).find(fits).unwrap_or(u16::BITS);
+        (side_log2, cells(side_log2))
     }
 
     /// Index of the cell of a pixel.
     #[inline]
     pub(crate) fn cell(&self, x: u16, y: u16) -> usize {
-        (usize::from(y) >> SIDE_LOG2) * self.columns + (usize::from(x) >> SIDE_LOG2)
+        (usize::from(y) >> self.side_log2) * self.columns + (usize::from(x) >> self.side_log2)
     }
 
     pub(crate) fn cells(&self) -> usize {
@@ -98,10 +113,10 @@ impl Grid {
 
     /// Lower bound of the squared distance in the image plane from a pixel to cell (`column`, `row`).
     #[inline]
-    fn plane2(metric: &Metric, x: u16, y: u16, column: usize, row: usize) -> f64 {
+    fn plane2(&self, metric: &Metric, x: u16, y: u16, column: usize, row: usize) -> f64 {
         let gap = |p: u16, cell: usize| {
-            let (p, low) = (usize::from(p), cell << SIDE_LOG2);
-            let high = low + (1 << SIDE_LOG2) - 1;
+            let (p, low) = (usize::from(p), cell << self.side_log2);
+            let high = low + (1 << self.side_log2) - 1;
             low.saturating_sub(p).max(p.saturating_sub(high))
         };
         metric.x2(gap(x, column)) + metric.y2(gap(y, row))
@@ -156,10 +171,10 @@ impl Grid {
         mut later: impl FnMut(usize, &VecDeque<Entry>) -> usize,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let (column, row) = (usize::from(query.x) >> SIDE_LOG2, usize::from(query.y) >> SIDE_LOG2);
+        let (column, row) = (usize::from(query.x) >> self.side_log2, usize::from(query.y) >> self.side_log2);
         let mut left = self.nodes;
         for ring in 0.. {
-            if left == 0 || Self::ring2(metric, query, ring) > bound {
+            if left == 0 || self.ring2(metric, query, ring) > bound {
                 return;
             }
             let (top, bottom) = (row.checked_sub(ring), row + ring);
@@ -173,7 +188,7 @@ impl Grid {
                         let cell = &self.cells[index];
                         left -= cell.len();
                         if !cell.is_empty() {
-                            let plane = Self::plane2(metric, query.x, query.y, c as usize, r);
+                            let plane = self.plane2(metric, query.x, query.y, c as usize, r);
                             if plane <= bound {
                                 let later = later(index, cell);
                                 bound = scan(metric, query, times, (cell, later), plane, bound, &mut visit);
@@ -188,15 +203,16 @@ impl Grid {
 
     /// Lower bound of d2 for all cells of ring `ring` and beyond.
     #[inline]
-    pub(crate) fn ring2(metric: &Metric, query: Node, ring: usize) -> f64 {
+    pub(crate) fn ring2(&self, metric: &Metric, query: Node, ring: usize) -> f64 {
         if ring == 0 {
             return 0.0;
         }
         let gap = |p: u16| {
-            let (p, cell) = (usize::from(p), usize::from(p) >> SIDE_LOG2);
-            let after = ((cell + ring) << SIDE_LOG2) - p;
+            let (p, cell) = (usize::from(p), usize::from(p) >> self.side_log2);
+            let after = ((cell + ring) << self.side_log2) - p;
             // Left of cell 0 there is nothing, and nothing bounds the search there.
-            let before = (cell + 1).checked_sub(ring).map_or(usize::MAX, |c| p - (c << SIDE_LOG2).min(p) + 1);
+            let before =
+                (cell + 1).checked_sub(ring).map_or(usize::MAX, |c| p - (c << self.side_log2).min(p) + 1);
             after.min(before)
         };
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
@@ -218,7 +234,7 @@ impl Grid {
                 if cell.is_empty() {
                     continue;
                 }
-                let plane = Self::plane2(metric, query.x, query.y, column, row);
+                let plane = self.plane2(metric, query.x, query.y, column, row);
                 if plane > reach[index] {
                     continue;
                 }
@@ -233,8 +249,8 @@ impl Grid {
     }
 
     pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
-        let cells = (usize::from(sensor.width) >> SIDE_LOG2) * (usize::from(sensor.height) >> SIDE_LOG2);
-        cells * size_of::<VecDeque<Entry>>() + 2 * capacity * size_of::<Entry>()
+        let (_, [columns, rows]) = Self::extent(sensor);
+        columns * rows * size_of::<VecDeque<Entry>>() + 2 * capacity * size_of::<Entry>()
     }
 }
 

@@ -69,7 +69,7 @@ impl Space<'_> {
                     !near.is_empty()
                 });
                 let bound = if enough { found[most - 1].d2 } else { f64::INFINITY };
-                if bound >= Grid::ring2(self.metric, node, RINGS + 1) {
+                if bound >= grid.ring2(self.metric, node, RINGS + 1) {
                     found.clear();
                     grid.search(self.metric, node, Times::All, bound, |d2, other| {
                         if other != slot {

@@ -57,6 +57,11 @@ fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
         }
         match &rest[..4] {
             b"IDAT" => compressed += whole - AROUND as u64,
+            // The decoder relies on whole entries.
+            b"PLTE" if !(whole - AROUND as u64).is_multiple_of(3) => {
+                let found = format!("{} bytes", whole - AROUND as u64);
+                return Err(malformed("palette", at as u64, "entries of 3 bytes", found));
+            }
             b"IEND" => return Ok(compressed),
             _ => {}
         }

@@ -6,7 +6,7 @@ use meissner_io::limits::{IMAGE_BYTES, IMAGE_PIXELS};
 use meissner_io::{ImageError, decode_image, read_image};
 use proptest::prelude::*;
 
-use crate::support::{jpeg, png, samples};
+use crate::support::{Ihdr, jpeg, png, png_with, samples};
 
 #[test]
 fn a_file_cut_at_any_length_gives_an_error() {
@@ -63,6 +63,14 @@ fn a_png_whose_bytes_cannot_fill_its_pixels_is_refused_before_it_is_decoded() {
         error,
         "PNG: compressed pixels at byte 8: expected at least 48771 bytes for 4096x4096 pixels, found 12"
     );
+}
+
+/// Found by fuzzing: the decoder would read a byte behind the palette.
+#[test]
+fn a_palette_that_ends_within_an_entry_is_refused() {
+    let ihdr = Ihdr { width: 15, height: 1, depth: 2, colour: 3, interlaced: false };
+    let error = decode_image(&png_with(&ihdr, &[(b"PLTE", &[7; 11])], &[0; 5])).unwrap_err().to_string();
+    assert_eq!(error, "PNG: palette at byte 33: expected entries of 3 bytes, found 11 bytes");
 }
 
 #[test]
