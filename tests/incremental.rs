@@ -10,7 +10,8 @@ use proptest::prelude::*;
 
 /// One case of so many.
 fn config(of: u32) -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(5_000_u32);
+    let cases =
+        std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(5_000_u32);
     ProptestConfig { cases: cases.div_ceil(of), max_shrink_iters: 20_000, ..ProptestConfig::default() }
 }
 

@@ -1,5 +1,7 @@
 //! Which network runs: a description by name or from a file, its weights, and what the command line changes about it.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -99,7 +101,10 @@ pub(crate) fn labelled(label: String, weights: &Weights) -> String {
 
 /// The format of the file at `path` where it is plainly a recording: CSV and N-MNIST have no marks of their own.
 fn recording_format(path: &str) -> Option<Format> {
-    let format = meissner_io::detect(&std::fs::read(path).ok()?)?;
+    // The marks stand at the start; what is no description may have no end either.
+    let mut start = Vec::new();
+    File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
+    let format = meissner_io::detect(&start)?;
     (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
 }
 

@@ -8,10 +8,16 @@ use serde::Serialize;
 
 use crate::error::CliError;
 
-/// Finds out before minutes of work, not after them, and leaves what is there as it is.
+/// Finds out before minutes of work, not after them, and leaves what is there as it is: a file, or none.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
-    let opened = OpenOptions::new().create(true).append(true).open(path);
-    opened.map(drop).map_err(|source| CliError::Write { path: path.to_owned(), source })
+    let failed = |source| CliError::Write { path: path.to_owned(), source };
+    match OpenOptions::new().create_new(true).append(true).open(path) {
+        Ok(_) => fs::remove_file(path).map_err(failed),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            OpenOptions::new().append(true).open(path).map(drop).map_err(failed)
+        }
+        Err(error) => Err(failed(error)),
+    }
 }
 
 /// `report` as one line of JSON.

@@ -36,3 +36,8 @@ pub const IMAGE_BYTES: u64 = 64 << 20;
 /// A decoder holds up to 8 bytes of samples and 3 of the image for each, a progressive JPEG some 16: a hostile file
 /// takes about 256 MiB beside its own bytes.
 pub const IMAGE_PIXELS: u64 = 16 << 20;
+
+/// Scans of a JPEG, at most: a baseline image has one to four, a progressive one about ten.
+///
+/// A scan of a few bytes may pass over every pixel again: without a bound, a file of 1 MiB takes minutes.
+pub const JPEG_SCANS: usize = 100;

@@ -22,6 +22,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bounded;
 pub mod description;
 mod draw;
 mod error;

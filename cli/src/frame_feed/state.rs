@@ -28,6 +28,34 @@ pub(crate) struct FeedState {
     events: Vec<(i64, u16, u16, bool)>,
 }
 
+impl FeedState {
+    /// What cannot be in a state that a feed on `sensor` has written: which part, what it should be, and what it is.
+    pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
+        let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
+        if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
+            let expected = format!("from {epoch_us} to 2^63 behind it");
+            return Some(("newest time in the note", expected, now_us.to_string()));
+        }
+        if let Some(open_us) = open_us.filter(|open_us| !(epoch_us..=now_us).contains(open_us)) {
+            let expected = format!("from {epoch_us} to {now_us}");
+            return Some(("open window in the note", expected, open_us.to_string()));
+        }
+        if accepted < self.events.len() as u64 {
+            let expected = format!("at least {}, the events that are kept", self.events.len());
+            return Some(("accepted events in the note", expected, accepted.to_string()));
+        }
+        let mut least_us = open_us.unwrap_or(epoch_us);
+        for &(t_us, x, y, _) in &self.events {
+            if !(least_us..=now_us).contains(&t_us) || !sensor.contains(x, y) {
+                let expected = format!("from {least_us} to {now_us} us on {sensor}");
+                return Some(("kept event in the note", expected, format!("{t_us} us at ({x}, {y})")));
+            }
+            least_us = t_us;
+        }
+        None
+    }
+}
+
 /// Events that frames to come will show.
 #[derive(Debug, Default)]
 pub(super) struct Kept {

@@ -160,4 +160,20 @@ mod tests {
         assert_eq!(parse(text.as_bytes()).expect_err("line 2 is broken").0, 2);
         assert_eq!(parse(b"broken\n").expect_err("finished").0, 1);
     }
+
+    #[test]
+    fn lines_with_any_bit_flipped_or_nested_without_end_are_read_or_named_by_their_number() {
+        let text = line("exact") + &line("stride 2");
+        for bit in 0..8 * text.len() {
+            let mut flipped = text.clone().into_bytes();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            match parse(&flipped) {
+                Ok((lines, keep)) => assert!(lines.len() <= 2 && keep <= flipped.len(), "bit {bit}"),
+                Err((number, _)) => assert!((1..=2).contains(&number), "bit {bit}: {number}"),
+            }
+        }
+        for nested in ["[".repeat(1 << 20), "{\"key\":".repeat(1 << 18)] {
+            assert_eq!(parse(format!("{}{nested}\n", line("exact")).as_bytes()).expect_err("deep").0, 2);
+        }
+    }
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::exit_status::fails;
 use crate::frames::OwnNetwork;
-use crate::support::{argument, lines, meissner, text};
+use crate::support::{argument, lines, meissner, message, text};
 
 const WIDTH: usize = 8;
 const HEIGHT: usize = 6;
@@ -131,6 +131,25 @@ fn an_overlay_replaces_neither_a_picture_nor_another_overlay() {
     let maps = network.path("maps");
     let arguments = network.arguments(&folder, &["--overlay", argument(&maps)]);
     fails(&meissner(&arguments), 2, &["--overlay", "img0", "would replace the overlay of"]);
+}
+
+#[test]
+fn a_picture_that_breaks_off_leaves_the_overlays_before_it_whole_and_others_as_they_were() {
+    let network = OwnNetwork::new(FORCES);
+    let (folder, maps) = (pictures(&network), network.path("maps"));
+    run(&network, &folder, &["--overlay", argument(&maps), "--full-scale", "0.5"]);
+    let overlay = |name: &str| std::fs::read(maps.join(name)).expect("it was written");
+    let names = ["img0.png", "img4.png", "img8.png", "img12.png"];
+    let before = names.map(overlay);
+    let whole = std::fs::read(folder.join("img8.ppm")).expect("it is there");
+    std::fs::write(folder.join("img8.ppm"), &whole[..whole.len() / 2]).expect("it can be written");
+    let arguments = network.arguments(&folder, &["--overlay", argument(&maps), "--full-scale", "0.5"]);
+    let output = meissner(&arguments);
+    assert_eq!(output.status.code(), Some(1));
+    let said = message(&output);
+    assert!(said.contains("img8.ppm") && said.contains("cut short: expected 144 bytes"), "{said}");
+    assert_eq!(names.map(overlay), before);
+    assert_eq!(std::fs::read_dir(&maps).expect("it is there").count(), 4);
 }
 
 #[test]

@@ -4,6 +4,7 @@
 mod approximations;
 mod bench;
 mod bench_frames;
+mod broken_input;
 mod default_recording;
 mod digits_data;
 mod equality;

@@ -207,3 +207,74 @@ fn a_state_of_what_has_none_is_bad_usage() {
     }
     assert!(!Path::new("s").exists());
 }
+
+/// `state` with `note` in the place of its note, and with length and checksum (FNV-1a) that fit.
+fn with_note(state: &[u8], note: &str) -> Vec<u8> {
+    let old = meissner_engine::snapshot_note(state).expect("a state").len();
+    let mut bytes = state[..state.len() - 16 - old].to_vec();
+    bytes.extend(note.as_bytes());
+    bytes.extend((note.len() as u64).to_le_bytes());
+    let length = (bytes.len() + 8) as u64;
+    bytes[16..24].copy_from_slice(&length.to_le_bytes());
+    let mix = |hash: u64, &byte: &u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    let checksum = bytes.iter().fold(0xcbf2_9ce4_8422_2325, mix);
+    bytes.extend(checksum.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn a_state_whose_note_was_made_up_is_refused_with_what_was_expected_and_found() {
+    let counts = FRAMES.replace("CHANNELS", "2\nframes = \"event-counts\"\nperiod_us = 1000\nmaximum = 8");
+    let network = OwnNetwork::new(&counts);
+    let folder = recordings(149);
+    let path = |name: &str| argument(&folder.path().join(name)).to_owned();
+    let run = |input: &str, more: &[&str]| meissner(&network.arguments(Path::new(&path(input)), more));
+    lines(&run("first", &["--json", "--save-state", &path("state")]));
+    let state = std::fs::read(path("state")).expect("it was written");
+    let note = meissner_engine::snapshot_note(&state).expect("a state");
+    let note: Value = serde_json::from_slice(note).expect("the note is JSON");
+    let resume = |note: &str| {
+        std::fs::write(path("made-up"), with_note(&state, note)).expect("it can be written");
+        run("second", &["--json", "--resume", &path("made-up")])
+    };
+    assert!(resume(&note.to_string()).status.success(), "with its own note");
+    let (least, most) = (i64::MIN, i64::MAX);
+    for (key, value, expected) in [
+        (
+            "now_us",
+            (least).into(),
+            "expected newest time in the note from 777 to 2^63 behind it, found -9223",
+        ),
+        ("epoch_us", least.into(), "expected newest time in the note from -9223"),
+        ("epoch_us", most.into(), "expected newest time in the note from 9223"),
+        ("open_us", least.into(), "expected open window in the note from 777 to"),
+        ("open_us", most.into(), "found 9223372036854775807"),
+        ("accepted", 0.into(), "expected accepted events in the note at least"),
+        ("events", serde_json::json!([[most, 1, 1, true]]), "expected kept event in the note from"),
+        ("events", serde_json::json!([[least, 1, 1, true]]), "expected kept event in the note from"),
+        ("events", serde_json::json!([[note["feed"]["now_us"], 30, 1, true]]), "us at (30, 1)"),
+        (
+            "events",
+            serde_json::json!([[777, 70_000, 1, true]]),
+            "expected note where the making of frames stands",
+        ),
+        ("events", 1e300.into(), "expected note where the making of frames stands"),
+    ] {
+        let mut wrong = note.clone();
+        wrong["feed"][key] = value;
+        fails(&resume(&wrong.to_string()), 1, &["--resume", "made-up", "snapshot: ", expected]);
+    }
+    let deep = "[".repeat(1 << 20);
+    for wrong in ["", "null", "{}", &deep, &format!("{{\"made\": {deep}")] {
+        fails(&resume(wrong), 1, &["snapshot: expected note where the making of frames stands", "found"]);
+    }
+    // Counts of any size are taken as they are.
+    for key in ["silence", "since"] {
+        let mut large = note.clone();
+        large[key] = u64::MAX.into();
+        assert!(resume(&large.to_string()).status.success(), "{key}");
+    }
+    let mut large = note.clone();
+    large["feed"]["accepted"] = u64::MAX.into();
+    assert!(resume(&large.to_string()).status.success(), "accepted");
+}

@@ -1,5 +1,7 @@
 //! The whole file in, its recording out: the walk over the packets.
 
+use std::collections::BTreeMap;
+
 use super::events;
 use super::header::Header;
 use super::inflate::Inflater;
@@ -28,6 +30,8 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let sensor = main.and_then(|main| streams[main].sensor);
     let mut tallies: Vec<Tally> = streams.iter().map(|_| Tally::default()).collect();
     let mut events = Vec::new();
+    // A header may declare a thousand streams, and a packet takes 8 bytes.
+    let index_of: BTreeMap<i32, usize> = streams.iter().map(|stream| stream.id).zip(0..).collect();
 
     let packets = Bytes::new(format, &bytes[..header.table.unwrap_or(bytes.len())], Place::Byte(0));
     let mut at = header.packets;
@@ -37,7 +41,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         let Ok(size) = usize::try_from(size) else {
             return Err(packets.malformed("size of a packet", at + 4, "0 and above", size.to_string()));
         };
-        let Some(index) = streams.iter().position(|stream| stream.id == id) else {
+        let Some(&index) = index_of.get(&id) else {
             let expected = format!("one of the {} that the header declares", streams.len());
             return Err(packets.malformed("stream of a packet", at, expected, id.to_string()));
         };

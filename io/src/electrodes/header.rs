@@ -37,14 +37,19 @@ impl Columns {
         let [prefix] = prefixes[..] else {
             let actual = match prefixes.len() {
                 0 => shown(line),
-                _ => format!("the prefixes `{}`", prefixes.join("`, `")),
+                more => {
+                    let first: Vec<String> = prefixes.iter().take(3).map(|p| shown(p.as_bytes())).collect();
+                    let dots = if more > first.len() { " .." } else { "" };
+                    format!("the prefixes {}{dots}", first.join(", "))
+                }
             };
             return refuse(expected(), actual);
         };
         for index in 0..ELECTRODES {
             let found = electrodes.iter().flatten().filter(|(_, e)| *e == index).count();
             if found != 1 {
-                return refuse(format!("one column `{prefix}{}`", index + 1), format!("{found}"));
+                let name = format!("{prefix}{}", index + 1);
+                return refuse(format!("one column {}", shown(name.as_bytes())), format!("{found}"));
             }
         }
         let times = names.iter().filter(|name| unit_of_time(name).is_some()).count();

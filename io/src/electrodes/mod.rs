@@ -156,7 +156,7 @@ impl Columns {
         for (index, field) in line.split(|&b| b == b',').enumerate() {
             let Some((role, name)) = self.role(index) else { continue };
             let refuse = || {
-                let expected = format!("a finite number in column `{name}`");
+                let expected = format!("a finite number in column {}", shown(name.as_bytes()));
                 malformed("field", number, expected, shown(bare(field)))
             };
             match role {

@@ -1,8 +1,8 @@
 //! JPEG (ITU-T T.81): bytes to an image, by the `zune-jpeg` crate.
 //!
-//! The segments are walked before the decoder sees them: it takes grey for what is missing, and a file that is cut
-//! short must be an error. The decoder is built without its processor-specific paths, so the same file gives the same
-//! pixels on every machine.
+//! The segments are walked before the decoder sees them: it takes grey for what is missing, where a file that is cut
+//! short must be an error, and passes over all pixels as often as a file has scans. The decoder is built without its
+//! processor-specific paths, so the same file gives the same pixels on every machine.
 
 use std::io::Cursor;
 
@@ -14,13 +14,18 @@ use super::error::ImageError;
 use super::format::ImageFormat;
 use super::image::{Image, pixels};
 use crate::error::Place;
+use crate::limits::JPEG_SCANS;
+
+/// Pixels that a byte codes at most. Every block of 8 x 8 values takes a bit, and components of fewer columns or rows than
+/// the image leave at least half as many blocks as one of all its pixels would have.
+const MOST_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
 fn malformed(what: &'static str, at: usize, expected: &str, actual: impl ToString) -> ImageError {
     let (format, place) = (ImageFormat::Jpeg, Place::Byte(at as u64));
     ImageError::Malformed { format, what, place, expected: expected.to_owned(), actual: actual.to_string() }
 }
 
-/// Walks from the start to the end-of-image marker; where the first scan's data starts.
+/// Walks from the start to the end-of-image marker, over [`JPEG_SCANS`] scans at most; where the first scan's data starts.
 fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
     let truncated = |what, at: usize, expected: usize, at_least| ImageError::Truncated {
         format: ImageFormat::Jpeg,
@@ -30,7 +35,7 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
         actual: (bytes.len() - at) as u64,
         at_least,
     };
-    let (mut at, mut scan) = (2, None);
+    let (mut at, mut scan, mut scans) = (2, None, 0);
     loop {
         let Some(&[mark, code]) = bytes[at..].first_chunk() else {
             return Err(truncated("marker", at, 2, false));
@@ -60,13 +65,19 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
         if end > bytes.len() {
             return Err(truncated("segment", at, 2 + length, false));
         }
-        at = end;
         if code == 0xda {
+            scans += 1;
+            if scans > JPEG_SCANS {
+                let expected = format!("at most {JPEG_SCANS} scans");
+                return Err(malformed("scan", at, &expected, "one more"));
+            }
             scan.get_or_insert(end);
             // Entropy-coded data end at the first 0xff that is neither stuffed (0x00) nor a restart marker.
             let is_end = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xd0..=0xd7);
             let length = bytes[end..].windows(2).position(is_end);
-            at += length.ok_or_else(|| truncated("scan", end, bytes.len() - end + 1, true))?;
+            at = end + length.ok_or_else(|| truncated("scan", end, bytes.len() - end + 1, true))?;
+        } else {
+            at = end;
         }
     }
 }
@@ -79,6 +90,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
         .set_strict_mode(true)
         .set_max_width(u16::MAX.into())
         .set_max_height(u16::MAX.into())
+        .jpeg_set_max_scans(JPEG_SCANS)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
     let valid = "valid segments of a supported kind";
@@ -87,6 +99,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
         return Err(malformed("header", 0, "the size of the image", "none"));
     };
     let count = pixels(width as u64, height as u64)?;
+    let least = count.div_ceil(MOST_PIXELS_OF_A_BYTE);
+    if bytes.len() < least {
+        let expected = format!("at least {least} bytes for {width}x{height} pixels");
+        return Err(malformed("header", 0, &expected, bytes.len()));
+    }
     let data = decoder
         .decode()
         .map_err(|e| malformed("scan", scan, "valid entropy-coded data", format!("{e:?}")))?;

@@ -3,10 +3,11 @@
 use std::io::{self, BufReader, Read, Write};
 
 use meissner_engine::{Event, Sensor};
+use meissner_io::limits::LINE_BYTES;
 use meissner_io::{CsvEvents, Format, IoError, Place, decode};
 use proptest::prelude::*;
 
-use crate::support::{any_event, encoded};
+use crate::support::{Endless, any_event, encoded};
 
 fn read(text: &str) -> Result<Vec<Event>, IoError> {
     CsvEvents::new(text.as_bytes()).collect()
@@ -143,7 +144,7 @@ fn a_failing_reader_ends_the_events_with_its_error() {
 
 #[test]
 fn a_line_without_end_is_refused_after_4096_bytes() {
-    let mut events = CsvEvents::new(BufReader::new(io::repeat(b'1')));
+    let mut events = CsvEvents::new(BufReader::with_capacity(512, Endless { left: 2 * LINE_BYTES }));
     let error = events.next().unwrap().unwrap_err();
     assert!(
         matches!(error, IoError::TooLarge { limit: 4096, at_least: true, place: Place::Line(1), .. }),

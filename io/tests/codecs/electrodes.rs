@@ -1,13 +1,14 @@
 //! Readings of electrodes, row by row.
 
 use std::fs::File;
-use std::io::{self, BufReader, Write};
+use std::io::{self, BufReader, Read, Write};
 
 use meissner_io::limits::LINE_BYTES;
 use meissner_io::{ElectrodeSettings, Electrodes, IoError, Place, Reading};
 use proptest::prelude::*;
 
 use crate::recordings::shared;
+use crate::support::Endless;
 
 /// `prefix1` to `prefix24`.
 fn header(prefix: &str) -> String {
@@ -124,6 +125,64 @@ fn a_line_that_is_too_long_ends_the_readings() {
     let mut readings = readings(&text);
     assert!(matches!(readings.next(), Some(Err(IoError::TooLarge { place: Place::Line(2), .. }))));
     assert!(readings.next().is_none());
+}
+
+#[test]
+fn a_line_without_end_is_refused_after_4096_bytes() {
+    let lines = header("e") + "\n";
+    let mut readings = Electrodes::new(
+        BufReader::with_capacity(512, lines.as_bytes().chain(Endless { left: 2 * LINE_BYTES })),
+        ElectrodeSettings::default(),
+    );
+    let error = readings.next().unwrap().unwrap_err();
+    assert!(matches!(error, IoError::TooLarge { limit: LINE_BYTES, place: Place::Line(2), .. }), "{error}");
+    assert!(readings.next().is_none());
+}
+
+#[test]
+fn names_in_a_header_are_quoted_in_part_and_escaped() {
+    let long = format!("\u{1b}{}_e", "a".repeat(3000));
+    let apart = |e| format!("{}_e1", "b".repeat(e));
+    let many = (1..80).map(apart).collect::<Vec<_>>().join(",");
+    for line in [format!("{long}1"), format!("{long}1,{long}1"), many] {
+        let error = readings(&line).next().unwrap().unwrap_err().to_string();
+        assert!(error.len() < 300 && !error.contains('\u{1b}'), "{error}");
+    }
+    let names = header(&format!("{}_e", "c".repeat(120)));
+    let error = readings(&format!("{names}\n{}", row(0).replace("23", "x"))).next().unwrap().unwrap_err();
+    assert!(error.to_string().len() < 200, "{error}");
+}
+
+/// Any bit of a text flipped, and the text cut anywhere: rows that are finite, in the order of their lines, or an error
+/// with its line.
+#[test]
+fn a_text_that_was_cut_or_flipped_anywhere_gives_readings_or_errors_with_their_lines() {
+    let text = format!("time_ms,{}\n0,{}\n1.5,{}\n", header("ff_e"), row(3000), row(17)).into_bytes();
+    let check = |bytes: &[u8]| {
+        let mut line = 1;
+        for item in Electrodes::new(bytes, ElectrodeSettings::default()) {
+            let found = match item {
+                Ok(reading) => {
+                    assert!(reading.values.iter().all(|value| value.is_finite()));
+                    assert!(reading.time_s.is_none_or(f64::is_finite));
+                    reading.line
+                }
+                Err(IoError::Malformed { place: Place::Line(line), expected, actual, .. }) => {
+                    assert!(!expected.is_empty() && !actual.is_empty());
+                    line
+                }
+                Err(error) => panic!("{error}"),
+            };
+            assert!((line..=line + 3).contains(&found), "{found} behind {line}");
+            line = found;
+        }
+    };
+    (0..text.len()).for_each(|length| check(&text[..length]));
+    for bit in 0..8 * text.len() {
+        let mut flipped = text.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        check(&flipped);
+    }
 }
 
 #[test]

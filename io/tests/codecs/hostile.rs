@@ -196,6 +196,20 @@ fn xml_of_nothing_but_attributes_or_name_spaces_is_refused_in_seconds() {
 }
 
 #[test]
+fn packets_of_many_streams_are_told_apart_in_seconds() {
+    // As many streams as a header declares, and empty packets of the last of them.
+    let node = |id: i32| format!("<node name=\"{id}\"><attr key=\"typeIdentifier\">X</attr></node>");
+    let mut bytes = header(0, &outputs(&(0..1_000).map(node).collect::<String>()), -1);
+    let packet = [999_i32.to_le_bytes(), [0; 4]].concat();
+    bytes.extend(packet.repeat(4_000_000));
+    let start = std::time::Instant::now();
+    let recording = decode(&bytes).unwrap();
+    assert!(start.elapsed() < std::time::Duration::from_secs(10), "{:?}", start.elapsed());
+    assert_eq!(recording.other_streams.len(), 1);
+    assert_eq!(recording.other_streams[0].packets, 4_000_000);
+}
+
+#[test]
 fn messages_quote_what_a_file_says_in_part() {
     let long = "9".repeat(50_000);
     let xml = |streams: &str| header(0, &outputs(streams), -1);

@@ -6,7 +6,7 @@ use meissner_io::limits::{IMAGE_BYTES, IMAGE_PIXELS};
 use meissner_io::{ImageError, decode_image, read_image};
 use proptest::prelude::*;
 
-use crate::support::{Ihdr, jpeg, png, png_with, samples};
+use crate::support::{Ihdr, chunk, jpeg, png, png_with, samples};
 
 #[test]
 fn a_file_cut_at_any_length_gives_an_error() {
@@ -32,6 +32,43 @@ fn any_flipped_bit_gives_an_error_or_an_image() {
             }
             file[bit / 8] ^= 1 << (bit % 8);
         }
+    }
+}
+
+#[test]
+fn an_absurd_length_anywhere_gives_an_error_or_an_image() {
+    for (name, file) in samples() {
+        for at in 0..file.len() - 4 {
+            for length in [u32::MAX, 1 << 31, 0x7fff_ffff, 0x8000_8000, 0] {
+                for width in [2, 4] {
+                    let mut changed = file.clone();
+                    changed[at..at + width].copy_from_slice(&length.to_be_bytes()[4 - width..]);
+                    if let Ok(image) = decode_image(&changed) {
+                        assert!(image.width as u64 * image.height as u64 <= IMAGE_PIXELS, "{name} at {at}");
+                        assert_eq!(image.data.len(), image.width * image.height * 3, "{name} at {at}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn messages_quote_what_a_file_says_in_part() {
+    let long = "9".repeat(50_000);
+    let files = [
+        format!("P6 {long} 1 255\n"),
+        format!("P6 x{long} 1 255\n"),
+        format!("P6 1 1 255\nabc{long}"),
+        format!("GIF{long}"),
+        format!("\u{7f}PNG{long}"),
+    ];
+    let name = vec![0x80; 40_000];
+    let mut file = png(1, 1, 8, 2, &[0, 1, 2, 3]);
+    file.splice(33..33, chunk(*b"ABCD", &name));
+    for file in files.map(String::into_bytes).into_iter().chain([file]) {
+        let error = decode_image(&file).unwrap_err().to_string();
+        assert!(error.len() < 500, "{} bytes: {error:.600}", error.len());
     }
 }
 
@@ -63,6 +100,17 @@ fn a_png_whose_bytes_cannot_fill_its_pixels_is_refused_before_it_is_decoded() {
         error,
         "PNG: compressed pixels at byte 8: expected at least 48771 bytes for 4096x4096 pixels, found 12"
     );
+}
+
+/// Found by fuzzing: the decoder would go through 16 million pixels of a few bytes.
+#[test]
+fn a_jpeg_whose_bytes_cannot_code_its_blocks_is_refused_before_it_is_decoded() {
+    let mut file = jpeg(8, 8, &[[10, 128, 128]]);
+    let sof = file.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    file[sof + 5..sof + 9].copy_from_slice(&[0x10, 0x00, 0x10, 0x00]);
+    let error = decode_image(&file).unwrap_err().to_string();
+    let expected = "at least 16384 bytes for 4096x4096 pixels";
+    assert_eq!(error, format!("JPEG: header at byte 0: expected {expected}, found {}", file.len()));
 }
 
 /// Found by fuzzing: the decoder would read a byte behind the palette.

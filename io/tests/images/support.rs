@@ -22,7 +22,7 @@ fn stored(data: &[u8]) -> Vec<u8> {
     stream
 }
 
-fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
+pub(crate) fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
     let mut chunk = u32::try_from(content.len()).unwrap().to_be_bytes().to_vec();
     let summed = [&kind, content].concat();
     chunk.extend(&summed);

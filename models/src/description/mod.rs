@@ -97,6 +97,7 @@ mod table;
 mod tensors;
 mod wiring;
 
+use std::io;
 use std::path::Path;
 
 use meissner_engine::{GraphRule, Normalisation};
@@ -171,7 +172,8 @@ impl Description {
     /// Reads and checks a description file.
     ///
     /// # Errors
-    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Description`] as [`Self::parse`].
+    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
+    /// [`ModelError::Description`] as [`Self::parse`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         Ok(Self::parse(&text(path.as_ref())?)?)
     }
@@ -256,7 +258,17 @@ fn checked<T>(
     }
 }
 
+/// Largest description file that is read: the most layers that there may be, at 256 bytes each. A byte that is at fault may
+/// become 700, most of them the TOML parser's.
+const LARGEST_FILE: u64 = 1 << 18;
+
 /// The text of the file at `path`.
 fn text(path: &Path) -> Result<String, ModelError> {
-    std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })
+    let bytes = crate::bounded::read(path, LARGEST_FILE)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let (at, source) = (error.utf8_error().valid_up_to(), io::ErrorKind::InvalidData);
+        let source =
+            io::Error::new(source, format!("expected text in UTF-8, found other bytes at byte {at}"));
+        ModelError::Read { path: path.to_owned(), source }
+    })
 }

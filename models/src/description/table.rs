@@ -176,7 +176,7 @@ impl<'t, 'i> Table<'t, 'i> {
         let expected = self.asked.join(", ");
         for key in self.entries.keys().filter(|key| !self.asked.contains(&key.get_ref().as_ref())) {
             let line = self.lines.of(key.span().start);
-            let kind = ProblemKind::UnknownKey { key: key.get_ref().to_string(), expected: expected.clone() };
+            let kind = ProblemKind::UnknownKey { key: cut(key.get_ref()), expected: expected.clone() };
             self.problems.add(line, self.layer.as_deref(), kind);
         }
     }
@@ -201,11 +201,10 @@ pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
 pub(super) fn shown(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(v) => {
-            let short: String = v.chars().take(60).collect();
-            format!("{short:?}")
+            format!("{:?}", cut(v))
         }
-        DeValue::Integer(v) => v.to_string(),
-        DeValue::Float(v) => v.to_string(),
+        DeValue::Integer(v) => cut(&v.to_string()),
+        DeValue::Float(v) => cut(&v.to_string()),
         DeValue::Boolean(v) => v.to_string(),
         DeValue::Datetime(v) => v.to_string(),
         // To a depth of 2: the deepest that is ever expected.
@@ -219,6 +218,11 @@ pub(super) fn shown(value: &DeValue<'_>) -> String {
         DeValue::Array(v) => format!("an array of {}", v.len()),
         DeValue::Table(_) => "a table".to_owned(),
     }
+}
+
+/// As much of `text` as a message quotes.
+fn cut(text: &str) -> String {
+    text.chars().take(60).collect()
 }
 
 fn list(entries: &DeArray<'_>, shown: impl Fn(&DeValue<'_>) -> String) -> String {

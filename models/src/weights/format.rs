@@ -55,3 +55,13 @@ pub enum FormatError {
         found: String,
     },
 }
+
+/// As much of a name as a message quotes, without control characters.
+pub(super) fn quoted(name: &str) -> String {
+    const MOST: usize = 120;
+    let mut quoted: String = name.chars().take(MOST).flat_map(char::escape_debug).collect();
+    if name.chars().nth(MOST).is_some() {
+        quoted.push_str("..");
+    }
+    quoted
+}

@@ -93,14 +93,7 @@ impl Weights {
     /// # Errors
     /// [`ModelError::Read`], [`ModelError::Large`] for more than 2 GiB, and as [`Self::from_bytes`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        let path = path.as_ref();
-        let read_error = |source| ModelError::Read { path: path.to_owned(), source };
-        let found = std::fs::metadata(path).map_err(read_error)?.len();
-        if found > LARGEST_FILE {
-            return Err(ModelError::Large { path: path.to_owned(), limit: LARGEST_FILE, found });
-        }
-        let bytes = std::fs::read(path).map_err(read_error)?;
-        Ok(Self::from_bytes(&bytes)?)
+        Ok(Self::from_bytes(&crate::bounded::read(path.as_ref(), LARGEST_FILE)?)?)
     }
 
     /// Reads weights from the bytes of a file.

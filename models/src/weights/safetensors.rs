@@ -1,9 +1,14 @@
 //! safetensors: read through the `safetensors` crate, which checks every offset; written by [`TensorFile`].
+//!
+//! The crate takes the last of two tensors of one name; here both are refused, as the format asks for.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 use safetensors::tensor::{Dtype, SafeTensors};
+use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
+use super::format::quoted;
 use super::scalar::Float;
 use super::{FormatError, Tensor, TensorFile, Weights};
 
@@ -19,8 +24,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
             return Err(FormatError::Safetensors(found));
         }
     }
-    let invalid = |e: safetensors::SafeTensorError| FormatError::Safetensors(e.to_string());
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(invalid)?;
+    let invalid = |e: safetensors::SafeTensorError| FormatError::Safetensors(quoted(&e.to_string()));
+    let (length, header) = SafeTensors::read_metadata(bytes).map_err(invalid)?;
+    // The crate has read as much.
+    let names = serde_json::Deserializer::from_slice(&bytes[8..8 + length]).deserialize_map(Names);
+    names.map_err(|e| FormatError::Safetensors(e.to_string()))?;
     let file = SafeTensors::deserialize(bytes).map_err(invalid)?;
     let mut tensors = BTreeMap::new();
     for (name, view) in file.iter() {
@@ -38,7 +46,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
                 let count = view.data().len() / float.size();
                 let values = (0..count).filter_map(|i| float.get(view.data(), i)).collect();
                 let sizes = || FormatError::Tensor {
-                    tensor: name.to_owned(),
+                    tensor: quoted(name),
                     what: "values",
                     expected: format!("as many as shape {:?} has", view.shape()),
                     found: count.to_string(),
@@ -50,6 +58,31 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
     }
     let metadata = header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())).collect();
     Ok(Weights { tensors, metadata })
+}
+
+/// The names of a header, each of which there is once.
+struct Names;
+
+impl<'de> Visitor<'de> for Names {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("tensors by their names")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        let mut names = BTreeSet::new();
+        while let Some(name) = map.next_key::<String>()? {
+            map.next_value::<IgnoredAny>()?;
+            if let Some(name) = names.replace(name) {
+                let found = quoted(&name);
+                return Err(A::Error::custom(format_args!(
+                    "tensor \"{found}\": expected one of this name, found two"
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The bytes of a safetensors file with the floating-point tensors.

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use super::format::quoted;
 use super::pickle::{self, Pickle, Scalar, Value, View};
 use super::zip::Archive;
 use super::{FormatError, Tensor, Weights};
@@ -40,7 +41,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
     };
     if pickle.len() > LARGEST_PICKLE {
         return Err(FormatError::Zip {
-            what: format!("{root}data.pkl"),
+            what: quoted(&format!("{root}data.pkl")),
             expected: format!("at most {LARGEST_PICKLE} bytes"),
             found: pickle.len().to_string(),
         });
@@ -49,7 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
         && order.trim_ascii() != b"little"
     {
         return Err(FormatError::Zip {
-            what: format!("{root}byteorder"),
+            what: quoted(&format!("{root}byteorder")),
             expected: "little".to_owned(),
             found: String::from_utf8_lossy(order).chars().take(20).collect(),
         });
@@ -103,7 +104,7 @@ fn refuse(
     expected: impl Into<String>,
     found: impl Into<String>,
 ) -> FormatError {
-    FormatError::Tensor { tensor: tensor.to_owned(), what, expected: expected.into(), found: found.into() }
+    FormatError::Tensor { tensor: quoted(tensor), what, expected: expected.into(), found: found.into() }
 }
 
 struct Storages<'a> {
@@ -125,7 +126,7 @@ impl<'a> Storages<'a> {
         let bytes = self
             .archive
             .get(&entry)?
-            .ok_or_else(|| refuse(name, "storage", format!("entry {entry:?}"), "none"))?;
+            .ok_or_else(|| refuse(name, "storage", format!("entry \"{}\"", quoted(&entry)), "none"))?;
         self.checked.insert(key, bytes);
         Ok(bytes)
     }

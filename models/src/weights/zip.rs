@@ -10,6 +10,7 @@
 use std::collections::BTreeMap;
 
 use super::FormatError;
+use super::format::quoted;
 
 /// How an archive starts: a local header.
 pub(super) const MAGIC: &[u8] = b"PK\x03\x04";
@@ -78,7 +79,7 @@ impl<'a> Archive<'a> {
 }
 
 fn refuse(what: &str, expected: impl Into<String>, found: impl Into<String>) -> FormatError {
-    FormatError::Zip { what: what.to_owned(), expected: expected.into(), found: found.into() }
+    FormatError::Zip { what: quoted(what), expected: expected.into(), found: found.into() }
 }
 
 fn truncated(what: &str) -> FormatError {

@@ -152,3 +152,58 @@ fn integers(
     let value = |bytes: &[u8]| bytes.iter().rev().fold(0, |value, &byte| value << 8 | i64::from(byte));
     Ok(view.data().chunks_exact(8).map(value).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use meissner_models::TensorFile;
+
+    use super::Streams;
+
+    /// Two streams of two events each.
+    fn file() -> Vec<u8> {
+        let mut file = TensorFile::new([("sensor".to_owned(), "[8, 6]".to_owned())].into());
+        for (name, values) in
+            [("t_us", [5, 9, -7, -7]), ("x", [0, 7, 1, 2]), ("y", [5, 0, 3, 3]), ("on", [0, 1, 1, 0])]
+        {
+            file.i64(name, &[4], &values);
+        }
+        file.i64("start", &[3], &[0, 2, 4]);
+        file.into_bytes()
+    }
+
+    /// Reads `bytes`; what is accepted lies on its sensor, what is refused says why in brief.
+    fn check(bytes: &[u8]) -> bool {
+        match Streams::from_bytes(bytes) {
+            Ok(streams) => {
+                let events: Vec<_> = streams.parts().concat();
+                assert!(events.iter().all(|event| streams.sensor.contains(event.x, event.y)));
+                assert_eq!(streams.ends().last(), Some(events.len()).filter(|_| streams.start.len() > 1));
+                true
+            }
+            Err(error) => {
+                let text = error.to_string();
+                assert!(text.contains("expected") && text.len() < 500, "{text:.600}");
+                false
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_of_streams_that_was_cut_flipped_or_made_up_anywhere_is_read_or_refused() {
+        let whole = file();
+        assert!(check(&whole));
+        (0..whole.len()).for_each(|length| assert!(!check(&whole[..length]), "cut at {length}"));
+        for bit in 0..8 * whole.len() {
+            let mut flipped = whole.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            check(&flipped);
+        }
+        for at in 0..=whole.len() - 8 {
+            for length in [1_u64 << 63, u64::MAX, u64::from(u32::MAX), 0] {
+                let mut wrong = whole.clone();
+                wrong[at..at + 8].copy_from_slice(&length.to_le_bytes());
+                check(&wrong);
+            }
+        }
+    }
+}

@@ -45,7 +45,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     if let Some(resumed) = &resumed {
         machine.resume(&resumed.bytes).map_err(|source| resumed.refused(source))?;
     }
-    let note = resumed.as_ref().map(|resumed| Note::read(resumed, &made)).transpose()?;
+    let note = resumed.as_ref().map(|resumed| Note::read(resumed, &made, sensor)).transpose()?;
     let feed = match &note {
         Some(note) => note.resume(model, sensor, late, every),
         None => FrameFeed::new(&model.description, sensor, late, every),

@@ -28,14 +28,20 @@ pub(super) fn made(model: &FrameModel, sensor: Sensor, late: LatePolicy) -> Stri
 }
 
 impl Note {
-    /// The note in `resumed`, of a run that made frames as `made` says.
-    pub(super) fn read(resumed: &Resumed<'_>, made: &str) -> Result<Self, CliError> {
+    /// The note in `resumed`, of a run that made frames of `sensor` as `made` says.
+    pub(super) fn read(resumed: &Resumed<'_>, made: &str, sensor: Sensor) -> Result<Self, CliError> {
         let note =
             meissner_engine::snapshot_note(&resumed.bytes).map_err(|source| resumed.refused(source))?;
         let expected = "where the making of frames stands, as `meissner run` writes it".to_owned();
         let note: Self = serde_json::from_slice(note)
             .map_err(|error| resumed.misfit("note", expected, error.to_string()))?;
-        if note.made == made { Ok(note) } else { Err(resumed.misfit("frames", made.to_owned(), note.made)) }
+        if note.made != made {
+            return Err(resumed.misfit("frames", made.to_owned(), note.made.chars().take(200).collect()));
+        }
+        match note.feed.as_ref().and_then(|feed| feed.fault(sensor)) {
+            Some((what, expected, found)) => Err(resumed.misfit(what, expected, found)),
+            None => Ok(note),
+        }
     }
 
     /// The feed that goes on.

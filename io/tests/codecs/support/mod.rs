@@ -2,6 +2,8 @@
 
 pub(crate) mod aedat4;
 
+use std::io::{self, Read};
+
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, encode};
 use proptest::prelude::*;
@@ -75,6 +77,20 @@ pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
         samples.push((Format::Aedat4, aedat4::sample(compression)));
     }
     samples
+}
+
+/// A text without a line feed that fails where more than `left` bytes of it are read.
+pub(crate) struct Endless {
+    pub(crate) left: u64,
+}
+
+impl Read for Endless {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        assert!(self.left >= buffer.len() as u64, "more is read than a line may have");
+        self.left -= buffer.len() as u64;
+        buffer.fill(b'1');
+        Ok(buffer.len())
+    }
 }
 
 /// Any event with a time of `times`, on `side` x `side` pixels.

@@ -144,7 +144,8 @@ impl FrameDescription {
     /// Reads and checks a description file.
     ///
     /// # Errors
-    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Description`] as [`Self::parse`].
+    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
+    /// [`ModelError::Description`] as [`Self::parse`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         Ok(Self::parse(&text(path.as_ref())?)?)
     }
