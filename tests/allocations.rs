@@ -10,7 +10,7 @@ use std::time::Duration;
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, RateLimit, Refractory, Stride,
 };
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_engine::representations::{
     Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
     SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
@@ -252,6 +252,45 @@ fn frames_after_the_first_few_allocate_nothing() {
             };
             pass();
             assert_eq!(pass(), 0, "{style:?}, {convolution:?}, sparse {sparse}");
+        }
+    }
+}
+
+#[test]
+fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
+    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let styles = [
+        Style::Classifier,
+        Style::UNet { squeeze: true },
+        Style::ConvolutionsThenLstm,
+        Style::ConvLstm { hidden: 3, peepholes: false },
+        Style::ConvLstm { hidden: 16, peepholes: true },
+        Style::Delays,
+    ];
+    let tolerant = Skip::Tolerance(0.01);
+    for style in styles {
+        for (convolution, skip, sparse, two_threads, size) in [
+            (Convolution::Direct, Skip::Exact, false, true, [2, 128, 160]),
+            (Convolution::Direct, tolerant, true, false, [1, 160, 128]),
+            (Convolution::Winograd(WinogradTile::Four), Skip::Exact, true, false, [3, 96, 144]),
+            (Convolution::Winograd(WinogradTile::Two), Skip::Nothing, true, false, [4, 128, 128]),
+        ] {
+            let network =
+                FrameNetwork::new(network(style, size, 24, 1), convolution).expect("parts that fit");
+            let network = Arc::new(network);
+            let options = FrameOptions { skip, sparse, two_threads, ..FrameOptions::default() };
+            let foreseen = network.engine_bytes(options);
+            let frames = sequence(12, size, 2);
+            let before = HELD.load(Ordering::Relaxed);
+            PEAK.store(before, Ordering::Relaxed);
+            let mut engine = FrameEngine::new(network, options).expect("options in range");
+            for frame in &frames {
+                engine.push(frame).expect("a frame that fits");
+                engine.predict().expect("finite");
+            }
+            let peak = u128::from(PEAK.load(Ordering::Relaxed) - before);
+            println!("{style:?}, {convolution:?}, {skip:?}: {peak} bytes at most, {foreseen} foreseen");
+            assert!(peak <= foreseen && foreseen <= 2 * peak, "{style:?}, {convolution:?}, {skip:?}");
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Matrix, is_nan};
+use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
 use crate::EngineError;
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
@@ -33,6 +33,16 @@ impl After {
         match &parts.head {
             Some(head) => Self::Head(Box::new(ImageHead::new(head, isa))),
             None => Self::Dense(parts.dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect()),
+        }
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn bytes(network: &Network) -> u128 {
+        let parts = network.parts();
+        let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
+        match &parts.head {
+            Some(head) => head.engine_bytes(FrameOptions::default()) + lanes(head.input().values()),
+            None => parts.dense.iter().map(|layer| lanes(layer.dense.outputs())).sum(),
         }
     }
 
@@ -83,11 +93,13 @@ impl After {
 }
 
 impl ImageHead {
+    /// What it takes is part of the event engine's memory, and held against that limit.
+    ///
     /// # Panics
-    /// Never for the head of a [`Network`], which was tried when that was made.
+    /// Never: a frame network's maps are small enough for their kernels, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
-        let options = FrameOptions { isa, ..FrameOptions::default() };
-        let engine = FrameEngine::new(Arc::clone(network), options).expect("the network was tried");
+        let options = FrameOptions { isa, memory_limit: u128::MAX, ..FrameOptions::default() };
+        let engine = FrameEngine::new(Arc::clone(network), options).expect("every map can be made");
         Self { image: vec![0.0; network.input().values()], engine, failure: None }
     }
 

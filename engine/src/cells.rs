@@ -42,7 +42,7 @@ impl CellGrid {
         let share = |size: Fraction| f64::from(size.numerator()) / f64::from(size.denominator());
         let spread = below.map_or(1.0, |below| below.spread + below.pooling.time.map_or(0.0, share));
         // A closed interval of n cells' length touches n + 1 cells at most; one more for the rounding of `spread`.
-        let times = pooling.time.map_or(1, |size| (spread / share(size)).ceil() as usize + 2);
+        let times = pooling.time.map_or(1, |size| ((spread / share(size)).ceil() as usize).saturating_add(2));
         let table = |extent: u16, size: Fraction| {
             (0..extent).map(|p| size.cell(p.into(), extent.into()) as u32).collect()
         };
@@ -55,9 +55,9 @@ impl CellGrid {
         self.pooling.position
     }
 
-    /// Number of slots: cells of the plane, times cells in time that a window can fill at once.
+    /// Number of slots: cells of the plane, times cells in time that a window can fill at once. Saturates.
     pub(crate) fn slots(&self) -> usize {
-        self.columns * self.rows * self.times
+        self.columns.saturating_mul(self.rows).saturating_mul(self.times)
     }
 
     /// Cell of an event at pixel (`x`, `y`) and `t` microseconds after the epoch, in integers.

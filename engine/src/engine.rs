@@ -128,7 +128,7 @@ impl Engine {
             return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
         let bytes = Step::bytes(&network, sensor);
-        if bytes > options.memory_limit {
+        if bytes > options.memory_limit || bytes == u128::MAX {
             return Err(EngineError::Memory {
                 network: network.name().to_owned(),
                 sensor,

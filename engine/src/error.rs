@@ -57,6 +57,16 @@ pub enum EngineError {
         /// Bytes that it may take.
         limit: u128,
     },
+    /// A frame engine would need more memory than it may take.
+    #[error("network {network:?}: expected at most {limit} bytes of activations and state, found {bytes}")]
+    FrameMemory {
+        /// Name of the network.
+        network: String,
+        /// Bytes that it would take.
+        bytes: u128,
+        /// Bytes that it may take.
+        limit: u128,
+    },
     /// The network's edge attributes and grid origin are recomputed from each graph, so that a single event can
     /// change every row: there is no incremental form.
     #[error(
@@ -64,6 +74,16 @@ pub enum EngineError {
          it has no incremental form; run it in batch mode"
     )]
     NotIncremental(String),
+    /// A stream holds what no engine would have accepted.
+    #[error("stream: {what}: expected {expected}, found {found}")]
+    Stream {
+        /// What does not fit.
+        what: &'static str,
+        /// What would fit.
+        expected: String,
+        /// What came.
+        found: String,
+    },
     /// A layer computed a value that is not a number.
     #[error("layer {layer:?} computed NaN for {rows} of its rows: no prediction")]
     NotANumber {

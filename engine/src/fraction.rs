@@ -31,10 +31,23 @@ impl Fraction {
         (self.denominator as usize).div_ceil(self.numerator as usize)
     }
 
-    /// The cell that holds `position` / `extent`: floor(position / extent / self), computed in integers.
+    /// The cell that holds `position` / `extent`: floor(position / extent / self), computed in integers, for any position.
+    /// Saturates.
+    ///
+    /// # Panics
+    /// If `extent` is not positive, or of more than 62 bits.
     #[inline]
     pub fn cell(self, position: i128, extent: i128) -> i128 {
-        (position * i128::from(self.denominator)).div_euclid(extent * i128::from(self.numerator))
+        assert!(0 < extent && extent >> 62 == 0, "an extent must be positive and of at most 62 bits");
+        let [size, parts] = [extent * i128::from(self.numerator), self.denominator.into()];
+        if position.unsigned_abs() >> 95 == 0 {
+            return (position * parts).div_euclid(size);
+        }
+        // The product does not fit: in two steps, the upper bits and what they leave with the lower ones. A remainder is
+        // below 2^94.
+        let upper = (position >> 32) * parts;
+        let lower = (upper.rem_euclid(size) << 32) + (position & 0xffff_ffff) * parts;
+        upper.div_euclid(size).saturating_mul(1 << 32).saturating_add(lower.div_euclid(size))
     }
 
     /// Centre of cell `index`, as a share of the whole.
@@ -62,5 +75,38 @@ impl FromStr for Fraction {
         parse().ok_or_else(|| {
             format!("expected a fraction of positive integers such as \"16/346\", found {s:?}")
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Fraction;
+    use proptest::prelude::*;
+
+    fn fraction(numerator: u32, denominator: u32) -> Fraction {
+        Fraction::new(numerator, denominator).expect("positive")
+    }
+
+    #[test]
+    fn cells_of_positions_whose_products_do_not_fit_are_exact() {
+        let most = u32::MAX;
+        // 2^127 (2^32 - 1) / 2^32 is between 2^127 - 2^95 - 1 and 2^127 - 2^95.
+        assert_eq!(fraction(1, most).cell(i128::MAX, 1 << 32), i128::MAX - (1 << 95));
+        assert_eq!(fraction(1, most).cell(i128::MIN, 1 << 32), i128::MIN + (1 << 95));
+        assert_eq!(fraction(most, most).cell(i128::MAX, 1), i128::MAX);
+        assert_eq!([i128::MIN, i128::MAX].map(|p| fraction(1, 2).cell(p, 1)), [i128::MIN, i128::MAX]);
+        assert_eq!(fraction(most, 1).cell(i128::MIN, (1 << 62) - 1), -((1 << 33) + 3));
+    }
+
+    proptest! {
+        #[test]
+        fn large_positions_fall_into_the_cells_of_the_same_share(
+            n in 1..u32::MAX, d in 1..u32::MAX, position in any::<i64>(), extent in 1i64..1 << 30, times in 0u32..33,
+        ) {
+            let size = fraction(n, d);
+            let small = size.cell(position.into(), extent.into());
+            prop_assert_eq!(size.cell(i128::from(position) << times, i128::from(extent) << times), small);
+            prop_assert_eq!((i128::from(position) * i128::from(d)).div_euclid(i128::from(extent) * i128::from(n)), small);
+        }
     }
 }

@@ -248,9 +248,10 @@ impl Grid {
         }
     }
 
+    /// Bytes of a grid, and of a reach for each cell.
     pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
         let (_, [columns, rows]) = Self::extent(sensor);
-        columns * rows * size_of::<VecDeque<Entry>>() + 2 * capacity * size_of::<Entry>()
+        columns * rows * (size_of::<VecDeque<Entry>>() + size_of::<f64>()) + 2 * capacity * size_of::<Entry>()
     }
 }
 

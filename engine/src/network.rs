@@ -262,11 +262,17 @@ impl Network {
     }
 
     /// Level `level`: 0 is the event level.
+    ///
+    /// # Panics
+    /// If there is no such level.
     pub fn level(&self, level: usize) -> &Level {
         if level == 0 { &self.parts.events } else { &self.parts.pooled[level - 1].1 }
     }
 
     /// Channels of each feature of level `level`.
+    ///
+    /// # Panics
+    /// If there is no such level.
     pub fn channels(&self, level: usize) -> &[usize] {
         &self.channels[level]
     }

@@ -100,12 +100,13 @@ impl Head {
         }
     }
 
-    pub(crate) fn bytes(network: &Network, rows: usize) -> usize {
+    pub(crate) fn bytes(network: &Network, rows: usize) -> u128 {
         let readout = network.parts().readout;
         let cells = readout.columns * readout.rows * network.readout_times() * 2;
         let channels = network.readout_channels();
-        Maxima::bytes(rows, cells, channels, Self::reads_queues(network))
-            + cells * Lanes::count(channels) * size_of::<Lanes>()
+        let values = cells * Lanes::count(channels) * size_of::<Lanes>();
+        let maxima = Maxima::bytes(rows, cells, channels, Self::reads_queues(network));
+        maxima as u128 + values as u128 + After::bytes(network)
     }
 
     /// Whether the rows that are read never change and leave in the order in which they come.

@@ -75,7 +75,7 @@ impl Step {
         }
     }
 
-    /// Bytes that `new` would take, about.
+    /// Bytes that `new` would take, about; [`u128::MAX`] where rows are too many to be counted.
     pub(crate) fn bytes(network: &Network, sensor: Sensor) -> u128 {
         let parts = network.parts();
         let capacity = parts.capacity;
@@ -86,12 +86,16 @@ impl Step {
         for (i, (pooling, _)) in parts.pooled.iter().enumerate() {
             let grid = CellGrid::new(pooling.clone(), below.as_ref(), sensor, parts.span_us);
             let slots = grid.slots();
+            // Rows are counted in 32 bits.
+            if u32::try_from(slots).is_err() {
+                return u128::MAX;
+            }
             let queues = i == 0 && parts.graph.is_frozen();
             bytes += PooledGraph::bytes(slots, rows, network.channels(i + 1)[0], queues) as u128
                 + Activations::bytes(slots, network.channels(i + 1)) as u128;
             (rows, below) = (slots, Some(grid));
         }
-        bytes + Head::bytes(network, rows) as u128
+        bytes + Head::bytes(network, rows)
     }
 
     /// Every node leaves.

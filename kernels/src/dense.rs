@@ -57,13 +57,14 @@ impl Dense {
         bias: Option<&[f32]>,
         activation: Activation,
     ) -> Result<Self, KernelError> {
-        let inputs = segments * channels;
+        // A product that saturates is the length of no tensor.
+        let inputs = segments.saturating_mul(channels);
         for (what, found) in [("inputs", inputs), ("outputs", outputs)] {
             if found == 0 {
                 return Err(KernelError::Size { what, expected: "at least 1", found });
             }
         }
-        check("weight", weight, inputs * outputs)?;
+        check("weight", weight, inputs.saturating_mul(outputs))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;
         let stride = segments * Lanes::count(channels);

@@ -14,6 +14,9 @@ pub struct Matrix {
 
 impl Matrix {
     /// `rows` x `columns` zeros.
+    ///
+    /// # Panics
+    /// If no memory holds them.
     pub fn zeros(rows: usize, columns: usize) -> Self {
         let stride = Lanes::count(columns);
         Self { columns, stride, data: vec![Lanes::ZERO; rows * stride] }
@@ -22,7 +25,7 @@ impl Matrix {
     /// A matrix of `values`, row after row of `columns` values.
     ///
     /// # Panics
-    /// If `values` does not fill whole rows.
+    /// If `columns` is zero, or `values` does not fill whole rows.
     pub fn from_rows(columns: usize, values: &[f32]) -> Self {
         assert_eq!(values.len() % columns, 0, "values must fill whole rows");
         let mut out = Self::zeros(values.len() / columns, columns);
@@ -38,19 +41,25 @@ impl Matrix {
         self.columns
     }
 
-    /// Number of rows.
+    /// Number of rows; 0 where there are no columns.
     #[inline]
     pub fn rows(&self) -> usize {
-        self.data.len() / self.stride
+        self.data.len().checked_div(self.stride).unwrap_or(0)
     }
 
     /// Row `i`, in lanes.
+    ///
+    /// # Panics
+    /// If there is no such row.
     #[inline]
     pub fn row(&self, i: usize) -> &[Lanes] {
         &self.data[i * self.stride..][..self.stride]
     }
 
     /// Row `i`, to write.
+    ///
+    /// # Panics
+    /// If there is no such row.
     #[inline]
     pub fn row_mut(&mut self, i: usize) -> &mut [Lanes] {
         &mut self.data[i * self.stride..][..self.stride]
@@ -69,12 +78,18 @@ impl Matrix {
     }
 
     /// The values of row `i` that count, side by side.
+    ///
+    /// # Panics
+    /// If there is no such row.
     #[inline]
     pub fn slice(&self, i: usize) -> &[f32] {
         &flat(self.row(i))[..self.columns]
     }
 
     /// The values of row `i` that count, to write.
+    ///
+    /// # Panics
+    /// If there is no such row.
     #[inline]
     pub fn slice_mut(&mut self, i: usize) -> &mut [f32] {
         let columns = self.columns;
@@ -82,6 +97,9 @@ impl Matrix {
     }
 
     /// The values of row `i` that count.
+    ///
+    /// # Panics
+    /// If there is no such row.
     pub fn values(&self, i: usize) -> impl Iterator<Item = f32> + '_ {
         self.row(i).iter().flat_map(|lanes| lanes.0).take(self.columns)
     }

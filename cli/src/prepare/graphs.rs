@@ -37,8 +37,9 @@ pub(super) fn prepare(args: &GraphsArgs) -> Result<(), CliError> {
         network.map_err(|source| CliError::Weights { weights: "drawn weights".to_owned(), source })?;
     let streams = Streams::read(&args.events)?;
     let batch = Batch::new(network, streams.sensor)?;
-    let graphs: Vec<Graph> =
+    let graphs: Result<Vec<Graph>, _> =
         streams.parts().par_iter().map(|&events| batch.graph(Stream::new(events))).collect();
+    let graphs = graphs?;
 
     let mut levels: Vec<Level> = (0..batch.network().levels()).map(|_| Level::default()).collect();
     let (mut event, mut readout) = (Vec::new(), Vec::new());

@@ -1,6 +1,7 @@
 //! The graph of a window alone: what training needs of a batch, so that training and inference see the same one.
 
 use super::{Batch, LevelTrace, Stream, events, pool};
+use crate::EngineError;
 use crate::network::Pooling;
 
 /// What layers of a network read from on one window. It depends on the network's graph, poolings and readout, not on its
@@ -17,9 +18,10 @@ pub struct Graph {
 impl Batch {
     /// Neighbourhoods, cells and positions on `stream`, without computing a layer. Cost: the search, and O(edges).
     ///
-    /// # Panics
-    /// As [`Self::forward`].
-    pub fn graph(&self, stream: Stream<'_>) -> Graph {
+    /// # Errors
+    /// [`EngineError::Stream`] as [`Self::forward`].
+    pub fn graph(&self, stream: Stream<'_>) -> Result<Graph, EngineError> {
+        stream.check(self.sensor)?;
         let mut levels = vec![events::level(self, stream)];
         let mut below_pooling = None;
         for (pooling, level) in &self.network.parts().pooled {
@@ -29,6 +31,6 @@ impl Batch {
             below_pooling = Some(pooling);
         }
         let readout = self.readout_cells(&levels[levels.len() - 1], levels.len() == 1, stream);
-        Graph { levels, readout }
+        Ok(Graph { levels, readout })
     }
 }

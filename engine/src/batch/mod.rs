@@ -7,9 +7,11 @@ mod events;
 mod graph;
 mod neighbours;
 mod pool;
+mod stream;
 
 pub use graph::Graph;
 pub use pool::Cells;
+pub use stream::Stream;
 
 use std::sync::Arc;
 
@@ -19,7 +21,7 @@ use rayon::prelude::*;
 
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Level, Network, Normalisation};
-use crate::{EngineError, Event, Sensor};
+use crate::{EngineError, Sensor};
 
 /// How the neighbourhoods of a batch are found. Both give the same graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,26 +44,6 @@ pub struct Batch {
     parallel: bool,
 }
 
-/// What a batch runs on.
-#[derive(Clone, Copy, Debug)]
-pub struct Stream<'a> {
-    /// Accepted events in order of arrival, times not descending: for `frozen` in-edges all since the last reset, else
-    /// at least those in the window.
-    pub events: &'a [Event],
-    /// Time of the first event since the reset.
-    pub epoch_us: i64,
-    /// The newest time: the last event's, or of a later `advance`.
-    pub now_us: i64,
-}
-
-impl<'a> Stream<'a> {
-    /// All events since a reset.
-    pub fn new(events: &'a [Event]) -> Self {
-        let time = |event: Option<&Event>| event.map_or(0, |e| e.t_us);
-        Self { events, epoch_us: time(events.first()), now_us: time(events.last()) }
-    }
-}
-
 /// In-edges of consecutive rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edges {
@@ -82,6 +64,9 @@ impl Edges {
     }
 
     /// In-edges of `row`, in neighbourhood order.
+    ///
+    /// # Panics
+    /// If there is no such row.
     pub fn row(&self, row: usize) -> &[Neighbour] {
         let end = self.start.get(row + 1).copied().unwrap_or(self.list.len());
         &self.list[self.start[row]..end]
@@ -117,7 +102,8 @@ pub struct Trace {
 }
 
 impl Batch {
-    /// `network` over the events of `sensor`.
+    /// `network` over the events of `sensor`. [`Search::Grid`] takes about a byte for each of its pixels while it runs,
+    /// 4 GiB for the largest sensor that there can be.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -162,11 +148,11 @@ impl Batch {
     /// Cost: n rows a layer, and the search.
     ///
     /// # Errors
-    /// [`EngineError::NotANumber`] where a row of the window, or the prediction, holds NaN.
-    ///
-    /// # Panics
-    /// If an event of the stream is outside the sensor, before the epoch, or before its predecessor.
+    /// [`EngineError::Stream`] where an event is outside the sensor, before the epoch, before its predecessor or after
+    /// the newest time, or where times are further apart than 64 bits say; [`EngineError::NotANumber`] where a row of
+    /// the window, or the prediction, holds NaN; [`EngineError::FrameMemory`] for a head that takes more than 4 GiB.
     pub fn forward(&self, stream: Stream<'_>) -> Result<Trace, EngineError> {
+        stream.check(self.sensor)?;
         let parts = self.network.parts();
         let mut levels = vec![events::level(self, stream)];
         self.run_blocks(&parts.events, &mut levels[0])?;

@@ -88,9 +88,14 @@ impl Cells {
     /// Pools the rows of `features` from `first` on; `keys` are their cells. Edges from earlier rows are left out.
     ///
     /// # Panics
-    /// If there are not as many keys as rows from `first` on.
+    /// If there are not as many keys as rows from `first` on, a member has no in-edges in `edges`, or an edge comes from
+    /// a row that `features` does not have.
     pub fn new(keys: &[[i64; 3]], first: usize, features: &Matrix, edges: &Edges) -> Self {
-        assert_eq!(first + keys.len(), features.rows(), "every row from the first on must have a cell");
+        assert_eq!(
+            first.saturating_add(keys.len()),
+            features.rows(),
+            "every row from the first on must have a cell"
+        );
         let mut members: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
         for (i, &key) in keys.iter().enumerate() {
             members.entry(key).or_default().push(first + i);
@@ -124,6 +129,9 @@ impl Cells {
     }
 
     /// Mean position of each cell's members.
+    ///
+    /// # Panics
+    /// If a member has no position.
     pub fn mean_positions(&self, positions: &[[f64; 3]]) -> Vec<[f64; 3]> {
         self.members.iter().map(|members| mean(members, positions)).collect()
     }

@@ -25,10 +25,11 @@ impl BackgroundActivity {
     /// Asks for a neighbour within `us` microseconds.
     ///
     /// # Errors
-    /// [`EngineError::Option`] where `us` is below 1 or beyond the longest span.
+    /// [`EngineError::Option`] where `us` is below 1 or beyond the longest span, or where `sensor` has more than 2^26
+    /// pixels, which is 1 GiB of stamps.
     pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
         in_range("time of the activity filter in microseconds", us, 1, Network::LONGEST_SPAN_US)?;
-        Ok(Self { stamps: Stamps::new(sensor), us: us.unsigned_abs(), counters: FilterCounters::default() })
+        Ok(Self { stamps: Stamps::new(sensor)?, us: us.unsigned_abs(), counters: FilterCounters::default() })
     }
 }
 

@@ -1,6 +1,10 @@
 //! A time for each pixel of a sensor.
 
-use crate::Sensor;
+use crate::network::in_range;
+use crate::{EngineError, Sensor};
+
+/// Pixels of the largest sensor: 1 GiB of stamps.
+const MOST_PIXELS: i64 = 1 << 26;
 
 /// The newest stamp that was set at each pixel, with a border of one pixel that has none, so that every pixel of the
 /// sensor has eight neighbours.
@@ -13,9 +17,11 @@ pub(super) struct Stamps {
 
 impl Stamps {
     /// No stamps.
-    pub(super) fn new(sensor: Sensor) -> Self {
+    pub(super) fn new(sensor: Sensor) -> Result<Self, EngineError> {
+        let pixels = i64::from(sensor.width) * i64::from(sensor.height);
+        in_range("pixels of a filter's sensor", pixels, 0, MOST_PIXELS)?;
         let stride = usize::from(sensor.width) + 2;
-        Self { sensor, stride, times: vec![None; stride * (usize::from(sensor.height) + 2)] }
+        Ok(Self { sensor, stride, times: vec![None; stride * (usize::from(sensor.height) + 2)] })
     }
 
     /// Place of a pixel; none outside the sensor.

@@ -35,11 +35,25 @@ pub struct FrameOptions {
     pub sparse: bool,
     /// Whether the rows of large maps are shared by two threads; the same bits.
     pub two_threads: bool,
+    /// Most bytes that the engine may take, as [`FrameNetwork::engine_bytes`] foresees them.
+    pub memory_limit: u128,
+}
+
+impl FrameOptions {
+    /// The default of [`Self::memory_limit`], as that of the event engine's: 4 GiB.
+    pub const MEMORY_LIMIT: u128 = 1 << 32;
 }
 
 impl Default for FrameOptions {
+    /// The best instruction set, exact skipping, no expectation about frames, one thread, below 4 GiB.
     fn default() -> Self {
-        Self { isa: Isa::best(), skip: Skip::Exact, sparse: false, two_threads: false }
+        Self {
+            isa: Isa::best(),
+            skip: Skip::Exact,
+            sparse: false,
+            two_threads: false,
+            memory_limit: Self::MEMORY_LIMIT,
+        }
     }
 }
 
@@ -75,13 +89,18 @@ impl FrameEngine {
     /// An engine before its first frame.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::Layer`] where a map is too large.
+    /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::FrameMemory`] beyond the memory
+    /// limit, before any of it is taken; [`EngineError::Layer`] where a map is too large.
     pub fn new(network: Arc<FrameNetwork>, options: FrameOptions) -> Result<Self, EngineError> {
         if let Skip::Tolerance(tolerance) = options.skip
             && !(tolerance.is_finite() && tolerance >= 0.0)
         {
             let expected = "a finite number that is not negative".to_owned();
             return Err(EngineError::Option { what: "tolerance", expected, found: tolerance.to_string() });
+        }
+        let (bytes, limit) = (network.engine_bytes(options), options.memory_limit);
+        if bytes > limit {
+            return Err(EngineError::FrameMemory { network: network.name().to_owned(), bytes, limit });
         }
         let state = State::new(&network, options)?;
         Ok(Self { network, options, state })
@@ -221,7 +240,7 @@ impl FrameEngine {
         self.state.counters()
     }
 
-    /// Bytes of activations and state.
+    /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] counts the room to work in, too.
     pub fn state_bytes(&self) -> usize {
         self.state.bytes()
     }

@@ -373,7 +373,7 @@ impl Run<'_> {
 }
 
 /// Columns of a tile of planes.
-const TILE: usize = 2 * LANES;
+pub(super) const TILE: usize = 2 * LANES;
 /// Pixels from which on two threads share a map.
 const LARGE: usize = 4096;
 

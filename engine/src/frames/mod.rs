@@ -5,6 +5,7 @@
 //! (`patch.rs`), with the same bits as if it had been.
 
 mod buffer;
+mod bytes;
 mod changes;
 mod compile;
 mod counters;

@@ -19,11 +19,11 @@ pub enum FrameShape {
 }
 
 impl FrameShape {
-    /// Number of values.
+    /// Number of values; [`usize::MAX`] for more, which no network has.
     pub fn values(self) -> usize {
         match self {
             Self::Vector(values) => values,
-            Self::Image { channels, height, width } => channels * height * width,
+            Self::Image { channels, height, width } => channels.saturating_mul(height).saturating_mul(width),
         }
     }
 

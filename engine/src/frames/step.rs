@@ -51,6 +51,26 @@ struct Background {
     reached: Vec<Option<Changes>>,
 }
 
+impl Background {
+    /// Runs every layer on a frame of zeros; of the state that did it, only the values stay.
+    fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
+        let mut state = State::without_background(network)?;
+        let whole = FrameOptions { skip: Skip::Nothing, ..options };
+        state.push(network, whole, &vec![0.0; network.input().values()]);
+        state.predict(network, whole);
+        let mut stateful = vec![false; network.values.len()];
+        for (i, unit) in network.units.iter().enumerate() {
+            let reads = [Some(unit.from), unit.with].into_iter().flatten();
+            stateful[i + 1] = state.memories[i].is_some() || reads.into_iter().any(|read| stateful[read]);
+        }
+        let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
+            (!stateful && matches!(value.shape, FrameShape::Image { .. })).then(|| changes_of(value.shape))
+        };
+        let reached = network.values.iter().zip(&stateful).map(reached).collect();
+        Ok(Self { buffers: state.buffers, reached })
+    }
+}
+
 /// A map of changes for an image; an empty one for a vector.
 fn changes_of(shape: FrameShape) -> Changes {
     match shape {
@@ -61,31 +81,18 @@ fn changes_of(shape: FrameShape) -> Changes {
 
 impl State {
     pub(super) fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
-        let mut state = Self::without_background(network)?;
-        if options.sparse && options.skip != Skip::Nothing {
-            let whole = FrameOptions { skip: Skip::Nothing, ..options };
-            state.push(network, whole, &vec![0.0; network.input().values()]);
-            state.predict(network, whole);
-            let mut stateful = vec![false; network.values.len()];
-            for (i, unit) in network.units.iter().enumerate() {
-                let reads = [Some(unit.from), unit.with].into_iter().flatten();
-                stateful[i + 1] = state.memories[i].is_some() || reads.into_iter().any(|read| stateful[read]);
-            }
-            let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
-                (!stateful && matches!(value.shape, FrameShape::Image { .. }))
-                    .then(|| changes_of(value.shape))
-            };
-            let reached = network.values.iter().zip(&stateful).map(reached).collect();
-            let background = Background { buffers: state.buffers, reached };
-            state = Self { background: Some(background), ..Self::without_background(network)? };
-        }
-        Ok(state)
+        let background = if options.sparse && options.skip != Skip::Nothing {
+            Some(Background::new(network, options)?)
+        } else {
+            None
+        };
+        Ok(Self { background, ..Self::without_background(network)? })
     }
 
     fn without_background(network: &FrameNetwork) -> Result<Self, EngineError> {
         let mut buffers = Vec::with_capacity(network.buffers.len());
         for (i, &shape) in network.buffers.iter().enumerate() {
-            let buffer = if network.values.iter().any(|value| value.buffer == i) {
+            let buffer = if network.is_kept(i) {
                 let layer = i.checked_sub(1).map_or("frame", |unit| &network.units[unit].name);
                 Buffer::zeros(shape, network.planar)
                     .map_err(|source| EngineError::Layer { layer: layer.to_owned(), source })?

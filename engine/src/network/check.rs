@@ -2,10 +2,8 @@
 //!
 //! Enters: [`NetworkParts`]. Leaves: the channels of every feature, or the first thing that does not fit, by layer.
 
-use std::sync::Arc;
-
 use super::{Level, Network, NetworkParts, Pooling, Reach};
-use crate::frames::{FrameEngine, FrameOptions, FrameShape};
+use crate::frames::FrameShape;
 use crate::{EngineError, Fraction};
 
 /// Channels of each feature of each level of `parts`, which must fit together.
@@ -57,7 +55,6 @@ fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<
             if head.input() != image {
                 return Err(misfit("readout", "image that the head reads", image, head.input()));
             }
-            FrameEngine::new(Arc::clone(head), FrameOptions::default())?;
             if head.has_state() {
                 let expected = "none that remember frames: how often predictions are read must not matter";
                 return Err(misfit("readout", "layers of the head", expected, "some"));

@@ -32,9 +32,9 @@ impl Crop {
         Self::new(0, 0, sensor.width, sensor.height)
     }
 
-    /// Number of pixels.
+    /// Number of pixels; saturates where `usize` has 32 bits.
     pub fn pixels(self) -> usize {
-        usize::from(self.width) * usize::from(self.height)
+        usize::from(self.width).saturating_mul(self.height.into())
     }
 
     /// Index of the sensor's pixel (`x`, `y`) in the frame, row-major; `None` outside.
@@ -58,7 +58,8 @@ impl Crop {
         if !inside(self.x, self.width, sensor.width) || !inside(self.y, self.height, sensor.height) {
             return Err(RepresentationError::Crop { crop: self, sensor });
         }
-        let values = (self.pixels() as u64).saturating_mul(channels as u64);
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let values = pixels.saturating_mul(channels as u64);
         if values > LIMIT {
             return Err(RepresentationError::Size { channels, crop: self, values, limit: LIMIT });
         }

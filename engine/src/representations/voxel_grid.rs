@@ -161,7 +161,8 @@ impl VoxelGrid {
         let sign = if event.on { 1 } else { -1 };
         for (bin, weight) in [(bin, unit - rest), (bin + 1, rest)] {
             if bin < self.bins {
-                self.sums[bin * self.crop.pixels() + pixel as usize] += sign * weight;
+                let sum = &mut self.sums[bin * self.crop.pixels() + pixel as usize];
+                *sum = sum.saturating_add(sign * weight);
             }
         }
         true
@@ -190,7 +191,7 @@ impl VoxelGrid {
     }
 }
 
-/// t1 - t0. It is below 2^32, so that 2^31 events at one pixel cannot overflow a sum.
+/// t1 - t0. It is below 2^32, so that 2^31 events at one pixel cannot saturate a sum.
 fn span(window_us: &RangeInclusive<i64>) -> Result<i64, RepresentationError> {
     let span = window_us.end().checked_sub(*window_us.start());
     span.filter(|span| (0..=i64::from(u32::MAX)).contains(span)).ok_or_else(|| {

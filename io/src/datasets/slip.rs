@@ -67,6 +67,9 @@ pub struct SlipDataset {
 
 impl SlipRecording {
     /// The readings between the rows that were refused: readings of a stretch follow each other.
+    ///
+    /// # Panics
+    /// Where [`Self::refused`] has been changed so that places do not ascend, or lie beyond the readings.
     pub fn stretches(&self) -> impl Iterator<Item = &[Reading]> {
         let ends = self.refused.iter().map(|row| row.after).chain([self.readings.len()]);
         let stretches = ends.scan(0, |start, end| {

@@ -52,6 +52,12 @@ impl Shape {
 }
 
 impl FeatureMap {
+    /// Bytes that a map takes.
+    pub fn bytes_of(height: usize, width: usize, channels: usize, halo: usize) -> u128 {
+        let [height, width] = [height, width].map(|side| side as u128 + 2 * halo as u128);
+        ((height * width * channels as u128).div_ceil(2 * LANES as u128) + 1) * size_of::<Wide>() as u128
+    }
+
     /// A map of zeros with a halo of `halo` pixels.
     ///
     /// # Errors

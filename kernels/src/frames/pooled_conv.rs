@@ -41,6 +41,13 @@ impl PooledConv3x3 {
         self.conv.inputs().iter().sum()
     }
 
+    /// Most bytes of scratch that a map of `height` x `width` pooled outputs asks for, on one thread.
+    pub fn scratch_bytes(&self, height: usize, width: usize) -> u128 {
+        let row = 2 * width as u128 * self.outputs() as u128;
+        let rows = (STRIP as u128).max(2 * row).min(2 * row * height as u128);
+        (rows.div_ceil(2 * LANES as u128) + 1) * size_of::<Wide>() as u128
+    }
+
     /// Computes the pooled outputs of `region`, and leaves all others as they are. Input maps have a halo of at least 1 and
     /// twice the output's height and width, or one more.
     ///

@@ -36,6 +36,12 @@ impl SqueezeExcite {
         Ok(Self { down, up })
     }
 
+    /// Bytes of scratch that the layer asks for.
+    pub fn scratch_bytes(&self) -> u128 {
+        let lanes = 2 * Lanes::count(self.down.inputs()) + Lanes::count(self.down.outputs());
+        lanes as u128 * size_of::<Lanes>() as u128
+    }
+
     /// Scales every channel of `input` into `out`. O(values).
     ///
     /// # Errors

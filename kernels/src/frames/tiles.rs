@@ -8,10 +8,13 @@ pub(super) trait Tiles {
     fn tile<const R: usize>(&mut self, first: usize);
 }
 
+/// Positions of the largest tile that any instruction set has.
+pub(super) const LARGEST: usize = 14;
+
 /// Positions of the largest tile.
 #[inline(always)]
 pub(super) fn most<S: Simd>() -> usize {
-    if S::WIDE { 14 } else { 6 }
+    if S::WIDE { LARGEST } else { 6 }
 }
 
 /// Covers `count` positions with as few tiles as there can be, of nearly equal size.

@@ -47,7 +47,8 @@ impl ConvParts {
             return Err(KernelError::Size { what: "input maps", expected: "1 or 2", found });
         }
         for (what, found) in [
-            ("input channels", self.inputs.iter().copied().min().unwrap_or(0)),
+            ("input channels", self.inputs[0]),
+            ("input channels", self.inputs[found - 1]),
             ("output channels", self.outputs),
         ] {
             if found == 0 || found > 1 << 16 {

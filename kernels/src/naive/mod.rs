@@ -1,5 +1,7 @@
 //! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
 //! the kernels to these bits. The platform's own fused multiply-add is used, so that ours is checked too.
+//!
+//! They check nothing: whatever does not have the size that the kernel asks for panics.
 
 pub mod cells;
 pub mod frames;

@@ -54,13 +54,14 @@ impl PlanarConv3x3 {
         bias: Option<&[f32]>,
         relu: bool,
     ) -> Result<Self, KernelError> {
-        let inputs = channels[0] + channels[1];
+        // A size that saturates is the length of no tensor.
+        let inputs = channels[0].saturating_add(channels[1]);
         for (what, found) in [("channels", inputs), ("outputs", outputs)] {
             if found == 0 {
                 return Err(KernelError::Size { what, expected: "at least 1", found });
             }
         }
-        check("weight", weight, outputs * inputs * TAPS)?;
+        check("weight", weight, outputs.saturating_mul(inputs).saturating_mul(TAPS))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;
         let mut blocks = Vec::new();

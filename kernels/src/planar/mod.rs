@@ -9,5 +9,6 @@ mod pool;
 pub use conv::PlanarConv3x3;
 pub(crate) use conv::RowOut;
 pub use occupancy::Occupancy;
+pub(crate) use planes::TILE;
 pub use planes::{Planes, TileRegion};
 pub use pool::{planar_average_pool, planar_max_pool};

@@ -12,6 +12,9 @@ pub struct Occupancy {
 
 impl Occupancy {
     /// Of an image of `height` rows of `width` zeros.
+    ///
+    /// # Panics
+    /// If no memory holds it.
     pub fn empty(height: usize, width: usize) -> Self {
         let tiles = width.div_ceil(TILE);
         Self { tiles, flags: vec![false; (height + 2) * (tiles + 2)] }
@@ -40,6 +43,9 @@ impl Occupancy {
     }
 
     /// Whether nothing is set in row `y` of tiles `first..first + count`, nor in the tiles around them.
+    ///
+    /// # Panics
+    /// If there is no such row or tile.
     #[inline]
     pub fn is_empty_around(&self, y: usize, first: usize, count: usize) -> bool {
         let columns = self.tiles + 2;

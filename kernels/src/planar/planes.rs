@@ -31,7 +31,16 @@ pub struct TileRegion {
 }
 
 impl Planes {
+    /// Bytes that an image takes.
+    pub fn bytes_of(channels: usize, height: usize, width: usize) -> u128 {
+        let tiles = width as u128 / TILE as u128 + 1;
+        (channels as u128 * (height as u128 + 2) * tiles + 2) * size_of::<Wide>() as u128
+    }
+
     /// An image of zeros.
+    ///
+    /// # Panics
+    /// If no memory holds it.
     pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
         let wides = channels * (height + 2) * stride(width) / TILE + 2;
         Self { channels, height, width, data: vec![Wide::ZERO; wides] }
@@ -146,10 +155,13 @@ impl Planes {
     }
 
     /// Whether every value of `region`, and of the pixels around it, is zero (of either sign).
+    ///
+    /// # Panics
+    /// If the region's tiles begin beyond the image.
     pub fn is_zero_around(&self, region: &TileRegion) -> bool {
-        let rows = region.rows.start.saturating_sub(1)..(region.rows.end + 1).min(self.height);
-        let from = (region.tiles.start * TILE).saturating_sub(1);
-        let to = (region.tiles.end * TILE + 1).min(self.width);
+        let rows = region.rows.start.saturating_sub(1)..region.rows.end.saturating_add(1).min(self.height);
+        let from = region.tiles.start.saturating_mul(TILE).saturating_sub(1);
+        let to = region.tiles.end.saturating_mul(TILE).saturating_add(1).min(self.width);
         (0..self.channels)
             .all(|channel| rows.clone().all(|y| self.row(channel, y)[from..to].iter().all(|&v| v == 0.0)))
     }

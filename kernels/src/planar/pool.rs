@@ -27,7 +27,7 @@ pub fn planar_max_pool(image: &Planes, out: &mut Planes) {
 /// If `size` is zero, or `out` is not (channels, height / size, width / size).
 pub fn planar_average_pool(image: &Planes, size: usize, columns: &mut Vec<f32>, out: &mut Planes) {
     check(image, size, out);
-    let pixels = (size * size) as f32;
+    let pixels = size.saturating_mul(size) as f32;
     for channel in 0..out.channels() {
         for y in 0..out.height() {
             columns.clear();

@@ -8,7 +8,7 @@ use super::gates::{Squash, Update};
 use crate::error::KernelError;
 use crate::isa::{Isa, Simd, Task, flat_wide_mut};
 use crate::lanes::Wide;
-use crate::planar::{Occupancy, PlanarConv3x3, Planes, RowOut};
+use crate::planar::{Occupancy, PlanarConv3x3, Planes, RowOut, TILE};
 
 /// A convolutional LSTM cell of few channels.
 #[derive(Clone, Debug)]
@@ -39,11 +39,20 @@ impl PlanarConvLstm {
         bias: Option<&[f32]>,
         squash: Squash,
     ) -> Result<Self, KernelError> {
-        let gates = PlanarConv3x3::new([inputs, hidden], 4 * hidden, weight, bias, false)?;
+        let gates = PlanarConv3x3::new([inputs, hidden], hidden.saturating_mul(4), weight, bias, false)?;
         Ok(Self { gates, hidden, squash })
     }
 
+    /// Bytes that a state takes.
+    pub fn state_bytes(&self, height: usize, width: usize) -> u128 {
+        let row = 5 * self.hidden as u128 * width.div_ceil(TILE) as u128;
+        Planes::bytes_of(self.hidden, height, width) + row * size_of::<Wide>() as u128
+    }
+
     /// The state before the first step: zeros. What the cell shows, h, is the caller's: zeros too.
+    ///
+    /// # Panics
+    /// If no memory holds it.
     pub fn state(&self, height: usize, width: usize) -> PlanarConvLstmState {
         let cell = Planes::zeros(self.hidden, height, width);
         let row = vec![Wide::ZERO; 5 * self.hidden * cell.tiles()];

@@ -64,8 +64,10 @@ impl Lstm {
                 return Err(KernelError::Size { what, expected: "at least 1", found });
             }
         }
-        check("weight_ih", weight_ih, 4 * hidden * inputs)?;
-        check("weight_hh", weight_hh, 4 * hidden * hidden)?;
+        // A product that saturates is the length of no tensor.
+        let gates = hidden.saturating_mul(4);
+        check("weight_ih", weight_ih, gates.saturating_mul(inputs))?;
+        check("weight_hh", weight_hh, gates.saturating_mul(hidden))?;
         let zeros = vec![0.0; 4 * hidden];
         let (bias_ih, bias_hh) = (bias_ih.unwrap_or(&zeros), bias_hh.unwrap_or(&zeros));
         check("bias_ih", bias_ih, 4 * hidden)?;
@@ -97,6 +99,11 @@ impl Lstm {
     /// Values remembered.
     pub fn hidden(&self) -> usize {
         self.hidden
+    }
+
+    /// Bytes that a state takes.
+    pub fn state_bytes(&self) -> usize {
+        2 * Lanes::count(self.hidden) * size_of::<Lanes>() + size_of_val(&*self.bias)
     }
 
     /// The state before the first step: zeros.

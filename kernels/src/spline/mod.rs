@@ -224,7 +224,7 @@ impl SplineConv {
 }
 
 /// Multiply-adds of one row of a spline block with `degree` in-edges: the sums per slot, the weights on them, the root
-/// weight.
+/// weight. Saturates.
 pub fn spline_multiply_adds(
     kernel: [usize; 3],
     inputs: usize,
@@ -233,8 +233,10 @@ pub fn spline_multiply_adds(
     degree: usize,
 ) -> usize {
     let corners: usize = kernel.iter().map(|&k| k.min(2)).product();
-    let touched = kernel.iter().product::<usize>().min(degree * corners);
-    degree * corners * inputs + (touched + usize::from(root)) * inputs * outputs
+    let slots = kernel.iter().fold(1, |slots: usize, &k| slots.saturating_mul(k));
+    let summed = degree.saturating_mul(corners);
+    let weighted = slots.min(summed).saturating_add(usize::from(root)).saturating_mul(outputs);
+    summed.saturating_add(weighted).saturating_mul(inputs)
 }
 
 /// What one row reads.

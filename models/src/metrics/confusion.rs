@@ -11,7 +11,10 @@ pub struct Confusion {
 }
 
 impl Confusion {
-    /// No predictions of `classes` classes.
+    /// No predictions of `classes` classes. 8 `classes`^2 bytes.
+    ///
+    /// # Panics
+    /// Where no memory holds them.
     pub fn new(classes: usize) -> Self {
         Self { classes, counts: vec![0; classes * classes] }
     }
@@ -26,12 +29,16 @@ impl Confusion {
     /// # Panics
     /// Where one of the two is no class.
     pub fn add(&mut self, truth: usize, predicted: usize) {
+        self.check(truth, predicted);
+        self.counts[truth * self.classes + predicted] += 1;
+    }
+
+    fn check(&self, truth: usize, predicted: usize) {
         assert!(
             truth < self.classes && predicted < self.classes,
             "{truth}, {predicted}: of {}",
             self.classes
         );
-        self.counts[truth * self.classes + predicted] += 1;
     }
 
     /// Counts all that `other` counts.
@@ -44,7 +51,11 @@ impl Confusion {
     }
 
     /// How often `predicted` was predicted for `truth`.
+    ///
+    /// # Panics
+    /// Where one of the two is no class.
     pub fn count(&self, truth: usize, predicted: usize) -> u64 {
+        self.check(truth, predicted);
         self.counts[truth * self.classes + predicted]
     }
 
@@ -55,11 +66,17 @@ impl Confusion {
     }
 
     /// How often `class` was true.
+    ///
+    /// # Panics
+    /// Where it is no class.
     pub fn truths(&self, class: usize) -> u64 {
         (0..self.classes).map(|predicted| self.count(class, predicted)).sum()
     }
 
     /// How often `class` was predicted.
+    ///
+    /// # Panics
+    /// Where it is no class.
     pub fn predictions(&self, class: usize) -> u64 {
         (0..self.classes).map(|truth| self.count(truth, class)).sum()
     }

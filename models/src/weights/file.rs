@@ -99,7 +99,8 @@ impl TensorFile {
     }
 
     fn add(&mut self, name: &str, kind: Kind, shape: &[usize], bytes: Vec<u8>) {
-        let expected = shape.iter().product::<usize>() * kind.size();
+        // A product that saturates is the length of nothing.
+        let expected = shape.iter().fold(kind.size(), |bytes, &side| bytes.saturating_mul(side));
         assert_eq!(bytes.len(), expected, "{name}: bytes of shape {shape:?}");
         assert!(self.arrays.iter().all(|array| array.name != name), "{name}: one array of a name");
         self.arrays.push(Array { name: name.to_owned(), kind, shape: shape.to_owned(), bytes });

@@ -128,7 +128,8 @@ impl EventReference {
     /// Computes every row of every layer. O(n^2) for the neighbourhoods of n events.
     ///
     /// # Panics
-    /// If an event of the stream is outside the sensor, before the epoch, or before its predecessor.
+    /// If `stream` is one that `Batch::forward` refuses: an event outside the sensor, before the epoch, before its
+    /// predecessor or after the newest time, or times further apart than 64 bits say.
     pub fn forward(&self, stream: Stream<'_>) -> EventTrace {
         let parts = self.network.parts();
         let mut levels = vec![neighbours::level(self, stream)];

@@ -86,6 +86,14 @@ impl WinogradConv3x3 {
         self.tile
     }
 
+    /// Most bytes that a map of `height` x `width` outputs asks for of each of the three parts of a scratch. Each part grows
+    /// to what the layer needs that needs most of it.
+    pub fn scratch_bytes(&self, height: usize, width: usize) -> [u128; 3] {
+        let size = self.tile.size();
+        let tiles = height.div_ceil(size) as u128 * width.div_ceil(size) as u128;
+        run::scratch_bytes(size + 2, &self.inputs, tiles)
+    }
+
     /// Computes the outputs of `region`, whole tiles (a map's last ones end with it), and leaves all others as they are.
     /// Input maps have the output's height and width and a halo of 1.
     ///

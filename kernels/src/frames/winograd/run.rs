@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use super::super::region::Region;
-use super::super::tiles::{Tiles, in_tiles, most, store_some};
+use super::super::tiles::{LARGEST, Tiles, in_tiles, most, store_some};
 use super::super::view::{Target, View};
 use super::super::weights::{BLOCK, Packed};
 use super::ConvScratch;
@@ -13,6 +13,9 @@ use crate::lanes::Wide;
 
 /// Bytes that the transformed inputs and sums of the tiles at hand may take: a part of the second-level cache.
 const AT_HAND: usize = 1 << 19;
+
+/// Most blocks of outputs that are computed at once.
+const BLOCKS: usize = 2;
 
 /// A region of a layer's outputs.
 pub(super) struct Job<'a, T, const N: usize> {
@@ -65,7 +68,7 @@ impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
     fn run<S: Simd>(mut self, simd: S) {
         let tiles = self.columns * self.region.height.div_ceil(T::OUT);
         let vectors: usize = self.inputs.iter().map(|view| view.channels.div_ceil(BLOCK)).sum();
-        let blocks = if S::WIDE { 2 } else { 1 };
+        let blocks = if S::WIDE { BLOCKS } else { 1 };
         let bytes = N * N * size_of::<Wide>() * (vectors + blocks);
         let at_hand = (AT_HAND / bytes / most::<S>()).max(1) * most::<S>();
         // Parts of nearly equal size, so that none is too small to share the weights that it loads.
@@ -272,6 +275,19 @@ fn part<const B: usize>(mut weights: [&[Wide]; B], first: usize, count: usize) -
         *weights = &weights[first..][..count];
     }
     weights
+}
+
+/// Most bytes that `tiles` tiles of `side` x `side` inputs, of maps with `channels` channels, ask for: a patch, transformed
+/// inputs, sums.
+pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u128; 3] {
+    let place = (side * side * size_of::<Wide>()) as u128;
+    let vectors = |channels: usize| channels.div_ceil(BLOCK) as u128;
+    let all: u128 = channels.iter().map(|&channels| vectors(channels)).sum();
+    let patch = place * channels.iter().map(|&channels| vectors(channels)).max().unwrap_or(0);
+    let at_hand = |blocks: u128| (AT_HAND as u128 / (place * (all + blocks))).max(LARGEST as u128).min(tiles);
+    let blocks = BLOCKS as u128;
+    // One block leaves more room for inputs; two have more sums.
+    [patch, place * (at_hand(1) * all + 1), place * (at_hand(blocks) * blocks + 1)]
 }
 
 /// Makes room for `vectors`.

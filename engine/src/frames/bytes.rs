@@ -1,0 +1,148 @@
+//! How many bytes an engine takes, before it takes them.
+//!
+//! Enters: a network, and how it is to run. Leaves: a bound of what its engine holds, whatever the frames: values and what
+//! layers remember, to the byte; marks of changes; room to work in as the layer that needs most of it does.
+
+use meissner_kernels::{FeatureMap, Lanes, Planes};
+
+use super::buffer::Buffer;
+use super::changes::Changes;
+use super::compile::{FrameNetwork, Kernel, Unit};
+use super::counters::FrameLayerCounters;
+use super::engine::{FrameOptions, Skip};
+use super::layers::{Memory, TILE};
+use super::network::FrameShape;
+use super::step::Pending;
+
+/// What a vector that grows may hold for what is asked of it.
+const GROWTH: u128 = 2;
+/// Marks of a whole map that are at hand while a layer runs.
+const MARKS: u128 = 5;
+
+impl FrameNetwork {
+    /// Most bytes that a [`FrameEngine`](super::FrameEngine) of this network takes, parameters not counted: they are
+    /// shared. O(layers^2).
+    pub fn engine_bytes(&self, options: FrameOptions) -> u128 {
+        let skips = options.skip != Skip::Nothing;
+        let buffers: u128 = (0..self.buffers.len())
+            .filter(|&buffer| self.is_kept(buffer))
+            .map(|buffer| of_buffer(self.buffers[buffer], self.planar))
+            .sum();
+        let memories: u128 = self.units.iter().map(|unit| of_memory(unit, self.read_by(unit))).sum();
+        let pending: u128 = self.units.iter().map(|unit| of_changes(self.read_by(unit))).sum();
+        let background: u128 = if options.sparse && skips {
+            buffers + self.values.iter().map(|value| of_changes(value.shape)).sum::<u128>()
+        } else {
+            0
+        };
+        let records = size_of::<(Pending, Memory, [Buffer; 2], Option<Changes>, FrameLayerCounters)>();
+        let each = (self.values.len() * records) as u128;
+        buffers + memories + pending + background + self.scratch_bytes(options) + each
+    }
+
+    /// Whether anything is kept in `buffer`.
+    pub(super) fn is_kept(&self, buffer: usize) -> bool {
+        self.values.iter().any(|value| value.buffer == buffer)
+    }
+
+    /// Shape of what `unit` reads first.
+    fn read_by(&self, unit: &Unit) -> FrameShape {
+        self.values[unit.from].shape
+    }
+
+    /// Room that all layers share, and the prediction.
+    fn scratch_bytes(&self, options: FrameOptions) -> u128 {
+        let largest = |of: &dyn Fn(&Unit, FrameShape) -> u128| {
+            let units = self.units.iter().zip(&self.values[1..]);
+            units.map(|(unit, value)| of(unit, value.shape)).max().unwrap_or(0)
+        };
+        let marks = self.values.iter().map(|value| of_changes(value.shape)).max().unwrap_or(0);
+        let threads = if options.two_threads { 2 } else { 1 };
+        let pooled = largest(&|unit, to| match (&unit.kernel, to) {
+            (Kernel::PooledConv(conv), FrameShape::Image { height, width, .. }) => {
+                conv.scratch_bytes(height, width)
+            }
+            _ => 0,
+        });
+        let part = |part: usize| {
+            largest(&|unit, to| match (&unit.kernel, to) {
+                (Kernel::Winograd(conv), FrameShape::Image { height, width, .. }) => {
+                    conv.scratch_bytes(height, width)[part]
+                }
+                _ => 0,
+            })
+        };
+        let tiles: u128 = (0..3).map(part).sum();
+        let squeeze = largest(&|unit, _| match &unit.kernel {
+            Kernel::SqueezeExcite(squeeze) => squeeze.scratch_bytes(),
+            _ => 0,
+        });
+        let sums = largest(&|unit, _| match (&unit.kernel, self.read_by(unit)) {
+            (Kernel::Sum, from) => of_values(from.values()),
+            (Kernel::AveragePool(_), FrameShape::Image { width, .. }) => of_values(width),
+            _ => 0,
+        });
+        let compared = match options.skip {
+            Skip::Nothing => 0,
+            Skip::Exact | Skip::Tolerance(_) => largest(&of_block),
+        };
+        let growing = MARKS * marks + tiles + threads * pooled + squeeze + sums + compared;
+        GROWTH * growing + of_values(self.output().values())
+    }
+}
+
+fn of_values(values: usize) -> u128 {
+    values as u128 * size_of::<f32>() as u128
+}
+
+fn of_buffer(shape: FrameShape, planar: bool) -> u128 {
+    match shape {
+        FrameShape::Vector(values) => Lanes::count(values) as u128 * size_of::<Lanes>() as u128,
+        FrameShape::Image { channels, height, width } if planar => Planes::bytes_of(channels, height, width),
+        FrameShape::Image { channels, height, width } => FeatureMap::bytes_of(height, width, channels, 1),
+    }
+}
+
+/// What a layer that reads `from` remembers.
+fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
+    match (&unit.kernel, from) {
+        (Kernel::Lstm(lstm), _) => lstm.state_bytes() as u128,
+        (Kernel::PlanarConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
+            let flags = (height as u128 + 2) * (width.div_ceil(TILE) as u128 + 2);
+            lstm.state_bytes(height, width) + flags
+        }
+        (Kernel::ConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
+            of_values(height * width * lstm.hidden) + FeatureMap::bytes_of(height, width, 4 * lstm.hidden, 0)
+        }
+        (Kernel::Delay(frames), from) => of_values(frames * from.values()),
+        _ => 0,
+    }
+}
+
+/// Marks of changes of an image.
+fn of_changes(shape: FrameShape) -> u128 {
+    match shape {
+        FrameShape::Image { height, width, .. } => {
+            height as u128 * width.div_ceil(u64::BITS as usize) as u128 * size_of::<u64>() as u128
+        }
+        FrameShape::Vector(_) => 0,
+    }
+}
+
+/// Values of a row of blocks that are compared with what a layer makes of them.
+fn of_block(unit: &Unit, to: FrameShape) -> u128 {
+    let rows = match &unit.kernel {
+        Kernel::PlanarConv(_) | Kernel::Winograd(_) => 4,
+        Kernel::Conv3(_)
+        | Kernel::PooledConv(_)
+        | Kernel::Conv1(_)
+        | Kernel::UpConv(_)
+        | Kernel::MaxPool
+        | Kernel::AveragePool(_) => 2,
+        _ => return 0,
+    };
+    match to {
+        FrameShape::Image { channels, height, width } => of_values(rows.min(height) * width * channels),
+        FrameShape::Vector(_) => 0,
+    }
+}
