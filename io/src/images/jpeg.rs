@@ -25,6 +25,22 @@ fn malformed(what: &'static str, at: usize, expected: &str, actual: impl ToStrin
     ImageError::Malformed { format, what, place, expected: expected.to_owned(), actual: actual.to_string() }
 }
 
+/// Refuses sampling factors that the decoder does not expect: it reads beyond its rows where a component has more columns
+/// or rows than the first. `content` is that of the frame header at `at`.
+fn check_sampling(content: &[u8], at: usize) -> Result<(), ImageError> {
+    const FIRST: [u8; 6] = [0x11, 0x12, 0x14, 0x21, 0x22, 0x41];
+    // Precision, height, width and the number of components come first; an identifier, the factors and a table of each
+    // follow.
+    let factors: Vec<u8> = content.iter().skip(7).step_by(3).copied().collect();
+    let [first, others @ ..] = &factors[..] else { return Ok(()) };
+    if !FIRST.contains(first) || others.iter().any(|&other| other != 0x11) {
+        let expected = "1x1, 1x2, 1x4, 2x1, 2x2 or 4x1 of the first component, 1x1 of others";
+        let shown: Vec<String> = factors.iter().map(|f| format!("{}x{}", f >> 4, f & 15)).take(4).collect();
+        return Err(malformed("sampling factors", at, expected, shown.join(", ")));
+    }
+    Ok(())
+}
+
 /// Walks from the start to the end-of-image marker, over [`JPEG_SCANS`] scans at most; where the first scan's data starts.
 fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
     let truncated = |what, at: usize, expected: usize, at_least| ImageError::Truncated {
@@ -61,9 +77,15 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
             return Err(truncated("segment", at, 4, true));
         };
         let length = usize::from(u16::from_be_bytes([high, low]));
+        if length < 2 {
+            return Err(malformed("length of a segment", at + 2, "its own 2 bytes at least", length));
+        }
         let end = at + 2 + length;
         if end > bytes.len() {
             return Err(truncated("segment", at, 2 + length, false));
+        }
+        if matches!(code, 0xc0..=0xc2) {
+            check_sampling(&bytes[at + 4..end], at)?;
         }
         if code == 0xda {
             scans += 1;

@@ -113,6 +113,32 @@ fn a_jpeg_whose_bytes_cannot_code_its_blocks_is_refused_before_it_is_decoded() {
     assert_eq!(error, format!("JPEG: header at byte 0: expected {expected}, found {}", file.len()));
 }
 
+/// Found by fuzzing: such a segment would end before its content starts.
+#[test]
+fn a_jpeg_segment_that_does_not_count_its_own_length_is_refused() {
+    let mut file = jpeg(8, 8, &[[10, 128, 128]]);
+    let sof = file.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    file[sof + 3] = 0;
+    let error = decode_image(&file).unwrap_err().to_string();
+    let at = sof + 2;
+    let expected = "its own 2 bytes at least";
+    assert_eq!(error, format!("JPEG: length of a segment at byte {at}: expected {expected}, found 0"));
+}
+
+/// Found by fuzzing: the decoder would read beyond the rows that it made for the first component.
+#[test]
+fn a_jpeg_whose_chroma_has_more_columns_than_its_luma_is_refused() {
+    let mut file = jpeg(8, 8, &[[10, 128, 128]]);
+    let sof = file.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    file[sof + 14] = 0x41;
+    let error = decode_image(&file).unwrap_err().to_string();
+    let expected = "1x1, 1x2, 1x4, 2x1, 2x2 or 4x1 of the first component, 1x1 of others";
+    assert_eq!(
+        error,
+        format!("JPEG: sampling factors at byte {sof}: expected {expected}, found 1x1, 4x1, 1x1")
+    );
+}
+
 /// Found by fuzzing: the decoder would read a byte behind the palette.
 #[test]
 fn a_palette_that_ends_within_an_entry_is_refused() {
