@@ -30,8 +30,9 @@ fn main() -> Result<(), EngineError> {
         let weights = Weights::shipped(name).expect("shipped weights");
         let network = Description::shipped(name).expect("a shipped network").network(&weights);
         let mut engine = Engine::new(network.expect("the weights fit"), SENSOR)?;
-        for (step, start) in [(warm_up as fn(&mut Engine, Event) -> _, 0), (step, EVENTS * 100)] {
-            // The same events again: their lists are as long as they have been.
+        let steps: [fn(&mut Engine, Event) -> _; 3] = [warm_up, warm_up, step];
+        for (step, start) in steps.into_iter().zip((0..).step_by(EVENTS as usize * 100)) {
+            // The same events again, behind themselves as in the pass before: lists are as long as they have been.
             let mut random = Random::new(4);
             for i in 0..EVENTS {
                 let (dot, dx, dy) = (random.below(30), random.below(9), random.below(9));
