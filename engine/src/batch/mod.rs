@@ -102,8 +102,7 @@ pub struct Trace {
 }
 
 impl Batch {
-    /// `network` over the events of `sensor`. [`Search::Grid`] takes about a byte for each of its pixels while it runs,
-    /// 4 GiB for the largest sensor that there can be.
+    /// `network` over the events of `sensor`, whose columns and rows are tabulated at each run.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
