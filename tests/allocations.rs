@@ -217,21 +217,22 @@ fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothin
     assert!(readout.stale() > 0);
 }
 
+/// Frame networks with and without a memory of frames.
+const STYLES: [Style; 6] = [
+    Style::Classifier,
+    Style::UNet { squeeze: true },
+    Style::ConvolutionsThenLstm,
+    Style::ConvLstm { hidden: 3, peepholes: false },
+    Style::ConvLstm { hidden: 16, peepholes: true },
+    Style::Delays,
+];
+
 #[test]
 fn frames_after_the_first_few_allocate_nothing() {
     let _alone = ALONE.lock().expect("no test panicked while alone");
-    let styles = [
-        Style::Classifier,
-        Style::UNet { squeeze: true },
-        Style::ConvolutionsThenLstm,
-        Style::ConvLstm { hidden: 3, peepholes: false },
-        Style::ConvLstm { hidden: 16, peepholes: true },
-        Style::Delays,
-        Style::Committee { vector: false },
-        Style::Committee { vector: true },
-    ];
+    let committees = [false, true].map(|vector| Style::Committee { vector });
     let size = [2, 32, 48];
-    for (style, convolution) in styles.into_iter().flat_map(|style| {
+    for (style, convolution) in STYLES.into_iter().chain(committees).flat_map(|style| {
         [Convolution::Direct, Convolution::Winograd(WinogradTile::Two)]
             .map(|convolution| (style, convolution))
     }) {
@@ -259,16 +260,8 @@ fn frames_after_the_first_few_allocate_nothing() {
 #[test]
 fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
     let _alone = ALONE.lock().expect("no test panicked while alone");
-    let styles = [
-        Style::Classifier,
-        Style::UNet { squeeze: true },
-        Style::ConvolutionsThenLstm,
-        Style::ConvLstm { hidden: 3, peepholes: false },
-        Style::ConvLstm { hidden: 16, peepholes: true },
-        Style::Delays,
-    ];
     let tolerant = Skip::Tolerance(0.01);
-    for style in styles {
+    for style in STYLES {
         for (convolution, skip, sparse, two_threads, size) in [
             (Convolution::Direct, Skip::Exact, false, true, [2, 128, 160]),
             (Convolution::Direct, tolerant, true, false, [1, 160, 128]),

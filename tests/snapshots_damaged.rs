@@ -6,33 +6,7 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptio
 use meissner_engine::{Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor};
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::snapshots::sealed;
-
-/// What both kinds of engine do with bytes.
-trait Restores {
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), EngineError>;
-    fn stored(&self) -> Vec<u8>;
-}
-
-impl Restores for Engine {
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
-        self.restore_bytes(bytes)
-    }
-
-    fn stored(&self) -> Vec<u8> {
-        self.to_bytes()
-    }
-}
-
-impl Restores for FrameEngine {
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
-        self.restore_bytes(bytes)
-    }
-
-    fn stored(&self) -> Vec<u8> {
-        self.to_bytes()
-    }
-}
+use meissner_tests::snapshots::{Restores, sealed};
 
 /// An engine over events that has seen some, and the bytes of one that has seen more.
 fn over_events() -> (Engine, Vec<u8>) {
@@ -80,9 +54,9 @@ fn over_frames() -> (FrameEngine, Vec<u8>) {
 
 /// Has `wrong` refused with a typed error that names what was expected and found, or restored; says which.
 fn is_refused(engine: &mut impl Restores, before: &[u8], wrong: &[u8], at: usize) -> bool {
-    match engine.restore(wrong) {
+    match engine.restore_bytes(wrong) {
         Ok(()) => {
-            engine.restore(before).expect("its own bytes");
+            engine.restore_bytes(before).expect("its own bytes");
             false
         }
         Err(error) => {
@@ -90,14 +64,14 @@ fn is_refused(engine: &mut impl Restores, before: &[u8], wrong: &[u8], at: usize
             let text = error.to_string();
             assert!(typed && text.contains("expected") && text.contains("found"), "{at}: {text}");
             assert!(text.len() < 1000, "{at}: {text:.600}");
-            assert_eq!(engine.stored(), before, "{at}: {text}");
+            assert_eq!(engine.to_bytes(), before, "{at}: {text}");
             true
         }
     }
 }
 
 fn damage(mut engine: impl Restores, bytes: &[u8]) {
-    let before = engine.stored();
+    let before = engine.to_bytes();
     assert!(!is_refused(&mut engine, &before, bytes, 0), "whole");
     for length in 0..bytes.len() {
         assert!(is_refused(&mut engine, &before, &bytes[..length], length), "cut at {length}");

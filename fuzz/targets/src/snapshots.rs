@@ -12,7 +12,7 @@ use meissner_engine::{
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
 use meissner_tests::random::Random;
-use meissner_tests::snapshots::sealed;
+use meissner_tests::snapshots::{Restores, sealed};
 
 use crate::target::Verdict;
 
@@ -74,28 +74,13 @@ fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
     engine
 }
 
-/// What engines of both kinds have.
-trait Stored: Clone {
-    fn to_bytes(&self) -> Vec<u8>;
-    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError>;
-    fn reset(&mut self);
+/// What both kinds of engine can be tried on with.
+trait GoesOn: Restores {
     /// Inputs after whatever time it is, and predictions.
     fn go_on(&mut self);
 }
 
-impl Stored for Engine {
-    fn to_bytes(&self) -> Vec<u8> {
-        self.to_bytes()
-    }
-
-    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
-        self.restore_bytes(bytes)
-    }
-
-    fn reset(&mut self) {
-        self.reset();
-    }
-
+impl GoesOn for Engine {
     /// Events of a few pixels.
     fn go_on(&mut self) {
         let mut random = Random::new(1);
@@ -113,19 +98,7 @@ impl Stored for Engine {
     }
 }
 
-impl Stored for FrameEngine {
-    fn to_bytes(&self) -> Vec<u8> {
-        self.to_bytes()
-    }
-
-    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
-        self.restore_bytes(bytes)
-    }
-
-    fn reset(&mut self) {
-        self.reset();
-    }
-
+impl GoesOn for FrameEngine {
     fn go_on(&mut self) {
         for mut frame in sequence(3, FRAME, 3) {
             frame.truncate(self.network().input().values());
@@ -160,7 +133,7 @@ pub fn frame_snapshot(bytes: &[u8]) -> Verdict {
     check(&FRAME_ENGINES, bytes)
 }
 
-fn check<E: Stored>(engines: &[E], bytes: &[u8]) -> Verdict {
+fn check<E: GoesOn>(engines: &[E], bytes: &[u8]) -> Verdict {
     let Some((first, content)) = choose(engines, bytes) else { return Verdict::Refused };
     let mut engine = first.clone();
     if let Err(error) = engine.restore_bytes(&content) {
