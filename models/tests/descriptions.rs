@@ -1,6 +1,6 @@
 //! What a consistent description says, and the networks that it makes.
 
-mod support;
+use super::support;
 
 use meissner_engine::{Candidates, Lifetime, Network, Normalisation, Position, Reach};
 use meissner_models::description::{FieldStart, Per};

@@ -1,6 +1,6 @@
 //! Every inconsistency of a frame network's description is reported by name and line.
 
-mod support;
+use super::support;
 
 use meissner_models::{AnyDescription, Description, FrameDescription, Problem};
 use support::{SMALL, SMALL_FRAMES, changed_frames, listed, only_of};

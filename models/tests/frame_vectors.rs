@@ -1,6 +1,6 @@
 //! Descriptions of networks over vectors: readings that are scaled twice, vectors that are joined.
 
-mod support;
+use super::support;
 
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! What the shipped frame networks are, and the parts that weights make of a description.
 
-mod support;
+use super::support;
 
 use meissner_engine::Sensor;
 use meissner_engine::frames::{FrameLayerKind, FrameNetworkParts, FrameShape};

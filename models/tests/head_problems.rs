@@ -1,6 +1,6 @@
 //! Every inconsistency of a head over the readout is reported by name and line.
 
-mod support;
+use super::support;
 
 use meissner_models::{AnyDescription, Description, Problem};
 use support::{SMALL_FRAMES, changed, changed_head, listed, only_of, with_head};

@@ -1,6 +1,6 @@
 //! Networks over events whose readout a frame network reads.
 
-mod support;
+use super::support;
 
 use meissner_engine::frames::FrameShape;
 use meissner_engine::{Engine, Event, Sensor};

@@ -1,6 +1,6 @@
 //! Descriptions that are damaged or ask for much: problems with their lines, within seconds and a few times the file's size.
 
-mod support;
+use super::support;
 
 use std::time::{Duration, Instant};
 

@@ -1,7 +1,7 @@
 //! Weights files that are damaged or ask for much: an error with its place or whole tensors, within a few times the file's
 //! size, and nothing executed.
 
-mod support;
+use super::support;
 
 use std::fmt::Debug;
 use std::time::{Duration, Instant};

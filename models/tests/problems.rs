@@ -1,6 +1,6 @@
 //! Every inconsistency of a description is reported by name and line.
 
-mod support;
+use super::support;
 
 use meissner_models::description::ProblemKind;
 use meissner_models::{Description, Problem};

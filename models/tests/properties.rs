@@ -1,6 +1,6 @@
 //! What holds for any description and any bytes.
 
-mod support;
+use super::support;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,6 +1,6 @@
 //! Weights files of either kind, whole and damaged, and what happens where they do not fit.
 
-mod support;
+use super::support;
 
 use std::collections::BTreeMap;
 

@@ -1,0 +1,14 @@
+//! Descriptions, weights and networks built from them.
+
+mod descriptions;
+mod frame_problems;
+mod frame_vectors;
+mod frames;
+mod head_problems;
+mod heads;
+mod hostile_descriptions;
+mod hostile_weights;
+mod problems;
+mod properties;
+mod support;
+mod weights;

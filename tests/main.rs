@@ -1,0 +1,30 @@
+//! Whole-engine properties, oracles, golden files, determinism: one program, because linking one per file took most of the time.
+
+mod approximations;
+mod determinism;
+mod extremes;
+mod filters;
+mod frames;
+mod golden_frames;
+mod golden_networks;
+mod golden_operators;
+mod incremental;
+mod neighbours;
+mod out_of_range;
+mod promises;
+mod readout_by_time;
+mod recordings;
+mod reference;
+mod reference_golden;
+mod representations;
+mod reuse;
+mod snapshots;
+mod snapshots_damaged;
+mod snapshots_of_frames;
+mod snapshots_refused;
+mod stream;
+mod stress;
+mod tactile;
+mod tolerance;
+mod trained_digits;
+mod trained_slip;
