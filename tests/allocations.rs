@@ -23,7 +23,7 @@ use meissner_live::{Live, Overload, Predictor, QueueOptions};
 use meissner_models::{Description, Weights};
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::random::Random;
-use meissner_tests::shared::shared;
+use meissner_tests::shared::find_shared;
 use meissner_tests::snapshots::sealed;
 
 /// The system's allocator, counted.
@@ -92,7 +92,7 @@ fn synthetic() -> (Sensor, Vec<Event>) {
 #[test]
 fn a_second_pass_over_a_recording_allocates_nothing() {
     let _alone = ALONE.lock().expect("no test panicked while alone");
-    let (sensor, events) = match shared("data/events/tactile_dots.aedat4") {
+    let (sensor, events) = match find_shared("data/events/tactile_dots.aedat4") {
         Some(path) => {
             let recording = meissner_io::read(&path).expect("a readable recording");
             (recording.sensor.expect("AEDAT4 names its geometry"), recording.events)

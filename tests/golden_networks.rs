@@ -23,9 +23,9 @@ fn network(name: &str, weights: &Weights) -> Arc<Network> {
     Arc::new(description.network(weights).expect("the weights fit"))
 }
 
-fn published() -> Option<Weights> {
-    let path = shared("data/checkpoints/contact_angle_graphres.safetensors")?;
-    Some(Weights::load(&path).expect("readable weights"))
+fn published() -> Weights {
+    let path = shared("data/checkpoints/contact_angle_graphres.safetensors");
+    Weights::load(&path).expect("readable weights")
 }
 
 fn flat(matrix: &Matrix) -> Vec<f32> {
@@ -106,12 +106,13 @@ fn forward(network: &Arc<Network>, events: &[Event], search: Search) -> Trace {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_with_fixed_scales_agrees_with_the_reference() {
-    let Some(weights) = published() else { return };
+    let weights = published();
     let network = network("graphres", &weights);
     for window in ["a", "idle", "late"] {
         let name = format!("graphres_fixed_{window}");
-        let Some(golden) = Golden::load(&name) else { return };
+        let golden = Golden::load(&name);
         for search in [Search::Exhaustive, Search::Grid] {
             let trace = forward(&network, &events(&golden), search);
             assert_graphres(&name, &golden, &trace);
@@ -121,20 +122,22 @@ fn graphres_with_fixed_scales_agrees_with_the_reference() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_as_published_agrees_with_the_reference() {
-    let Some(weights) = published() else { return };
+    let weights = published();
     let network = network("graphres-published", &weights);
     for window in ["a", "idle", "late"] {
         let name = format!("graphres_published_{window}");
-        let Some(golden) = Golden::load(&name) else { return };
+        let golden = Golden::load(&name);
         assert_graphres(&name, &golden, &forward(&network, &events(&golden), Search::Grid));
     }
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn tactigraph_agrees_with_the_reference() {
-    let Some(path) = shared("golden/tactigraph.safetensors") else { return };
-    let Some(golden) = Golden::load("tactigraph") else { return };
+    let path = shared("golden/tactigraph.safetensors");
+    let golden = Golden::load("tactigraph");
     let network = network("tactigraph", &Weights::load(&path).expect("readable weights"));
     let trace = forward(&network, &events(&golden), Search::Exhaustive);
     let [level0, level1, level2] = &trace.levels[..] else { panic!("tactigraph has three levels") };

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use proptest::prelude::ProptestConfig;
+
 const PAGE: &str = include_str!("../docs/what-you-can-rely-on.md");
 
 /// What stands between backticks and ends as the path of a Rust file, with a test or without.
@@ -32,5 +34,14 @@ fn every_promise_names_tests_that_are_there() {
 fn every_row_of_promises_names_what_holds_it() {
     for row in PAGE.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| promise")) {
         assert!(row.contains(".rs"), "{row}");
+    }
+}
+
+/// proptest reads and writes them in `proptest-regressions` beside the folder with `main.rs`, and says nothing where it finds none.
+#[test]
+fn failing_seeds_of_property_tests_are_found_where_they_are_kept() {
+    let persistence = ProptestConfig::default().failure_persistence.expect("failures are kept by default");
+    for file in ["tests/incremental.rs", "tests/snapshots_of_frames.rs"] {
+        assert!(!persistence.load_persisted_failures2(Some(file)).is_empty(), "{file}");
     }
 }

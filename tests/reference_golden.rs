@@ -32,12 +32,13 @@ fn trace(golden: &Golden, name: &str, weights: &Weights) -> EventTrace {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_in_f64_agrees_with_the_golden_files() {
-    let Some(path) = shared("data/checkpoints/contact_angle_graphres.safetensors") else { return };
+    let path = shared("data/checkpoints/contact_angle_graphres.safetensors");
     let weights = Weights::load(&path).expect("readable weights");
     for window in ["a", "idle", "late"] {
         let name = format!("graphres_fixed_{window}");
-        let Some(golden) = Golden::load(&name) else { return };
+        let golden = Golden::load(&name);
         let trace = trace(&golden, "graphres", &weights);
         let [events, pooled] = &trace.levels[..] else { panic!("{name} has two levels") };
         for n in 1..=7 {
@@ -51,9 +52,10 @@ fn graphres_in_f64_agrees_with_the_golden_files() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn tactigraph_in_f64_agrees_with_the_golden_file() {
-    let Some(path) = shared("golden/tactigraph.safetensors") else { return };
-    let Some(golden) = Golden::load("tactigraph") else { return };
+    let path = shared("golden/tactigraph.safetensors");
+    let golden = Golden::load("tactigraph");
     let weights = Weights::load(&path).expect("readable weights");
     let trace = trace(&golden, "tactigraph", &weights);
     for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
@@ -64,8 +66,8 @@ fn tactigraph_in_f64_agrees_with_the_golden_file() {
 
 /// Runs every sequence of the golden file; `each` says whether there is an answer for each step.
 fn check_frames(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
-    let Some(golden) = Golden::load(file) else { return };
-    let path = shared(&format!("golden/{file}.safetensors")).expect("it is there");
+    let golden = Golden::load(file);
+    let path = shared(&format!("golden/{file}.safetensors"));
     let weights = Weights::load(path).expect("readable");
     let description = frame_description(name, size);
     let mut reference =
@@ -88,6 +90,7 @@ fn check_frames(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn frame_networks_in_f64_agree_with_the_golden_files() {
     for name in ["slip-tuned", "slip-regularised", "slip-lstm"] {
         check_frames(name, &name.replace('-', "_"), None, false);

@@ -243,8 +243,9 @@ proptest! {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn counts_of_a_recording_add_up_to_its_events() {
-    let Some(path) = shared("data/events/tactile_dots.aedat4") else { return };
+    let path = shared("data/events/tactile_dots.aedat4");
     let recording = meissner_io::read(&path).expect("a readable recording");
     let sensor = recording.sensor.expect("AEDAT4 names its geometry");
     let options = Consecutive::new(Crop::new(60, 30, 115, 115));

@@ -445,8 +445,9 @@ fn a_first_dense_layer_that_does_not_fit_leaves_the_others_to_be_checked() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_published_checkpoint_makes_graphres() {
-    let Some(path) = shared("data/checkpoints/contact_angle_graphres.safetensors") else { return };
+    let path = shared("data/checkpoints/contact_angle_graphres.safetensors");
     let weights = Weights::load(path).expect("readable");
     for name in ["graphres", "graphres-published"] {
         let description = Description::shipped(name).expect("shipped");
@@ -460,8 +461,9 @@ fn the_published_checkpoint_makes_graphres() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_recorded_tactigraph_has_its_weights_under_a_prefix() {
-    let Some(path) = shared("golden/tactigraph.safetensors") else { return };
+    let path = shared("golden/tactigraph.safetensors");
     let weights = Weights::load(path).expect("readable");
     let description = Description::shipped("tactigraph").expect("shipped");
     assert!(description.network(&weights).is_ok());

@@ -1,27 +1,14 @@
 //! The folder of golden files and recordings beside the project, which may be absent.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 use meissner_models::FrameDescription;
 use safetensors::{Dtype, SafeTensors};
 
-/// `path` below the folder that `MEISSNER_SHARED` names, else `../shared`. Where it is not there, says so and returns
-/// nothing.
-///
-/// # Panics
-/// If it is not there although `MEISSNER_REQUIRE_SHARED` says that it must be.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let folder = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from);
-    let file = folder.join(path);
-    if file.exists() {
-        return Some(file);
-    }
-    assert!(std::env::var_os("MEISSNER_REQUIRE_SHARED").is_none(), "{} is required", file.display());
-    println!("skipped: no ../shared/{path}");
-    None
-}
+pub use files::{find_shared, shared};
+
+#[path = "../shared_files.rs"]
+mod files;
 
 /// The tensors of a golden file.
 #[derive(Clone, Debug)]
@@ -31,12 +18,12 @@ pub struct Golden {
 }
 
 impl Golden {
-    /// Reads `golden/NAME.safetensors`, if it is there.
+    /// Reads `golden/NAME.safetensors`.
     ///
     /// # Panics
-    /// If the file is not as described.
-    pub fn load(name: &str) -> Option<Self> {
-        let bytes = std::fs::read(shared(&format!("golden/{name}.safetensors"))?).expect("a readable file");
+    /// If it is not there, or not as described.
+    pub fn load(name: &str) -> Self {
+        let bytes = std::fs::read(shared(&format!("golden/{name}.safetensors"))).expect("a readable file");
         let file = SafeTensors::deserialize(&bytes).expect("a safetensors file");
         let (mut floats, mut integers) = (BTreeMap::new(), BTreeMap::new());
         for (name, tensor) in file.tensors() {
@@ -50,7 +37,7 @@ impl Golden {
                 floats.insert(name, (shape, values.collect()));
             }
         }
-        Some(Self { floats, integers })
+        Self { floats, integers }
     }
 
     /// Shape and values of a float tensor, if the file has it.

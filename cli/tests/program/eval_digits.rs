@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::digits_data::{DigitsFolder, RECORDINGS, Runs, Said, TEST, TRAIN, all_said, digits, small};
 use crate::exit_status::fails;
-use crate::support::{argument, meissner, message, shared, text};
+use crate::shared_files::shared;
+use crate::support::{argument, meissner, message, text};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
@@ -295,8 +296,9 @@ fn what_cannot_be_judged_is_bad_input_or_bad_usage() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_shared_digits_are_judged_on_the_split_test() {
-    let Some(data) = shared("data/nmnist") else { return };
+    let data = shared("data/nmnist");
     let runs = Runs::new();
     let (_, description) = runs.network(&small("own", &[("span_us = 30000", "span_us = 100000")]));
     runs.training("own.safetensors", &description, 5, &[]);

@@ -4,8 +4,9 @@ use meissner_models::Weights;
 use serde_json::Value;
 
 use crate::exit_status::fails;
+use crate::shared_files::shared;
 use crate::slip_data::{CLASSES, SlipFolder, class, outputs};
-use crate::support::{argument, meissner, message, shared, text};
+use crate::support::{argument, meissner, message, text};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
@@ -167,8 +168,9 @@ fn what_cannot_be_judged_is_bad_input_or_bad_usage() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_published_data_set_is_judged_by_set() {
-    let Some(data) = shared("data/biotac_dos") else { return };
+    let data = shared("data/biotac_dos");
     let report = report(&[argument(&data), "--network", "slip-lstm"]);
     let sets = report["networks"][0]["sets"].as_array().expect("a list");
     assert_eq!(sets.len(), 4);

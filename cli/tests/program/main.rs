@@ -30,6 +30,8 @@ mod prepare;
 mod prepare_digits;
 mod prepare_graphs;
 mod resume;
+#[path = "../../../tests/shared_files.rs"]
+mod shared_files;
 mod slip_data;
 mod slip_views;
 mod soak;

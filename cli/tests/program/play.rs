@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use crate::support::{argument, bits, file, lines, meissner, message, shared, text};
+use crate::shared_files::shared;
+use crate::support::{argument, bits, file, lines, meissner, message, text};
 
 const POLICIES: [&str; 7] =
     ["block", "drop-oldest", "drop-newest", "thin:4", "filter:1250us", "refractory:1000us", "rate:400000"];
@@ -145,12 +146,13 @@ fn what_has_no_time_or_no_batch_is_refused_as_usage() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn recordings_of_an_overload_miss_no_report() {
     for (name, sensor, limit, policy) in [
         ("gen3_640x480_burst.evt2.raw", "640x480", "60000", "drop-oldest"),
         ("evk3_1280x720_peak.evt3.raw", "1280x720", "60000", "drop-newest"),
     ] {
-        let Some(path) = shared(&format!("data/events/{name}")) else { continue };
+        let path = shared(&format!("data/events/{name}"));
         let output = meissner(&[
             "play",
             argument(&path),

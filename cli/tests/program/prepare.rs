@@ -8,8 +8,9 @@ use safetensors::SafeTensors;
 use serde_json::{Value, json};
 
 use crate::exit_status::fails;
+use crate::shared_files::shared;
 use crate::slip_data::{CLASSES, OBJECTS, SlipFolder, WINDOWS, csv, readings};
-use crate::support::{argument, meissner, message, shared, text};
+use crate::support::{argument, meissner, message, text};
 
 fn prepare(data: &Path, network: &str) -> (Vec<u8>, String) {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
@@ -126,8 +127,9 @@ fn what_cannot_be_prepared_is_bad_input() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_published_data_set_gives_16_799_windows() {
-    let Some(data) = shared("data/biotac_dos") else { return };
+    let data = shared("data/biotac_dos");
     let (bytes, _) = prepare(&data, "slip-lstm");
     let file = SafeTensors::deserialize(&bytes).expect("a valid file");
     assert_eq!(file.tensor("frames").expect("there").shape(), [16_799, 5, 24]);

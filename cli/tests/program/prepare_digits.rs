@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 
 use crate::digits_data::{DigitsFolder, RECORDINGS, TRAIN, digits};
 use crate::exit_status::fails;
-use crate::support::{argument, meissner, message, shared, text};
+use crate::shared_files::shared;
+use crate::support::{argument, meissner, message, text};
 
 fn prepare(data: &Path, more: &[&str]) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
@@ -87,8 +88,9 @@ fn what_cannot_be_prepared_is_bad_input_or_bad_usage() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_shared_digits_have_1_100_recordings_in_ten_folds_of_110() {
-    let Some(data) = shared("data/nmnist") else { return };
+    let data = shared("data/nmnist");
     let bytes = prepare(&data, &[]);
     let file = SafeTensors::deserialize(&bytes).expect("a valid file");
     let (start, split, fold) = (integers(&file, "start"), integers(&file, "split"), integers(&file, "fold"));

@@ -94,19 +94,3 @@ pub(crate) fn argument(path: &Path) -> &str {
 pub(crate) fn default_recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/press_release_synthetic.evt3")
 }
-
-/// `path` of the shared folder; where there is none, says so and gives `None`, or fails where it must be there.
-pub(crate) fn shared(path: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let found = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
-    if found.exists() {
-        return Some(found);
-    }
-    assert!(
-        std::env::var("MEISSNER_REQUIRE_SHARED").as_deref() != Ok("1"),
-        "{} is required",
-        found.display()
-    );
-    println!("skipped: no ../shared/{path}");
-    None
-}

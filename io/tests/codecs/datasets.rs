@@ -6,7 +6,7 @@ use std::path::Path;
 use meissner_io::datasets::{BadRows, DatasetError, SlipDataset};
 use tempfile::TempDir;
 
-use crate::recordings::shared;
+use crate::shared_files::shared;
 
 const CLASSES: [&str; 3] = ["e", "n", "w"];
 
@@ -135,8 +135,9 @@ fn a_bad_header_is_an_error_even_where_bad_rows_are_passed_over() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_published_data_set_has_306_recordings_of_16_799_windows() {
-    let Some(folder) = shared("biotac_dos") else { return };
+    let folder = shared("data/biotac_dos");
     let classes = ["aw", "cw", "e", "n", "s", "t", "w"];
     let set = SlipDataset::read(folder, &classes, BadRows::Refuse).unwrap();
     assert_eq!(set.recordings.len(), 306);

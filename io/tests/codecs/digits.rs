@@ -7,7 +7,7 @@ use meissner_engine::Event;
 use meissner_io::datasets::{DatasetError, NmnistDataset, Split};
 use tempfile::TempDir;
 
-use crate::recordings::shared;
+use crate::shared_files::shared;
 use crate::support::nmnist;
 
 /// A recording of `count` events.
@@ -100,8 +100,9 @@ fn a_bad_recording_is_an_error_with_path_and_byte() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_shared_digits_are_1_000_and_100_of_1_069_to_7_152_events() {
-    let Some(folder) = shared("nmnist") else { return };
+    let folder = shared("data/nmnist");
     let set = NmnistDataset::read(folder).unwrap();
     let count = |split| set.recordings.iter().filter(|recording| recording.split == split).count();
     assert_eq!((count(Split::Train), count(Split::Test), set.passed_over.len()), (1_000, 100, 0));

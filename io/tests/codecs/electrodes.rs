@@ -7,7 +7,7 @@ use meissner_io::limits::LINE_BYTES;
 use meissner_io::{ElectrodeSettings, Electrodes, IoError, Place, Reading};
 use proptest::prelude::*;
 
-use crate::recordings::shared;
+use crate::shared_files::shared;
 use crate::support::Endless;
 
 /// `prefix1` to `prefix24`.
@@ -283,8 +283,9 @@ fn a_reading_is_there_as_soon_as_its_line_is() {
 }
 
 #[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn every_recording_of_slips_is_read_without_a_warning() {
-    let Some(folder) = shared("biotac_dos") else { return };
+    let folder = shared("data/biotac_dos");
     let (mut files, mut rows, mut range) = (0, 0, f32::INFINITY..=f32::NEG_INFINITY);
     for class in ["n", "s", "e", "w", "cw", "aw", "t"] {
         for file in folder.join(class).read_dir().unwrap() {

@@ -16,4 +16,6 @@ mod hostile;
 mod nmnist;
 mod npy;
 mod recordings;
+#[path = "../../../tests/shared_files.rs"]
+mod shared_files;
 mod support;

@@ -1,27 +1,13 @@
 //! What the tests share: the folder of recorded references, and a writer of what `torch.save` writes.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+#[path = "../../../tests/shared_files.rs"]
+mod shared_files;
 pub(crate) mod torch;
-
-use std::path::PathBuf;
 
 use meissner_models::{DescriptionError, Problem};
 
-/// A file of the shared folder; `None`, with a remark, where there is none and none is required.
-pub(crate) fn shared(file: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("MEISSNER_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
-    let path = root.join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(
-        std::env::var("MEISSNER_REQUIRE_SHARED").as_deref() != Ok("1"),
-        "MEISSNER_REQUIRE_SHARED=1, but there is no ../shared/{file}"
-    );
-    println!("skipped: no ../shared/{file}");
-    None
-}
+pub(crate) use shared_files::shared;
 
 /// The problems of `error`, which it prints one a line.
 pub(crate) fn listed(error: &DescriptionError) -> Vec<Problem> {

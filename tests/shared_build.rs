@@ -1,0 +1,18 @@
+//! Build script of crates whose tests read recordings and golden files: sets `no_shared` where there are none, so that the test
+//! runner lists and counts these tests as ignored rather than as passed.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let beside = || Path::new(&env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo")).join("../../shared");
+    let folder = env::var_os("MEISSNER_SHARED").map_or_else(beside, PathBuf::from);
+    println!("cargo::rustc-check-cfg=cfg(no_shared)");
+    println!("cargo::rerun-if-env-changed=MEISSNER_SHARED");
+    println!("cargo::rerun-if-env-changed=MEISSNER_REQUIRE_SHARED");
+    // A file rather than the folder, which cargo would search for changes; a missing file is looked for in every build.
+    println!("cargo::rerun-if-changed={}", folder.join("README.md").display());
+    if !folder.exists() && env::var_os("MEISSNER_REQUIRE_SHARED").is_none() {
+        println!("cargo::rustc-cfg=no_shared");
+    }
+}

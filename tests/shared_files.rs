@@ -1,0 +1,22 @@
+//! The folder of recordings and golden files beside the project, which may be absent. Tests of several crates include this file.
+#![allow(dead_code, unreachable_pub, reason = "each crate uses a part of it, and one exports it")]
+
+use std::path::{Path, PathBuf};
+
+/// `path` in the folder that `MEISSNER_SHARED` names, else in `../shared`, if it is there.
+pub fn find_shared(path: &str) -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
+    file.exists().then_some(file)
+}
+
+/// `path` in the shared folder, for tests marked `#[cfg_attr(no_shared, ignore = "no ../shared")]`.
+///
+/// # Panics
+/// If it is not there.
+#[track_caller]
+pub fn shared(path: &str) -> PathBuf {
+    find_shared(path).unwrap_or_else(|| {
+        panic!("no ../shared/{path}: set MEISSNER_SHARED, or ignore the test with cfg(no_shared)")
+    })
+}
