@@ -101,7 +101,11 @@ fn assert_incremental(name: &str, golden: &Golden, network: &Arc<Network>, batch
 }
 
 fn forward(network: &Arc<Network>, events: &[Event], search: Search) -> Trace {
-    let batch = Batch::new(Arc::clone(network), SENSOR).expect("the sensor has pixels").with_search(search);
+    forward_on(SENSOR, network, events, search)
+}
+
+fn forward_on(sensor: Sensor, network: &Arc<Network>, events: &[Event], search: Search) -> Trace {
+    let batch = Batch::new(Arc::clone(network), sensor).expect("the sensor has pixels").with_search(search);
     batch.forward(Stream::new(events)).expect("finite")
 }
 
@@ -130,6 +134,21 @@ fn graphres_as_published_agrees_with_the_reference() {
         let name = format!("graphres_published_{window}");
         let golden = Golden::load(&name);
         assert_graphres(&name, &golden, &forward(&network, &events(&golden), Search::Grid));
+    }
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn graphres_as_published_agrees_with_the_reference_where_float32_moves_events_to_other_cells() {
+    let weights = published();
+    let network = network("graphres-published", &weights);
+    for window in ["a", "b", "c"] {
+        let name = format!("graphres_published_offgrid_{window}");
+        let golden = Golden::load(&name);
+        for search in [Search::Exhaustive, Search::Grid] {
+            let trace = forward_on(Sensor::new(346, 260), &network, &events(&golden), search);
+            assert_graphres(&name, &golden, &trace);
+        }
     }
 }
 

@@ -5,12 +5,12 @@ use std::ops::Range;
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
 use super::neighbours::{Lists, Space};
-use super::{Batch, Edges, LevelTrace, Search, Stream};
+use super::{Batch, Edges, LevelTrace, Search, Stream, published};
 use crate::Event;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
 use crate::metric::{Metric, Node};
-use crate::network::{Candidates, Reach};
+use crate::network::{Candidates, Normalisation, Reach};
 
 /// Rows, edges and input of the event level.
 pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
@@ -28,14 +28,24 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
         Search::Exhaustive => exhaustive(batch, events, extents),
         Search::Grid => with_grid(batch, events, &nodes, &metric(parts.events.scale)),
     };
+    let per_graph = parts.normalisation == Normalisation::PerGraph;
+    let positions = if per_graph {
+        let first_us = events.get(first - start).map_or(0, |e| e.t_us);
+        published::positions(events, first_us, extents)
+    } else {
+        events.iter().map(|e| position(e, stream.epoch_us, extents)).collect()
+    };
     let difference = |source: usize, reader: usize| {
+        if per_graph {
+            return published::difference(positions[source], positions[reader]);
+        }
         let (a, b) = (events[source], events[reader]);
         let integers = [i64::from(a.x) - i64::from(b.x), i64::from(a.y) - i64::from(b.y), a.t_us - b.t_us];
         [0, 1, 2].map(|d| integers[d] as f64 / extents[d])
     };
     let pairs = lists.rows().enumerate().flat_map(|(i, list)| list.iter().map(move |&j| (j as usize, i)));
     let scale = batch.scale(parts.events.scale, pairs.map(|(j, i)| difference(j, i)));
-    let metric = (batch.search == Search::Grid).then(|| metric(scale));
+    let metric = (batch.search == Search::Grid && !per_graph).then(|| metric(scale));
     let attributes = |source: usize, reader: usize| match &metric {
         Some(metric) => metric.attributes(nodes[source], nodes[reader]),
         None => difference(source, reader).map(|d| attribute(d, scale)),
@@ -46,21 +56,23 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
         edges.push(list.iter().map(|&j| Neighbour { row: j, u: attributes(j as usize, i) }));
     }
     let signs: Vec<f32> = events.iter().map(|e| if e.on { 1.0 } else { -1.0 }).collect();
-    let position = |e: &Event| {
-        [
-            f64::from(e.x) / extents[0],
-            f64::from(e.y) / extents[1],
-            (e.t_us - stream.epoch_us) as f64 / extents[2],
-        ]
-    };
     LevelTrace {
         edges,
         features: vec![Matrix::from_rows(1, &signs)],
-        positions: events.iter().map(position).collect(),
+        positions,
         cells: Vec::new(),
         members: Vec::new(),
         first: first - start,
     }
+}
+
+/// Position of an event.
+fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
+    [
+        f64::from(event.x) / extents[0],
+        f64::from(event.y) / extents[1],
+        (event.t_us - epoch_us) as f64 / extents[2],
+    ]
 }
 
 /// Indices that event `i` may read from, itself not excluded.

@@ -7,6 +7,7 @@ mod events;
 mod graph;
 mod neighbours;
 mod pool;
+mod published;
 mod stream;
 
 pub use graph::Graph;
@@ -80,7 +81,8 @@ pub struct LevelTrace {
     pub edges: Edges,
     /// What enters the level, then what each block wrote.
     pub features: Vec<Matrix>,
-    /// Position of each row, in shares of sensor and span, time from the epoch.
+    /// Position of each row, in shares of sensor and span, time from the epoch. With [`Normalisation::PerGraph`] in
+    /// float32, time from the first event of the window.
     pub positions: Vec<[f64; 3]>,
     /// Index of each row's cell along x, y and t; empty at the event level.
     pub cells: Vec<[i64; 3]>,
@@ -252,9 +254,14 @@ impl Batch {
     fn readout_cells(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Vec<usize> {
         let readout = self.network.parts().readout;
         let rows = top.positions.len();
-        let origin = self.origin(top);
+        let per_graph = self.network.parts().normalisation == Normalisation::PerGraph;
+        let origin = published::origin(&top.positions[top.first..]);
         let cell = |row: usize| {
-            let [column, row] = if events && self.network.parts().normalisation == Normalisation::Fixed {
+            let position = top.positions[row];
+            let [column, row] = if per_graph {
+                let axis = |d: usize, cells: usize| published::readout_cell(position[d], origin[d], cells);
+                [axis(0, readout.columns), axis(1, readout.rows)]
+            } else if events {
                 let event = stream.events[stream.events.len() - rows + row];
                 let axis = |p: u16, cells: usize, extent: u16| usize::from(p) * cells / usize::from(extent);
                 [
@@ -263,7 +270,7 @@ impl Batch {
                 ]
             } else {
                 let axis = |d: usize, cells: usize| {
-                    let cell = ((top.positions[row][d] - origin[d]) * cells as f64).floor();
+                    let cell = (position[d] * cells as f64).floor();
                     (cell.max(0.0) as usize).min(cells - 1)
                 };
                 [axis(0, readout.columns), axis(1, readout.rows)]
@@ -280,15 +287,6 @@ impl Batch {
         };
         let plane = readout.columns * readout.rows;
         (top.first..rows).map(|row| age(row) * plane + cell(row)).collect()
-    }
-
-    /// Where grids start: 0, or the smallest position of the level's nodes.
-    fn origin(&self, level: &LevelTrace) -> [f64; 2] {
-        match self.network.parts().normalisation {
-            Normalisation::Fixed => [0.0; 2],
-            Normalisation::PerGraph => [0, 1]
-                .map(|d| level.positions[level.first..].iter().map(|p| p[d]).fold(f64::INFINITY, f64::min)),
-        }
     }
 
     /// Scale of the edge attributes: the description's, or the largest coordinate difference over the edges.

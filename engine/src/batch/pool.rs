@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
-use super::{Batch, Edges, LevelTrace, Stream, maximum_of};
+use super::{Batch, Edges, LevelTrace, Stream, maximum_of, published};
 use crate::network::{Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 
@@ -25,37 +25,35 @@ pub(super) fn level(
         None => &stream.events[stream.events.len() - features.rows()..],
         Some(_) => &[],
     };
+    let in_window = &below.positions[below.first..];
     let keys: Vec<Key> = match (batch.network.parts().normalisation, below_pooling) {
         (Normalisation::Fixed, None) => {
-            events[below.first..].iter().map(|e| key_of_event(batch, pooling, e, [0, 0], stream)).collect()
-        }
-        (Normalisation::PerGraph, None) => {
-            let events = &events[below.first..];
-            let x = events.iter().map(|e| e.x).min().unwrap_or(0);
-            let y = events.iter().map(|e| e.y).min().unwrap_or(0);
-            events.iter().map(|e| key_of_event(batch, pooling, e, [x, y], stream)).collect()
+            events[below.first..].iter().map(|e| key_of_event(batch, pooling, e, stream)).collect()
         }
         (Normalisation::Fixed, Some(inner)) => {
             below.cells.iter().map(|&c| key_of_cell(pooling, inner, c)).collect()
         }
-        (Normalisation::PerGraph, Some(_)) => {
-            let origin = batch.origin(below);
-            let axis = |p: f64, size: Fraction| {
-                (p * f64::from(size.denominator()) / f64::from(size.numerator())).floor() as i64
-            };
-            let [width, height] = pooling.cell;
-            let key = |p: &[f64; 3]| [0, axis(p[1] - origin[1], height), axis(p[0] - origin[0], width)];
-            below.positions.iter().map(key).collect()
+        (Normalisation::PerGraph, _) => {
+            let origin = published::origin(in_window);
+            let axis = |p: &[f64; 3], d: usize| published::cell(p[d], origin[d], pooling.cell[d]);
+            let time =
+                |row: usize| events.get(below.first + row).map_or(0, |e| time_of(batch, pooling, e, stream));
+            in_window.iter().enumerate().map(|(row, p)| [time(row), axis(p, 1), axis(p, 0)]).collect()
         }
     };
     let cells = Cells::new(&keys, below.first, features, &below.edges);
+    let per_graph = batch.network.parts().normalisation == Normalisation::PerGraph;
     let position = |(members, &key): (&Vec<usize>, &Key)| match pooling.position {
         Position::Centre => centre(pooling, key),
+        Position::Mean if per_graph => published::mean(members, &below.positions),
         Position::Mean if below_pooling.is_none() => mean_of_events(batch, events, members, stream),
         Position::Mean => mean(members, &below.positions),
     };
     let positions: Vec<[f64; 3]> = cells.members.iter().zip(&cells.keys).map(position).collect();
     let difference = |source: usize, reader: usize| -> [f64; 3] {
+        if per_graph {
+            return published::difference(positions[source], positions[reader]);
+        }
         [0, 1, 2].map(|d| positions[source][d] - positions[reader][d])
     };
     let readers = || cells.sources.iter().enumerate();
@@ -143,22 +141,20 @@ fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
     members.iter().fold([0.0; 3], add).map(|sum| sum / members.len() as f64)
 }
 
-/// Cell of an event, in integers, on a grid that starts at pixel `origin`.
-fn key_of_event(
-    batch: &Batch,
-    pooling: &Pooling,
-    event: &Event,
-    origin: [u16; 2],
-    stream: Stream<'_>,
-) -> Key {
+/// Cell of an event, in integers.
+fn key_of_event(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> Key {
     let [width, height] = pooling.cell;
-    let axis = |p: i64, extent: i64, size: Fraction| size.cell(p.into(), extent.into()) as i64;
-    let span_us = batch.network.parts().span_us;
     [
-        pooling.time.map_or(0, |size| axis(event.t_us - stream.epoch_us, span_us, size)),
-        axis((event.y - origin[1]).into(), batch.sensor.height.into(), height),
-        axis((event.x - origin[0]).into(), batch.sensor.width.into(), width),
+        time_of(batch, pooling, event, stream),
+        height.cell(event.y.into(), batch.sensor.height.into()) as i64,
+        width.cell(event.x.into(), batch.sensor.width.into()) as i64,
     ]
+}
+
+/// Cell of an event along t, in integers; 0 where there are no cells in time.
+fn time_of(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
+    let t = i128::from(event.t_us - stream.epoch_us);
+    pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)
 }
 
 /// Cell that holds the centre of a cell of `inner`, in integers; the last one where the centre is beyond the image.
