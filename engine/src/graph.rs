@@ -95,7 +95,7 @@ impl EventGraph {
         capacity: usize,
         pooled: bool,
     ) -> Self {
-        let grid = Grid::new(sensor);
+        let grid = Grid::new(sensor, capacity);
         let most = rule.reach.most();
         let keeps_readers = pooled || !rule.is_frozen();
         Self {

@@ -1,15 +1,15 @@
 //! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are of
-//! 8 x 8 pixels, and larger on sensors that would have too many of them.
+//! 8 x 8 pixels, and larger on sensors that would have too many of them. The queues share one store, whose size follows from
+//! the number of nodes that the grid is made for, wherever these lie.
 //!
 //! Inserting and expiring are O(1). A search visits cells in rings around the query and, in each cell, nodes from the
 //! query's time outwards. A ring, a cell or the rest of a cell is left out only where its lower bound of d2, computed
 //! by the same rounded operations as d2 itself, exceeds the search's bound: rounding is monotone, so a pruned node can
 //! never have been a result, not even by a tie.
 
-use std::collections::VecDeque;
-
 use crate::Sensor;
 use crate::metric::{Metric, Node};
+use crate::queues::{Cursor, Entry, Place, Queue, Queues};
 
 /// log2 of a cell's side in pixels, at least.
 const SIDE_LOG2: u32 = 3;
@@ -17,22 +17,13 @@ const SIDE_LOG2: u32 = 3;
 /// small cells are empty ones.
 const MOST_CELLS: usize = 1 << 15;
 
-/// A node as its cell keeps it.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    t: i64,
-    slot: u32,
-    x: u16,
-    y: u16,
-}
-
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
     /// log2 of a cell's side in pixels.
     side_log2: u32,
     columns: usize,
     rows: usize,
-    cells: Vec<VecDeque<Entry>>,
+    cells: Queues,
     nodes: usize,
 }
 
@@ -46,9 +37,10 @@ pub(crate) enum Times {
 }
 
 impl Grid {
-    pub(crate) fn new(sensor: Sensor) -> Self {
+    /// An empty grid for at most `capacity` nodes.
+    pub(crate) fn new(sensor: Sensor, capacity: usize) -> Self {
         let (side_log2, [columns, rows]) = Self::extent(sensor);
-        Self { side_log2, columns, rows, cells: vec![VecDeque::new(); columns * rows], nodes: 0 }
+        Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity), nodes: 0 }
     }
 
     /// log2 of a cell's side, and how many columns and rows of such cells a sensor has.
@@ -74,12 +66,12 @@ impl Grid {
     /// Nodes of a cell.
     #[inline]
     pub(crate) fn len(&self, cell: usize) -> usize {
-        self.cells[cell].len()
+        self.cells.queue(cell).len()
     }
 
     /// Slots of a cell's nodes in order of time.
     pub(crate) fn slots(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
-        self.cells[cell].iter().map(|e| e.slot)
+        self.cells.queue(cell).iter().map(|e| e.slot)
     }
 
     /// A cell and those of the rings about it.
@@ -94,20 +86,23 @@ impl Grid {
     /// Adds a node that is not earlier than any other of its cell.
     pub(crate) fn push(&mut self, slot: u32, node: Node) {
         let cell = self.cell(node.x, node.y);
-        self.cells[cell].push_back(Entry { t: node.t, slot, x: node.x, y: node.y });
+        self.cells.push(cell, Entry { t: node.t, slot, x: node.x, y: node.y });
         self.nodes += 1;
     }
 
     /// Removes a node that is the first to have entered its cell.
+    ///
+    /// # Panics
+    /// If it is not.
     pub(crate) fn pop(&mut self, slot: u32, node: Node) {
-        let cell = self.cell(node.x, node.y);
-        let first = self.cells[cell].pop_front();
-        debug_assert_eq!(first.map(|e| e.slot), Some(slot), "nodes expire in order of arrival");
+        let first = self.cells.pop(self.cell(node.x, node.y));
+        assert_eq!(first.map(|e| e.slot), Some(slot), "nodes expire in order of arrival");
         self.nodes -= 1;
     }
 
+    /// O(cells).
     pub(crate) fn clear(&mut self) {
-        self.cells.iter_mut().for_each(VecDeque::clear);
+        self.cells.clear();
         self.nodes = 0;
     }
 
@@ -132,34 +127,24 @@ impl Grid {
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let later = |_, cell: &VecDeque<Entry>| match cell.back() {
-            Some(newest) if newest.t > query.t => cell.partition_point(|e| e.t <= query.t),
-            _ => cell.len(),
-        };
-        self.search_from(metric, query, times, bound, later, visit);
+        self.search_from(metric, query, times, bound, |_, cell| cell.later_than(query.t), visit);
     }
 
-    /// The same for queries that never go back in time, on a grid that stays as it is: `cursors`, one for each cell and
-    /// zero at first, remember where in its cell the query's time is.
+    /// The same for queries that never go back in time, on a grid that stays as it is: `cursors`, one for each cell, remember
+    /// where in its cell the query's time is.
     pub(crate) fn search_onwards(
         &self,
         metric: &Metric,
         query: Node,
-        cursors: &mut [u32],
+        cursors: &mut [Cursor],
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let later = |index: usize, cell: &VecDeque<Entry>| {
-            let cursor = &mut cursors[index];
-            while cell.get(*cursor as usize).is_some_and(|e| e.t <= query.t) {
-                *cursor += 1;
-            }
-            *cursor as usize
-        };
+        let later = |index: usize, cell: Queue<'_>| cell.later_than_onwards(query.t, &mut cursors[index]);
         self.search_from(metric, query, Times::All, bound, later, visit);
     }
 
-    /// [`Self::search`], where `later` tells for the index of a cell, and the cell, how many of its nodes are not later
+    /// [`Self::search`], where `later` tells for the index of a cell, and the cell, where its nodes begin that are later
     /// than the query.
     #[inline]
     fn search_from(
@@ -168,7 +153,7 @@ impl Grid {
         query: Node,
         times: Times,
         mut bound: f64,
-        mut later: impl FnMut(usize, &VecDeque<Entry>) -> usize,
+        mut later: impl FnMut(usize, Queue<'_>) -> Place,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
         let (column, row) = (usize::from(query.x) >> self.side_log2, usize::from(query.y) >> self.side_log2);
@@ -185,9 +170,9 @@ impl Grid {
                 while c <= (column + ring) as isize {
                     if c >= 0 && (c as usize) < self.columns {
                         let index = r * self.columns + c as usize;
-                        let cell = &self.cells[index];
+                        let cell = self.cells.queue(index);
                         left -= cell.len();
-                        if !cell.is_empty() {
+                        if cell.len() > 0 {
                             let plane = self.plane2(metric, query.x, query.y, c as usize, r);
                             if plane <= bound {
                                 let later = later(index, cell);
@@ -230,8 +215,8 @@ impl Grid {
         for row in 0..self.rows {
             for column in 0..self.columns {
                 let index = row * self.columns + column;
-                let cell = &self.cells[index];
-                if cell.is_empty() {
+                let cell = self.cells.queue(index);
+                if cell.len() == 0 {
                     continue;
                 }
                 let plane = self.plane2(metric, query.x, query.y, column, row);
@@ -240,9 +225,9 @@ impl Grid {
                 }
                 // A visited cell is read whole, which makes its reach exact again.
                 let mut widest = 0.0f64;
-                for entry in cell {
+                cell.for_each(|entry| {
                     widest = widest.max(visit(entry_distance2(metric, query, entry), entry.slot).bound);
-                }
+                });
                 reach[index] = widest;
             }
         }
@@ -251,7 +236,7 @@ impl Grid {
     /// Bytes of a grid, and of a reach for each cell.
     pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
         let (_, [columns, rows]) = Self::extent(sensor);
-        columns * rows * (size_of::<VecDeque<Entry>>() + size_of::<f64>()) + 2 * capacity * size_of::<Entry>()
+        Queues::bytes(columns * rows, capacity) + columns * rows * size_of::<f64>()
     }
 }
 
@@ -267,14 +252,14 @@ fn entry_distance2(metric: &Metric, query: Node, entry: &Entry) -> f64 {
     plane + metric.t2(query.t - entry.t)
 }
 
-/// Visits a cell, of which so many nodes are not later than the query, from the query's time outwards; the bound that
-/// holds afterwards.
+/// Visits a cell, whose nodes that are later than the query begin at `later`, from the query's time outwards; the bound
+/// that holds afterwards.
 #[inline]
 fn scan(
     metric: &Metric,
     query: Node,
     times: Times,
-    (cell, later): (&VecDeque<Entry>, usize),
+    (cell, later): (Queue<'_>, Place),
     plane: f64,
     mut bound: f64,
     visit: &mut impl FnMut(f64, u32) -> f64,
@@ -292,17 +277,9 @@ fn scan(
         }
         true
     };
-    for entry in cell.range(..later).rev() {
-        if !check(entry, &mut bound) {
-            break;
-        }
-    }
+    cell.visit_back_from(later, |entry| check(entry, &mut bound));
     if times == Times::All {
-        for entry in cell.range(later..) {
-            if !check(entry, &mut bound) {
-                break;
-            }
-        }
+        cell.visit_from(later, |entry| check(entry, &mut bound));
     }
     bound
 }

@@ -9,19 +9,15 @@
 //! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for a cell
 //! without any.
 
-use std::collections::VecDeque;
-
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, maximum, same_bits, settle};
 
 use crate::counters::LayerLog;
+use crate::members::Members;
 use crate::rows::RowSet;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Maxima {
-    /// Cell of each row that is a member.
-    cell_of: Vec<u32>,
-    /// Rows of each cell.
-    members: Vec<VecDeque<u32>>,
+    members: Members,
     /// Whether the cell's row is the maximum over its members but for the fresh ones.
     filled: Vec<bool>,
     /// Members that entered since the last `settle`.
@@ -55,8 +51,7 @@ impl Maxima {
                 back: Matrix::zeros(cells, channels),
                 front: vec![0; cells],
             }),
-            cell_of: vec![0; rows],
-            members: vec![VecDeque::new(); cells],
+            members: Members::new(rows, cells),
             filled: vec![false; cells],
             fresh: RowSet::new(rows),
             dirty: RowSet::new(cells),
@@ -65,17 +60,18 @@ impl Maxima {
         }
     }
 
+    /// Bytes that [`Self::new`] takes.
     pub(crate) fn bytes(rows: usize, cells: usize, channels: usize, queues: bool) -> usize {
-        let queue = if queues { (rows + cells) * Lanes::count(channels) * size_of::<Lanes>() } else { 0 };
-        queue + rows * 6 * size_of::<u32>() + cells * (size_of::<VecDeque<u32>>() + 4 * size_of::<u32>())
+        let row = Lanes::count(channels) * size_of::<Lanes>();
+        let queue = if queues { (rows + cells) * row + cells * size_of::<u32>() } else { 0 };
+        let sets = RowSet::bytes(rows) + 2 * RowSet::bytes(cells);
+        queue + Members::bytes(rows, cells) + cells * size_of::<bool>() + sets + row
     }
 
     /// Forgets all members; every cell is zeros after the next `settle` over `values`.
     pub(crate) fn clear(&mut self, values: &mut Matrix) {
-        for (cell, members) in self.members.iter_mut().enumerate() {
-            members.clear();
-            values.row_mut(cell).fill(Lanes::ZERO);
-        }
+        self.members.clear();
+        values.lanes_mut().fill(Lanes::ZERO);
         self.filled.fill(false);
         self.fresh.clear();
         self.dirty.clear();
@@ -86,23 +82,22 @@ impl Maxima {
 
     #[inline]
     pub(crate) fn cell_of(&self, row: u32) -> u32 {
-        self.cell_of[row as usize]
+        self.members.cell_of(row)
     }
 
-    pub(crate) fn members(&self, cell: u32) -> &VecDeque<u32> {
-        &self.members[cell as usize]
+    pub(crate) fn members(&self) -> &Members {
+        &self.members
     }
 
     /// `row` joins `cell`.
     pub(crate) fn enter(&mut self, row: u32, cell: u32) {
-        self.cell_of[row as usize] = cell;
-        self.members[cell as usize].push_back(row);
+        self.members.push(row, cell);
         self.fresh.insert(row);
     }
 
     /// `row`, with the features it had at the last `settle`, leaves its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
-        let cell = self.remove(row);
+        let cell = self.members.remove(row);
         if self.fresh.contains(row) {
             self.fresh.remove(row);
             return;
@@ -121,18 +116,9 @@ impl Maxima {
 
     /// `row` moves to another cell.
     pub(crate) fn relocate(&mut self, row: u32, cell: u32) {
-        let old = self.remove(row);
+        let old = self.members.remove(row);
         self.dirty.insert(old);
         self.enter(row, cell);
-    }
-
-    fn remove(&mut self, row: u32) -> u32 {
-        let cell = self.cell_of[row as usize];
-        let members = &mut self.members[cell as usize];
-        // The oldest member leaves first, except where members are cells themselves.
-        let at = members.iter().position(|&m| m == row).expect("a member stands in its cell");
-        members.remove(at);
-        cell
     }
 
     /// Brings every row of `values` up to date; `moved` is told the cells whose row changed, and whether they have
@@ -148,12 +134,12 @@ impl Maxima {
     ) {
         for &row in changed.as_slice() {
             if !self.fresh.contains(row) {
-                self.dirty.insert(self.cell_of[row as usize]);
+                self.dirty.insert(self.members.cell_of(row));
             }
         }
         self.merged.clear();
         for &row in self.fresh.as_slice() {
-            let cell = self.cell_of[row as usize];
+            let cell = self.members.cell_of(row);
             if self.filled[cell as usize] && !self.dirty.contains(cell) {
                 self.merged.insert(cell);
             } else {
@@ -163,8 +149,7 @@ impl Maxima {
         for &cell in self.merged.as_slice() {
             self.row.copy_from_slice(values.row(cell as usize));
             // Fresh members stand at the end of their cell.
-            let newest = self.members[cell as usize].iter().rev();
-            let members = newest.take_while(|&&m| self.fresh.contains(m));
+            let members = self.members.from_youngest(cell).take_while(|&m| self.fresh.contains(m));
             isa.run(Over { members: members.clone(), features, out: &mut self.row });
             if let Some(queue) = &mut self.queue {
                 isa.run(Over { members, features, out: queue.back.row_mut(cell as usize) });
@@ -176,21 +161,22 @@ impl Maxima {
             }
         }
         for &cell in self.dirty.as_slice() {
-            let members = &self.members[cell as usize];
-            self.filled[cell as usize] = !members.is_empty();
-            if members.is_empty() {
+            let filled = self.members.count(cell) > 0;
+            self.filled[cell as usize] = filled;
+            if !filled {
                 self.row.fill(Lanes::ZERO);
             } else if let Some(queue) = &mut self.queue {
-                let fresh = members.iter().rev().take_while(|&&m| self.fresh.contains(m));
+                let members = &self.members;
+                let fresh = members.from_youngest(cell).take_while(|&m| self.fresh.contains(m));
                 isa.run(FromQueue { queue, cell, members, fresh, features, out: &mut self.row });
             } else {
                 self.row.fill(Lanes::splat(f32::NEG_INFINITY));
-                isa.run(Over { members: members.iter(), features, out: &mut self.row });
+                isa.run(Over { members: self.members.from_oldest(cell), features, out: &mut self.row });
             }
             let changed = store(&self.row, values, cell);
             log.note(cell, !changed);
             if changed {
-                moved(cell, !members.is_empty());
+                moved(cell, filled);
             }
         }
         self.fresh.clear();
@@ -228,13 +214,13 @@ struct Over<'a, I> {
     out: &'a mut [Lanes],
 }
 
-impl<'a, I: Iterator<Item = &'a u32>> Task for Over<'_, I> {
+impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
     type Output = ();
 
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
-        for &member in self.members {
+        for member in self.members {
             maximum(self.out, self.features.row(member as usize));
         }
         settle(self.out);
@@ -245,14 +231,14 @@ impl<'a, I: Iterator<Item = &'a u32>> Task for Over<'_, I> {
 struct FromQueue<'a, I> {
     queue: &'a mut Queue,
     cell: u32,
-    members: &'a VecDeque<u32>,
+    members: &'a Members,
     /// Those of the members that neither front nor back knows yet.
     fresh: I,
     features: &'a Matrix,
     out: &'a mut [Lanes],
 }
 
-impl<'a, I: Iterator<Item = &'a u32>> Task for FromQueue<'_, I> {
+impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
     type Output = ();
 
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
@@ -265,16 +251,16 @@ impl<'a, I: Iterator<Item = &'a u32>> Task for FromQueue<'_, I> {
             // All members become the front; the newest is its end.
             back.fill(Lanes::splat(f32::NEG_INFINITY));
             out.fill(Lanes::splat(f32::NEG_INFINITY));
-            for &member in members.iter().rev() {
+            for member in members.from_youngest(cell) {
                 maximum(out, features.row(member as usize));
                 queue.suffix.row_mut(member as usize).copy_from_slice(out);
             }
-            *front = members.len() as u32;
+            *front = members.count(cell);
         } else {
-            for &member in fresh {
+            for member in fresh {
                 maximum(back, features.row(member as usize));
             }
-            out.copy_from_slice(queue.suffix.row(members[0] as usize));
+            out.copy_from_slice(queue.suffix.row(members.oldest(cell) as usize));
             maximum(out, back);
         }
         settle(out);

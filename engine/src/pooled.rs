@@ -125,7 +125,7 @@ impl PooledGraph {
     }
 
     pub(crate) fn is_alive(&self, cell: u32) -> bool {
-        !self.maxima.members(cell).is_empty()
+        self.maxima.members().count(cell) > 0
     }
 
     /// Number of cells with members.
@@ -327,8 +327,8 @@ impl PooledGraph {
     /// Mean of the members' positions, in cell order.
     fn mean_of_cells(&mut self, below: &Self, cell: u32) -> [f64; 3] {
         self.order.clear();
-        let members = self.maxima.members(cell).iter();
-        self.order.extend(members.map(|&m| (below.keys[m as usize], m)));
+        let members = self.maxima.members().from_oldest(cell);
+        self.order.extend(members.map(|m| (below.keys[m as usize], m)));
         self.order.sort_unstable();
         mean_position(self.order.iter().map(|&(_, m)| below.positions[m as usize]))
     }

@@ -15,6 +15,11 @@ impl RowSet {
         Self { members: Vec::with_capacity(bound), index: vec![0; bound] }
     }
 
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(bound: usize) -> usize {
+        bound * 2 * size_of::<u32>()
+    }
+
     #[inline]
     pub(crate) fn contains(&self, row: u32) -> bool {
         self.members.get(self.index[row as usize] as usize) == Some(&row)

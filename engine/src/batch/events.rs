@@ -11,6 +11,7 @@ use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, Normalisation, Reach};
+use crate::queues::Cursor;
 
 /// Rows, edges and input of the event level.
 pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
@@ -131,7 +132,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
     if rule.candidates == Candidates::All && matches!(rule.reach, Reach::Knn { .. }) && space.is_short() {
         return space.nearest(rule.reach.most(), batch.isa);
     }
-    let mut grid = Grid::new(batch.sensor);
+    let mut grid = Grid::new(batch.sensor, nodes.len());
     let times = if rule.candidates == Candidates::All {
         nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         Times::All
@@ -139,7 +140,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
         Times::Past
     };
     let (most, limit) = (rule.reach.most(), rule.reach.limit());
-    let mut cursors = vec![0; grid.cells()];
+    let mut cursors = vec![Cursor::default(); grid.cells()];
     let mut guesses = vec![f64::INFINITY; grid.cells()];
     let mut oldest = 0;
     let mut found = Vec::with_capacity(most + 1);

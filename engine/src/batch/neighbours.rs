@@ -41,7 +41,7 @@ impl Space<'_> {
     ///
     /// Cost: each node is listed up to 25 times; of the lists, about 4 `most` nodes are filtered for each.
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
-        let mut grid = Grid::new(self.sensor);
+        let mut grid = Grid::new(self.sensor, self.nodes.len());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         let listed = Listed::new(self.nodes, &grid);
         let extents = [f64::from(self.sensor.width), f64::from(self.sensor.height), self.span_us as f64];

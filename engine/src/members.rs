@@ -1,0 +1,165 @@
+//! Which rows are in which cell: every row in one cell at most, the rows of a cell in the order in which they came.
+//!
+//! Each row has one link to the row before it in its cell and one to the row after it, so that memory follows from the number
+//! of rows, however these are spread over cells.
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub(crate) struct Members {
+    /// Cell of each row that is a member.
+    cell_of: Vec<u32>,
+    /// For each member the next older and the next younger one of its cell; of the oldest and the youngest, anything.
+    older: Vec<u32>,
+    younger: Vec<u32>,
+    cells: Vec<Ends>,
+}
+
+/// The rows of a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ends {
+    oldest: u32,
+    youngest: u32,
+    count: u32,
+}
+
+impl Members {
+    /// No members, `rows` possible ones, `cells` cells.
+    pub(crate) fn new(rows: usize, cells: usize) -> Self {
+        Self {
+            cell_of: vec![0; rows],
+            older: vec![0; rows],
+            younger: vec![0; rows],
+            cells: vec![Ends::default(); cells],
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(rows: usize, cells: usize) -> usize {
+        rows * 3 * size_of::<u32>() + cells * size_of::<Ends>()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.cells.fill(Ends::default());
+    }
+
+    /// The cell of a member.
+    #[inline]
+    pub(crate) fn cell_of(&self, row: u32) -> u32 {
+        self.cell_of[row as usize]
+    }
+
+    /// Members of a cell.
+    #[inline]
+    pub(crate) fn count(&self, cell: u32) -> u32 {
+        self.cells[cell as usize].count
+    }
+
+    /// The oldest of a cell's members; of none, anything.
+    #[inline]
+    pub(crate) fn oldest(&self, cell: u32) -> u32 {
+        self.cells[cell as usize].oldest
+    }
+
+    /// `row`, which is in no cell, joins `cell`.
+    #[inline]
+    pub(crate) fn push(&mut self, row: u32, cell: u32) {
+        self.cell_of[row as usize] = cell;
+        let ends = &mut self.cells[cell as usize];
+        if ends.count == 0 {
+            ends.oldest = row;
+        } else {
+            self.younger[ends.youngest as usize] = row;
+            self.older[row as usize] = ends.youngest;
+        }
+        ends.youngest = row;
+        ends.count += 1;
+    }
+
+    /// `row`, a member, leaves its cell, which is returned.
+    #[inline]
+    pub(crate) fn remove(&mut self, row: u32) -> u32 {
+        let cell = self.cell_of[row as usize];
+        let ends = &mut self.cells[cell as usize];
+        let (older, younger) = (self.older[row as usize], self.younger[row as usize]);
+        match (row == ends.oldest, row == ends.youngest) {
+            (true, true) => {}
+            (true, false) => ends.oldest = younger,
+            (false, true) => ends.youngest = older,
+            (false, false) => {
+                self.younger[older as usize] = younger;
+                self.older[younger as usize] = older;
+            }
+        }
+        ends.count -= 1;
+        cell
+    }
+
+    /// Members of a cell from the oldest to the youngest.
+    #[inline]
+    pub(crate) fn from_oldest(&self, cell: u32) -> Walk<'_> {
+        let ends = self.cells[cell as usize];
+        Walk { links: &self.younger, next: ends.oldest, left: ends.count }
+    }
+
+    /// Members of a cell from the youngest to the oldest.
+    #[inline]
+    pub(crate) fn from_youngest(&self, cell: u32) -> Walk<'_> {
+        let ends = self.cells[cell as usize];
+        Walk { links: &self.older, next: ends.youngest, left: ends.count }
+    }
+}
+
+/// Some members of a cell, one after the other.
+#[derive(Clone, Debug)]
+pub(crate) struct Walk<'a> {
+    links: &'a [u32],
+    next: u32,
+    left: u32,
+}
+
+impl Iterator for Walk<'_> {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        self.left = self.left.checked_sub(1)?;
+        let row = self.next;
+        self.next = self.links[row as usize];
+        Some(row)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn linked_members_are_those_of_plain_lists(
+            steps in proptest::collection::vec((0u8..50, 0u32..20, 0u32..3), 0..300),
+        ) {
+            let mut members = Members::new(20, 3);
+            let mut lists = vec![Vec::new(); 3];
+            for (step, row, cell) in steps {
+                if step == 0 {
+                    members.clear();
+                    lists.iter_mut().for_each(Vec::clear);
+                } else if let Some(at) = lists.iter().position(|list| list.contains(&row)) {
+                    prop_assert_eq!(members.cell_of(row), at as u32);
+                    prop_assert_eq!(members.remove(row), at as u32);
+                    lists[at].retain(|&r| r != row);
+                } else {
+                    members.push(row, cell);
+                    lists[cell as usize].push(row);
+                }
+                for (cell, list) in (0..).zip(&lists) {
+                    prop_assert_eq!(members.count(cell) as usize, list.len());
+                    prop_assert!(list.is_empty() || members.oldest(cell) == list[0]);
+                    prop_assert!(members.from_oldest(cell).eq(list.iter().copied()));
+                    prop_assert!(members.from_youngest(cell).eq(list.iter().rev().copied()));
+                }
+            }
+        }
+    }
+}
