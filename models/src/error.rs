@@ -55,17 +55,32 @@ pub enum ModelError {
         /// The prefixes.
         prefixes: Vec<String>,
     },
-    /// Weights were trained on frames that were made in another way than the description says.
+    /// Weights were trained on graphs or frames that were made in another way than the description says.
     #[error(
-        "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its [input] says, found \
-         {found}"
+        "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its description says, \
+         found {found}{}",
+        published.map_or_else(String::new, |name| format!(
+            ": these are the weights of the published GraphRes checkpoint, which network {name:?} computes, from scratch only"
+        ))
     )]
     Preparation {
         /// Name of the network.
         network: String,
-        /// The description's frames, steps and scaling.
+        /// The description's preparation.
         expected: String,
-        /// Those of the weights.
+        /// That of the weights.
+        found: String,
+        /// The shipped network that computes what they were trained as, where they are those of the published checkpoint.
+        published: Option<&'static str>,
+    },
+    /// Metadata of weights holds something other than its key is for.
+    #[error("weights: expected metadata {key:?} with {expected}, found {found:?}")]
+    Metadata {
+        /// The key.
+        key: &'static str,
+        /// What it should hold.
+        expected: &'static str,
+        /// What it holds.
         found: String,
     },
     /// The engine refused the network.

@@ -1,7 +1,8 @@
 //! Network descriptions and weights: what a network is, in a file, and the numbers that it computes with.
 //!
 //! - [`Description`]: a TOML file checked into an acyclic graph of layers ([`description`] has the format)
-//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`TensorFile`]: arrays to be written
+//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`Card`]: what they say about themselves;
+//!   [`TensorFile`]: arrays to be written
 //! - [`FrameDescription`]: the same for a network over frames ([`description::frames`] has the format), and
 //!   [`AnyDescription`] for whichever a file holds
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
@@ -35,10 +36,10 @@ mod weights;
 
 pub use description::frames::{FrameDescription, FrameKind, FrameLayer, FrameSource};
 pub use description::{
-    AnyDescription, Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind,
+    Agreement, AnyDescription, Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind,
 };
 pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
 pub use inspect::Summary;
 pub use shipped::{DRAWN, drawn_file};
-pub use weights::{FormatError, Tensor, TensorFile, Weights};
+pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

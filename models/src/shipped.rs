@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::{AnyDescription, Description, FrameDescription, Weights, draw};
+use crate::weights::card::DRAWN_BY;
+use crate::{AnyDescription, Card, Description, FrameDescription, Weights, draw};
 
 /// A description with the weights that it runs with.
 struct Shipped {
@@ -213,6 +214,20 @@ impl Weights {
     }
 }
 
+impl Card {
+    /// That of the weights of a network that comes with the crate, without drawing any.
+    ///
+    /// # Panics
+    /// Never: the tests read every one.
+    pub fn shipped(name: &str) -> Option<Self> {
+        let weights = match find_frames(name).map(|frames| &frames.weights) {
+            Some(&FrameWeights::Drawn(seed)) => Weights::new([]).with_metadata(remarks(name, seed)),
+            _ => Weights::shipped(name)?,
+        };
+        Some(weights.card().expect("shipped weights have a card"))
+    }
+}
+
 fn read(bytes: &[u8]) -> Weights {
     Weights::from_bytes(bytes).expect("shipped weights are readable")
 }
@@ -222,7 +237,7 @@ fn remarks(name: &str, seed: u64) -> BTreeMap<String, String> {
     let remarks = [
         ("about", format!("drawn, untrained, seed {seed}")),
         ("network", name.to_owned()),
-        ("generator", "meissner_models::draw".to_owned()),
+        ("generator", DRAWN_BY.to_owned()),
     ];
     remarks.map(|(key, value)| (key.to_owned(), value)).into()
 }

@@ -362,3 +362,27 @@ fn a_long_chain_is_checked_without_deep_recursion() {
     let found = problems(&text);
     assert!(found.iter().any(|p| p.to_string().contains("at most 1024 layers, found 1025")), "{found:#?}");
 }
+
+#[test]
+fn classes_stand_in_place_of_names_and_unit_and_are_checked_by_line() {
+    let with = |output: &str| {
+        let text = SMALL.replace("outputs = 1", "outputs = 2");
+        let text = text.replace("names = [\"roll\"]\nunit = \"rad\"\n", output);
+        Description::parse(&text).map_err(|error| error.to_string())
+    };
+    let told = with("classes = [\"left\", \"right\"]\n").expect("consistent");
+    assert_eq!(told.classes().expect("classes"), ["left", "right"]);
+    assert_eq!(told.outputs(), (&["left".to_owned(), "right".to_owned()][..], "logit"));
+    assert_eq!(with("names = [\"a\", \"b\"]\nunit = \"N\"\n").expect("consistent").classes(), None);
+    for (output, expected) in [
+        ("classes = [\"a\"]\n", "classes: expected at least two names of classes, each once"),
+        ("classes = [\"a\", \"a\"]\n", "classes: expected at least two names of classes, each once"),
+        ("classes = [\"a\", \"b\"]\nunit = \"N\"\n", "unit: expected only with names in place of classes"),
+        ("classes = [\"a\", \"b\", \"c\"]\n", "names: expected 2 (outputs of layer \"fc\"), found 3"),
+        ("names = [\"a\", \"b\"]\n", "missing key \"unit\""),
+        ("unit = \"N\"\n", "missing key \"names\""),
+    ] {
+        let error = with(output).expect_err(output);
+        assert!(error.starts_with("line ") && error.contains(expected), "{output}: {error}");
+    }
+}

@@ -4,7 +4,9 @@ use super::support;
 
 use std::collections::BTreeMap;
 
-use meissner_models::{Description, FormatError, ModelError, Tensor, TensorProblemKind, Weights, draw};
+use meissner_models::{
+    Agreement, Description, FormatError, ModelError, Tensor, TensorProblemKind, Weights, draw,
+};
 use support::torch::{Deviation, Pickle, View, archive, file, state_dict};
 use support::{SMALL, changed, shared};
 
@@ -451,13 +453,34 @@ fn the_published_checkpoint_makes_graphres() {
     let weights = Weights::load(path).expect("readable");
     for name in ["graphres", "graphres-published"] {
         let description = Description::shipped(name).expect("shipped");
-        let network = description.network(&weights).expect("the published network");
+        let network = description.network_regardless(&weights).expect("the published network");
         assert_eq!(network.outputs(), 2);
         assert!(description.unused_tensors(&weights).expect("no prefix").is_empty());
     }
     // And by way of a state dict.
     let read = Weights::from_bytes(&to_pth(&weights)).expect("readable");
     assert!(read.iter().eq(weights.iter()));
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn the_published_checkpoint_is_recognised_and_graphres_refuses_it_by_name() {
+    let path = shared("data/checkpoints/contact_angle_graphres.safetensors");
+    let weights = Weights::load(path).expect("readable");
+    let prefixed = weights.iter().map(|(name, tensor)| (format!("module.{name}"), tensor.clone()));
+    let state_dict = Weights::from_bytes(&to_pth(&weights)).expect("readable");
+    let description = |name| Description::shipped(name).expect("shipped");
+    for weights in [Weights::new(prefixed), state_dict, weights] {
+        assert!(weights.metadata().is_empty() && weights.card().expect("nothing to refuse").published);
+        assert_eq!(description("graphres-published").agreement(&weights), Agreement::Same);
+        assert!(description("graphres-published").network(&weights).is_ok());
+        assert_eq!(description("graphres").agreement(&weights), Agreement::Other);
+        let error = description("graphres").network(&weights).expect_err("it was trained with other scales");
+        assert!(matches!(&error, ModelError::Preparation { published: Some("graphres-published"), .. }));
+        let error = error.to_string();
+        assert!(error.contains("published GraphRes checkpoint") && error.contains("per-graph"), "{error}");
+        assert!(description("graphres").network_regardless(&weights).is_ok());
+    }
 }
 
 #[test]

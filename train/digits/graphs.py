@@ -3,6 +3,7 @@
 Nothing is searched, pooled or scaled here, so that training and inference see the same graph.
 """
 
+import json
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,17 @@ class Batch:
     in_edges: torch.Tensor  # (E, 1), at least 1
     readout: torch.Tensor  # (E,), stream times cells of the readout, plus its cell
     streams: int
+
+
+def preparation(meissner, network):
+    """What weights that are trained for `network` say about its graphs, as JSON.
+
+    Without the lifetime of edges: no event leaves a window during a recording, so that both give the same graph.
+    """
+    command = [str(meissner), "inspect", str(network), "--json"]
+    said = json.loads(json.loads(subprocess.run(command, check=True, capture_output=True).stdout)["preparation"])
+    said.pop("lifetime", None)
+    return json.dumps(said)
 
 
 class Graphs:

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from export import save
 from fit import fit
-from graphs import Graphs
+from graphs import Graphs, preparation
 from network import Digits
 from recordings import prepare
 
@@ -45,10 +45,11 @@ def main():
                     path = args.out / f"{name}.{seed}{suffix}.safetensors"
                     if not path.exists():
                         graphs = partial(Graphs, args.meissner, network, recordings.sensor, folder=folder)
-                        train(name, seed, fold, recordings, args.epochs, graphs, path)
+                        said = preparation(args.meissner, network)
+                        train(name, seed, fold, recordings, args.epochs, graphs, said, path)
 
 
-def train(name, seed, fold, recordings, epochs, graphs, path):
+def train(name, seed, fold, recordings, epochs, graphs, said, path):
     """One training, and what it says about itself."""
     print(path.stem, flush=True)
     started = time.time()
@@ -65,6 +66,8 @@ def train(name, seed, fold, recordings, epochs, graphs, path):
         "mean of the weights of the second half",
         "recordings": len(seen),
         "stride": STRIDE,
+        "sensor": recordings.sensor,
+        "preparation": said,
         "loss": f"{loss:.4f}",
     }
     if fold is None:

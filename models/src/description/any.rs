@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::frames::{FrameDescription, TABLE};
-use super::{Description, DescriptionError, checked, text};
+use super::{Description, DescriptionError, checked, classes, text};
 use crate::ModelError;
 
 /// What messages call the two kinds.
@@ -52,6 +52,20 @@ impl AnyDescription {
         match self {
             Self::Events(description) => description.outputs(),
             Self::Frames(description) => description.outputs(),
+        }
+    }
+
+    /// Names of the classes whose logits are predicted; `None` for other values.
+    pub fn classes(&self) -> Option<&[String]> {
+        classes(self.outputs())
+    }
+
+    /// What weights that are trained for this description carry as metadata `preparation`; `None` for frames that are not
+    /// made of readings of electrodes.
+    pub fn preparation(&self) -> Option<String> {
+        match self {
+            Self::Events(description) => Some(description.preparation()),
+            Self::Frames(description) => description.preparation(),
         }
     }
 }

@@ -18,9 +18,20 @@ impl Description {
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, has another shape or type, or values that cannot be
-    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do; [`ModelError::Engine`] never, unless the
-    /// engine's bounds are narrower than the description's.
+    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do; [`ModelError::Preparation`] where they say
+    /// that they were trained on graphs that were built in another way ([`Self::preparation`]); [`ModelError::Engine`] never,
+    /// unless the engine's bounds are narrower than the description's.
     pub fn network(&self, weights: &Weights) -> Result<Network, ModelError> {
+        self.check_preparation(weights)?;
+        self.network_regardless(weights)
+    }
+
+    /// As [`Self::network`], whatever the weights say about the graphs of their training. Predictions then are not those that
+    /// the weights were trained for.
+    ///
+    /// # Errors
+    /// As [`Self::network`], without [`ModelError::Preparation`].
+    pub fn network_regardless(&self, weights: &Weights) -> Result<Network, ModelError> {
         let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
         Ok(Network::new(tensors.finish(parts)?)?)

@@ -2,9 +2,12 @@
 //!
 //! Enters: text. Leaves: a [`Document`], of which tables are read key by key.
 
+use std::collections::BTreeSet;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::LOGIT;
 use super::problem::{ProblemKind, Problems};
 use super::table::{Given, Lines, Table, shown};
 
@@ -125,15 +128,39 @@ impl<'i> Document<'i> {
     pub(super) fn output(&self, output: Option<Entries<'_, 'i>>, problems: &mut Problems) -> Output {
         let Some(output) = output else { return Output { names: None, unit: String::new() } };
         let mut table = self.open(output, problems);
-        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"]";
-        let names = table.required("names", expected, |value| {
-            let names: Option<Vec<String>> = value.as_array()?.iter().map(|v| name(v.get_ref())).collect();
-            names.filter(|names| !names.is_empty())
-        });
+        if table.line_of("classes").is_some() {
+            return classes(table);
+        }
+        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
+        let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
         let unit = table.required("unit", "the predicted values' unit, such as \"rad\"", name);
+        // Known, where it is not there either.
+        table.optional("classes", "", |_| Some(()));
         table.finish();
         Output { names, unit: unit.map(|given| given.value).unwrap_or_default() }
     }
+}
+
+/// Reads an `[output]` table with classes.
+fn classes(mut table: Table<'_, '_>) -> Output {
+    let expected = "at least two names of classes, each once, such as [\"left\", \"right\"]";
+    let names = table.required("classes", expected, |value| {
+        names(value)
+            .filter(|names| names.len() > 1 && names.iter().collect::<BTreeSet<_>>().len() == names.len())
+    });
+    for key in ["names", "unit"] {
+        if let Some(given) = table.optional(key, "", |_| Some(())) {
+            let with = "names in place of classes, whose values are logits";
+            table.report(given.line, ProblemKind::Inapplicable { key, with });
+        }
+    }
+    table.finish();
+    Output { names, unit: LOGIT.to_owned() }
+}
+
+/// A list of names.
+fn names(value: &DeValue<'_>) -> Option<Vec<String>> {
+    value.as_array()?.iter().map(|v| name(v.get_ref())).collect()
 }
 
 impl Entries<'_, '_> {

@@ -51,8 +51,16 @@
 //! activation = "identity"      # the default; or "relu", "elu"
 //!
 //! [output]
-//! names = ["roll", "pitch"]
-//! unit = "rad"
+//! names = ["roll", "pitch"]    # of the predicted values, in order
+//! unit = "rad"                 # of all of them
+//! ```
+//!
+//! A network that tells classes apart names them in place of `names` and `unit`; its values are logits, of which a softmax
+//! makes probabilities. (`names` with `unit = "logit"` say the same.)
+//!
+//! ```toml
+//! [output]
+//! classes = ["left", "right", "none"]
 //! ```
 //!
 //! In place of dense layers, tables `[[head]]` describe a frame network that reads the readout as an image: a column and a
@@ -91,6 +99,7 @@ mod file;
 pub mod frames;
 mod head;
 mod layer;
+mod preparation;
 mod problem;
 mod shapes;
 mod table;
@@ -105,6 +114,7 @@ use meissner_engine::{GraphRule, Normalisation};
 use crate::ModelError;
 
 pub use any::AnyDescription;
+pub use preparation::Agreement;
 
 pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 pub use problem::{DescriptionError, Problem, ProblemKind};
@@ -213,6 +223,11 @@ impl Description {
         (&self.outputs, &self.unit)
     }
 
+    /// Names of the classes whose logits are predicted; `None` for other values.
+    pub fn classes(&self) -> Option<&[String]> {
+        classes(self.outputs())
+    }
+
     /// The layers, each after those it reads, without those of a head.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
@@ -243,6 +258,14 @@ impl Description {
         let layers = self.layers.iter().flat_map(Layer::tensors);
         layers.chain(self.head.iter().flat_map(FrameLayer::tensors))
     }
+}
+
+/// The unit of the outputs of classes: a softmax makes probabilities of such values.
+pub(crate) const LOGIT: &str = "logit";
+
+/// The names where they are those of classes.
+fn classes<'a>((names, unit): (&'a [String], &str)) -> Option<&'a [String]> {
+    (unit == LOGIT).then_some(names)
 }
 
 /// What `check` makes of a file without problems.

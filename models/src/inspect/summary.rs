@@ -33,6 +33,8 @@ pub struct Summary {
     pub outputs: Vec<String>,
     /// Their unit.
     pub unit: String,
+    /// What weights that are trained for it carry as metadata `preparation`.
+    pub preparation: String,
 }
 
 /// Rule of the event graph, in the words of a description file.
@@ -84,10 +86,11 @@ impl Description {
             tensors: tensors.into_iter().map(|(name, shape)| TensorSummary { name, shape }).collect(),
             outputs: outputs.to_vec(),
             unit: unit.to_owned(),
+            preparation: self.preparation(),
         }
     }
 
-    pub(super) fn graph_summary(&self) -> GraphSummary {
+    pub(crate) fn graph_summary(&self) -> GraphSummary {
         let rule = self.graph();
         let (kind, radius) = match rule.reach {
             Reach::Knn { .. } => ("knn", None),

@@ -3,6 +3,7 @@
 //! Enters: bytes, of which nothing is trusted. Leaves: [`Weights`], floating-point tensors as f32 and of all others the
 //! name, type and shape. Invariant: memory stays within a small multiple of the file's size, and no byte is executed.
 
+pub(crate) mod card;
 mod file;
 mod format;
 mod pickle;
@@ -16,6 +17,7 @@ use std::path::Path;
 
 use crate::ModelError;
 
+pub use card::Card;
 pub use file::TensorFile;
 pub use format::FormatError;
 

@@ -23,6 +23,14 @@ impl FrameDescription {
     /// that they were trained on frames that were made in another way ([`Self::preparation`]).
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         self.check_preparation(weights)?;
+        self.network_parts_regardless(weights)
+    }
+
+    /// As [`Self::network_parts`], whatever the weights say about the frames of their training.
+    ///
+    /// # Errors
+    /// As [`Self::network_parts`], without [`ModelError::Preparation`].
+    pub fn network_parts_regardless(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
         let layers = parts(&self.layers, &mut tensors);
         let layers = tensors.finish(layers)?;

@@ -30,7 +30,7 @@
 //!
 //! [output]
 //! names = ["force"]            # of the last layer's values; for an image, of its channels
-//! unit = "N"
+//! unit = "N"                   # or, in place of both, classes = ["left", "right"]
 //! ```
 //!
 //! | `frames` | a frame | settings |
@@ -63,7 +63,7 @@ mod build;
 mod file;
 mod input;
 mod layer;
-mod preparation;
+pub(super) mod preparation;
 mod shapes;
 mod source;
 mod tensors;
@@ -76,7 +76,7 @@ use meissner_engine::frames::FrameShape;
 use super::document::Document;
 use super::problem::{ProblemKind, Problems};
 use super::tensors::report_shared;
-use super::{DescriptionError, Needed, any, checked, text};
+use super::{DescriptionError, Needed, any, checked, classes, text};
 use crate::ModelError;
 
 pub(super) use build::parts;
@@ -178,6 +178,11 @@ impl FrameDescription {
     /// Names of the predicted values, or of the channels of a predicted image, and their unit.
     pub fn outputs(&self) -> (&[String], &str) {
         (&self.outputs, &self.unit)
+    }
+
+    /// Names of the classes whose logits are predicted; `None` for other values.
+    pub fn classes(&self) -> Option<&[String]> {
+        classes(self.outputs())
     }
 
     /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.

@@ -12,11 +12,12 @@
 
 use serde_json::{Map, Value};
 
+use super::super::Agreement;
 use super::{FrameDescription, FrameSource};
 use crate::{ModelError, Weights};
 
 /// The key of the metadata.
-pub(crate) const KEY: &str = "preparation";
+pub(in super::super) const KEY: &str = "preparation";
 /// The keys of the object, in order.
 const KEYS: [&str; 3] = ["frames", "steps", "scaling"];
 
@@ -34,18 +35,25 @@ impl FrameDescription {
         }
     }
 
+    /// Whether `weights` were trained on frames as this description has them made, by what they say.
+    pub fn agreement(&self, weights: &Weights) -> Agreement {
+        let Some(found) = weights.metadata().get(KEY) else { return Agreement::without_statement(weights) };
+        let read = |text: &str| serde_json::from_str::<Map<String, Value>>(text).ok().map(normal);
+        let expected = self.preparation().as_deref().and_then(read);
+        if expected.is_some() && expected == read(found) { Agreement::Same } else { Agreement::Other }
+    }
+
     /// `Ok` where `weights` do not say how their frames were prepared, or say the same as this description.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
-        let Some(found) = weights.metadata().get(KEY) else { return Ok(()) };
-        let expected = self.preparation();
-        let read = |text: &str| serde_json::from_str::<Map<String, Value>>(text).ok().map(normal);
-        if expected.as_deref().and_then(read).is_some_and(|expected| read(found) == Some(expected)) {
+        if self.agreement(weights) != Agreement::Other {
             return Ok(());
         }
+        let none = || format!("none, since frames = {:?}", self.source().word());
         Err(ModelError::Preparation {
             network: self.name().to_owned(),
-            expected: expected.unwrap_or_else(|| format!("none, since frames = {:?}", self.source().word())),
-            found: found.clone(),
+            expected: self.preparation().unwrap_or_else(none),
+            found: weights.metadata().get(KEY).cloned().unwrap_or_default(),
+            published: None,
         })
     }
 
@@ -58,7 +66,7 @@ impl FrameDescription {
 }
 
 /// The entries that count, with numbers as the engine takes them, so that 3488 and 3488.0 are the same.
-fn normal(entries: Map<String, Value>) -> Map<String, Value> {
+pub(in super::super) fn normal(entries: Map<String, Value>) -> Map<String, Value> {
     // Sampling may be there and does not count.
     let counting = entries.into_iter().filter(|(key, _)| key != "sampling");
     counting.map(|(key, value)| (key, rounded(value))).collect()

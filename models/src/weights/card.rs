@@ -1,0 +1,159 @@
+//! What weights say about themselves, as far as a run depends on it.
+//!
+//! Enters: the metadata of a weights file. Leaves: a [`Card`]. The metadata is `__metadata__` of safetensors; a `PyTorch`
+//! state dict has none.
+//!
+//! | key | what it says |
+//! |---|---|
+//! | `trained` | `true` or `false`; without it, `generator` says drawn, and `trained_on`, `held_out` or `recipe` say trained |
+//! | `about` | one line for reports |
+//! | `preparation` | how the input of the training was prepared: [`Description::preparation`](crate::Description::preparation) |
+//! | `stride` | every how many events the network was trained on; 1 where it is missing |
+//! | `sensor` | `[columns, rows]` of the recordings of the training |
+
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
+use meissner_engine::Sensor;
+
+use super::Weights;
+use crate::ModelError;
+
+/// The value of `generator` in weights that [`draw`](crate::draw()) made.
+pub(crate) const DRAWN_BY: &str = "meissner_models::draw";
+/// Last layer of the published checkpoint of the contact-angle network.
+const PUBLISHED_TENSOR: &str = "fc.weight";
+/// Its values.
+const PUBLISHED_VALUES: usize = 1024;
+/// FNV-1a with 64 bits of the bytes of these values.
+const PUBLISHED_DIGEST: u64 = 0xd37f_dd17_d69b_3d94;
+/// What reports call the published checkpoint.
+const PUBLISHED_ABOUT: &str = "the published GraphRes checkpoint";
+
+/// What weights say about themselves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Card {
+    /// Whether they were trained; `Some(false)` for weights drawn from a seed, `None` where they do not say.
+    pub trained: Option<bool>,
+    /// Their own remark in one line.
+    pub about: Option<String>,
+    /// How the input of their training was prepared, as JSON; `None` where they do not say.
+    pub preparation: Option<String>,
+    /// The network was trained on every `stride`-th event; at least 1.
+    pub stride: usize,
+    /// Sensor of the recordings of their training.
+    pub sensor: Option<Sensor>,
+    /// Whether these are the weights of the published contact-angle checkpoint, which carries no metadata.
+    pub published: bool,
+}
+
+impl Weights {
+    /// What these weights say about themselves. The published contact-angle checkpoint says nothing and is recognised by its
+    /// values.
+    ///
+    /// # Errors
+    /// [`ModelError::Metadata`] where `stride`, `sensor` or `trained` is there and holds something else.
+    pub fn card(&self) -> Result<Card, ModelError> {
+        let published = self.is_published();
+        let about = self.metadata().get("about").cloned();
+        Ok(Card {
+            trained: if published { Some(true) } else { self.trained()? },
+            about: about.or_else(|| published.then(|| PUBLISHED_ABOUT.to_owned())),
+            preparation: self.metadata().get("preparation").cloned(),
+            stride: self.remark("stride", "a whole number from 1", stride)?.unwrap_or(1),
+            sensor: self.remark("sensor", "[columns, rows] of 1 to 65535 pixels", sensor)?,
+            published,
+        })
+    }
+
+    /// Whether these are the weights of the published contact-angle checkpoint.
+    pub(crate) fn is_published(&self) -> bool {
+        let last = self.iter().filter(|(name, _)| name.ends_with(PUBLISHED_TENSOR));
+        last.filter_map(|(_, tensor)| tensor.values()).any(|values| {
+            values.len() == PUBLISHED_VALUES && {
+                let mut digest = FnvHasher::default();
+                values.iter().for_each(|value| digest.write(&value.to_le_bytes()));
+                digest.finish() == PUBLISHED_DIGEST
+            }
+        })
+    }
+
+    fn trained(&self) -> Result<Option<bool>, ModelError> {
+        let metadata = self.metadata();
+        if let Some(trained) = self.remark("trained", "true or false", |text| text.parse().ok())? {
+            return Ok(Some(trained));
+        }
+        if self.is_drawn() {
+            return Ok(Some(false));
+        }
+        let says = |key: &&str| metadata.contains_key(*key);
+        Ok(["trained_on", "held_out", "recipe"].iter().any(says).then_some(true))
+    }
+
+    /// Whether they were drawn from a seed by this crate.
+    pub(crate) fn is_drawn(&self) -> bool {
+        self.metadata().get("generator").is_some_and(|generator| generator == DRAWN_BY)
+    }
+
+    /// What `key` holds, where it is there, as `read` understands it.
+    fn remark<T>(
+        &self,
+        key: &'static str,
+        expected: &'static str,
+        read: impl FnOnce(&str) -> Option<T>,
+    ) -> Result<Option<T>, ModelError> {
+        let Some(text) = self.metadata().get(key) else { return Ok(None) };
+        let refused = || ModelError::Metadata { key, expected, found: text.chars().take(60).collect() };
+        read(text).map(Some).ok_or_else(refused)
+    }
+}
+
+fn stride(text: &str) -> Option<usize> {
+    text.parse().ok().filter(|&stride| stride > 0)
+}
+
+fn sensor(text: &str) -> Option<Sensor> {
+    let [width, height]: [u16; 2] = serde_json::from_str(text).ok()?;
+    (width > 0 && height > 0).then(|| Sensor::new(width, height))
+}
+
+#[cfg(test)]
+mod tests {
+    use meissner_engine::Sensor;
+
+    use crate::{ModelError, Weights};
+
+    fn saying(remarks: &[(&str, &str)]) -> Weights {
+        let remarks = remarks.iter().map(|&(key, value)| (key.to_owned(), value.to_owned()));
+        Weights::new([]).with_metadata(remarks.collect())
+    }
+
+    #[test]
+    fn weights_say_whether_they_were_trained_and_on_what() {
+        let card =
+            saying(&[("recipe", "10 epochs"), ("stride", "2"), ("sensor", "[34, 34]")]).card().unwrap();
+        assert_eq!((card.trained, card.stride, card.sensor), (Some(true), 2, Some(Sensor::new(34, 34))));
+        let of = |remarks: &[(&str, &str)]| saying(remarks).card().unwrap().trained;
+        assert_eq!(of(&[("generator", "meissner_models::draw")]), Some(false));
+        assert_eq!(of(&[("recipe", "none"), ("trained", "false")]), Some(false));
+        assert_eq!(of(&[("about", "mine")]), None);
+        let silent = saying(&[]).card().unwrap();
+        assert_eq!((silent.trained, silent.stride, silent.sensor), (None, 1, None));
+    }
+
+    #[test]
+    fn metadata_of_another_form_is_refused_with_its_key() {
+        for (key, found) in [
+            ("stride", "0"),
+            ("stride", "two"),
+            ("sensor", "34x34"),
+            ("sensor", "[0, 3]"),
+            ("trained", "yes"),
+        ] {
+            let error = saying(&[(key, found)]).card().unwrap_err();
+            assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");
+            assert!(error.to_string().contains(found), "{error}");
+        }
+    }
+}
