@@ -21,7 +21,10 @@ pub(crate) use crate::soak::SoakArgs;
 pub(crate) use crate::stress::StressArgs;
 
 pub(crate) const STATUS: &str = "Exit status: 0 on success, 1 on bad input (a recording, network or weights that cannot be read \
-                      or do not fit), 2 on bad usage. A reader that closes the pipe ends the program with status 0.";
+                      or do not fit), 2 on bad usage, 130 where SIGINT (Ctrl-C) or SIGTERM ended it. A \
+                      reader that closes the pipe ends the program with status 0. At the first signal, run, play and soak \
+                      end their stream: state, summary; the others, and any at the second signal, end at once, and pareto \
+                      --state keeps the measurements that are finished.";
 
 /// Incremental inference for event cameras and event-based touch.
 #[derive(Debug, Parser)]
@@ -90,6 +93,13 @@ pub(crate) struct Input {
     /// Most events that are taken from the recording.
     #[arg(long, value_name = "N")]
     pub(crate) limit: Option<u64>,
+    /// End with an error at the first line of a text that is no event, or no reading, instead of passing it over.
+    ///
+    /// Without it, such a line is counted ("lines_refused"), the first five are named on standard error, and the stream goes
+    /// on; more than half of the first 100 lines, or of a shorter text, are an error. With it, standard input is summed up
+    /// to the line, and of a file of events nothing is run.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// What becomes of an event that is earlier than one before it: drop it, or let it in at the newest time.
     #[arg(long, value_enum, default_value_t = Late::Drop)]
     pub(crate) late: Late,

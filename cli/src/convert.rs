@@ -7,6 +7,7 @@ use meissner_io::Format;
 use crate::args::ConvertArgs;
 use crate::error::CliError;
 use crate::source;
+use crate::tell::tell;
 use crate::text::grouped;
 
 /// Reads, writes, and says what did not come along.
@@ -24,10 +25,10 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     meissner_io::write(&args.output, format, sensor, &recording.events)
         .map_err(|e| CliError::recording(&output, e))?;
     for stream in &recording.other_streams {
-        eprintln!("note: {}: {} {} left out", stream.name, grouped(stream.elements), stream.kind);
+        tell(format_args!("note: {}: {} {} left out", stream.name, grouped(stream.elements), stream.kind));
     }
     if format == Format::Npy || sensor.is_none() {
-        eprintln!("note: {output} does not name the sensor's geometry: `run` needs --sensor WxH");
+        tell(format_args!("note: {output} does not name the sensor's geometry: `run` needs --sensor WxH"));
     }
     let events = grouped(recording.events.len() as u64);
     let mut out = stdout().lock();

@@ -45,6 +45,22 @@ pub(crate) enum CliError {
         /// Why.
         source: IoError,
     },
+    /// A line of a text is not what it should be, and is not to be passed over.
+    #[error("{recording}: {problem}")]
+    Line {
+        /// The text.
+        recording: String,
+        /// Which line, and why.
+        problem: String,
+    },
+    /// Most lines of a text are not what they should be.
+    #[error("{recording}: {problem}")]
+    Lines {
+        /// The text.
+        recording: String,
+        /// How many of how many, which line is the first, and why.
+        problem: String,
+    },
     /// A file cannot be read or written; the reason names it.
     #[error(transparent)]
     File(IoError),

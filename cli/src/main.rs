@@ -3,6 +3,7 @@
 //! | file | job |
 //! |---|---|
 //! | `args` | what can be asked for on the command line |
+//! | `refusals` | lines that are passed over |
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
 //! | `approximations` | what makes results cheaper and less exact, where it is asked for |
@@ -22,11 +23,15 @@
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
 //! | `output` | files that are written |
+//! | `tell` | messages on standard error |
+//! | `interrupt` | signals that ask the program to end |
 //! | `inspect`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
 //! Results go to standard output, messages and progress to standard error.
 #![forbid(unsafe_code)]
+// They panic where nobody reads on: `tell` does not, and results go to a locked standard output, with its errors.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod approximations;
 mod args;
@@ -40,6 +45,7 @@ mod front;
 mod header;
 mod info;
 mod inspect;
+mod interrupt;
 mod latency;
 mod layer_cost;
 mod model;
@@ -48,6 +54,7 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod refusals;
 mod run;
 mod schedule;
 mod skips;
@@ -56,6 +63,7 @@ mod soak;
 mod source;
 mod stress;
 mod svg;
+mod tell;
 mod text;
 mod threads;
 mod trainings;
@@ -65,8 +73,10 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::args::{Args, Command};
+use crate::tell::tell;
 
 fn main() -> ExitCode {
+    interrupt::install();
     let done = match Args::parse().command {
         Command::Run(args) => run::run(&args),
         Command::Play(args) => play::play(&args),
@@ -81,12 +91,12 @@ fn main() -> ExitCode {
         Command::Soak(args) => soak::soak(&args),
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads our output has seen enough.
-        Err(error) if error.is_broken_pipe() => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
+        Err(error) if !error.is_broken_pipe() => {
+            tell(format_args!("error: {error}"));
             error.exit_code()
         }
+        _ if interrupt::requested() => ExitCode::from(interrupt::STATUS),
+        // Also where whoever reads our output has seen enough.
+        _ => ExitCode::SUCCESS,
     }
 }

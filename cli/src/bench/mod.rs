@@ -71,7 +71,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     if let Some(path) = &args.svg {
         output::check_writable(path)?;
@@ -84,7 +84,8 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     if part.is_some() {
         writeln!(heading, "part         {part}")?;
     }
-    let events = taken(source, args)?;
+    let events = taken(&mut source, args)?;
+    let lines_refused = source.lines_refused();
 
     let phases = Phases::new(&events, sensor, input.late.into(), args.burst_rate);
     let warmup = usize::try_from(args.warmup).unwrap_or(usize::MAX).min(events.len());
@@ -110,6 +111,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     passes.progress.finish();
 
     let report = Report {
+        lines_refused,
         recording,
         network: model.network.name().to_owned(),
         weights: model.weights.clone(),
@@ -150,7 +152,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 }
 
 /// The events of the part of `source` that `args` ask for.
-fn taken(source: Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
+fn taken(source: &mut Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
     let limit = args.input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
     Part { from_us: args.from_s, for_us: args.for_s }.take(source, limit)
 }

@@ -32,6 +32,8 @@ pub(super) struct Report {
     /// What a measurement of nothing takes; it is contained in every push and prediction.
     pub(super) clock_us: f64,
     pub(super) events: u64,
+    /// Lines of a text that were no events; not among the events.
+    pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     pub(super) dropped: BTreeMap<&'static str, u64>,
     pub(super) predictions: u64,

@@ -24,6 +24,9 @@ fn counts(out: &mut impl Write, report: &Report) -> io::Result<()> {
     for (reason, &count) in report.dropped.iter().filter(|&(_, &count)| count > 0) {
         writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
     }
+    if report.lines_refused > 0 {
+        writeln!(out, "refused      {} lines that are no events", grouped(report.lines_refused))?;
+    }
     let predictions = grouped(report.predictions);
     writeln!(
         out,

@@ -74,7 +74,7 @@ pub(crate) struct PlayArgs {
     /// and "behind_us": events, and stream time, that had entered the queue and are not covered, "age_us": time since
     /// the prediction was begun, "waited_us": time since it was asked for}.
     ///
-    /// The last line: {"summary": {"events": taken from the recording, "offered": to the queue, "delivered": to the
+    /// The last line: {"summary": {"events": taken from the recording, "lines_refused" (as `run`), "offered": to the queue, "delivered": to the
     /// engine, "dropped": {"oldest", "newest", "thinned", "filtered"} by the queue, "engine": {"accepted", "dropped":
     /// {reason: count}}, "queue": {"capacity", "overload", "high_water": most events that waited, "blocked_us"},
     /// "reports": {"due", "made", "fresh", "behind", "old", "past_deadline": returned after their deadline,

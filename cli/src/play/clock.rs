@@ -1,7 +1,8 @@
 //! Stream time on the wall clock.
 
-use std::thread;
 use std::time::{Duration, Instant};
+
+use crate::interrupt;
 
 /// Longest distance on the wall clock that is told: ten years.
 const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);
@@ -33,15 +34,15 @@ impl Clock {
         self.first_us.saturating_add(us as i64)
     }
 
-    /// Waits until it is `t_us`.
+    /// Waits until it is `t_us`, or the program is asked to end.
     pub(super) fn wait(&self, t_us: i64) {
         let at = self.at(t_us);
         loop {
             let left = at.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            if left.is_zero() || interrupt::requested() {
                 return;
             }
-            thread::sleep(left);
+            interrupt::sleep(left);
         }
     }
 }

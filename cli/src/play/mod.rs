@@ -31,6 +31,7 @@ use meissner_live::{Live, Predictor, QueueCounters, QueueOptions, Recorded};
 use crate::bench::peak_resident_bytes;
 use crate::error::CliError;
 use crate::header::header;
+use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::Model;
 use crate::run::json::Values;
@@ -48,7 +49,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
     let input = &args.input;
     let model = Model::load(input)?;
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let network = Arc::new(model.network.clone());
     let approximations = &input.approximations;
@@ -64,11 +65,12 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
         header(&mut out, &model, &mode, &source, sensor)?;
     }
     let limit = input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
-    let events = source.take(limit).collect::<Result<Vec<_>, _>>()?;
+    let events = source.by_ref().take(limit).collect::<Result<Vec<_>, _>>()?;
     let plan = Plan::new(&events, args);
     let report =
         if args.json { Report::json(out) } else { Report::people(out, &model.outputs, plan.reports)? };
-    let mut stage = Stage { args, sensor, events: &events, plan, report };
+    interrupt::listen();
+    let mut stage = Stage { args, source: &source, sensor, events: &events, plan, report };
     if args.verify {
         let recorded = Recorded::new(readout, network, sensor, input.late.into())?;
         let (played, mut recorded) = stage.play(recorded)?;
@@ -134,6 +136,7 @@ impl Plan {
 /// A recording, and what is to be done with it.
 struct Stage<'a, W: Write> {
     args: &'a PlayArgs,
+    source: &'a Source,
     sensor: Sensor,
     events: &'a [Event],
     plan: Plan,
@@ -146,6 +149,8 @@ struct Played {
     counters: QueueCounters,
     chain: Chain,
     lag: Duration,
+    /// Events of the recording that were due.
+    taken: u64,
     drain: Duration,
     /// The prediction behind the last event.
     values: Vec<f32>,
@@ -164,7 +169,7 @@ impl<W: Write> Stage<'_, W> {
             // Inside, so that whatever happens here ends the reader before it is waited for.
             let (input, mut live) = Live::spawn(predictor, options)?;
             let clock = Clock::new(Instant::now(), plan.first_us, args.speed);
-            let reader = Reader { clock, input, chain, lag: Duration::ZERO };
+            let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
             let (events, end_us) = (self.events, plan.due(plan.reports).at_us);
             let reader = threads.spawn(move || reader.read(events, end_us));
 
@@ -172,6 +177,9 @@ impl<W: Write> Stage<'_, W> {
             for number in 1..=plan.reports {
                 let due = plan.due(number);
                 clock.wait(due.at_us);
+                if interrupt::requested() {
+                    break;
+                }
                 let late = Instant::now().saturating_duration_since(clock.at(due.at_us));
                 let timely = live.predict(args.deadline)?;
                 tally.count(&timely, late);
@@ -189,6 +197,7 @@ impl<W: Write> Stage<'_, W> {
                 counters: reader.input.counters(),
                 chain: reader.chain,
                 lag: reader.lag,
+                taken: reader.taken,
             };
             Ok((played, live.close()?))
         })
@@ -205,7 +214,8 @@ impl<W: Write> Stage<'_, W> {
         let Played { tally, counters: queue, .. } = played;
         let approximations = &self.args.input.approximations;
         Ok(self.report.summary(&Summary {
-            events: self.events.len() as u64,
+            events: played.taken,
+            lines_refused: self.source.lines_refused(),
             offered: queue.offered,
             delivered: queue.delivered,
             dropped: queue.dropped_by_reason().into_iter().collect(),

@@ -11,6 +11,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
 use super::clock::Clock;
+use crate::interrupt;
 
 /// A sleep is at least so long, so that events come in handfuls as a camera's do, and at most so long, so that time
 /// moves on in a gap.
@@ -26,19 +27,23 @@ pub(super) struct Reader {
     pub(super) chain: Chain,
     /// Longest time from when an event was due until it was offered.
     pub(super) lag: Duration,
+    /// Events that were due, with those that filters dropped.
+    pub(super) taken: u64,
 }
 
 impl Reader {
-    /// Offers `events`, and moves time on to `end_us` when that has come. Ends early where nobody takes events.
+    /// Offers `events`, and moves time on to `end_us` when that has come. Ends early where nobody takes events, and where
+    /// the program is asked to end.
     pub(super) fn read(mut self, events: &[Event], end_us: i64) -> Result<Self, LiveError> {
         let mut rest = events;
         let mut kept = Vec::with_capacity(HANDFUL);
-        while !self.input.is_closed() {
+        while !self.input.is_closed() && !interrupt::requested() {
             let now = Instant::now();
             let now_us = self.clock.stream_us(now);
             let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
             let (events, later) = rest.split_at(due);
             rest = later;
+            self.taken += events.len() as u64;
             if let Some(event) = events.first() {
                 self.lag = self.lag.max(now.saturating_duration_since(self.clock.at(event.t_us)));
             }

@@ -120,6 +120,9 @@ fn table(out: &mut impl Write, summary: &Summary<'_>) -> io::Result<()> {
     )?;
     let by_queue = summary.dropped.iter().map(|(reason, &count)| (format!("by the queue: {reason}"), count));
     let by_engine = engine.dropped.iter().map(|(reason, &count)| (reason.replace('_', " "), count));
+    if summary.lines_refused > 0 {
+        writeln!(out, "refused      {} lines that are no events", grouped(summary.lines_refused))?;
+    }
     for (reason, count) in by_queue.chain(by_engine).filter(|&(_, count)| count > 0) {
         writeln!(out, "dropped      {} {reason}", grouped(count))?;
     }

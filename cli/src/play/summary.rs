@@ -14,6 +14,8 @@ use crate::run::json::Values;
 pub(super) struct Summary<'a> {
     /// Events taken from the recording.
     pub(super) events: u64,
+    /// Lines of a text that were no events; not among the events.
+    pub(super) lines_refused: u64,
     pub(super) offered: u64,
     pub(super) delivered: u64,
     /// By the queue, by reason.

@@ -14,6 +14,7 @@ use crate::args::STATUS;
 use crate::digits::DigitsData;
 use crate::error::CliError;
 use crate::output;
+use crate::tell::tell;
 use crate::text::grouped;
 
 /// What the file holds.
@@ -85,7 +86,7 @@ pub(super) fn prepare(args: &DigitsArgs) -> Result<(), CliError> {
         file.i64(name, &[values.len()], &values);
     }
     output::write(&args.out, file.into_bytes())?;
-    data.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    data.notes.iter().for_each(|note| tell(format_args!("note: {note}")));
     let mut out = stdout().lock();
     writeln!(
         out,

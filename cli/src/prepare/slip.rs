@@ -13,6 +13,7 @@ use crate::error::CliError;
 use crate::model::describe_frames;
 use crate::output;
 use crate::slip::SlipData;
+use crate::tell::tell;
 use crate::text::grouped;
 
 /// The windows of all recordings.
@@ -51,7 +52,7 @@ pub(super) fn prepare(args: &SlipArgs) -> Result<(), CliError> {
     file.i64("recording", &[count], &prepared.recording);
     file.i64("object", &[count], &prepared.object);
     output::write(&args.out, file.into_bytes())?;
-    data.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    data.notes.iter().for_each(|note| tell(format_args!("note: {note}")));
     let (windows, recordings) = (grouped(count as u64), grouped(data.recordings.len() as u64));
     let mut out = stdout().lock();
     writeln!(

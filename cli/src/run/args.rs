@@ -54,7 +54,8 @@ pub(crate) struct RunArgs {
     /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
     /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
     ///
-    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
+    /// The last line: {"summary": {"events": taken, "lines_refused": lines of a text that were no events, "accepted",
+    /// "dropped": {reason: count}, "predictions", "nodes_max":
     /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
     /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
     /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}, "approximations": {those that
@@ -132,8 +133,8 @@ pub(crate) struct ElectrodeArgs {
     /// The paper on direction of slip trains and evaluates on windows that do not overlap: use consecutive to compare
     /// with its figures, sliding in a controller.
     ///
-    /// A window begins anew, and the decision is forgotten, at a row that is no reading (too few fields, text, NaN: a
-    /// warning names its line), and where the CSV has a column of time, at a reading more than 50 ms later (5 periods
+    /// A window begins anew, and the decision is forgotten, at a row that is no reading (too few fields, text, NaN: see
+    /// --strict), and where the CSV has a column of time, at a reading more than 50 ms later (5 periods
     /// of 100 Hz) or earlier than the one before. What such a reading would complete is no window of readings that
     /// follow each other. A repeated time parts nothing: it may be coarser than the readings. The summary counts each
     /// of these, values beyond 0 to 4095 and intervals more than 20 % off 10 ms; the latter two are used as they are.

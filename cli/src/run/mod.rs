@@ -5,6 +5,7 @@
 //! writing.
 
 mod args;
+mod ending;
 mod frames;
 pub(crate) mod json;
 pub(crate) mod lines;
@@ -25,12 +26,14 @@ use meissner_models::AnyDescription;
 use crate::args::{ApproximationArgs, Every, Mode};
 use crate::error::CliError;
 use crate::header::header;
+use crate::interrupt;
 use crate::latency::Latency;
 use crate::model::{Model, describe_any};
 use crate::progress::Progress;
 use crate::schedule::{Last, Schedule};
 use crate::source::{self, Source};
 pub(crate) use args::RunArgs;
+use ending::Ending;
 use frames::Kind;
 use json::JsonLines;
 use machine::Machine;
@@ -52,7 +55,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     check_mode(args)?;
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let late = input.late.into();
     let mut machine = Machine::new(args.mode, Arc::clone(&network), sensor, late, &input.approximations)?;
@@ -94,13 +98,22 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         taken: 0,
         nodes_max: 0,
     };
-    for event in source.take(usize::try_from(limit).unwrap_or(usize::MAX)) {
-        runner.take(event?)?;
+    let mut ended = Ok(());
+    for event in source.by_ref().take(usize::try_from(limit).unwrap_or(usize::MAX)) {
+        if interrupt::requested() {
+            break;
+        }
+        ended = event.and_then(|event| runner.take(event));
+        if ended.is_err() {
+            break;
+        }
         progress.set(runner.taken);
     }
-    let summary = runner.end(&network.layers(), &input.approximations)?;
+    let mut ending = Ending::new(ended);
+    let mut summary = runner.end(&mut ending, &network.layers(), &input.approximations);
     progress.finish();
-    Ok(report.summary(&summary)?)
+    summary.lines_refused = source.lines_refused();
+    ending.sum_up(|| report.summary(&summary))
 }
 
 /// Refuses approximations of what is kept from one prediction to the next where nothing is, and states of what has none.
@@ -185,11 +198,10 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Writes the state, where that was asked for; whether it was.
-    fn save(&self) -> Result<bool, CliError> {
-        let Some((saver, engine)) = self.saver.as_ref().zip(self.machine.engine()) else { return Ok(false) };
-        saver.write(&engine.to_bytes())?;
-        Ok(true)
+    /// Writes the state, where that was asked for.
+    fn save(&self) -> Result<(), CliError> {
+        let Some((saver, engine)) = self.saver.as_ref().zip(self.machine.engine()) else { return Ok(()) };
+        saver.write(&engine.to_bytes())
     }
 
     /// Notes that an event was taken.
@@ -221,22 +233,27 @@ impl Runner<'_> {
         Ok(prediction.nodes)
     }
 
-    /// Reads what is due at the end, and sums up.
-    fn end(mut self, layers: &[&str], approximations: &ApproximationArgs) -> Result<Summary, CliError> {
-        let goes_on = self.save()?;
-        match self.schedule.last() {
-            Last::Nothing => {}
-            Last::Now => drop(self.read(None)?),
-            // Not due yet: another run goes on.
-            Last::At(_) if goes_on => {}
-            Last::At(due_us) => drop(self.read(Some(due_us))?),
+    /// Writes the state, reads what is due at the end, and sums up.
+    fn end(mut self, ending: &mut Ending, layers: &[&str], approximations: &ApproximationArgs) -> Summary {
+        if ending.saves() {
+            ending.then(self.save());
+        }
+        if ending.predicts() {
+            let due = match self.schedule.last() {
+                Last::Nothing => Ok(0),
+                Last::Now => self.read(None),
+                // Not due yet: another run goes on.
+                Last::At(_) if self.saver.is_some() => Ok(0),
+                Last::At(due_us) => self.read(Some(due_us)),
+            };
+            ending.then(due.map(drop));
         }
         let (mut counters, stale) = (self.machine.counters(), self.machine.stale());
         counters.events.pushed += self.chain.counters().dropped;
         counters.predictions.read += stale;
-        Ok(Summary {
+        Summary {
             approximations: approximations.report(&self.chain, &counters, stale),
             ..Summary::new(&counters, layers, self.nodes_max, &self.push, &self.predict)
-        })
+        }
     }
 }

@@ -14,7 +14,9 @@ use crate::skips::{Skips, dropped};
 pub(crate) struct Summary {
     /// Events taken from the recording.
     pub(crate) events: u64,
-    /// Of these, events that entered the window.
+    /// Lines of a text that were no events; not among the events.
+    pub(crate) lines_refused: u64,
+    /// Of the events, those that entered the window.
     pub(crate) accepted: u64,
     /// The others, by reason.
     pub(crate) dropped: BTreeMap<&'static str, u64>,
@@ -47,6 +49,7 @@ impl Summary {
         let events = counters.events.pushed;
         Self {
             events,
+            lines_refused: 0,
             accepted: counters.events.accepted,
             dropped: dropped(counters),
             predictions: counters.predictions.read,

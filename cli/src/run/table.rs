@@ -66,6 +66,9 @@ fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
     for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
         writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
     }
+    if summary.lines_refused > 0 {
+        writeln!(out, "refused      {} lines that are no events", grouped(summary.lines_refused))?;
+    }
     let Skips { events_clamped, events_expired, events_evicted, .. } = summary.skips;
     if events_clamped > 0 {
         writeln!(out, "clamped      {} late events entered at the newest time", grouped(events_clamped))?;

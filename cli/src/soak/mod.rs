@@ -31,10 +31,12 @@ pub(crate) use args::SoakArgs;
 
 use crate::bench::{peak_resident_bytes, resident_bytes};
 use crate::error::CliError;
+use crate::interrupt;
 use crate::model::Model;
 use crate::output;
 use crate::progress::Progress;
 use crate::source::Source;
+use crate::tell::tell;
 use disturbance::Deck;
 use endless::{Endless, Tape};
 use meissner_models::random::Random;
@@ -71,7 +73,7 @@ fn tapes(args: &SoakArgs) -> Result<(Vec<Tape>, Sensor), CliError> {
     let mut extent = Sensor::new(0, 0);
     let mut tapes = Vec::with_capacity(named.len());
     for recording in named {
-        let source = Source::open(recording, args.sensor.is_some())?;
+        let source = Source::open(recording, args.sensor.is_some(), true)?;
         let sensor = source.sensor(args.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();
@@ -98,10 +100,11 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
     let mut rows = Vec::with_capacity(checkpoints as usize);
     let progress = Progress::new(Some(args.events), false);
     let mut done = 0;
+    interrupt::listen();
     for number in 0..checkpoints {
         let mut timed = Timed::new();
         let until = args.events.min((number + 1).saturating_mul(args.checkpoint_every));
-        while done < until {
+        while done < until && !interrupt::requested() {
             if let Some(disturbance) = deck.after_an_event() {
                 subject.disturb(disturbance, &mut stream)?;
             }
@@ -112,7 +115,9 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
         }
         let checked = subject.check()?;
         let row = Checkpoint::new(done, &checked, &timed, resident_bytes(), start.elapsed());
-        progress.suspend(|| eprintln!("checkpoint {} of {checkpoints}: {}", number + 1, table::line(&row)));
+        progress.suspend(|| {
+            tell(format_args!("checkpoint {} of {checkpoints}: {}", number + 1, table::line(&row)))
+        });
         if number < part {
             first.add(&row, &timed);
         }
@@ -120,6 +125,9 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
             last.add(&row, &timed);
         }
         rows.push(row);
+        if interrupt::requested() {
+            break;
+        }
     }
     progress.finish();
     let parts = network.parts();

@@ -119,12 +119,6 @@ fn recordings_that_cannot_be_read_are_bad_input() {
 }
 
 #[test]
-fn a_bad_line_on_standard_input_is_bad_input_and_is_named() {
-    let output = meissner_reading(&["run", "-", "--sensor", "8x8", "--json"], "1,2,3,1\nnot an event\n");
-    fails(&output, 1, &["line 2"]);
-}
-
-#[test]
 fn networks_and_weights_that_cannot_be_had_or_do_not_fit_are_bad_input() {
     fails(&meissner(&["run", "--network", "graphless"]), 1, &["graphless", "tactigraph-past"]);
     fails(&meissner(&["bench", "--network", "canf"]), 1, &["canf", "a frame network", "`meissner inspect`"]);

@@ -109,7 +109,7 @@ fn a_bad_row_is_reported_with_its_line_begins_a_new_window_and_the_stream_goes_o
     assert_eq!(numbers(&predictions), [9, 10, 11], "from five readings after the bad row on");
     let undisturbed = run("slip-regularised", &(header() + &rows[2..].concat())).0;
     assert!(predictions.iter().map(bits).eq(undisturbed.iter().map(bits)));
-    assert_eq!(counts(&summary, ["readings", "rows_refused"]), [9, 1]);
+    assert_eq!(counts(&summary, ["readings", "lines_refused"]), [9, 1]);
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn a_cell_that_is_no_finite_number_is_named_with_line_and_column() {
         assert_eq!(message.lines().count(), 1, "{message}");
         let (predictions, summary) = lines(&output);
         assert_eq!(numbers(&predictions), [6, 12, 13]);
-        assert_eq!(counts(&summary, ["readings", "rows_refused"]), [11, 1]);
+        assert_eq!(counts(&summary, ["readings", "lines_refused"]), [11, 1]);
     }
 }
 
@@ -198,7 +198,7 @@ fn no_window_spans_a_gap_or_a_step_back_in_time() {
     let (predictions, summary) = lines(&meissner_reading(&arguments, &input));
     let expected: Vec<u64> = [6..=13, 18..=19, 24..=31].into_iter().flatten().collect();
     assert_eq!(numbers(&predictions), expected);
-    let keys = ["readings", "rows_refused", "rows_off_rate", "gaps", "times_backwards", "times_repeated"];
+    let keys = ["readings", "lines_refused", "rows_off_rate", "gaps", "times_backwards", "times_repeated"];
     assert_eq!(counts(&summary, keys), [30, 0, 4, 1, 1, 1]);
     for first in [6, 18, 24] {
         let line = predictions.iter().find(|line| line["line"] == first).expect("the first window");

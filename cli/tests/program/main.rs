@@ -29,9 +29,12 @@ mod play;
 mod prepare;
 mod prepare_digits;
 mod prepare_graphs;
+mod refused_lines;
 mod resume;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
+#[cfg(unix)]
+mod signals;
 mod slip_data;
 mod slip_views;
 mod soak;

@@ -16,7 +16,8 @@ fn a_json_line_has_the_documented_keys_and_no_others() {
         assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
         assert_eq!(line["rows"].as_array().map(Vec::len), Some(8), "a count for each layer");
     }
-    let expected = "accepted dropped events events_per_s nodes_max predict_us predictions push_us skips";
+    let expected =
+        "accepted dropped events events_per_s lines_refused nodes_max predict_us predictions push_us skips";
     assert_eq!(keys(&summary), expected);
     for histogram in ["push_us", "predict_us"] {
         assert_eq!(keys(&summary[histogram]), "max p50 p90 p99 p999");

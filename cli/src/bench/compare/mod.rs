@@ -36,10 +36,11 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let model = Model::load(input)?;
     let frame_model = FrameModel::load(name, args.compare_weights.as_deref()).map_err(with_its_option)?;
     let period_us = frame_model.period_us(args.every)?;
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let (recording, format) = (source.name.clone(), source.format);
-    let events = taken(source, args)?;
+    let events = taken(&mut source, args)?;
+    let lines_refused = source.lines_refused();
     let moments = Moments::new(&events, (sensor, input.late.into()), period_us, frame_model.end())?;
     let field = frame_model.field(sensor);
     let frames = FramePasses { model: &frame_model, field, moments: &moments };
@@ -55,6 +56,7 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let ways = fastest.report(moments.stream_s());
     let part = Part { from_us: args.from_s, for_us: args.for_s };
     let report = Comparison {
+        lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),
         network: model.network.name().to_owned(),

@@ -33,6 +33,8 @@ pub(super) struct Comparison {
     /// Passes of each way, of which the fastest counts.
     pub(super) passes: u32,
     pub(super) events: u64,
+    /// Lines of a text that were no events; not among the events.
+    pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     pub(super) dropped: BTreeMap<&'static str, u64>,
     /// Accepted events that no frame shows; the network over events takes them too.

@@ -38,10 +38,11 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     check(args)?;
     let model = FrameModel::load(&input.network, input.weights.as_deref())?;
     let period_us = model.period_us(args.every)?;
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let (recording, format) = (source.name.clone(), source.format);
-    let events = taken(source, args)?;
+    let events = taken(&mut source, args)?;
+    let lines_refused = source.lines_refused();
     let moments = Moments::new(&events, (sensor, input.late.into()), period_us, model.end())?;
     let field = model.field(sensor);
     let passes = FramePasses { model: &model, field, moments: &moments };
@@ -72,6 +73,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let counters = moments.counters;
     let part = Part { from_us: args.from_s, for_us: args.for_s };
     let report = FrameReport {
+        lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),
         network: model.network.name().to_owned(),

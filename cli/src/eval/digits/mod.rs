@@ -30,6 +30,7 @@ use crate::digits::{Asked, DigitsData, candidates};
 use crate::error::CliError;
 use crate::output;
 use crate::source::is_stdin;
+use crate::tell::tell;
 use crate::threads;
 pub(super) use args::DigitsArgs;
 use judge::Judge;
@@ -68,7 +69,7 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
     for plan in &plans {
         let judgement = judge.judge(plan, |training| {
             if stderr().is_terminal() {
-                eprintln!("{:>8.1} s  {}", start.elapsed().as_secs_f64(), training.label);
+                tell(format_args!("{:>8.1} s  {}", start.elapsed().as_secs_f64(), training.label));
             }
         })?;
         networks.push(judgement.report);

@@ -24,6 +24,7 @@ use crate::error::CliError;
 use crate::output::{self, json};
 use crate::slip::{SlipData, candidates};
 use crate::source::is_stdin;
+use crate::tell::tell;
 use crate::threads::pool;
 pub(super) use args::SlipArgs;
 use judge::Judge;
@@ -46,7 +47,7 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     for candidate in &candidates {
         let judgement = judge.judge(candidate, |training| {
             if stderr().is_terminal() {
-                eprintln!("{:>8.1} s  {}", start.elapsed().as_secs_f64(), training.label);
+                tell(format_args!("{:>8.1} s  {}", start.elapsed().as_secs_f64(), training.label));
             }
         })?;
         reports.push(judgement.report);

@@ -14,8 +14,10 @@ use super::summary::{EventCounts, InputCounts, Summary};
 use crate::args::Every;
 use crate::error::CliError;
 use crate::frame_feed::{Fed, FrameFeed};
+use crate::interrupt;
 use crate::latency::microseconds;
 use crate::progress::Progress;
+use crate::run::ending::Ending;
 use crate::run::json::Values;
 use crate::run::{EVERY, RunArgs};
 use crate::skips::dropped_of;
@@ -37,7 +39,8 @@ struct Line<'a> {
 
 pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
     let input = &args.input;
-    let source = Source::open(input.recording.as_deref(), input.sensor.is_some())?;
+    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
     let made = made(model, sensor, late);
@@ -88,27 +91,37 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         values: Vec::with_capacity(model.description.output().values()),
         outputs: model.outputs().len(),
     };
-    for event in source.take(usize::try_from(limit).unwrap_or(usize::MAX)) {
-        steps.event(&mut feed, event?)?;
+    let mut ended = Ok(());
+    for event in source.by_ref().take(usize::try_from(limit).unwrap_or(usize::MAX)) {
+        if interrupt::requested() {
+            break;
+        }
+        ended = event.and_then(|event| steps.event(&mut feed, event));
         progress.set(steps.taken);
         if let Some((saver, now_us)) = saver.as_mut().zip(feed.now_us())
+            && ended.is_ok()
             && saver.is_due(now_us)
         {
-            saver.write(&steps.state(&mut feed, &made))?;
+            ended = saver.write(&steps.state(&mut feed, &made));
+        }
+        if ended.is_err() {
+            break;
         }
     }
-    if let Some(saver) = &saver {
-        saver.write(&steps.state(&mut feed, &made))?;
+    let mut ending = Ending::new(ended);
+    if let Some(saver) = saver.as_ref().filter(|_| ending.saves()) {
+        ending.then(saver.write(&steps.state(&mut feed, &made)));
     }
     // The open window, and what is due later, are left to a run that goes on.
-    if saver.is_none() || every == Every::End {
-        feed.finish(|fed| steps.take(fed))?;
-        steps.end()?;
+    if ending.predicts() && (saver.is_none() || every == Every::End) {
+        let finished = feed.finish(|fed| steps.take(fed)).and_then(|()| steps.end());
+        ending.then(finished);
     }
     progress.finish();
     let counters = feed.counters();
     let counts = EventCounts {
         events: counters.pushed,
+        lines_refused: source.lines_refused(),
         accepted: counters.accepted,
         dropped: dropped_of(counters),
         clamped: counters.clamped,
@@ -119,7 +132,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         resets: steps.resets,
     };
     let summary = Summary::new(&steps.machine, InputCounts::Events(counts));
-    Ok(steps.report.summary(&summary)?)
+    ending.sum_up(|| steps.report.summary(&summary))
 }
 
 fn headings(out: &mut impl std::io::Write, outputs: &[String]) -> std::io::Result<()> {

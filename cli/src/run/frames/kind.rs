@@ -46,9 +46,10 @@ impl Kind {
         let (input, frames, electrodes) = (&args.input, &args.frames, &args.electrodes);
         let all_frames: &[Self] = &[EventFrames, Electrodes, Pictures];
         let events: &[Self] = &[EventGraph, EventFrames];
-        let options: [(&str, bool, &[Self]); 18] = [
+        let options: [(&str, bool, &[Self]); 19] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--late clamp", input.late == Late::Clamp, events),
+            ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
             ("--every", args.every.is_some(), events),
             ("--save-state", args.state.save_state.is_some(), events),
             ("--resume", args.state.resume.is_some(), events),

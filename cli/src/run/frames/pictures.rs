@@ -20,9 +20,11 @@ use super::overlay::Overlays;
 use super::report::Report;
 use super::summary::{InputCounts, Summary};
 use crate::error::CliError;
+use crate::interrupt;
 use crate::latency::microseconds;
 use crate::progress::Progress;
 use crate::run::RunArgs;
+use crate::run::ending::Ending;
 use crate::source;
 use crate::text::grouped;
 
@@ -85,29 +87,38 @@ pub(super) fn run(
     if source::is_stdin(path) {
         return Err(no_input("standard input"));
     }
+    interrupt::listen();
     let pictures = ImageSequence::open(path)?;
     let all = pictures.len() as u64;
     let limit = usize::try_from(args.input.limit.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
     let mut measure = Measure::new(args, model, settings, &pictures.paths()[..pictures.len().min(limit)])?;
     let mut machine = machine;
     let (mut report, mut taken) = (None, 0);
-    for picture in pictures.take(limit) {
-        let (path, image) = picture?;
-        measure.check(&path, &image)?;
-        let report = match &mut report {
-            Some(report) => report,
-            // A first picture that does not fit is found before anything is printed.
-            None => report.insert(open_report(args, model, &machine, all)?),
-        };
-        taken += 1;
-        measure.take(&mut machine, report, taken, &path, &image)?;
-    }
-    let mut report = match report {
-        Some(report) => report,
-        None => open_report(args, model, &machine, all)?,
+    let every = || {
+        for picture in pictures.take(limit) {
+            if interrupt::requested() {
+                break;
+            }
+            let (path, image) = picture?;
+            measure.check(&path, &image)?;
+            let report = match &mut report {
+                Some(report) => report,
+                // A first picture that does not fit is found before anything is printed.
+                None => report.insert(open_report(args, model, &machine, all)?),
+            };
+            measure.take(&mut machine, report, taken + 1, &path, &image)?;
+            taken += 1;
+        }
+        Ok(())
+    };
+    let ended = every();
+    let mut report = match (report, &ended) {
+        (Some(report), _) => report,
+        (None, Ok(())) => open_report(args, model, &machine, all)?,
+        (None, Err(_)) => return ended,
     };
     let summary = Summary::new(&machine, InputCounts::Pictures { pictures: taken });
-    Ok(report.summary(&summary)?)
+    Ending::new(ended).sum_up(|| report.summary(&summary))
 }
 
 fn open_report(args: &RunArgs, model: &FrameModel, machine: &Machine, all: u64) -> io::Result<Report> {

@@ -50,6 +50,8 @@ pub(super) enum InputCounts {
 pub(super) struct EventCounts {
     /// Events taken.
     pub(super) events: u64,
+    /// Lines of a text that were no events; not among the events.
+    pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     /// The others, by reason.
     pub(super) dropped: BTreeMap<&'static str, u64>,
@@ -169,6 +171,7 @@ impl EventCounts {
             writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
         }
         let notes = [
+            (self.lines_refused, "lines that are no events"),
             (self.clamped, "late events entered at the newest time"),
             (self.outside_crop, "events beside the part of the sensor that frames show"),
             (self.evicted, "events left their window early because it was full"),

@@ -10,8 +10,8 @@ use crate::text::grouped;
 pub(in crate::run::frames) struct ElectrodeCounts {
     /// Rows that were readings.
     pub(super) readings: u64,
-    /// Rows that were none; the window began anew behind each.
-    pub(super) rows_refused: u64,
+    /// Lines that were none; the window began anew behind each.
+    pub(super) lines_refused: u64,
     pub(super) values_out_of_range: u64,
     /// Readings too early or too late after the one before.
     pub(super) rows_off_rate: u64,
@@ -30,7 +30,7 @@ impl ElectrodeCounts {
     pub(in crate::run::frames) fn write(&self, out: &mut impl Write) -> io::Result<()> {
         writeln!(out, "readings     {}, in windows of {}", grouped(self.readings), self.steps)?;
         let warnings = [
-            (self.rows_refused, "rows are no readings; the window begins anew behind each"),
+            (self.lines_refused, "lines are no readings; the window begins anew behind each"),
             (self.values_out_of_range, "values beyond the sensor's range of 0 to 4095"),
             (self.rows_off_rate, "readings off their time at 100 Hz by more than 20 %"),
             (self.gaps, "gaps of more than 50 ms between readings; the window begins anew behind each"),

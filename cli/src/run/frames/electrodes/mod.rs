@@ -14,7 +14,7 @@ mod line;
 mod windows;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, stdin};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use meissner_engine::representations::{TactileForm, TactileWindow};
@@ -29,9 +29,13 @@ use super::machine::Machine;
 use super::report::Report;
 use super::summary::{InputCounts, Summary};
 use crate::error::CliError;
+use crate::interrupt;
 use crate::progress::Progress;
+use crate::refusals::Refusals;
 use crate::run::RunArgs;
+use crate::run::ending::Ending;
 use crate::source;
+use crate::tell::tell;
 pub(super) use counts::ElectrodeCounts;
 use line::Outputs;
 use windows::Windows;
@@ -54,6 +58,7 @@ pub(super) fn run(
     let (name, live) = (path.display().to_string(), source::is_stdin(path));
     let name = if live { source::STDIN_NAME.to_owned() } else { name };
     let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
+    interrupt::listen();
     // A header that does not fit is found before anything is printed.
     let mut first = next(&mut rows, &name)?;
     let form = match model.source {
@@ -69,33 +74,40 @@ pub(super) fn run(
     })?;
     let mut windows = Windows::new(machine, report, outputs, window, filter);
 
-    let (mut taken, mut refused) = (0, 0);
+    let mut refusals = Refusals::new(&name, args.input.strict);
     let limit = args.input.limit.unwrap_or(u64::MAX);
-    while taken + refused < limit {
-        let Some(row) = first.take() else { break };
-        let problem = match row {
-            Ok(reading) => {
-                let problem = windows.take(&reading, rows.follows())?;
-                problem.map(|problem| format!("line {}: {problem}", reading.line))
+    let mut all = || {
+        while refusals.taken() + refusals.count() < limit {
+            let Some(row) = first.take() else { return refusals.end() };
+            let problem = match row {
+                Ok(reading) => {
+                    let problem = windows.take(&reading, rows.follows())?;
+                    problem.map(|problem| format!("line {}: {problem}", reading.line))
+                }
+                Err(error) => Some(error.to_string()),
+            };
+            match problem {
+                None => refusals.take(),
+                Some(problem) => {
+                    windows.begin_anew();
+                    refusals.refuse(problem)?;
+                }
             }
-            Err(error) => Some(error.to_string()),
-        };
-        match problem {
-            None => taken += 1,
-            Some(problem) => {
-                refused += 1;
-                windows.begin_anew();
-                eprintln!("warning: {name}: {problem}");
+            if interrupt::requested() {
+                break;
+            }
+            if refusals.taken() + refusals.count() < limit {
+                first = next(&mut rows, &name)?;
             }
         }
-        if taken + refused < limit {
-            first = next(&mut rows, &name)?;
-        }
-    }
+        Ok(())
+    };
+    let ending = Ending::new(all());
+    let (taken, refused) = (refusals.taken(), refusals.count());
     let warnings = rows.warnings();
     let counts = ElectrodeCounts {
         readings: taken,
-        rows_refused: refused,
+        lines_refused: refused,
         values_out_of_range: warnings.values_out_of_range,
         rows_off_rate: warnings.rows_off_rate,
         gaps: warnings.gaps,
@@ -107,11 +119,11 @@ pub(super) fn run(
     let summary = Summary::new(&windows.machine, InputCounts::Electrodes(counts));
     if summary.predictions == 0 {
         let steps = readings.steps;
-        eprintln!(
+        tell(format_args!(
             "warning: {name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
-        );
+        ));
     }
-    Ok(windows.report.summary(&summary)?)
+    ending.sum_up(|| windows.report.summary(&summary))
 }
 
 /// How decisions are held.
@@ -131,13 +143,13 @@ fn filter(args: &RunArgs, outputs: Outputs<'_>) -> Result<DecisionFilter, CliErr
 
 fn open(path: &Path) -> Result<Box<dyn BufRead>, CliError> {
     if source::is_stdin(path) {
-        return Ok(Box::new(stdin().lock()));
+        return Ok(Box::new(source::stdin()?));
     }
     let file = File::open(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
     Ok(Box::new(BufReader::new(file)))
 }
 
-/// The next row: a reading, or what is wrong with it alone.
+/// The next row: a reading, or what is wrong with it alone; none at the end, and where the program is asked to end.
 ///
 /// # Errors
 /// What ends the rows.
@@ -146,6 +158,7 @@ fn next<R: BufRead>(
     name: &str,
 ) -> Result<Option<Result<Reading, IoError>>, CliError> {
     match rows.next() {
+        Some(Err(_)) if interrupt::requested() => Ok(None),
         Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {
             Err(CliError::recording(name, error))
         }

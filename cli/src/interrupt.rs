@@ -1,0 +1,156 @@
+//! The signals that ask the program to end: SIGINT (Ctrl-C) and SIGTERM.
+//!
+//! At first either of them ends the program at once, with exit status [`STATUS`]. A subcommand that works on a stream calls
+//! [`listen`] when there is something that it would not lose. From then on the first signal is a request: [`requested`] says
+//! so, and whoever waits in [`sleep`] or for [`input`] is woken. The second signal ends the program at once.
+//!
+//! On platforms other than Unix, nothing is requested, and a signal does what it does there.
+
+/// Exit status of a program that a signal has ended.
+pub(crate) const STATUS: u8 = 130;
+
+#[cfg(not(unix))]
+pub(crate) use other::{Input, input, install, listen, requested, sleep};
+#[cfg(unix)]
+pub(crate) use unix::{Input, input, install, listen, requested, sleep};
+
+#[cfg(unix)]
+mod unix {
+    use std::fs::File;
+    use std::io::{self, BufReader, Read, stdin};
+    use std::os::fd::AsFd;
+    use std::os::unix::net::UnixStream;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Arc, OnceLock};
+    use std::time::Duration;
+
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    use rustix::io::Errno;
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::{flag, low_level};
+
+    use super::STATUS;
+
+    static SIGNALS: OnceLock<Signals> = OnceLock::new();
+
+    struct Signals {
+        /// Whether a signal ends the program at once: until [`listen`], and from the first signal after it on.
+        at_once: Arc<AtomicBool>,
+        listens: AtomicBool,
+        /// Readable from the first signal on: nobody reads it.
+        woken: UnixStream,
+    }
+
+    /// Standard input, which a request ends with an error.
+    pub(crate) type Input = BufReader<Awaited>;
+
+    /// A file that is waited for together with signals: reading it alone would go on waiting after a signal.
+    #[derive(Debug)]
+    pub(crate) struct Awaited(File);
+
+    /// Makes signals end the program with [`STATUS`]. Where that fails, they end it as they always do.
+    pub(crate) fn install() {
+        let signals = || {
+            let at_once = Arc::new(AtomicBool::new(true));
+            let (woken, wake) = UnixStream::pair()?;
+            for signal in [SIGINT, SIGTERM] {
+                // In this order: the first signal finds the flag as it was.
+                flag::register_conditional_shutdown(signal, STATUS.into(), Arc::clone(&at_once))?;
+                flag::register(signal, Arc::clone(&at_once))?;
+                low_level::pipe::register(signal, wake.try_clone()?)?;
+            }
+            Ok::<_, io::Error>(Signals { at_once, listens: AtomicBool::new(false), woken })
+        };
+        if let Ok(signals) = signals() {
+            let _ = SIGNALS.set(signals);
+        }
+    }
+
+    /// From now on the first signal is a request.
+    pub(crate) fn listen() {
+        if let Some(signals) = SIGNALS.get() {
+            signals.at_once.store(false, Ordering::SeqCst);
+            signals.listens.store(true, Ordering::SeqCst);
+        }
+    }
+
+    /// Whether a signal has asked the program to end.
+    pub(crate) fn requested() -> bool {
+        SIGNALS.get().is_some_and(|signals| {
+            signals.listens.load(Ordering::Relaxed) && signals.at_once.load(Ordering::Relaxed)
+        })
+    }
+
+    /// Waits so long, or shorter where the program is asked to end.
+    pub(crate) fn sleep(time: Duration) {
+        let (Some(signals), Ok(timeout)) = (SIGNALS.get(), Timespec::try_from(time)) else {
+            std::thread::sleep(time);
+            return;
+        };
+        // An interruption is shorter, too.
+        let _ = poll(&mut [PollFd::new(&signals.woken, PollFlags::IN)], Some(&timeout));
+    }
+
+    /// Standard input.
+    pub(crate) fn input() -> io::Result<Input> {
+        Ok(BufReader::new(Awaited(File::from(stdin().as_fd().try_clone_to_owned()?))))
+    }
+
+    impl Read for Awaited {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            self.wait()?;
+            self.0.read(bytes)
+        }
+    }
+
+    impl Awaited {
+        /// Waits for something to read, the end or an error.
+        fn wait(&self) -> io::Result<()> {
+            let Some(signals) = SIGNALS.get() else { return Ok(()) };
+            loop {
+                if requested() {
+                    // Not of the kind `Interrupted`, after which readers try again.
+                    return Err(io::Error::other("interrupted"));
+                }
+                let mut awaited =
+                    [PollFd::new(&self.0, PollFlags::IN), PollFd::new(&signals.woken, PollFlags::IN)];
+                match poll(&mut awaited, None) {
+                    Err(Errno::INTR) => {}
+                    Err(error) => return Err(error.into()),
+                    Ok(_) if !awaited[0].revents().is_empty() => return Ok(()),
+                    Ok(_) => {}
+                }
+            }
+        }
+    }
+}
+
+#[cfg(not(unix))]
+mod other {
+    use std::io::{self, StdinLock, stdin};
+    use std::time::Duration;
+
+    /// Standard input.
+    pub(crate) type Input = StdinLock<'static>;
+
+    /// Does nothing.
+    pub(crate) fn install() {}
+
+    /// Does nothing.
+    pub(crate) fn listen() {}
+
+    /// Never.
+    pub(crate) fn requested() -> bool {
+        false
+    }
+
+    /// Waits so long.
+    pub(crate) fn sleep(time: Duration) {
+        std::thread::sleep(time);
+    }
+
+    /// Standard input.
+    pub(crate) fn input() -> io::Result<Input> {
+        Ok(stdin().lock())
+    }
+}

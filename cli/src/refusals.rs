@@ -1,0 +1,153 @@
+//! Lines of a text that are not what it should hold: told, counted, and passed over, for events as for readings.
+//!
+//! Enters: what is wrong with each. Leaves: a warning for each of the first [`TOLD`], the number of all, and an error where
+//! they are not to be passed over: any with `--strict`, else where they are most of the lines.
+
+use crate::error::CliError;
+use crate::tell::tell;
+use crate::text::grouped;
+
+/// So many are told, each with its reason.
+const TOLD: u64 = 5;
+/// Where more than half of so many first lines are refused, or more than half of a shorter text, the text is another.
+const FIRST: u64 = 100;
+
+/// What has been refused of a text so far, and what has been taken.
+#[derive(Debug)]
+pub(crate) struct Refusals {
+    /// Of the text, for messages.
+    name: String,
+    strict: bool,
+    taken: u64,
+    count: u64,
+    /// What is wrong with the first lines, while none has been taken: such a text may be another.
+    held: Vec<String>,
+    /// What is wrong with the first.
+    first: String,
+}
+
+impl Refusals {
+    /// Nothing yet, of the text `name`; with `strict` the first one will be an error.
+    pub(crate) fn new(name: &str, strict: bool) -> Self {
+        Self { name: name.to_owned(), strict, taken: 0, count: 0, held: Vec::new(), first: String::new() }
+    }
+
+    /// The name of the text.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How many lines were refused.
+    pub(crate) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// How many were not.
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// The next line is as it should be.
+    pub(crate) fn take(&mut self) {
+        self.taken += 1;
+        for held in std::mem::take(&mut self.held) {
+            self.warn(&held);
+        }
+    }
+
+    /// The next line is refused because of `problem`, which names it.
+    ///
+    /// # Errors
+    /// It is not to be passed over.
+    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), CliError> {
+        if self.strict {
+            return Err(CliError::Line { recording: self.name.clone(), problem });
+        }
+        self.count += 1;
+        if self.count == 1 {
+            self.first.clone_from(&problem);
+        }
+        let problem = match self.count {
+            ..=TOLD => Some(problem),
+            count if count == TOLD + 1 => {
+                Some("more lines are refused; the summary says how many".to_owned())
+            }
+            _ => None,
+        };
+        match problem {
+            Some(problem) if self.taken == 0 => self.held.push(problem),
+            Some(problem) => self.warn(&problem),
+            None => {}
+        }
+        if 2 * self.count > FIRST && self.taken + self.count <= FIRST {
+            Err(self.most(FIRST))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The text has ended.
+    ///
+    /// # Errors
+    /// Most of it was refused.
+    pub(crate) fn end(&self) -> Result<(), CliError> {
+        let lines = self.taken + self.count;
+        if self.count > self.taken && lines < FIRST { Err(self.most(lines)) } else { Ok(()) }
+    }
+
+    fn warn(&self, problem: &str) {
+        tell(format_args!("warning: {}: {problem}", self.name));
+    }
+
+    fn most(&self, lines: u64) -> CliError {
+        let counts = format!("{} of the first {} lines are refused", grouped(self.count), grouped(lines));
+        let problem = if lines == 1 { self.first.clone() } else { format!("{counts}; {}", self.first) };
+        CliError::Lines { recording: self.name.clone(), problem }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FIRST, Refusals};
+    use crate::error::CliError;
+
+    /// So many lines have been taken.
+    fn refusals(strict: bool, taken: u64) -> Refusals {
+        let mut refusals = Refusals::new("text", strict);
+        (0..taken).for_each(|_| refusals.take());
+        refusals
+    }
+
+    #[test]
+    fn with_strict_the_first_refused_line_is_an_error() {
+        let refused = refusals(true, 7).refuse("line 8: bad".to_owned());
+        assert!(matches!(refused, Err(CliError::Line { .. })));
+    }
+
+    #[test]
+    fn more_than_half_of_the_first_lines_is_an_error_as_soon_as_it_is_known() {
+        let mut refusals = refusals(false, 10);
+        for _ in 0..FIRST / 2 {
+            assert!(refusals.refuse(String::new()).is_ok());
+        }
+        assert!(matches!(refusals.refuse(String::new()), Err(CliError::Lines { .. })));
+    }
+
+    #[test]
+    fn later_lines_may_be_refused_in_any_number() {
+        let mut refusals = refusals(false, FIRST);
+        assert!((0..10 * FIRST).all(|_| refusals.refuse(String::new()).is_ok()));
+        assert!(refusals.end().is_ok());
+    }
+
+    #[test]
+    fn a_short_text_may_be_refused_up_to_half() {
+        let mut refusals = refusals(false, 0);
+        assert!(refusals.end().is_ok());
+        assert!(refusals.refuse("line 1: bad".to_owned()).is_ok());
+        let error = refusals.end().expect_err("the only line is refused").to_string();
+        assert_eq!(error, "text: line 1: bad");
+        refusals.take();
+        assert!(refusals.end().is_ok());
+    }
+}

@@ -1,0 +1,279 @@
+//! Signals that ask the program to end, and standard streams that are closed or full.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write, pipe};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::support::{argument, command, lines, meissner_reading};
+
+/// The program at work.
+struct Running {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Running {
+    fn new(arguments: &[&str]) -> Self {
+        let mut child = command(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the program starts");
+        let input = child.stdin.take().expect("standard input is piped");
+        let output = BufReader::new(child.stdout.take().expect("standard output is piped"));
+        Self { child, input, output }
+    }
+
+    fn send(&mut self, text: &str) {
+        self.input.write_all(text.as_bytes()).expect("the program reads");
+    }
+
+    /// The next line of JSON.
+    fn line(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).expect("it is text");
+        serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line}"))
+    }
+
+    fn signal(&self, name: &str) {
+        signal(&self.child, name);
+    }
+
+    /// The summary that it ends with, with status 130, standard input still open.
+    fn end(mut self) -> Value {
+        let mut text = String::new();
+        self.output.read_to_string(&mut text).expect("it is text");
+        let status = ended(&mut self.child);
+        assert_eq!(status.code(), Some(130), "{text}");
+        let last = text.lines().last().expect("there is a summary");
+        serde_json::from_str::<Value>(last).expect("JSON")["summary"].clone()
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    let done = Command::new("kill").args(["-s", name, &child.id().to_string()]).status();
+    assert!(done.expect("there is such a program").success());
+}
+
+/// The status of a program that should end.
+fn ended(child: &mut Child) -> ExitStatus {
+    let start = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("it is a child") {
+            return status;
+        }
+        if start.elapsed() > Duration::from_mins(1) {
+            child.kill().expect("it is a child");
+            panic!("the program does not end");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn event(i: u32) -> String {
+    format!("{},{},{},1\n", 1000 + i * 100, i % 8, i / 8 % 8)
+}
+
+#[test]
+fn a_signal_ends_a_stream_of_events_with_its_summary_and_a_state_to_go_on_from() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let state = folder.path().join("state");
+    let run = ["run", "-", "--sensor", "8x8", "--every", "event", "--json"];
+    let whole = lines(&meissner_reading(&run, &(0..12).map(event).collect::<String>())).0;
+    for name in ["INT", "TERM"] {
+        let mut running = Running::new(&[&run[..], &["--save-state", argument(&state)]].concat());
+        for i in 0..8 {
+            running.send(&event(i));
+            assert_eq!(running.line()["value"], whole[i as usize]["value"]);
+        }
+        // A line that has not ended is none.
+        running.send("1800,1,1,1");
+        running.signal(name);
+        let summary = running.end();
+        assert_eq!((&summary["events"], &summary["lines_refused"]), (&8.into(), &0.into()), "{name}");
+        let rest = (8..12).map(event).collect::<String>();
+        let (resumed, _) =
+            lines(&meissner_reading(&[&run[..], &["--resume", argument(&state)]].concat(), &rest));
+        for (line, whole) in resumed.iter().zip(&whole[8..]) {
+            assert_eq!((&line["t_us"], &line["value"]), (&whole["t_us"], &whole["value"]));
+        }
+        assert_eq!(resumed.len(), 4);
+    }
+}
+
+#[test]
+fn a_signal_ends_streams_of_frames_and_of_readings_with_their_summaries() {
+    let mut running = Running::new(&["run", "-", "--network", "force-tdnn", "--sensor", "120x120", "--json"]);
+    running.send("0,60,60,1\n10000,60,60,1\n");
+    running.line();
+    running.signal("INT");
+    let summary = running.end();
+    assert_eq!((&summary["input"]["events"], &summary["predictions"]), (&2.into(), &2.into()));
+
+    let header = (1..=24).map(|e| format!("e{e}")).collect::<Vec<_>>().join(",");
+    let mut running = Running::new(&["run", "-", "--network", "slip-lstm", "--json"]);
+    running.send(&format!("{header}\n{}", (["2000"; 24].join(",") + "\n").repeat(6)));
+    running.line();
+    running.line();
+    running.signal("TERM");
+    assert_eq!(running.end()["input"]["readings"], 6);
+}
+
+#[test]
+fn a_signal_ends_a_stream_before_its_first_event_too() {
+    let mut running = Running::new(&["run", "-", "--sensor", "8x8"]);
+    let mut line = String::new();
+    running.output.read_line(&mut line).expect("it is text");
+    // The headings are being written, and no event is there.
+    running.signal("INT");
+    let mut text = String::new();
+    running.output.read_to_string(&mut text).expect("it is text");
+    assert!(text.contains("0 taken, 0 accepted"), "{text}");
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+}
+
+#[test]
+fn a_signal_ends_a_run_over_a_file_with_what_is_done() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let state = folder.path().join("state");
+    let arguments =
+        ["run", "--network", "graphres", "--every", "event", "--json", "--save-state", argument(&state)];
+    let mut running = Running::new(&arguments);
+    running.line();
+    running.signal("INT");
+    let summary = running.end();
+    assert!(summary["events"].as_u64().is_some_and(|events| events < 15_000), "{summary}");
+    assert!(fs::read(&state).expect("it was written").starts_with(b"MEISSNER"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_second_signal_ends_the_program_at_once() {
+    // Nobody reads: the first signal cannot be heeded.
+    let mut running = Running::new(&["run", "--network", "tactigraph-past", "--every", "event", "--json"]);
+    running.line();
+    let sleeps = || {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", running.child.id())).expect("it runs");
+        std::thread::sleep(Duration::from_millis(50));
+        stat.contains(") S ")
+    };
+    while !(0..5).all(|_| sleeps()) {}
+    running.signal("INT");
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(running.child.try_wait().expect("it is a child").is_none(), "it waits for a reader");
+    running.signal("TERM");
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+}
+
+#[test]
+fn a_signal_ends_a_play_with_its_summary() {
+    let mut running = Running::new(&["play", "--speed", "0.05", "--report-every", "1ms", "--json"]);
+    running.line();
+    let start = Instant::now();
+    running.signal("INT");
+    let summary = running.end();
+    assert!(start.elapsed() < Duration::from_secs(20));
+    let [due, made] = ["due", "made"].map(|key| summary["reports"][key].as_u64().expect("a count"));
+    assert!(0 < made && made < due, "{summary}");
+    let count = |key: &str| summary[key].as_u64().expect("a count");
+    assert_eq!((count("events"), count("offered")), (count("offered"), count("delivered")));
+}
+
+#[test]
+fn a_signal_ends_a_soak_with_a_last_checkpoint() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("soak.json");
+    let arguments = ["soak", "--network", "tactigraph-past", "--events", "1e9", "--checkpoint-every", "2e3"];
+    let mut child = command(&[&arguments[..], &["--json", argument(&path)]].concat())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut said = BufReader::new(child.stderr.take().expect("standard error is piped")).lines();
+    said.next().expect("a checkpoint").expect("it is text");
+    signal(&child, "INT");
+    let said: Vec<String> = said.map(|line| line.expect("it is text")).collect();
+    assert_eq!(ended(&mut child).code(), Some(130), "{said:?}");
+    let report: Value =
+        serde_json::from_slice(&fs::read(path).expect("it was written")).expect("one JSON object");
+    let rows = report["checkpoints"].as_array().expect("checkpoints");
+    assert_eq!(rows.last().expect("one at least")["events"], report["events"]);
+    assert_eq!(report["broken"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_signal_ends_a_measurement_at_once_and_keeps_those_that_are_finished() {
+    // More than a pipe holds: when it is written, the program reads.
+    let mut running = Running::new(&["bench", "-", "--sensor", "8x8"]);
+    running.send(&event(3).repeat(20_000));
+    running.signal("TERM");
+    let mut text = String::new();
+    running.output.read_to_string(&mut text).expect("it is text");
+    assert_eq!((ended(&mut running.child).code(), text.as_str()), (Some(130), ""));
+
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let (recording, state) = (crate::support::default_recording(), folder.path().join("state"));
+    let arguments = ["pareto", "angle", argument(&recording), "--network", "tactigraph-past"];
+    let arguments = [&arguments[..], &["--timed-events", "300", "--state", argument(&state)]].concat();
+    let mut running = Running::new(&arguments);
+    let finished = || fs::read_to_string(&state).unwrap_or_default().matches('\n').count();
+    while finished() == 0 {
+        assert!(running.child.try_wait().expect("it is a child").is_none());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    running.signal("INT");
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+    let kept = finished();
+    let only = ["--only", "exact"];
+    let output = crate::support::meissner(&[&arguments[..], &only].concat());
+    assert!(output.status.success(), "{}", crate::support::message(&output));
+    assert_eq!(finished(), kept, "the exact network is not measured again");
+}
+
+#[test]
+fn where_nobody_reads_standard_error_the_program_goes_on() {
+    let unread = || {
+        let (reader, writer) = pipe().expect("there are pipes");
+        drop(reader);
+        writer
+    };
+    let mut child = command(&["run", "-", "--sensor", "8x8", "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(unread())
+        .spawn()
+        .expect("the program starts");
+    let mut input = child.stdin.take().expect("standard input is piped");
+    input.write_all(b"1,2,3,1\noh no\n2,2,3,1\n").expect("the program reads");
+    drop(input);
+    let output = child.wait_with_output().expect("the program ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("\"lines_refused\":1"));
+    for (arguments, status) in [(&["run", "no/such/file"][..], 1), (&["run", "--every", "x"], 2)] {
+        let status_found = command(arguments).stderr(unread()).status().expect("the program starts");
+        assert_eq!(status_found.code(), Some(status));
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_output_is_an_error_after_which_the_state_is_there() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let state = folder.path().join("state");
+    for json in [&["--json"][..], &[]] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
+        let arguments = ["run", "--network", "tactigraph-past", "--save-state", argument(&state)];
+        let output =
+            command(&[&arguments[..], json].concat()).stdout(full).output().expect("the program starts");
+        let said = crate::support::message(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.starts_with("error: standard output: "), "{said}");
+        // People see headings before there is a state.
+        assert!(json.is_empty() || fs::read(&state).is_ok_and(|bytes| bytes.starts_with(b"MEISSNER")));
+    }
+}
