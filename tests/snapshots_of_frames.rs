@@ -6,7 +6,7 @@ use meissner_engine::EngineError;
 use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
 };
-use meissner_kernels::WinogradTile;
+use meissner_kernels::{Isa, WinogradTile};
 use meissner_tests::compare::bits;
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::snapshots::sealed;
@@ -193,4 +193,24 @@ fn a_frame_snapshot_of_another_network_or_way_to_skip_is_refused() {
     refuse(&mut wanted, &engine(&parts, Convolution::Direct, tolerance), "skip");
     let sparse = FrameOptions { sparse: true, ..exact };
     refuse(&mut wanted, &engine(&parts, Convolution::Direct, sparse), "sparse");
+}
+
+#[test]
+fn options_that_reach_no_result_are_no_reason_to_refuse_a_frame_snapshot() {
+    let parts = network(Style::ConvolutionsThenLstm, SIZE, 3, 1);
+    let own = FrameOptions::default();
+    let other = FrameOptions { isa: Isa::portable(), two_threads: true, memory_limit: u128::MAX, ..own };
+    let mut found = engine(&parts, Convolution::Direct, other);
+    sequence(5, SIZE, 1).iter().for_each(|frame| found.push(frame).expect("a frame that fits"));
+    let (mut restored, mut read) =
+        (engine(&parts, Convolution::Direct, own), engine(&parts, Convolution::Direct, own));
+    assert_eq!(restored.restore(&found.snapshot()), Ok(()));
+    assert_eq!(read.restore_bytes(&found.to_bytes()), Ok(()));
+    for frame in sequence(3, SIZE, 2) {
+        for engine in [&mut found, &mut restored, &mut read] {
+            engine.push(&frame).expect("a frame that fits");
+        }
+        let expected = predict(&mut found);
+        assert_eq!([predict(&mut restored), predict(&mut read)], [expected.clone(), expected]);
+    }
 }

@@ -6,7 +6,7 @@ use meissner_engine::{
     Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphRule, LatePolicy, Lifetime, Network,
     NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
 };
-use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
+use meissner_kernels::{Activation, Dense, Isa, SplineConv, SplineParts};
 use meissner_tests::compare::bits;
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
 use meissner_tests::random::Random;
@@ -270,8 +270,10 @@ fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
     run(&mut wanted, 0, 30, 1);
     let mut refuse = |found: Engine, name: &str| {
         let mut untouched = wanted.clone();
-        let error = wanted.restore_bytes(&found.to_bytes()).expect_err(name);
-        assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
+        for refused in [wanted.restore(&found.snapshot()), wanted.restore_bytes(&found.to_bytes())] {
+            let error = refused.expect_err(name);
+            assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
+        }
         assert_eq!(run(&mut wanted, 300, 30, 3), run(&mut untouched, 300, 30, 3));
     };
     refuse(engine(network(&other), SENSOR, exact), "network");
@@ -279,8 +281,56 @@ fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
     refuse(engine(network(&weights), Sensor::new(20, 11), exact), "sensor");
     refuse(engine(network(&weights), SENSOR, Options { tolerance: 0.5, ..exact }), "tolerance");
     refuse(engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact }), "late policy");
-    let same = engine(network(&weights), SENSOR, exact).to_bytes();
-    assert_eq!(wanted.restore_bytes(&same), Ok(()));
+    // The same network, built again.
+    let same = engine(network(&weights), SENSOR, exact);
+    assert_eq!(wanted.restore_bytes(&same.to_bytes()), Ok(()));
+    assert_eq!(wanted.restore(&same.snapshot()), Ok(()));
+}
+
+#[test]
+fn a_snapshot_of_the_same_network_with_another_late_policy_or_tolerance_is_refused() {
+    let network = Arc::new(shape(Candidates::All).build());
+    let new = |options| Engine::with_options(Arc::clone(&network), SENSOR, options).expect("admissible");
+    let mut wanted = new(Options::default());
+    for (options, name) in [
+        (Options { late: LatePolicy::Clamp, ..Options::default() }, "late policy"),
+        (Options { tolerance: 0.5, ..Options::default() }, "tolerance"),
+    ] {
+        let error = wanted.restore(&new(options).snapshot()).expect_err(name);
+        assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
+    }
+    // The policy is still the engine's own.
+    wanted.push(Event::new(9, 1, 1, true));
+    wanted.push(Event::new(5, 1, 1, true));
+    assert_eq!(wanted.counters().events.late, 1);
+}
+
+#[test]
+fn options_that_reach_no_result_stay_the_engines_own_over_a_restore() {
+    let plain = Options::default();
+    let told = Options { isa: Isa::portable(), poison: true, record_rows: true, stage_times: true, ..plain };
+    let new = |options| engine(shape(Candidates::All).build(), SENSOR, options);
+    let taken = |options| {
+        let mut engine = new(options);
+        run(&mut engine, 0, 30, 2);
+        engine.snapshot()
+    };
+    let measured = |engine: &Engine| engine.stage_times().iter().any(|(_, time)| !time.is_zero());
+    let recorded = |engine: &Engine| engine.recomputed().iter().any(|rows| !rows.is_empty());
+    let states = [taken(plain), taken(told)];
+    let mut predictions = Vec::new();
+    for state in &states {
+        for (own, asked) in [(plain, false), (told, true)] {
+            let (mut restored, mut read) = (new(own), new(own));
+            restored.restore(state).expect("an equal origin");
+            read.restore_bytes(&state.to_bytes()).expect("an equal origin");
+            for engine in [&mut restored, &mut read] {
+                predictions.push(run(engine, 300, 29, 3));
+                assert_eq!([measured(engine), recorded(engine)], [asked; 2]);
+            }
+        }
+    }
+    assert!(predictions.windows(2).all(|pair| pair[0] == pair[1]), "results are the same");
 }
 
 #[test]

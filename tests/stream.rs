@@ -276,7 +276,8 @@ fn the_epoch_does_not_reach_the_bits() {
 fn a_snapshot_of_another_network_is_refused_and_changes_nothing() {
     let mut engine = Engine::new(shape(ALL).build(), SENSOR).expect("the network is exact");
     engine.push(Event::new(0, 1, 1, true));
-    let other = Engine::new(shape(ALL).build(), SENSOR).expect("the network is exact").snapshot();
+    let other = NetworkShape { seed: 99, ..shape(ALL) }.build();
+    let other = Engine::new(other, SENSOR).expect("the network is exact").snapshot();
     assert!(matches!(engine.restore(&other), Err(EngineError::Snapshot { .. })));
     assert_eq!(engine.nodes(), 1);
 }

@@ -46,6 +46,13 @@ impl After {
         }
     }
 
+    /// Goes on with another instruction set.
+    pub(crate) fn set_isa(&mut self, isa: Isa) {
+        if let Self::Head(head) = self {
+            head.engine.set_isa(isa);
+        }
+    }
+
     pub(crate) fn clear(&mut self) {
         if let Self::Head(head) = self {
             head.engine.reset();

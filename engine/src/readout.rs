@@ -114,6 +114,11 @@ impl Head {
         network.parts().graph.is_frozen() && network.parts().pooled.is_empty()
     }
 
+    /// Goes on with another instruction set.
+    pub(crate) fn set_isa(&mut self, isa: Isa) {
+        self.after.set_isa(isa);
+    }
+
     pub(crate) fn clear(&mut self) {
         self.maxima.clear(&mut self.values);
         self.entered.clear();

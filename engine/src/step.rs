@@ -98,6 +98,15 @@ impl Step {
         bytes + Head::bytes(network, rows)
     }
 
+    /// Takes from `own`, of an equal network, everything that reaches no result: the instruction set, poison, measured times.
+    pub(crate) fn run_as(&mut self, own: &Self) {
+        self.network = Arc::clone(&own.network);
+        self.isa = own.isa;
+        self.poison = own.poison;
+        self.stopwatch = own.stopwatch.clone();
+        self.head.set_isa(own.isa);
+    }
+
     /// Every node leaves.
     pub(crate) fn clear(&mut self) {
         if self.poison {

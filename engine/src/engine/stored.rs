@@ -10,6 +10,7 @@
 //! With a tolerance every row is computed again: one of which nothing that it reads has changed comes to what it came to
 //! before, which is within the tolerance of what is stored, and so it stays.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::Engine;
@@ -30,6 +31,27 @@ impl Snapshot {
     }
 }
 
+/// What a state depends on beside events: an engine takes over no state of another origin.
+struct Origin<'a> {
+    fingerprint: u64,
+    name: Cow<'a, str>,
+    sensor: Sensor,
+    tolerance: f32,
+    late: u8,
+}
+
+impl Origin<'_> {
+    fn read(from: &mut Reader<'_>) -> Result<Self, EngineError> {
+        Ok(Self {
+            fingerprint: from.u64("network")?,
+            name: from.text("network's name")?.into(),
+            sensor: Sensor::new(from.u16("sensor's columns")?, from.u16("sensor's rows")?),
+            tolerance: f32::from_bits(from.u32("tolerance")?),
+            late: from.u8("late policy")?,
+        })
+    }
+}
+
 /// Bytes of an event.
 const EVENT: usize = 13;
 
@@ -39,23 +61,21 @@ impl Engine {
         Snapshot(self.clone())
     }
 
-    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between.
+    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between. Options that
+    /// reach no result (all but tolerance and late policy) stay this engine's own.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with another network, sensor or tolerance; the engine stays as it
-    /// is.
+    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`crate::Network::fingerprint`]), another
+    /// sensor, tolerance or late policy; the engine stays as it is.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
         let other = &snapshot.0;
-        if !Arc::ptr_eq(&self.network, &other.network) {
-            return Err(differs("network", self.network.name(), other.network.name()));
+        self.check_origin(&other.origin())?;
+        let mut restored = other.clone();
+        restored.step.run_as(&self.step);
+        for log in &mut restored.log.layers {
+            log.rows = self.options.record_rows.then(|| log.rows.take().unwrap_or_default());
         }
-        if self.sensor != other.sensor {
-            return Err(differs("sensor", self.sensor, other.sensor));
-        }
-        if self.tolerance() != other.tolerance() {
-            return Err(differs("tolerance", self.tolerance(), other.tolerance()));
-        }
-        self.clone_from(other);
+        *self = Self { network: Arc::clone(&self.network), options: self.options, ..restored };
         Ok(())
     }
 
@@ -69,12 +89,13 @@ impl Engine {
     /// The same with a note of the caller's, which [`crate::snapshot_note`] gives back; the checksum covers it, too.
     pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
         let mut to = Writer::new(Kind::Events);
-        to.u64(self.network.fingerprint());
-        to.text(self.network.name());
-        to.u16(self.sensor.width);
-        to.u16(self.sensor.height);
-        to.u32((self.tolerance() + 0.0).to_bits());
-        to.u8(code(self.options.late));
+        let Origin { fingerprint, name, sensor, tolerance, late } = self.origin();
+        to.u64(fingerprint);
+        to.text(&name);
+        to.u16(sensor.width);
+        to.u16(sensor.height);
+        to.u32(tolerance.to_bits());
+        to.u8(late);
         self.write_counters(&mut to);
         to.flag(self.newest_us.is_some());
         if let (Some(newest), Some(epoch)) = (self.newest_us, self.epoch_us()) {
@@ -110,7 +131,7 @@ impl Engine {
     /// finite: such a state predicts nothing. The engine stays as it is then.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let mut from = Reader::open(bytes, Kind::Events)?;
-        self.check_origin(&mut from)?;
+        self.check_origin(&Origin::read(&mut from)?)?;
         let mut restored = Self::with_options(Arc::clone(&self.network), self.sensor, self.options)?;
         let events = restored.read_counters(&mut from)?;
         let now = restored.read_clock(&mut from, events)?;
@@ -122,27 +143,34 @@ impl Engine {
         Ok(())
     }
 
+    /// What a state of this engine is of.
+    fn origin(&self) -> Origin<'_> {
+        Origin {
+            fingerprint: self.network.fingerprint(),
+            name: self.network.name().into(),
+            sensor: self.sensor,
+            // -0 is 0.
+            tolerance: self.tolerance() + 0.0,
+            late: code(self.options.late),
+        }
+    }
+
     /// Refuses the state of another engine.
-    fn check_origin(&self, from: &mut Reader<'_>) -> Result<(), EngineError> {
-        let fingerprint = from.u64("network")?;
-        let name = from.text("network's name")?;
-        if fingerprint != self.network.fingerprint() {
-            let of = |name: &str, fingerprint: u64| format!("{name:?} with fingerprint {fingerprint:#018x}");
-            let expected = of(self.network.name(), self.network.fingerprint());
-            return Err(differs("network", expected, of(&name, fingerprint)));
+    fn check_origin(&self, found: &Origin<'_>) -> Result<(), EngineError> {
+        let own = self.origin();
+        if found.fingerprint != own.fingerprint {
+            let of = |o: &Origin<'_>| format!("{:?} with fingerprint {:#018x}", o.name, o.fingerprint);
+            return Err(differs("network", of(&own), of(found)));
         }
-        let sensor = Sensor::new(from.u16("sensor's columns")?, from.u16("sensor's rows")?);
-        if sensor != self.sensor {
-            return Err(differs("sensor", self.sensor, sensor));
+        if found.sensor != own.sensor {
+            return Err(differs("sensor", own.sensor, found.sensor));
         }
-        let tolerance = f32::from_bits(from.u32("tolerance")?);
-        if tolerance.to_bits() != (self.tolerance() + 0.0).to_bits() {
-            return Err(differs("tolerance", self.tolerance(), tolerance));
+        if found.tolerance.to_bits() != own.tolerance.to_bits() {
+            return Err(differs("tolerance", own.tolerance, found.tolerance));
         }
-        let late = from.u8("late policy")?;
-        if late != code(self.options.late) {
+        if found.late != own.late {
             let name = |code| ["drop", "clamp"].get(usize::from(code)).copied().unwrap_or("none of both");
-            return Err(differs("late policy", name(code(self.options.late)), name(late)));
+            return Err(differs("late policy", name(own.late), name(found.late)));
         }
         Ok(())
     }

@@ -156,10 +156,12 @@ impl FrameEngine {
         FrameSnapshot(self.clone())
     }
 
-    /// Goes back to `snapshot`, which an engine of an equal network and equal options made; counters too.
+    /// Goes back to `snapshot`, counters too. Options that reach no result (all but [`FrameOptions::skip`] and
+    /// [`FrameOptions::sparse`]) stay this engine's own.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it is of another network, or of another way to skip.
+    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`FrameNetwork::fingerprint`]), or with another
+    /// way to skip; the engine stays as it is.
     pub fn restore(&mut self, snapshot: &FrameSnapshot) -> Result<(), EngineError> {
         let other = &snapshot.0;
         self.check_network(other.network.fingerprint(), other.network.name())?;
@@ -233,6 +235,11 @@ impl FrameEngine {
             return Err(differs("sparse", self.options.sparse, sparse));
         }
         Ok(())
+    }
+
+    /// Goes on with another instruction set.
+    pub(crate) fn set_isa(&mut self, isa: Isa) {
+        self.options.isa = isa;
     }
 
     /// Counts since the engine was made.
