@@ -27,8 +27,11 @@ impl Window {
     }
 
     /// Appends `node`, the newest; its slot.
+    ///
+    /// # Panics
+    /// If the window is full.
     pub(crate) fn push(&mut self, node: Node) -> u32 {
-        debug_assert!(!self.is_full(), "the window must have room");
+        assert!(!self.is_full(), "the window must have room");
         let slot = self.wrap(self.first + self.len);
         self.nodes[slot as usize] = node;
         self.len += 1;
@@ -41,8 +44,11 @@ impl Window {
     }
 
     /// Forgets the oldest `count` nodes.
+    ///
+    /// # Panics
+    /// If there are not as many.
     pub(crate) fn pop(&mut self, count: u32) {
-        debug_assert!(count <= self.len, "the window must hold that many");
+        assert!(count <= self.len, "the window must hold that many");
         self.first = self.wrap(self.first + count);
         self.len -= count;
     }

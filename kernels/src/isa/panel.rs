@@ -34,7 +34,8 @@ pub(crate) fn accumulate<
         return;
     }
     assert!(weights.iter().all(|w| w.len() == count), "weights must have one length");
-    assert!((R - 1) * stride + count <= values.len(), "there must be a value for each weight");
+    let last = stride.checked_mul(R - 1).and_then(|first| first.checked_add(count));
+    assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
     // Local, so that they are registers.
     let mut sums = *acc;
     let mut k = FIRST;
@@ -177,4 +178,38 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
         step(sums, k + p);
     }
     *acc = sums;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Runs, accumulate, accumulate_runs, accumulate_wide};
+    use crate::isa::Portable;
+    use crate::lanes::{LANES, Lanes, Wide};
+
+    const WEIGHT: [Lanes; 2] = [Lanes::ZERO; 2];
+
+    fn sums<const R: usize>() -> [[[f32; LANES]; 1]; R] {
+        [[[0.0; LANES]; 1]; R]
+    }
+
+    /// Three rows of which the last would begin at 2 * 2^63 = 0, were it not for the overflow.
+    #[should_panic(expected = "there must be a value for each weight")]
+    #[test]
+    fn a_stride_that_wraps_is_refused() {
+        accumulate::<_, _, 3, 1, 0, 1>(Portable, &mut sums(), &[0.0; 4], 1 << 63, [&WEIGHT]);
+    }
+
+    #[should_panic(expected = "there must be a value for each weight")]
+    #[test]
+    fn a_distance_of_rows_that_wraps_is_refused() {
+        let weights = [Lanes::ZERO; 4 * LANES + 1];
+        accumulate_wide::<_, _, 1, 1>(Portable, &mut sums(), &[Wide::ZERO; 4], 1 << 63, [&weights]);
+    }
+
+    #[should_panic(expected = "a run must end within the values")]
+    #[test]
+    fn a_stride_of_runs_that_wraps_is_refused() {
+        let runs = Runs { values: &[0.0; 4], starts: &[0], count: 2, stride: 1 << 63 };
+        accumulate_runs::<_, _, 3, 1>(Portable, &mut sums(), runs, [&WEIGHT]);
+    }
 }

@@ -30,8 +30,9 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
         return;
     }
     assert!(weights.len().is_multiple_of(9), "there must be a weight for each tap");
-    let last = (weights.len() / 9 - 1) * plane + 2 * stride + 2;
-    assert!(last + B * V::LANES <= values.len(), "there must be a value for each tap");
+    let last = plane.checked_mul(weights.len() / 9 - 1).zip(stride.checked_mul(2));
+    let end = last.and_then(|(plane, rows)| plane.checked_add(rows)?.checked_add(2 + B * V::LANES));
+    assert!(end.is_some_and(|end| end <= values.len()), "there must be a value for each tap");
     // Local, so that they are registers.
     let mut sums = *acc;
     let (mut channel, mut k) = (0, 0);
@@ -42,7 +43,7 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
                 let x: [V; B] = std::array::from_fn(|b| {
                     let at = row + dx + b * V::LANES;
                     // SAFETY: `row` is at most (channels - 1) plane + 2 stride and dx at most 2, so that at + LANES
-                    // is at most last + B LANES, within `values`.
+                    // is at most `end`, within `values`.
                     V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) })
                 });
                 // SAFETY: k is below the number of weights: nine are counted for each turn of the outer loop, and
@@ -61,4 +62,34 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
         channel += plane;
     }
     *acc = sums;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Taps, accumulate_taps};
+    use crate::isa::Portable;
+    use crate::lanes::LANES;
+
+    fn accumulate(stride: usize, plane: usize) {
+        let mut sums = [[[0.0; LANES]; 1]; 1];
+        let taps = Taps { values: &[0.0; 40], stride, plane };
+        accumulate_taps(Portable, &mut sums, taps, &[[0.0; 1]; 27]);
+    }
+
+    #[test]
+    fn taps_within_the_values_are_taken() {
+        accumulate(4, 10);
+    }
+
+    #[should_panic(expected = "there must be a value for each tap")]
+    #[test]
+    fn a_stride_that_wraps_is_refused() {
+        accumulate(1 << 63, 10);
+    }
+
+    #[should_panic(expected = "there must be a value for each tap")]
+    #[test]
+    fn a_plane_that_wraps_is_refused() {
+        accumulate(4, 1 << 63);
+    }
 }
