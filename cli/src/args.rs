@@ -12,6 +12,7 @@ use meissner_io::Format;
 
 pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
+pub(crate) use crate::draw::DrawArgs;
 pub(crate) use crate::eval::EvalArgs;
 pub(crate) use crate::pareto::ParetoArgs;
 pub(crate) use crate::play::PlayArgs;
@@ -46,6 +47,8 @@ pub(crate) enum Command {
     Bench(BenchArgs),
     /// Show a network: layers, shapes, parameters, multiply-adds, receptive fields.
     Inspect(InspectArgs),
+    /// Draw weights for a network from a seed.
+    Draw(DrawArgs),
     /// Show a recording: format, geometry, counts, span, rates, other streams.
     Info(InfoArgs),
     /// Write a recording in another format.

@@ -32,7 +32,9 @@ pub(crate) enum CliError {
         format: Format,
     },
     /// A description file has no shipped weights.
-    #[error("network {0}: a description file comes without weights; add --weights FILE")]
+    #[error(
+        "network {0}: a description file comes without weights; add --weights FILE (`meissner draw` writes untrained ones)"
+    )]
     NoWeights(String),
     /// A format that cannot be written was asked for, by name or by extension.
     #[error("{0}; choose one with --to csv|npy|dat|evt3")]

@@ -25,7 +25,7 @@
 //! | `output` | files that are written |
 //! | `tell` | messages on standard error |
 //! | `interrupt` | signals that ask the program to end |
-//! | `inspect`, `info`, `convert` | the other subcommands |
+//! | `inspect`, `draw`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
 //! Results go to standard output, messages and progress to standard error.
@@ -38,6 +38,7 @@ mod args;
 mod bench;
 mod convert;
 mod digits;
+mod draw;
 mod error;
 mod eval;
 mod frame_feed;
@@ -82,6 +83,7 @@ fn main() -> ExitCode {
         Command::Play(args) => play::play(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::Draw(args) => draw::draw(&args),
         Command::Info(args) => info::info(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Eval(args) => eval::eval(&args),

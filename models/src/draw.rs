@@ -14,28 +14,50 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 
 use crate::description::frames::FrameDescription;
-use crate::description::{Description, Needed, Role};
+use crate::description::{AnyDescription, Description, Needed, Role};
 use crate::random::Random;
 use crate::weights::{Tensor, Weights};
 
 /// A description whose tensors can be drawn.
 pub trait Drawable: needed::Sealed {}
 
+impl Drawable for AnyDescription {}
 impl Drawable for Description {}
 impl Drawable for FrameDescription {}
 
 mod needed {
     use crate::description::frames::FrameDescription;
-    use crate::description::{Description, Needed};
+    use crate::description::{AnyDescription, Description, Needed};
 
     /// Knows the tensors that a network needs.
     pub trait Sealed {
+        /// The network's name.
+        fn network_name(&self) -> &str;
+
         /// The tensors.
         #[expect(private_interfaces, reason = "the trait cannot be named outside")]
         fn list(&self) -> Vec<Needed>;
     }
 
+    impl Sealed for AnyDescription {
+        fn network_name(&self) -> &str {
+            self.name()
+        }
+
+        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+        fn list(&self) -> Vec<Needed> {
+            match self {
+                Self::Events(description) => description.list(),
+                Self::Frames(description) => description.list(),
+            }
+        }
+    }
+
     impl Sealed for Description {
+        fn network_name(&self) -> &str {
+            self.name()
+        }
+
         #[expect(private_interfaces, reason = "the trait cannot be named outside")]
         fn list(&self) -> Vec<Needed> {
             self.needed().collect()
@@ -43,6 +65,10 @@ mod needed {
     }
 
     impl Sealed for FrameDescription {
+        fn network_name(&self) -> &str {
+            self.name()
+        }
+
         #[expect(private_interfaces, reason = "the trait cannot be named outside")]
         fn list(&self) -> Vec<Needed> {
             self.needed().collect()

@@ -242,11 +242,10 @@ fn remarks(name: &str, seed: u64) -> BTreeMap<String, String> {
     remarks.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
-/// The bytes of a drawn weights file, with a remark that says so; `None` for a name that is not in [`DRAWN`].
-pub fn drawn_file(name: &str) -> Option<Vec<u8>> {
-    let &(name, seed) = DRAWN.iter().find(|(drawn, _)| *drawn == name)?;
-    let description = find(name).and_then(|shipped| Description::parse(shipped.description).ok())?;
-    Some(draw(&description, seed).to_safetensors(&remarks(name, seed)))
+/// The bytes of a safetensors file with weights that are [drawn](draw()) from `seed`, whose metadata says that nothing trained
+/// them; equal descriptions and seeds give equal bytes.
+pub fn drawn_file(description: &impl crate::Drawable, seed: u64) -> Vec<u8> {
+    draw(description, seed).to_safetensors(&remarks(description.network_name(), seed))
 }
 
 #[cfg(test)]

@@ -253,7 +253,7 @@ fn the_shipped_weights_are_what_the_generator_writes() {
     for (name, seed) in meissner_models::DRAWN {
         let path = format!("{}/weights/{name}.safetensors", env!("CARGO_MANIFEST_DIR"));
         let shipped = std::fs::read(path).expect("a shipped file");
-        let drawn = meissner_models::drawn_file(name).expect("a drawn network");
+        let drawn = meissner_models::drawn_file(&Description::shipped(name).expect("shipped"), *seed);
         assert!(shipped == drawn, "{name}: run cargo run -p meissner-models --example draw_weights");
         let weights = Weights::from_bytes(&shipped).expect("readable");
         assert_eq!(weights.metadata()["about"], format!("drawn, untrained, seed {seed}"));

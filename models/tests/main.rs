@@ -8,6 +8,7 @@ mod head_problems;
 mod heads;
 mod hostile_descriptions;
 mod hostile_weights;
+mod listed_tensors;
 mod problems;
 mod properties;
 mod support;

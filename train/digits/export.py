@@ -1,18 +1,20 @@
 """Weights as the engine reads them: safetensors, large tensors in half precision, with what was done in the header."""
 
+import sys
+from pathlib import Path
+
 import torch
 from network import Digits
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
-# Of a tensor with fewer values, half precision saves nothing worth having; batch norm's are among them.
-LEAST_HALVED = 256
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import export_weights
 
 
 def save(network, path, remarks):
     """Writes the tensors of `network` with `remarks`."""
-    tensors = {name: tensor.detach() for name, tensor in network.exported().items()}
-    halved = {n: (t.half() if t.numel() >= LEAST_HALVED else t).contiguous() for n, t in tensors.items()}
-    save_file(halved, path, {key: str(value) for key, value in remarks.items()})
+    export_weights.save(network.exported(), path, remarks)
 
 
 def load(path):

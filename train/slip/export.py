@@ -1,24 +1,19 @@
 """Weights as the engine reads them: safetensors, large tensors in half precision, with what was done in the header."""
 
-from safetensors.torch import save_file
+import sys
+from pathlib import Path
 
-# Of a tensor with fewer values, half precision saves nothing worth having; batch norm's are among them.
-LEAST_HALVED = 256
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from export_weights import halved, save
+
+__all__ = ["file_tensors", "load", "save"]
 
 
 def file_tensors(network):
     """The tensors of the file."""
     tensors = {name: tensor.detach() for name, tensor in network.exported().items()}
-    return {
-        name: (tensor.half() if tensor.numel() >= LEAST_HALVED else tensor).contiguous()
-        for name, tensor in tensors.items()
-        if not name.endswith("num_batches_tracked")
-    }
-
-
-def save(tensors, path, remarks):
-    """Writes `tensors` with `remarks`."""
-    save_file(tensors, path, {key: str(value) for key, value in remarks.items()})
+    return {name: halved(tensor) for name, tensor in tensors.items() if not name.endswith("num_batches_tracked")}
 
 
 def load(network, tensors):

@@ -7,6 +7,7 @@ mod bench_frames;
 mod broken_input;
 mod default_recording;
 mod digits_data;
+mod draw;
 mod equality;
 mod eval_digits;
 mod eval_digits_trainings;

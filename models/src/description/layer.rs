@@ -44,6 +44,12 @@ pub struct Layer {
     pub(crate) adds: Option<usize>,
 }
 
+/// Meaning of a spline convolution's kernel.
+const SPLINE: &str = "spline kernel: (slot, input channel, output channel)";
+/// Meaning of a dense layer's weight.
+const DENSE: &str = "dense layer: (output, input); of a readout the inputs are cell after cell, row by row, each with its \
+                     channels";
+
 /// What a layer computes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
@@ -232,24 +238,35 @@ impl Layer {
         format!("{}.{part}", self.weights)
     }
 
+    /// How far apart slots lie that differ by 1 along x, y and t; `None` for a layer without a spline kernel.
+    pub(crate) fn slot_strides(&self) -> Option<[usize; 3]> {
+        match self.kind {
+            LayerKind::Spline { kernel: [x, y, _], .. } => Some([1, x, x * y]),
+            _ => None,
+        }
+    }
+
     /// The tensors it needs, in the order of their use.
     pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (c, o) = (self.inputs, self.outputs);
-        let needed = |part: &str, shape: &[usize], role| Needed {
+        let needed = |part: &str, shape: &[usize], role, meaning| Needed {
             name: self.tensor(part),
             shape: shape.to_vec(),
             role,
+            meaning,
         };
         let weight = Role::Weight { inputs: c };
         let mut tensors = Vec::new();
         match self.kind {
             LayerKind::Spline { kernel, root, bias, norm, .. } => {
-                tensors.push(needed("conv.weight", &[kernel.iter().product(), c, o], weight));
+                let kernel = &[kernel.iter().product(), c, o];
+                tensors.push(needed("conv.weight", kernel, weight, SPLINE));
                 if root {
-                    tensors.push(needed("conv.lin.weight", &[o, c], weight));
+                    let meaning = "what the row itself is read through: (output channel, input channel)";
+                    tensors.push(needed("conv.lin.weight", &[o, c], weight, meaning));
                 }
                 if bias {
-                    tensors.push(needed("conv.bias", &[o], Role::Shift));
+                    tensors.push(needed("conv.bias", &[o], Role::Shift, "bias: (output channel)"));
                 }
                 if norm {
                     // Averaging over edges shrinks the variance, so running variances are drawn small, as trained ones
@@ -258,9 +275,9 @@ impl Layer {
                 }
             }
             LayerKind::Dense { bias, .. } => {
-                tensors.push(needed("weight", &[o, c], weight));
+                tensors.push(needed("weight", &[o, c], weight, DENSE));
                 if bias {
-                    tensors.push(needed("bias", &[o], Role::Shift));
+                    tensors.push(needed("bias", &[o], Role::Shift, "bias: (output)"));
                 }
             }
             LayerKind::Pool { .. } | LayerKind::Readout { .. } => {}

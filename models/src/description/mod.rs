@@ -127,6 +127,17 @@ use frames::FrameLayer;
 use problem::Problems;
 
 /// A checked network description.
+///
+/// ```
+/// use meissner_models::Description;
+///
+/// let description = Description::shipped("tactigraph-past").expect("a shipped network");
+/// assert_eq!((description.span_us(), description.outputs().1), (150_000, "rad"));
+///
+/// let error = Description::parse("[network]\nname = \"mine\"\nspan = 5\n").unwrap_err();
+/// let lines: Vec<usize> = error.problems().iter().map(|problem| problem.line).collect();
+/// assert!(lines.contains(&3), "{error}"); // every inconsistency with its line: `span` is no key
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
     name: String,

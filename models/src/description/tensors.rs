@@ -22,6 +22,8 @@ pub(crate) struct Needed {
     pub(crate) name: String,
     pub(crate) shape: Vec<usize>,
     pub(crate) role: Role,
+    /// What it holds and what its axes are, for whoever writes weights.
+    pub(crate) meaning: &'static str,
 }
 
 /// What a tensor is there for.
@@ -49,12 +51,21 @@ impl Needed {
     /// Batch norm over `channels`, in the order of its use.
     pub(crate) fn norm(prefix: &str, channels: usize, about: f64) -> [Self; 4] {
         let parts = [
-            ("weight", Role::Scale),
-            ("bias", Role::Shift),
-            ("running_mean", Role::Mean),
-            ("running_var", Role::Variance { about }),
+            ("weight", Role::Scale, "batch norm's gamma: (channel)"),
+            ("bias", Role::Shift, "batch norm's beta: (channel)"),
+            ("running_mean", Role::Mean, "batch norm's running mean: (channel)"),
+            (
+                "running_var",
+                Role::Variance { about },
+                "batch norm's running variance, to which 1e-5 is added: (channel)",
+            ),
         ];
-        parts.map(|(part, role)| Self { name: format!("{prefix}.{part}"), shape: vec![channels], role })
+        parts.map(|(part, role, meaning)| Self {
+            name: format!("{prefix}.{part}"),
+            shape: vec![channels],
+            role,
+            meaning,
+        })
     }
 
     /// Number of values.

@@ -35,6 +35,9 @@ pub struct FrameSummary {
     pub state: usize,
     /// The tensors it needs.
     pub tensors: Vec<TensorSummary>,
+    /// What weights that are trained for it say about their frames, as metadata `preparation`; none where frames are not
+    /// made of readings of electrodes.
+    pub preparation: Option<String>,
     /// Shape of the prediction.
     #[serde(serialize_with = "serialize_shape")]
     pub output: FrameShape,
@@ -47,7 +50,7 @@ pub struct FrameSummary {
 impl FrameDescription {
     /// The description as data.
     pub fn summary(&self) -> FrameSummary {
-        let tensors = self.tensors();
+        let tensors: Vec<TensorSummary> = TensorSummary::of_frames(self.layers()).collect();
         let (outputs, unit) = self.outputs();
         FrameSummary {
             name: self.name().to_owned(),
@@ -55,10 +58,11 @@ impl FrameDescription {
             source: *self.source(),
             layers: self.layers().to_vec(),
             parameters: self.parameters(),
-            values: tensors.iter().map(|(_, shape)| shape.iter().product::<usize>()).sum(),
+            values: tensors.iter().map(TensorSummary::values).sum(),
             multiply_adds: self.multiply_adds(),
             state: self.layers().iter().map(|layer| layer.state).sum(),
-            tensors: tensors.into_iter().map(|(name, shape)| TensorSummary { name, shape }).collect(),
+            tensors,
+            preparation: self.preparation(),
             output: self.output(),
             outputs: outputs.to_vec(),
             unit: unit.to_owned(),

@@ -12,4 +12,4 @@ mod view;
 
 pub use any::AnySummary;
 pub use frames::FrameSummary;
-pub use summary::{GraphSummary, Summary, TensorSummary};
+pub use summary::{EdgeSummary, GraphSummary, LevelSummary, Summary, TensorSummary};

@@ -3,7 +3,8 @@
 use meissner_engine::{Candidates, Lifetime, Normalisation, Reach};
 use serde::Serialize;
 
-use crate::{Description, FrameLayer, Layer};
+use crate::description::Needed;
+use crate::{Description, FrameLayer, Layer, LayerKind};
 
 /// A description as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -19,6 +20,8 @@ pub struct Summary {
     pub normalisation: &'static str,
     /// Rule of the event graph.
     pub graph: GraphSummary,
+    /// How edge attributes are made on each level.
+    pub edge_attributes: EdgeSummary,
     /// The layers, each after those it reads.
     pub layers: Vec<Layer>,
     /// The layers that read the readout as an image, each after those it reads; none where there are dense layers.
@@ -55,20 +58,84 @@ pub struct GraphSummary {
     pub scale: Option<f32>,
 }
 
+/// How edge attributes are made.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct EdgeSummary {
+    /// The attribute of the edge by which row i reads row j.
+    pub attribute: &'static str,
+    /// Positions p.
+    pub position: &'static str,
+    /// The event level, then one for each pooling.
+    pub levels: Vec<LevelSummary>,
+}
+
+/// A level of a network over events.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LevelSummary {
+    /// Its number, 0 for the events.
+    pub level: usize,
+    /// "events", or the pooling that starts it.
+    pub rows: String,
+    /// Scale s of its edge attributes; none where s is the largest difference of a coordinate over the edges of the graph.
+    pub scale: Option<f32>,
+}
+
 /// A tensor that a network needs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct TensorSummary {
     /// Its name.
     pub name: String,
+    /// The layer that reads it.
+    pub layer: String,
     /// Its shape.
     pub shape: Vec<usize>,
+    /// Type of its values; F16, BF16 and F64 are converted to it.
+    pub dtype: &'static str,
+    /// What it holds: what its axes are, outermost first.
+    pub meaning: &'static str,
+    /// Of a spline kernel, for the index along x, y and t: slot = the sum of index times stride.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slot_strides: Option<[usize; 3]>,
+}
+
+impl TensorSummary {
+    fn new(layer: &str, needed: Needed, slot_strides: Option<[usize; 3]>) -> Self {
+        let Needed { name, shape, meaning, .. } = needed;
+        // The kernel alone has slots.
+        let slot_strides = slot_strides.filter(|_| shape.len() == 3);
+        Self { name, layer: layer.to_owned(), shape, dtype: "F32", meaning, slot_strides }
+    }
+
+    /// Those of layers of a frame network or a head, in order.
+    pub(super) fn of_frames(layers: &[FrameLayer]) -> impl Iterator<Item = Self> {
+        let of = |layer: &FrameLayer| {
+            layer.tensors().into_iter().map(|t| Self::new(&layer.name, t, None)).collect()
+        };
+        layers.iter().flat_map(move |layer| -> Vec<Self> { of(layer) })
+    }
+
+    fn of_events(layers: &[Layer]) -> impl Iterator<Item = Self> {
+        let of = |layer: &Layer| {
+            let strides = layer.slot_strides();
+            layer.tensors().into_iter().map(|t| Self::new(&layer.name, t, strides)).collect()
+        };
+        layers.iter().flat_map(move |layer| -> Vec<Self> { of(layer) })
+    }
+
+    /// Its number of values.
+    pub(super) fn values(&self) -> usize {
+        self.shape.iter().product()
+    }
 }
 
 impl Description {
     /// The description as data.
     pub fn summary(&self) -> Summary {
-        let tensors = self.tensors();
+        let tensors = TensorSummary::of_events(self.layers()).chain(TensorSummary::of_frames(self.head()));
+        let tensors: Vec<TensorSummary> = tensors.collect();
         let (outputs, unit) = self.outputs();
         Summary {
             name: self.name().to_owned(),
@@ -79,14 +146,32 @@ impl Description {
                 Normalisation::PerGraph => "per-graph",
             },
             graph: self.graph_summary(),
+            edge_attributes: self.edge_summary(),
             layers: self.layers().to_vec(),
             head: self.head().to_vec(),
             parameters: self.parameters(),
-            values: tensors.iter().map(|(_, shape)| shape.iter().product::<usize>()).sum(),
-            tensors: tensors.into_iter().map(|(name, shape)| TensorSummary { name, shape }).collect(),
+            values: tensors.iter().map(TensorSummary::values).sum(),
+            tensors,
             outputs: outputs.to_vec(),
             unit: unit.to_owned(),
             preparation: self.preparation(),
+        }
+    }
+
+    fn edge_summary(&self) -> EdgeSummary {
+        let scaled = |scale| Some(scale).filter(|_| self.normalisation() == Normalisation::Fixed);
+        let mut levels =
+            vec![LevelSummary { level: 0, rows: "events".to_owned(), scale: scaled(self.scale()) }];
+        for layer in self.layers() {
+            if let LayerKind::Pool { scale, .. } = layer.kind {
+                let level = levels.len();
+                levels.push(LevelSummary { level, rows: layer.name.clone(), scale: scaled(scale) });
+            }
+        }
+        EdgeSummary {
+            attribute: "clamp((p_j - p_i) / (2 scale) + 0.5, 0, 1) along x, y and t, of the edge by which row i reads row j",
+            position: "p = (x / width, y / height, t / span) of an event; of a cell as its pooling says",
+            levels,
         }
     }
 

@@ -25,6 +25,21 @@ pub use format::FormatError;
 const LARGEST_FILE: u64 = 1 << 31;
 
 /// Named tensors, in the order of their names.
+///
+/// ```
+/// use std::collections::BTreeMap;
+///
+/// use meissner_models::{Description, Weights, draw};
+///
+/// let description = Description::shipped("tactigraph-past").expect("a shipped network");
+/// let remarks = BTreeMap::from([("about".to_owned(), "drawn for an example".to_owned())]);
+/// let bytes = draw(&description, 1).to_safetensors(&remarks);
+///
+/// let weights = Weights::from_bytes(&bytes)?;
+/// assert_eq!(weights.metadata(), &remarks);
+/// assert!(description.tensors().iter().all(|(name, _)| weights.get(name).is_some()));
+/// # Ok::<(), meissner_models::FormatError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     tensors: BTreeMap<String, Tensor>,

@@ -23,47 +23,51 @@ impl FrameLayer {
     /// The tensors it needs, in the order of their use.
     pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (i, [rows, columns]) = extents(self.input);
-        let needed = |part: &str, shape: &[usize], role| Needed {
+        let needed = |part: &str, shape: &[usize], role, meaning| Needed {
             name: self.tensor(part),
             shape: shape.to_vec(),
             role,
+            meaning,
         };
-        let weight = |part: &str, shape: &[usize], inputs| needed(part, shape, Role::Weight { inputs });
-        let biased = |bias: bool, o: usize| bias.then(|| needed("bias", &[o], Role::Shift));
+        let weight = |part: &str, shape: &[usize], inputs, meaning| {
+            needed(part, shape, Role::Weight { inputs }, meaning)
+        };
+        let shift = |part: &str, shape: &[usize], meaning| needed(part, shape, Role::Shift, meaning);
+        let biased = |bias: bool, o: usize| bias.then(|| shift("bias", &[o], "bias: (output channel)"));
         let norm = |norm: &Option<String>, o: usize| {
             norm.iter().flat_map(|prefix| Needed::norm(prefix, o, GAIN * self.square)).collect::<Vec<_>>()
         };
         let mut tensors = Vec::new();
         match self.kind {
             FrameKind::Conv { channels: o, kernel: k, bias, norm: ref prefix, .. } => {
-                tensors.push(weight("weight", &[o, i, k, k], k * k * i));
+                tensors.push(weight("weight", &[o, i, k, k], k * k * i, CONV));
                 tensors.extend(biased(bias, o));
                 tensors.extend(norm(prefix, o));
             }
             FrameKind::UpConv { channels: o, bias } => {
-                tensors.push(weight("weight", &[i, o, 2, 2], i));
+                tensors.push(weight("weight", &[i, o, 2, 2], i, UPCONV));
                 tensors.extend(biased(bias, o));
             }
             FrameKind::SqueezeExcite { reduction } => {
                 let reduced = i / reduction;
-                tensors.push(weight("down.weight", &[reduced, i], i));
-                tensors.push(weight("up.weight", &[i, reduced], reduced));
+                tensors.push(weight("down.weight", &[reduced, i], i, "from means: (value, channel)"));
+                tensors.push(weight("up.weight", &[i, reduced], reduced, "to factors: (channel, value)"));
             }
             FrameKind::ConvLstm { hidden: h, peepholes, .. } => {
-                tensors.push(weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h)));
-                tensors.push(needed("gates.bias", &[4 * h], Role::Shift));
+                tensors.push(weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h), GATES));
+                tensors.push(shift("gates.bias", &[4 * h], GATE_BIAS));
                 if peepholes {
-                    tensors.push(needed("peephole", &[3, h, rows, columns], Role::Shift));
+                    tensors.push(shift("peephole", &[3, h, rows, columns], PEEPHOLE));
                 }
             }
             FrameKind::Lstm { hidden: h, layer } => {
-                tensors.push(weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i));
-                tensors.push(weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h));
-                tensors.push(needed(&format!("bias_ih_l{layer}"), &[4 * h], Role::Shift));
-                tensors.push(needed(&format!("bias_hh_l{layer}"), &[4 * h], Role::Shift));
+                tensors.push(weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i, LSTM_INPUT));
+                tensors.push(weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h, LSTM_HIDDEN));
+                tensors.push(shift(&format!("bias_ih_l{layer}"), &[4 * h], GATE_BIAS));
+                tensors.push(shift(&format!("bias_hh_l{layer}"), &[4 * h], GATE_BIAS));
             }
             FrameKind::Dense { outputs: o, bias, norm: ref prefix, .. } => {
-                tensors.push(weight("weight", &[o, i], i));
+                tensors.push(weight("weight", &[o, i], i, "dense layer: (output, input)"));
                 tensors.extend(biased(bias, o));
                 tensors.extend(norm(prefix, o));
             }
@@ -130,6 +134,15 @@ impl FrameLayer {
         }
     }
 }
+
+const CONV: &str = "convolution: (output channel, input channel, row, column)";
+const UPCONV: &str = "transposed convolution: (input channel, output channel, row, column)";
+const GATES: &str =
+    "convolution of the gates i, f, g, o: (gate and hidden channel, input then hidden channel, row, column)";
+const GATE_BIAS: &str = "bias of the gates i, f, g, o: (gate and hidden channel)";
+const PEEPHOLE: &str = "factors of the cell in the gates i, f, o: (gate, hidden channel, row, column)";
+const LSTM_INPUT: &str = "from inputs to the gates i, f, g, o: (gate and hidden value, input)";
+const LSTM_HIDDEN: &str = "from hidden values to the gates i, f, g, o: (gate and hidden value, hidden value)";
 
 /// Variance of drawn weights times the values that enter a sum (He et al. 2015).
 const GAIN: f64 = 2.0;
