@@ -4,6 +4,34 @@
 //! in every bit on every instruction set: vector lanes run over independent outputs, a product that is added to a sum is
 //! rounded once with it (fused multiply-add, in software where there is none), and elementary functions are the crate's
 //! own (exp, expm1 and elu without it). [`naive`] holds the scalar twins that the tests hold the kernels against.
+//!
+//! | type | what it computes |
+//! |---|---|
+//! | [`SplineConv`] | rows of a spline convolution over in-edges ([`Neighbour`]), with ELU, batch norm and skip |
+//! | [`Dense`], [`Lstm`] | a dense layer; a step of an LSTM |
+//! | [`Conv3x3`], [`WinogradConv3x3`], [`PlanarConv3x3`], [`TransposedConv2x2`] | convolutions of images |
+//! | [`PlanarConvLstm`] | a step of a convolutional LSTM, with peepholes |
+//! | [`exp`], [`tanh`], [`sigmoid`], [`elu`] | elementary functions, each with a stated largest error ([`Elementary::bound`]) |
+//! | [`Isa`] | the instruction set that kernels run on; no result depends on it |
+//!
+//! ```
+//! use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute};
+//!
+//! // Two channels into one, over a kernel of 2 x 2 x 2 slots; x varies fastest, so slot 1 is "to the right".
+//! let mut weight = vec![0.0; 8 * 2];
+//! weight[2] = 1.0;
+//! let parts = SplineParts { inputs: 2, outputs: 1, kernel: [2, 2, 2], weight, ..SplineParts::default() };
+//! let conv = SplineConv::new(&parts)?;
+//!
+//! // A row reads row 0, which lies 0.25 to the right of it at the same height, and earlier by all of the scale, 0.25.
+//! let features = Matrix::from_rows(2, &[3.0, 7.0]);
+//! let u = [0.25, 0.0, -0.25].map(|difference| attribute(difference, 0.25));
+//! let row = SplineRow { neighbours: &[Neighbour { row: 0, u }], ..SplineRow::default() };
+//! let mut out = [Lanes::ZERO];
+//! conv.rows(Isa::best(), &features, &[row], &mut SplineScratch::default(), &mut out);
+//! assert_eq!((u, out[0].0[0]), ([1.0, 0.5, 0.0], 1.5));
+//! # Ok::<(), meissner_kernels::KernelError>(())
+//! ```
 
 #![allow(
     clippy::inline_always,

@@ -6,6 +6,37 @@
 //! controller's thread      Live  --predict(deadline)-------------->  the newest finished prediction
 //! ```
 //!
+//! | type | whose it is |
+//! |---|---|
+//! | [`Input`] | the sensor's: offers events, never waits unless [`Overload::Block`] asks for it |
+//! | [`Live`] | the controller's: [`Live::predict`] answers by a deadline with a [`Timely`] prediction and its age |
+//! | [`QueueOptions`], [`Overload`] | how many events wait, and which are dropped when more come |
+//! | [`QueueCounters`] | what became of every offered event |
+//! | [`Recorded`], [`Record`] | what an engine accepted, to compare it with a batch |
+//!
+//! ```
+//! use std::time::Duration;
+//!
+//! use meissner_engine::{Engine, Event, Sensor};
+//! use meissner_live::{Live, Overload, QueueOptions};
+//! use meissner_models::{Description, Weights};
+//!
+//! let description = Description::shipped("tactigraph-past").expect("a shipped network");
+//! let weights = Weights::shipped("tactigraph-past").expect("its weights");
+//! let engine = Engine::new(description.network(&weights)?, Sensor::new(240, 180))?;
+//!
+//! let options = QueueOptions { capacity: 8192, overload: Overload::DropOldest, ..QueueOptions::default() };
+//! let (mut input, mut live) = Live::spawn(engine, options)?;
+//! let sensor = std::thread::spawn(move || input.push_slice(&[Event::new(0, 120, 90, true); 100]));
+//! sensor.join().expect("the sensor's thread does not panic")?;
+//!
+//! let timely = live.predict(Duration::MAX)?; // a controller would give it a few milliseconds
+//! assert_eq!((timely.nodes, timely.behind_events), (100, 0));
+//! let engine = live.close()?;
+//! assert_eq!(engine.nodes(), 100);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | file | job |
 //! |---|---|
 //! | `overload` | what becomes of events that come faster than they are taken, and the counts of it |
@@ -40,3 +71,8 @@ pub use overload::{Overload, QueueCounters, QueueOptions};
 pub use predictor::Predictor;
 pub use record::Record;
 pub use recorded::Recorded;
+
+/// The programs of the README compile and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

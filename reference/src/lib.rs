@@ -5,6 +5,33 @@
 //! are given. Every sum is a plain loop, so that the code can be read beside the equations; errors of f64 are 2^29 times
 //! smaller than those that are measured. Elementary functions are the platform's, and results may differ in their last bits
 //! from machine to machine.
+//!
+//! | type | what it is |
+//! |---|---|
+//! | [`EventReference`] | a network over events; every row of every level of a stream |
+//! | [`FrameReference`] | a network over frames, frame by frame |
+//! | [`Difference`], [`ulps`] | how far f32 values are from these |
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
+//! use meissner_engine::frames::{FrameNetworkParts, FrameOptions, FrameShape};
+//! use meissner_kernels::Activation;
+//! use meissner_reference::{Difference, FrameReference};
+//!
+//! let kind = FrameLayerKind::Dense { outputs: 1, weight: vec![0.1; 3], bias: None, activation: Activation::Tanh };
+//! let layers = vec![FrameLayer { name: "out".to_owned(), from: 0, kind }];
+//! let parts = FrameNetworkParts { name: "mean".to_owned(), input: FrameShape::Vector(3), layers };
+//! let network = Arc::new(FrameNetwork::new(parts.clone(), Convolution::Direct)?);
+//! let (mut engine, mut reference) = (FrameEngine::new(network, FrameOptions::default())?, FrameReference::new(parts)?);
+//!
+//! engine.push(&[1.0, 2.0, 4.0])?;
+//! let mut difference = Difference::default();
+//! difference.add_all(engine.predict()?.values, reference.push(&[1.0, 2.0, 4.0]));
+//! assert!(difference.relative() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod activation;

@@ -78,6 +78,23 @@ impl FrameSnapshot {
 }
 
 /// A frame network and its state.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
+/// use meissner_engine::frames::{FrameNetworkParts, FrameOptions, FrameShape};
+///
+/// // The last two frames of one value each.
+/// let delay = FrameLayer { name: "delay".to_owned(), from: 0, kind: FrameLayerKind::Delay { frames: 2 } };
+/// let parts = FrameNetworkParts { name: "two".to_owned(), input: FrameShape::Vector(1), layers: vec![delay] };
+/// let network = Arc::new(FrameNetwork::new(parts, Convolution::Direct)?);
+/// let mut engine = FrameEngine::new(network, FrameOptions::default())?;
+/// engine.push(&[3.0])?;
+/// engine.push(&[5.0])?;
+/// assert_eq!(engine.predict()?.values, [3.0, 5.0]);
+/// # Ok::<(), meissner_engine::EngineError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FrameEngine {
     network: Arc<FrameNetwork>,
