@@ -8,7 +8,7 @@ use std::str::FromStr;
 use clap::builder::RangedI64ValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
 use meissner_engine::{LatePolicy, Network, Sensor};
-use meissner_io::Format;
+use meissner_io::{ColumnOrder, Format, ReadOptions, TextOptions, TimeUnit};
 
 pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
@@ -65,11 +65,48 @@ pub(crate) enum Command {
     Soak(SoakArgs),
 }
 
+/// How a recording is read.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct ReadArgs {
+    /// Order of the columns of a text of events: t, x, y, p, and _ for each other column, such as xytp.
+    ///
+    /// Without it, a header says the order, or the values do where they leave no doubt; where several orders fit, the text is
+    /// refused. On standard input the first line decides: with commas it is t,x,y,p where it can be.
+    #[arg(long, value_name = "ORDER")]
+    pub(crate) columns: Option<ColumnOrder>,
+    /// Unit of the times of a text of events.
+    ///
+    /// Without it, the header says the unit (such as t_ms); else whole numbers are microseconds, numbers with a point and four or more
+    /// decimals are seconds, and fewer decimals are refused. Finer times are rounded to the nearest microsecond.
+    #[arg(long, value_name = "s|ms|us|ns")]
+    pub(crate) time_unit: Option<TimeUnit>,
+    /// Read a recording that was cut short as far as it is whole, and say what is left out.
+    #[arg(long)]
+    pub(crate) salvage: bool,
+}
+
+impl ReadArgs {
+    /// What they say, for the reader.
+    pub(crate) fn options(self) -> ReadOptions {
+        let text = TextOptions { columns: self.columns, time_unit: self.time_unit };
+        ReadOptions { format: None, text, salvage: self.salvage }
+    }
+
+    /// The options, and whether each is given.
+    pub(crate) fn given(self) -> [(&'static str, bool); 3] {
+        [
+            ("--columns", self.columns.is_some()),
+            ("--time-unit", self.time_unit.is_some()),
+            ("--salvage", self.salvage),
+        ]
+    }
+}
+
 /// What `run`, `play` and `bench` work on.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Input {
-    /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV, npy), or - for CSV lines (t_us,x,y,p) on standard input as
-    /// they arrive. Without it: a small synthetic press and release that the program holds.
+    /// Recording (AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or other text, npy), or - for such text (t,x,y,p in microseconds) on standard
+    /// input as it arrives. Without it: a small synthetic press and release that the program holds.
     ///
     /// For a network over electrodes: CSV with a column for each of the 24, or - for the same on standard input. For a
     /// network over pictures: a PNG, JPEG, PPM or PGM file, a folder of them, or a list of paths, one a line.
@@ -106,6 +143,9 @@ pub(crate) struct Input {
     /// What becomes of an event that is earlier than one before it: drop it, or let it in at the newest time.
     #[arg(long, value_enum, default_value_t = Late::Drop)]
     pub(crate) late: Late,
+    /// How the recording is read.
+    #[command(flatten)]
+    pub(crate) read: ReadArgs,
     /// What makes results cheaper and less exact.
     #[command(flatten)]
     pub(crate) approximations: ApproximationArgs,
@@ -132,8 +172,11 @@ pub(crate) struct InspectArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS)]
 pub(crate) struct InfoArgs {
-    /// Recording.
+    /// Recording, or - for text on standard input.
     pub(crate) recording: PathBuf,
+    /// How it is read.
+    #[command(flatten)]
+    pub(crate) read: ReadArgs,
     /// One JSON object.
     #[arg(long)]
     pub(crate) json: bool,
@@ -143,12 +186,18 @@ pub(crate) struct InfoArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS)]
 pub(crate) struct ConvertArgs {
-    /// Recording to read, or - for CSV on standard input.
+    /// Recording to read, or - for text on standard input.
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
-    /// File to write; it is replaced where it exists.
+    /// File to write, which must not exist (see --force), or - for standard output, which needs --to.
     #[arg(value_name = "OUT")]
     pub(crate) output: PathBuf,
+    /// Replace OUT where it exists.
+    #[arg(long, short)]
+    pub(crate) force: bool,
+    /// How IN is read.
+    #[command(flatten)]
+    pub(crate) read: ReadArgs,
     /// Format to write; without it OUT's extension says (.csv, .npy, .dat, .evt3, .raw).
     #[arg(long, value_name = "FORMAT", value_enum)]
     pub(crate) to: Option<To>,

@@ -1,8 +1,10 @@
 //! `meissner convert`: a recording in another format.
 
-use std::io::{Write, stdout};
+use std::io::{BufWriter, Write, stdout};
+use std::path::Path;
 
-use meissner_io::Format;
+use meissner_engine::{Event, Sensor};
+use meissner_io::{Format, IoError};
 
 use crate::args::ConvertArgs;
 use crate::error::CliError;
@@ -12,6 +14,7 @@ use crate::text::grouped;
 
 /// Reads, writes, and says what did not come along.
 pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
+    let to_stdout = args.output == Path::new("-");
     let format = match args.to {
         Some(to) => to.into(),
         None => Format::from_path(&args.output).map_err(|e| CliError::NotWritable(e.to_string()))?,
@@ -19,11 +22,19 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     if !format.is_writable() {
         return Err(CliError::NotWritable(format!("{format} is read, not written")));
     }
-    let recording = source::read(&args.input)?;
+    // What is no file, such as /dev/null, is not lost by being written to.
+    if !to_stdout && !args.force && args.output.is_file() {
+        return Err(CliError::Exists { path: args.output.clone() });
+    }
+    let recording = source::read(&args.input, args.read)?;
     let sensor = args.sensor.or(recording.sensor);
-    let output = args.output.display().to_string();
-    meissner_io::write(&args.output, format, sensor, &recording.events)
-        .map_err(|e| CliError::recording(&output, e))?;
+    let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
+    if to_stdout {
+        print(format, sensor, &recording.events, &output)?;
+    } else {
+        meissner_io::write(&args.output, format, sensor, &recording.events)
+            .map_err(|e| CliError::recording(&output, e))?;
+    }
     for stream in &recording.other_streams {
         tell(format_args!("note: {}: {} {} left out", stream.name, grouped(stream.elements), stream.kind));
     }
@@ -31,7 +42,21 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         tell(format_args!("note: {output} does not name the sensor's geometry: `run` needs --sensor WxH"));
     }
     let events = grouped(recording.events.len() as u64);
+    if to_stdout {
+        tell(format_args!("{output}: {events} events as {format}"));
+        return Ok(());
+    }
     let mut out = stdout().lock();
     writeln!(out, "{output}: {events} events as {format}")?;
+    Ok(out.flush()?)
+}
+
+/// Writes the recording to standard output.
+fn print(format: Format, sensor: Option<Sensor>, events: &[Event], name: &str) -> Result<(), CliError> {
+    let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
+    meissner_io::encode(format, sensor, events, &mut out).map_err(|error| match error {
+        IoError::Stream { source, .. } => CliError::Output(source),
+        error => CliError::recording(name, error),
+    })?;
     Ok(out.flush()?)
 }

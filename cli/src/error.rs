@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
 use meissner_io::datasets::DatasetError;
-use meissner_io::{Format, ImageError, IoError};
+use meissner_io::{Format, ImageError, IoError, Kind};
 use meissner_live::LiveError;
 use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
@@ -16,6 +16,8 @@ use meissner_models::{AnyDescription, ModelError};
 use thiserror::Error;
 
 use crate::prepare::StreamsError;
+use crate::run;
+use crate::source::{STDIN_NAME, Salvaged};
 use crate::trainings::TrainingError;
 
 /// A subcommand gives up.
@@ -62,6 +64,22 @@ pub(crate) enum CliError {
         recording: String,
         /// How many of how many, which line is the first, and why.
         problem: String,
+    },
+    /// A recording was cut short.
+    #[error("{recording}: {source}")]
+    Cut {
+        /// The recording.
+        recording: String,
+        /// Where it ends.
+        source: IoError,
+        /// What could be read all the same.
+        salvaged: Salvaged,
+    },
+    /// An output is there already.
+    #[error("{}: expected no such file, found one: --force replaces it", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
     },
     /// A file cannot be read or written; the reason names it.
     #[error(transparent)]
@@ -347,6 +365,35 @@ impl CliError {
         }
     }
 
+    /// What to do about it, where that is more than the message says.
+    pub(crate) fn hint(&self) -> Option<String> {
+        match self {
+            Self::Cut { salvaged, .. } => Some(format!("with --salvage it is read as far as it is whole: {}", salvaged.words())),
+            Self::Recording { source: IoError::Undecided { .. }, .. } => Some(
+                "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
+                 of time with --time-unit s, ms, us or ns"
+                    .to_owned(),
+            ),
+            Self::Recording { source: IoError::Malformed { format: Format::Csv, what, .. }, .. }
+                if !matches!(*what, "header" | "row" | "field") =>
+            {
+                Some(
+                    "if the columns stand in another order or the times have another unit, say so: --columns, such as \
+                     --columns xytp, and --time-unit s, ms, us or ns"
+                        .to_owned(),
+                )
+            }
+            Self::Recording { recording, source: IoError::OtherKind { found: Kind::Events(format), expected } }
+                if recording == STDIN_NAME && *expected != "readings of electrodes" =>
+            {
+                Some(format!("{format} is read from a file: give its path in place of -"))
+            }
+            Self::Recording { source: IoError::OtherKind { found, .. }, .. }
+            | Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
+            _ => None,
+        }
+    }
+
     /// Whether the reader of standard output went away.
     pub(crate) fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
@@ -359,6 +406,8 @@ impl CliError {
             | Self::NoWeights(_)
             | Self::NeedsTrainings(_)
             | Self::NotWritable(_)
+            | Self::Exists { .. }
+            | Self::Recording { source: IoError::Undecided { .. }, .. }
             | Self::Misfit { .. }
             | Self::Option { .. }
             | Self::BetweenFrames { .. }

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::args::InfoArgs;
 use crate::error::CliError;
-use crate::source;
+use crate::source::{self, Salvaged};
 use crate::text::grouped;
 
 const PEAK_US: i64 = 1_000;
@@ -35,6 +35,8 @@ struct Info {
     /// Largest column and row of an event.
     largest_xy: Option<[u16; 2]>,
     other_streams: Vec<OtherStream>,
+    /// What was left out; none where the recording is whole.
+    salvaged: Option<Salvaged>,
 }
 
 #[derive(Debug, Serialize)]
@@ -47,7 +49,7 @@ struct OtherStream {
 
 /// Prints what `args` ask for.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
-    let info = Info::of(&source::read(&args.recording)?);
+    let info = Info::of(&source::read(&args.recording, args.read)?);
     let mut out = stdout().lock();
     if args.json {
         serde_json::to_writer(&mut out, &info).map_err(io::Error::from)?;
@@ -89,6 +91,7 @@ impl Info {
                     elements: stream.elements,
                 })
                 .collect(),
+            salvaged: Salvaged::of(recording),
         }
     }
 
@@ -123,6 +126,9 @@ impl Info {
                 grouped(*elements),
                 grouped(*packets)
             )?;
+        }
+        if let Some(salvaged) = &self.salvaged {
+            writeln!(out, "salvaged    {}", salvaged.words())?;
         }
         Ok(())
     }

@@ -95,6 +95,9 @@ fn main() -> ExitCode {
     match done {
         Err(error) if !error.is_broken_pipe() => {
             tell(format_args!("error: {error}"));
+            if let Some(hint) = error.hint() {
+                tell(format_args!("hint: {hint}"));
+            }
             error.exit_code()
         }
         _ if interrupt::requested() => ExitCode::from(interrupt::STATUS),

@@ -5,11 +5,15 @@ use std::io::BufRead;
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{CsvEvents, Format, IoError, Recording};
+use meissner_io::{CsvEvents, Format, IoError, Place, Recording};
+use serde::Serialize;
 
+use crate::args::ReadArgs;
 use crate::error::CliError;
 use crate::interrupt;
 use crate::refusals::Refusals;
+use crate::tell::tell;
+use crate::text::grouped;
 
 /// A synthetic press and release; see `cli/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/press_release_synthetic.evt3");
@@ -24,6 +28,8 @@ pub(crate) struct Source {
     pub(crate) name: String,
     /// Its format.
     pub(crate) format: Format,
+    /// What was left out of a recording that was cut short.
+    pub(crate) salvaged: Option<Salvaged>,
     /// The geometry that it names.
     sensor: Option<Sensor>,
     events: Events,
@@ -39,6 +45,34 @@ enum Events {
     },
 }
 
+/// What `--salvage` kept and left out.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Salvaged {
+    /// Events kept.
+    events: usize,
+    /// What is not whole.
+    what: &'static str,
+    /// Where it starts: a byte of the file, or a line of a text.
+    place: String,
+    bytes_not_read: u64,
+}
+
+impl Salvaged {
+    pub(crate) fn of(recording: &Recording) -> Option<Self> {
+        let salvage = recording.salvaged?;
+        let events = recording.events.len();
+        let (what, place) = (salvage.what, salvage.place.to_string());
+        Some(Self { events, what, place, bytes_not_read: salvage.bytes_not_read })
+    }
+
+    /// What was left out, in words.
+    pub(crate) fn words(&self) -> String {
+        let Self { events, what, place, bytes_not_read } = self;
+        let (events, bytes) = (grouped(*events as u64), grouped(*bytes_not_read));
+        format!("{events} events kept; {what}, from {place} on, is not whole: {bytes} bytes not read")
+    }
+}
+
 /// Whether `path` means standard input.
 pub(crate) fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
@@ -49,27 +83,72 @@ pub(crate) fn stdin() -> Result<interrupt::Input, CliError> {
     interrupt::input().map_err(|source| CliError::Open { path: STDIN_NAME.into(), source })
 }
 
-/// The recording in the file at `path`, or all of standard input where it is `-`.
+/// The recording in the file at `path`, or all of standard input where it is `-`, read as `args` say.
 ///
 /// # Errors
 /// Also where a line of a text is no event.
-pub(crate) fn read(path: &Path) -> Result<Recording, CliError> {
+pub(crate) fn read(path: &Path, args: ReadArgs) -> Result<Recording, CliError> {
     if is_stdin(path) {
-        let mut lines = CsvEvents::new(stdin()?);
+        let mut lines = arriving(args)?;
         let events = lines.by_ref().collect::<Result<_, _>>();
         let events = events.map_err(|e| CliError::recording(STDIN_NAME, e))?;
         return Ok(text(lines.sensor(), events));
     }
-    meissner_io::read(path).map_err(|e| CliError::recording(&path.display().to_string(), e))
+    let name = path.display().to_string();
+    let recording =
+        meissner_io::read_with(path, &args.options()).map_err(|source| refused(path, args, source))?;
+    let of_text = args.given().into_iter().find(|&(option, given)| given && option != "--salvage");
+    if let (Some((option, _)), true) = (of_text, recording.format != Format::Csv) {
+        let (expected, found) =
+            ("a text of events".to_owned(), format!("{name}, which is {}", recording.format));
+        return Err(CliError::Option { option, expected, found });
+    }
+    if let Some(salvaged) = Salvaged::of(&recording) {
+        tell(format_args!("warning: {name}: salvaged: {}", salvaged.words()));
+    }
+    Ok(recording)
+}
+
+/// The error `source` of reading the file at `path`, with what could be salvaged.
+fn refused(path: &Path, args: ReadArgs, source: meissner_io::IoError) -> CliError {
+    use meissner_io::IoError::{Malformed, Truncated};
+    let name = path.display().to_string();
+    let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
+    let salvage = ReadArgs { salvage: true, ..args };
+    if may_be_cut
+        && !args.salvage
+        && let Ok(recording) = meissner_io::read_with(path, &salvage.options())
+        && let Some(salvaged) = Salvaged::of(&recording)
+    {
+        return CliError::Cut { recording: name, source, salvaged };
+    }
+    CliError::recording(&name, source)
+}
+
+/// The lines of standard input.
+fn arriving(args: ReadArgs) -> Result<CsvEvents<interrupt::Input>, CliError> {
+    if args.salvage {
+        return Err(CliError::Option {
+            option: "--salvage",
+            expected: "a file".to_owned(),
+            found: STDIN_NAME.to_owned(),
+        });
+    }
+    Ok(CsvEvents::with_options(stdin()?, args.options().text))
 }
 
 impl Source {
-    /// Opens `recording`; `None` is the embedded one. With `strict`, a line of a text that is no event is an error: of a
-    /// file at once, of standard input when it comes.
+    /// Opens `recording`, which is read as `args` say; `None` is the embedded one. With `strict`, a line of a text that is
+    /// no event is an error: of a file at once, of standard input when it comes.
     ///
     /// With `sensor_known`, standard input is not waited for; else its first event, since a comment before it may name
     /// the geometry.
-    pub(crate) fn open(recording: Option<&Path>, sensor_known: bool, strict: bool) -> Result<Self, CliError> {
+    pub(crate) fn open(
+        recording: Option<&Path>,
+        args: ReadArgs,
+        sensor_known: bool,
+        strict: bool,
+    ) -> Result<Self, CliError> {
         match recording {
             None => {
                 let recording =
@@ -78,22 +157,25 @@ impl Source {
             }
             Some(path) if is_stdin(path) => {
                 let mut refusals = Refusals::new(STDIN_NAME, strict);
-                let mut lines = CsvEvents::new(stdin()?);
+                let mut lines = arriving(args)?;
                 let first = if sensor_known { None } else { next(&mut lines, &mut refusals) };
                 let first = first.transpose()?;
-                let sensor = lines.sensor();
-                let events = Events::Arriving { first, lines };
-                Ok(Self { name: STDIN_NAME.to_owned(), format: Format::Csv, sensor, events, refusals })
+                Ok(Self {
+                    name: STDIN_NAME.to_owned(),
+                    format: Format::Csv,
+                    salvaged: None,
+                    sensor: lines.sensor(),
+                    events: Events::Arriving { first, lines },
+                    refusals,
+                })
             }
             Some(path) => {
-                let name = path.display().to_string();
-                let mut refusals = Refusals::new(&name, strict);
-                let file =
-                    |source| CliError::File(IoError::File { action: "read", path: path.to_owned(), source });
-                let bytes = fs::read(path).map_err(file)?;
-                let recording = match meissner_io::detect(&bytes) {
-                    Some(Format::Csv) => read_lines(&bytes, &mut refusals)?,
-                    _ => meissner_io::decode(&bytes).map_err(|e| CliError::recording(&name, e))?,
+                let mut refusals = Refusals::new(&path.display().to_string(), strict);
+                let recording = match read(path, args) {
+                    Err(error) if !strict && !args.salvage && is_of_a_line(&error) => {
+                        passing_over(path, args, &mut refusals)?
+                    }
+                    read => read?,
                 };
                 Ok(Self::of(recording, refusals))
             }
@@ -101,9 +183,10 @@ impl Source {
     }
 
     fn of(recording: Recording, refusals: Refusals) -> Self {
+        let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, .. } = recording;
         let events = Events::Read(events.into_iter());
-        Self { name: refusals.name().to_owned(), format, sensor, events, refusals }
+        Self { name: refusals.name().to_owned(), format, salvaged, sensor, events, refusals }
     }
 
     /// The geometry: `asked`, or what the recording names.
@@ -168,9 +251,22 @@ fn next<R: BufRead>(lines: &mut CsvEvents<R>, refusals: &mut Refusals) -> Option
     }
 }
 
-/// The recording that is the text `bytes`.
-fn read_lines(bytes: &[u8], refusals: &mut Refusals) -> Result<Recording, CliError> {
-    let mut lines = CsvEvents::new(bytes);
+/// Whether `error` is about one line of a text.
+fn is_of_a_line(error: &CliError) -> bool {
+    let (CliError::Recording { source, .. } | CliError::Cut { source, .. }) = error else { return false };
+    matches!(
+        source,
+        IoError::Malformed { place: Place::Line(_), .. }
+            | IoError::OutsideSensor { place: Place::Line(_), .. }
+    )
+}
+
+/// The recording in the text at `path`, without its lines that are no events.
+fn passing_over(path: &Path, args: ReadArgs, refusals: &mut Refusals) -> Result<Recording, CliError> {
+    let file = |source| CliError::File(IoError::File { action: "read", path: path.to_owned(), source });
+    let bytes = fs::read(path).map_err(file)?;
+    let lines = CsvEvents::of_text(&bytes, args.options().text);
+    let mut lines = lines.map_err(|e| CliError::recording(refusals.name(), e))?;
     let mut events = Vec::new();
     while let Some(event) = next(&mut lines, refusals) {
         events.push(event?);
@@ -179,5 +275,5 @@ fn read_lines(bytes: &[u8], refusals: &mut Refusals) -> Result<Recording, CliErr
 }
 
 fn text(sensor: Option<Sensor>, events: Vec<Event>) -> Recording {
-    Recording { format: Format::Csv, sensor, events, other_streams: Vec::new() }
+    Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged: None }
 }

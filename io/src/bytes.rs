@@ -4,6 +4,7 @@ use std::slice::ChunksExact;
 
 use crate::error::{IoError, Place};
 use crate::format::Format;
+use crate::recording::Salvage;
 
 /// A run of bytes that knows where in the file it stands.
 ///
@@ -94,24 +95,22 @@ pub(crate) fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("a slice cut to size")
 }
 
-/// The units of `size` bytes that follow byte `start` of a file; the last must be whole.
+/// The units of `size` bytes that follow byte `start` of a file; the last must be whole, or is left out where `salvage` says so.
 pub(crate) fn units<'a>(
     format: Format,
     what: &'static str,
     bytes: &'a [u8],
     start: usize,
     size: usize,
-) -> Result<ChunksExact<'a, u8>, IoError> {
+    salvage: bool,
+) -> Result<(ChunksExact<'a, u8>, Option<Salvage>), IoError> {
     let units = bytes[start..].chunks_exact(size);
     let rest = units.remainder().len();
-    if rest > 0 {
-        return Err(IoError::Truncated {
-            format,
-            what,
-            place: Place::Byte((bytes.len() - rest) as u64),
-            expected: size as u64,
-            actual: rest as u64,
-        });
+    let place = Place::Byte((bytes.len() - rest) as u64);
+    let cut = (rest > 0).then_some(Salvage { what, place, bytes_not_read: rest as u64 });
+    if cut.is_some() && !salvage {
+        let (expected, actual) = (size as u64, rest as u64);
+        return Err(IoError::Truncated { format, what, place, expected, actual });
     }
-    Ok(units)
+    Ok((units, cut))
 }

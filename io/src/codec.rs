@@ -7,19 +7,36 @@ use std::path::Path;
 use meissner_engine::{Event, Sensor};
 
 use crate::check::check;
+use crate::csv::TextOptions;
 use crate::error::{IoError, Place};
 use crate::format::Format;
+use crate::kind::{EVENTS, Kind};
 use crate::recording::Recording;
 use crate::{aedat4, csv, dat, detect, evt2, evt3, nmnist, npy};
+
+/// What a caller says about a recording that is to be read; the default says nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// The format, in place of what the content shows.
+    pub format: Option<Format>,
+    /// How a text is laid out, where it does not say so.
+    pub text: TextOptions,
+    /// Whether a file that was cut short is read as far as it is whole.
+    ///
+    /// Kept are the whole words of EVT2 and EVT3, events of DAT, N-MNIST and npy, packets of AEDAT4, and lines with a line
+    /// feed of CSV; what is left out stands in [`Recording::salvaged`]. Headers have to be whole, and what is there and
+    /// not as the format says is refused as ever: a damaged file is not salvaged.
+    pub salvage: bool,
+}
 
 /// Reads the recording in the file at `path`, whatever its format; the name plays no part.
 ///
 /// The file is held in memory while it is decoded; [`crate::limits`] bounds the rest.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read; otherwise those of [`decode`].
+/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of [`decode`].
 pub fn read(path: &Path) -> Result<Recording, IoError> {
-    decode(&load(path)?)
+    read_with(path, &ReadOptions::default())
 }
 
 /// Reads the recording in the file at `path`, which is of `format`.
@@ -27,20 +44,29 @@ pub fn read(path: &Path) -> Result<Recording, IoError> {
 /// # Errors
 /// Those of [`read`] and [`decode_as`].
 pub fn read_as(format: Format, path: &Path) -> Result<Recording, IoError> {
-    decode_as(format, &load(path)?)
+    read_with(path, &ReadOptions { format: Some(format), ..ReadOptions::default() })
 }
 
-fn load(path: &Path) -> Result<Vec<u8>, IoError> {
-    fs::read(path).map_err(|source| IoError::File { action: "read", path: path.to_owned(), source })
+/// Reads the recording in the file at `path` as `options` say.
+///
+/// # Errors
+/// Those of [`read`] and [`decode_with`].
+pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Recording, IoError> {
+    if path.is_dir() {
+        return Err(IoError::OtherKind { expected: EVENTS, found: Kind::Folder });
+    }
+    let bytes =
+        fs::read(path).map_err(|source| IoError::File { action: "read", path: path.to_owned(), source })?;
+    decode_with(&bytes, options)
 }
 
 /// Decodes `bytes`, the whole content of a file, whatever its format.
 ///
 /// # Errors
-/// [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where the content is not one of the formats, and
-/// those of [`decode_as`].
+/// [`IoError::OtherKind`] where the content is known and no recording that can be read, [`IoError::UnknownFormat`] or
+/// [`IoError::Unsupported`] where it is not one of the formats, and those of [`decode_as`].
 pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_as(detect::format_of(bytes)?, bytes)
+    decode_with(bytes, &ReadOptions::default())
 }
 
 /// Decodes `bytes`, the whole content of a file of `format`.
@@ -49,17 +75,35 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 /// [`IoError::Truncated`] where the bytes end before something does, [`IoError::Malformed`] where something
 /// is not what the format says, [`IoError::OutsideSensor`] where an event lies beside the sensor that the
 /// file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded, [`IoError::Unsupported`]
-/// where the content is a relative of the format. Then there is no recording: events before the fault are not
-/// returned as if they were all.
+/// where the content is a relative of the format, [`IoError::Undecided`] where a text can be read in several ways. Then
+/// there is no recording: events before the fault are not returned as if they were all.
 pub fn decode_as(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
-    match format {
-        Format::Aedat4 => aedat4::decode(bytes),
-        Format::Evt2 => evt2::decode(bytes),
-        Format::Evt3 => evt3::decode(bytes),
-        Format::Dat => dat::decode(bytes),
-        Format::Nmnist => nmnist::decode(bytes),
-        Format::Csv => csv::decode(bytes),
-        Format::Npy => npy::decode(bytes),
+    decode_with(bytes, &ReadOptions { format: Some(format), ..ReadOptions::default() })
+}
+
+/// Decodes `bytes`, the whole content of a file, as `options` say.
+///
+/// # Errors
+/// Those of [`decode`] and [`decode_as`]; with [`ReadOptions::salvage`] a file that is merely cut short behind its header
+/// gives none.
+pub fn decode_with(bytes: &[u8], options: &ReadOptions) -> Result<Recording, IoError> {
+    let ReadOptions { format, text, salvage } = *options;
+    let found = match format {
+        Some(format) => format,
+        None => detect::format_of(bytes).or_else(|error| match error {
+            // Who says the order of the columns says that it is a text of events.
+            IoError::UnknownFormat { .. } if text.columns.is_some() && csv::is_text(bytes) => Ok(Format::Csv),
+            error => Err(error),
+        })?,
+    };
+    match found {
+        Format::Aedat4 => aedat4::decode(bytes, salvage),
+        Format::Evt2 => evt2::decode(bytes, salvage),
+        Format::Evt3 => evt3::decode(bytes, salvage),
+        Format::Dat => dat::decode(bytes, salvage),
+        Format::Nmnist => nmnist::decode(bytes, salvage),
+        Format::Csv => csv::decode(bytes, text, salvage),
+        Format::Npy => npy::decode(bytes, salvage),
     }
 }
 

@@ -29,7 +29,7 @@ const CHANGES: [u8; 2] = [0x0c, 0x00];
 const TIME_RANGE: i64 = 1 << 32;
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Dat;
     let header = Header::parse(format, bytes)?;
     // A file without a version is older than version 2 and packs its pixels otherwise.
@@ -49,7 +49,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     }
 
     let start = header.end + 2;
-    let chunks = units(format, "the last event", bytes, start, STRIDE)?;
+    let (chunks, salvaged) = units(format, "the last event", bytes, start, STRIDE, salvage)?;
     let mut events = Vec::with_capacity(chunks.len());
     let (mut wrapped_us, mut newest) = (0, 0);
     for (index, chunk) in chunks.enumerate() {
@@ -69,7 +69,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         newest = time;
         events.push(Event::new(wrapped_us + time, x, y, pixel >> 28 == 1));
     }
-    Ok(Recording { format, sensor, events, other_streams: Vec::new() })
+    Ok(Recording { format, sensor, events, other_streams: Vec::new(), salvaged })
 }
 
 /// Refuses the events that the format cannot hold.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use meissner_engine::Sensor;
 
 use crate::format::Format;
+use crate::kind::Kind;
 
 /// Where in the input something was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,6 +147,30 @@ pub enum IoError {
         x: u32,
         /// The event's row.
         y: u32,
+    },
+    /// A text of events can be read in several ways, and neither it nor the caller says in which.
+    #[error(
+        "{format}: {what} at {place}: expected a text or options that say it, found {line}, which can be {readings}"
+    )]
+    Undecided {
+        /// The format being read.
+        format: Format,
+        /// `order of the columns` or `unit of time`.
+        what: &'static str,
+        /// The first event's line.
+        place: Place,
+        /// The line, or its start.
+        line: String,
+        /// The ways, in words.
+        readings: String,
+    },
+    /// The content is known, and of another kind.
+    #[error("expected {expected}, found {found}")]
+    OtherKind {
+        /// What the reader reads.
+        expected: &'static str,
+        /// What came.
+        found: Kind,
     },
     /// The format that was asked for cannot hold an event.
     #[error("{format} cannot hold event {index}: expected {field} {expected}, found {actual}")]

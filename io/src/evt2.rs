@@ -32,11 +32,11 @@ const HIGH_RANGE: i64 = 1 << 28;
 pub(crate) const SIDE: u16 = 2048;
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Evt2;
     let header = Header::parse(format, bytes)?;
     let sensor = header.sensor(format, SIDE)?;
-    let words = units(format, "the last word", bytes, header.end, WORD)?;
+    let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
 
     let mut events = Vec::with_capacity(words.len());
     let mut clock = Clock::default();
@@ -75,7 +75,8 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         vendor.summary("vendor's words", StreamKind::Other),
         unplaced.summary("before the first time word", StreamKind::Unplaced),
     ];
-    Ok(Recording { format, sensor, events, other_streams: other_streams.into_iter().flatten().collect() })
+    let other_streams = other_streams.into_iter().flatten().collect();
+    Ok(Recording { format, sensor, events, other_streams, salvaged })
 }
 
 /// The upper 28 bits of the time, and how often they have wrapped.

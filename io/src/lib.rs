@@ -4,7 +4,9 @@
 //! A file that is truncated or corrupt gives an [`IoError`] that names the place, what was expected and what
 //! was found: never a panic, never the events before a fault as if they were all, and never more memory than
 //! [`limits`] states. EVT2, EVT3, DAT, N-MNIST and CSV do not say how long they are: cut exactly between two of
-//! their words, events or lines, they are shorter recordings, and nobody can tell.
+//! their words, events or lines, they are shorter recordings, and nobody can tell. With [`ReadOptions::salvage`] a file that is
+//! cut short gives what is whole, and [`Recording::salvaged`] says what is not. Input of another kind ([`Kind`]) is refused
+//! by name.
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
@@ -13,7 +15,7 @@
 //! | Prophesee EVT3 | yes | yes | header, where it says so | `evt3` |
 //! | Prophesee DAT, version 2 | yes | yes | header, where it says so | `dat` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
-//! | CSV, also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
+//! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
 //! Beside them: images for frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]) and readings of
@@ -50,6 +52,7 @@ mod evt2;
 mod evt3;
 mod format;
 mod images;
+mod kind;
 pub mod limits;
 mod names;
 mod natural;
@@ -59,8 +62,8 @@ mod prophesee;
 mod recording;
 
 pub use atomic::replace_file;
-pub use codec::{decode, decode_as, encode, read, read_as, write};
-pub use csv::CsvEvents;
+pub use codec::{ReadOptions, decode, decode_as, decode_with, encode, read, read_as, read_with, write};
+pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
@@ -68,4 +71,5 @@ pub use format::Format;
 pub use images::{
     Image, ImageError, ImageFormat, ImageSequence, decode_image, encode_png, read_image, write_png,
 };
-pub use recording::{Recording, StreamKind, StreamSummary};
+pub use kind::{Foreign, Kind};
+pub use recording::{Recording, Salvage, StreamKind, StreamSummary};

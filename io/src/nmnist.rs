@@ -18,18 +18,21 @@ const SIDE: u8 = 34;
 /// Bytes of an event.
 const STRIDE: usize = 5;
 
-/// Whether `bytes` can be N-MNIST: at least one event, whole events only, every one on the sensor.
+/// Events that tell the format of a file whose last event is not whole: other bytes pass one in 57 times.
+const ENOUGH: usize = 8;
+
+/// Whether `bytes` can be N-MNIST: at least one event, every one on the sensor, and whole events only, or several and one that is cut short.
 pub(crate) fn is_nmnist(bytes: &[u8]) -> bool {
-    !bytes.is_empty()
-        && bytes.len().is_multiple_of(STRIDE)
-        && bytes.chunks_exact(STRIDE).all(|e| e[0] < SIDE && e[1] < SIDE)
+    let least = if bytes.len().is_multiple_of(STRIDE) { 1 } else { ENOUGH };
+    let events = bytes.chunks_exact(STRIDE);
+    events.len() >= least && events.into_iter().all(|e| e[0] < SIDE && e[1] < SIDE)
 }
 
 /// The events of `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Nmnist;
     let sensor = Sensor::new(u16::from(SIDE), u16::from(SIDE));
-    let chunks = units(format, "the last event", bytes, 0, STRIDE)?;
+    let (chunks, salvaged) = units(format, "the last event", bytes, 0, STRIDE, salvage)?;
     let mut events = Vec::with_capacity(chunks.len());
     for (index, chunk) in chunks.enumerate() {
         let [x, y, high, middle, low] = array(chunk);
@@ -40,5 +43,5 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
         events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
     }
-    Ok(Recording { format, sensor: Some(sensor), events, other_streams: Vec::new() })
+    Ok(Recording { format, sensor: Some(sensor), events, other_streams: Vec::new(), salvaged })
 }

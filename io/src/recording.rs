@@ -4,6 +4,7 @@ use std::fmt;
 
 use meissner_engine::{Event, Sensor};
 
+use crate::error::Place;
 use crate::format::Format;
 
 /// A decoded file.
@@ -17,6 +18,19 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// What the file holds beside these events: counted, not decoded. Streams that are empty are left out.
     pub other_streams: Vec<StreamSummary>,
+    /// What was left out at the end because it is not whole; only where [`crate::ReadOptions::salvage`] asked for that.
+    pub salvaged: Option<Salvage>,
+}
+
+/// The end of a file that was cut short, which is not among the events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Salvage {
+    /// What is not whole.
+    pub what: &'static str,
+    /// Where it starts.
+    pub place: Place,
+    /// Bytes from there to the end of the file.
+    pub bytes_not_read: u64,
 }
 
 /// How much of something a file holds that was counted and not decoded.

@@ -71,7 +71,8 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     if let Some(path) = &args.svg {
         output::check_writable(path)?;

@@ -29,7 +29,7 @@ pub(super) struct AngleData {
 impl AngleData {
     /// The part of the recording that `args` ask for.
     pub(super) fn read(args: &AngleArgs) -> Result<Self, CliError> {
-        let source = Source::open(Some(&args.recording), args.sensor.is_some(), true)?;
+        let source = Source::open(Some(&args.recording), args.read, args.sensor.is_some(), true)?;
         let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
         let all = source.collect::<Result<Vec<Event>, _>>()?;
         let first_us = all.first().map_or(0, |event| event.t_us);

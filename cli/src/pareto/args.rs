@@ -7,7 +7,7 @@ use clap::Subcommand;
 use meissner_engine::Sensor;
 use meissner_kernels::Isa;
 
-use crate::args::{STATUS, sensor};
+use crate::args::{ReadArgs, STATUS, sensor};
 use crate::bench::start_us;
 use crate::source::is_stdin;
 
@@ -117,6 +117,9 @@ pub(super) struct AngleArgs {
     /// Columns x rows of the sensor in pixels, in place of what the recording says.
     #[arg(long, value_name = "WxH", value_parser = sensor)]
     pub(super) sensor: Option<Sensor>,
+    /// How the recording is read.
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Leave out the events of the first SECONDS of the recording.
     #[arg(long, value_name = "SECONDS", value_parser = start_us)]
     pub(super) from_s: Option<i64>,

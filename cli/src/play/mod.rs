@@ -49,7 +49,8 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
     let input = &args.input;
     let model = Model::load(input)?;
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let network = Arc::new(model.network.clone());
     let approximations = &input.approximations;

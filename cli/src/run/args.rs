@@ -59,7 +59,8 @@ pub(crate) struct RunArgs {
     /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
     /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
     /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}, "approximations": {those that
-    /// were asked for, "filters": [{"name", "passed", "dropped"}]} (missing where none was)}}.
+    /// were asked for, "filters": [{"name", "passed", "dropped"}]} (missing where none was), "salvaged": {"events": kept, "what": is not
+    /// whole, "place": where it starts, "bytes_not_read"} (missing where the recording is whole)}}.
     ///
     /// Frame networks, a prediction over events: {"t_us": end of the newest frame's window, "value", "frames": frames
     /// that the state has seen, "events": events in the newest frame, "update_us": microseconds spent since the last

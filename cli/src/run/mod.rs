@@ -35,6 +35,7 @@ use crate::source::{self, Source};
 pub(crate) use args::RunArgs;
 use ending::Ending;
 use frames::Kind;
+pub(crate) use frames::readers;
 use json::JsonLines;
 use machine::Machine;
 use report::{Reading, Report};
@@ -55,7 +56,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     check_mode(args)?;
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let late = input.late.into();
@@ -113,6 +115,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut summary = runner.end(&mut ending, &network.layers(), &input.approximations);
     progress.finish();
     summary.lines_refused = source.lines_refused();
+    summary.salvaged = source.salvaged.take();
     ending.sum_up(|| report.summary(&summary))
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::approximations::Approximations;
 use crate::latency::{Latency, Quantiles};
 use crate::skips::{Skips, dropped};
+use crate::source::Salvaged;
 
 /// The whole run.
 #[derive(Debug, Serialize)]
@@ -35,6 +36,9 @@ pub(crate) struct Summary {
     /// What was approximated; none where everything was exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) approximations: Option<Approximations>,
+    /// What was left out of the recording; none where it is whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) salvaged: Option<Salvaged>,
 }
 
 impl Summary {
@@ -59,6 +63,7 @@ impl Summary {
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             skips: Skips::new(counters, layers),
             approximations: None,
+            salvaged: None,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use meissner_engine::Sensor;
 
-use crate::args::{STATUS, sensor};
+use crate::args::{ReadArgs, STATUS, sensor};
 
 /// How it measures, at the end of the long help.
 const METHOD: &str = "\
@@ -45,6 +45,9 @@ pub(crate) struct SoakArgs {
     /// Columns x rows of the sensor in pixels, in place of what the recordings say; events outside it are dropped.
     #[arg(long, value_name = "WxH", value_parser = sensor)]
     pub(super) sensor: Option<Sensor>,
+    /// How the recordings are read.
+    #[command(flatten)]
+    pub(super) read: ReadArgs,
     /// Events in all, such as 1e8; those that are dropped count.
     #[arg(long, value_name = "N", value_parser = count)]
     pub(super) events: u64,

@@ -73,7 +73,7 @@ fn tapes(args: &SoakArgs) -> Result<(Vec<Tape>, Sensor), CliError> {
     let mut extent = Sensor::new(0, 0);
     let mut tapes = Vec::with_capacity(named.len());
     for recording in named {
-        let source = Source::open(recording, args.sensor.is_some(), true)?;
+        let source = Source::open(recording, args.read, args.sensor.is_some(), true)?;
         let sensor = source.sensor(args.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();

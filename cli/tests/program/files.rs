@@ -60,7 +60,7 @@ fn standard_input_can_be_converted() {
 fn an_event_beside_the_sensor_is_refused_and_the_file_stays_as_it_was() {
     let (_folder, to) = file("kept.csv", "kept");
     let recording = default_recording();
-    let output = meissner(&["convert", argument(&recording), argument(&to), "--sensor", "8x8"]);
+    let output = meissner(&["convert", argument(&recording), argument(&to), "--sensor", "8x8", "--force"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(message(&output).contains("kept.csv"), "{}", message(&output));
     assert_eq!(std::fs::read(&to).expect("it is still there"), b"kept");
@@ -82,7 +82,7 @@ fn info_counts_what_a_recording_holds() {
     let expected = serde_json::json!({
         "format": "CSV", "sensor": [8, 6], "events": 4, "on": 3, "off": 1, "first_t_us": 100, "last_t_us": 1600,
         "span_us": 1500, "events_per_s": 4.0 / 1.5e-3, "peak_events_per_ms": 3, "late": 1, "largest_xy": [7, 5],
-        "other_streams": [],
+        "other_streams": [], "salvaged": null,
     });
     assert_eq!(info, expected);
     let output = text(&meissner(&["info", argument(&path)]));

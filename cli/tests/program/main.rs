@@ -16,6 +16,7 @@ mod eval_slip_trainings;
 mod every;
 mod exit_status;
 mod files;
+mod foreign_input;
 mod frames;
 mod frames_decisions;
 mod frames_electrodes;

@@ -86,6 +86,11 @@ fn recordings() -> io::Result<()> {
         ("names", "\u{feff}P, X ,\"y\",timestamp,other\r\nTrue,1,2,3.00,x\r\n\r\n# more\r\n-1,4,5,-6,\r\n"),
         ("sensor", "# sensor 4x3\nt,x,y,p\n1,3,2,+1\n"),
         ("far", "-9223372036854775808,65535,65535,1\n9223372036854775807,0,0,0"),
+        ("blanks", "14 27 70000 1\n15\t28  70040 -1\n"),
+        ("seconds", "240 180\n0.000000000 96 133 0\n0.003811499 11 2 1\n"),
+        ("semicolons", "% by hand\n# x y t p\n1;2;5;1\n3;4;9;0\n"),
+        ("units", "time_ms p x y\n0.0055 1 3 4\n-1.5 0 1 2\n"),
+        ("several-orders", "1 2 3 1\n2 3 4 0\n"),
     ];
     for (name, text) in texts {
         put("csv", name, text.as_bytes())?;

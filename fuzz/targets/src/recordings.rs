@@ -4,7 +4,10 @@ use std::io::BufReader;
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
-use meissner_io::{CsvEvents, Format, IoError, Recording, decode, decode_as, encode};
+use meissner_io::{
+    CsvEvents, Format, IoError, ReadOptions, Recording, TextOptions, TimeUnit, decode, decode_as,
+    decode_with, encode,
+};
 
 use crate::choices::Choices;
 use crate::target::Verdict;
@@ -47,26 +50,34 @@ pub fn npy(bytes: &[u8]) -> Verdict {
     decoded(Format::Npy, bytes)
 }
 
-/// CSV, whole and line by line: where the reader's buffer ends reaches nothing, and a bad line costs one item.
+/// CSV, whole and line by line: where the reader's buffer ends reaches nothing, and a bad line costs one item. What the
+/// options say is read the same from a stream and from a file.
 ///
 /// # Panics
 /// If a promise is broken.
 pub fn csv(bytes: &[u8]) -> Verdict {
-    let items = |capacity| -> Vec<Result<Event, String>> {
-        let items = CsvEvents::new(BufReader::with_capacity(capacity, bytes));
-        items.map(|item| item.map_err(|error| error.to_string())).collect()
-    };
-    let (whole, pieces) = (items(1 << 16), items(7));
-    // How much of an overlong line has been seen depends on the buffer.
-    let known = |items: &[Result<Event, String>]| {
-        items.iter().take_while(|item| item.is_ok()).cloned().collect::<Vec<_>>()
-    };
-    assert_eq!((whole.len(), known(&whole)), (pieces.len(), known(&pieces)));
-    let lines = bytes.split(|&b| b == b'\n').count();
-    assert!(whole.len() <= lines, "{} items of {lines} lines", whole.len());
-    let verdict = decoded(Format::Csv, bytes);
-    assert_eq!(verdict == Verdict::Accepted, whole.iter().all(Result::is_ok));
-    verdict
+    let columns = "txyp".parse().ok();
+    let said = TextOptions { columns, time_unit: Some(TimeUnit::Microseconds) };
+    for options in [TextOptions::default(), said] {
+        let items = |capacity| -> Vec<Result<Event, String>> {
+            let items = CsvEvents::with_options(BufReader::with_capacity(capacity, bytes), options);
+            items.map(|item| item.map_err(|error| error.to_string())).collect()
+        };
+        let (whole, pieces) = (items(1 << 16), items(7));
+        // How much of an overlong line has been seen depends on the buffer.
+        let known = |items: &[Result<Event, String>]| {
+            items.iter().take_while(|item| item.is_ok()).cloned().collect::<Vec<_>>()
+        };
+        assert_eq!((whole.len(), known(&whole)), (pieces.len(), known(&pieces)));
+        let lines = bytes.split(|&b| b == b'\n').count();
+        assert!(whole.len() <= lines, "{} items of {lines} lines", whole.len());
+        let asked = ReadOptions { format: Some(Format::Csv), text: options, salvage: false };
+        let read = decode_with(bytes, &asked).map(|recording| recording.events);
+        if options == said {
+            assert_eq!(read.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
+        }
+    }
+    decoded(Format::Csv, bytes)
 }
 
 /// Whatever the content is found to be.
@@ -102,6 +113,7 @@ pub fn convert(bytes: &[u8]) -> Verdict {
 }
 
 fn decoded(format: Format, bytes: &[u8]) -> Verdict {
+    salvaged(format, bytes);
     match decode_as(format, bytes) {
         Ok(recording) => {
             assert_eq!(recording.format, format);
@@ -109,6 +121,22 @@ fn decoded(format: Format, bytes: &[u8]) -> Verdict {
             Verdict::Accepted
         }
         Err(error) => refused(&error),
+    }
+}
+
+/// What is whole in a file that is cut short: all of a file that is not, and less than a line or word more than the rest.
+fn salvaged(format: Format, bytes: &[u8]) {
+    let asked = ReadOptions { format: Some(format), salvage: true, ..ReadOptions::default() };
+    let salvaged = decode_with(bytes, &asked);
+    match &salvaged {
+        Ok(recording) => keeps_its_promises(bytes, recording),
+        Err(error) => drop(refused(error)),
+    }
+    // A last line without a line feed is no whole one, and may be what tells the order of the columns.
+    if format != Format::Csv
+        && let Ok(whole) = decode_as(format, bytes)
+    {
+        assert_eq!(salvaged.ok().map(|recording| recording.events), Some(whole.events));
     }
 }
 

@@ -16,11 +16,13 @@ pub(super) struct Header {
     pub(super) packets: usize,
     /// Byte of the file at which the packet table starts, if there is one.
     pub(super) table: Option<usize>,
+    /// Whether the file ends before the place of its packet table.
+    pub(super) is_cut: bool,
 }
 
 impl Header {
-    /// Reads the magic and the header at the start of `file`.
-    pub(super) fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+    /// Reads the magic and the header at the start of `file`; where `salvage` says so, the file may end before its packet table.
+    pub(super) fn parse(file: Bytes<'_>, salvage: bool) -> Result<Self, IoError> {
         let (format, what, start) = (file.format, "header", MAGIC.len());
         let magic = file.get("magic", 0, start)?;
         if magic != MAGIC {
@@ -50,13 +52,16 @@ impl Header {
             }
         };
         let packets = start + length;
-        let table = match root.i64(1, -1)? {
-            -1 => None,
-            at => Some(Self::table(file, packets, at)?),
+        let (table, is_cut) = match root.i64(1, -1)? {
+            -1 => (None, false),
+            at => match Self::table(file, packets, at) {
+                Err(IoError::Truncated { .. }) if salvage => (None, true),
+                table => (Some(table?), false),
+            },
         };
         let (xml_at, xml) = root.vector(2, 1)?;
         let streams = streams::parse(format, xml, content.place(xml_at))?;
-        Ok(Self { compression, streams, packets, table })
+        Ok(Self { compression, streams, packets, table, is_cut })
     }
 
     /// The position of the packet table, which the recorder writes last: a file that ends before it was cut.

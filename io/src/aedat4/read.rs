@@ -8,21 +8,33 @@ use super::inflate::Inflater;
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
 use crate::format::Format;
-use crate::recording::{Recording, StreamKind, Tally};
+use crate::recording::{Recording, Salvage, StreamKind, Tally};
 
 /// Bytes of a packet's header.
 const PACKET_HEADER: usize = 8;
 /// Bytes of the packet table that show what it is.
 const TABLE_START: u64 = 12;
 
-/// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+/// The events of the file `bytes`; to be salvaged are the packets that are whole.
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Aedat4;
-    let header = Header::parse(Bytes::new(format, bytes, Place::Byte(0)))?;
+    let header = Header::parse(Bytes::new(format, bytes, Place::Byte(0)), salvage)?;
     let mut inflater = Inflater::new(header.compression, bytes.len() as u64);
+    let rest = |what, at: usize| {
+        let bytes_not_read = (bytes.len() - at) as u64;
+        Some(Salvage { what, place: Place::Byte(at as u64), bytes_not_read })
+    };
+    // Where the table should be and is not, the packets end with the file.
+    let mut salvaged = if header.is_cut { rest("the packets before their table", bytes.len()) } else { None };
     if let Some(table) = header.table {
-        let start = inflater.prefix(&bytes[table..], table, TABLE_START)?;
-        events::check_table(Bytes::new(format, start, packet_place(table)))?;
+        let checked = inflater
+            .prefix(&bytes[table..], table, TABLE_START)
+            .and_then(|start| events::check_table(Bytes::new(format, start, packet_place(table))));
+        match checked {
+            // No event is in it.
+            Err(_) if salvage => salvaged = rest("the packet table", table),
+            checked => checked?,
+        }
     }
 
     let streams = &header.streams;
@@ -36,6 +48,10 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     let packets = Bytes::new(format, &bytes[..header.table.unwrap_or(bytes.len())], Place::Byte(0));
     let mut at = header.packets;
     while at < packets.len() {
+        if salvage && !is_whole(packets, at) {
+            salvaged = rest("the last packet", at);
+            break;
+        }
         let id = packets.i32("header of a packet", at)?;
         let size = packets.i32("header of a packet", at + 4)?;
         let Ok(size) = usize::try_from(size) else {
@@ -62,7 +78,13 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
     }
     let other_streams =
         tallies.iter().zip(streams).filter_map(|(tally, stream)| tally.summary(&stream.name, stream.kind));
-    Ok(Recording { format, sensor, events, other_streams: other_streams.collect() })
+    Ok(Recording { format, sensor, events, other_streams: other_streams.collect(), salvaged })
+}
+
+/// Whether the packet at byte `at`, header and content, ends before `packets` do; true where its size makes no sense.
+fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
+    let Ok(size) = packets.i32("header of a packet", at + 4) else { return false };
+    usize::try_from(size).is_ok_and(|size| size <= packets.len() - at - PACKET_HEADER) || size < 0
 }
 
 /// The first byte of the content of the packet at byte `at`.

@@ -1,64 +1,79 @@
-//! Which column holds what: by the header's names, or t, x, y, p where there is no header.
+//! Which field of a line is which part of an event.
 
-use meissner_engine::Event;
+use std::fmt;
+use std::str::FromStr;
 
-use super::field::{Refusal, bare, coordinate, polarity, shown, time};
+use super::field::{Refusal, bare, shown};
+use super::layout::{TimeUnit, unit_of};
+use super::separator::Separator;
 use crate::names;
 
 /// What a line can have wrong: which field, and how.
 pub(super) type Fault = (&'static str, Refusal);
 
-/// The columns t, x, y, p by index, and how many columns there are.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Columns {
-    t: usize,
-    x: usize,
-    y: usize,
-    p: usize,
-    count: usize,
+/// The order of the columns of a text of events.
+///
+/// It is written as a letter for each column: `t`, `x`, `y` and `p` once each, and `_` for a column that is passed over, such
+/// as `xytp` or `t_xyp`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColumnOrder {
+    pub(super) t: usize,
+    pub(super) x: usize,
+    pub(super) y: usize,
+    pub(super) p: usize,
+    pub(super) count: usize,
 }
 
-impl Columns {
+impl ColumnOrder {
     /// Columns t, x, y, p.
     pub(super) const PLAIN: Self = Self { t: 0, x: 1, y: 2, p: 3, count: 4 };
+    /// Most letters of an order.
+    const MOST: usize = 64;
 
     /// Whether a line is a header: its first field starts as a name does.
     pub(super) fn is_header(line: &[u8]) -> bool {
-        let first = line.split(|&b| b == b',').next().map(bare).unwrap_or_default();
+        let first = Separator::of(line).fields(line).next().unwrap_or_default();
         first.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_')
     }
 
-    /// The columns that a header names.
-    pub(super) fn from_header(line: &[u8]) -> Result<Self, Fault> {
-        let names: Vec<_> = line.split(|&b| b == b',').map(|name| bare(name).to_ascii_lowercase()).collect();
-        let find = |what, known: &[&str]| {
-            let mut found =
-                names.iter().enumerate().filter(|(_, name)| known.iter().any(|k| *name == k.as_bytes()));
-            match (found.next(), found.next()) {
-                (Some((index, _)), None) => Ok(index),
-                _ => Err((what, Refusal::new(format!("one column of {}", known.join(", ")), line))),
-            }
-        };
-        Ok(Self {
-            t: find("column t of the header", names::TIME)?,
-            x: find("column x of the header", names::X)?,
-            y: find("column y of the header", names::Y)?,
-            p: find("column p of the header", names::POLARITY)?,
-            count: names.len(),
-        })
+    /// Whether a line consists of the names of the four columns and nothing else.
+    pub(super) fn is_plain_header(line: &[u8]) -> bool {
+        Self::from_header(line, Separator::of(line)).is_ok_and(|(columns, _)| columns.count == 4)
     }
 
-    /// The event of a line.
-    pub(super) fn event(self, line: &[u8]) -> Result<Event, Fault> {
-        let (mut t, mut x, mut y, mut p) = (&[][..], &[][..], &[][..], &[][..]);
+    /// The columns that a header names, and the unit of its time where it says one.
+    pub(super) fn from_header(line: &[u8], separator: Separator) -> Result<(Self, Option<TimeUnit>), Fault> {
+        let names: Vec<_> = separator.fields(line).map(<[u8]>::to_ascii_lowercase).collect();
+        let find = |what, is: &dyn Fn(&[u8]) -> bool, expected: &str| {
+            let mut found = names.iter().enumerate().filter(|(_, name)| is(name));
+            match (found.next(), found.next()) {
+                (Some((index, _)), None) => Ok(index),
+                _ => Err((what, Refusal::new(format!("one column of {expected}"), line))),
+            }
+        };
+        let one_of = |what, known: &[&str]| {
+            find(what, &|name| known.iter().any(|k| name == k.as_bytes()), &known.join(", "))
+        };
+        let times = "t, ts, time, timestamp, each also with _s, _ms, _us or _ns";
+        let t = find("column t of the header", &|name| unit_of(name).is_some(), times)?;
+        let columns = Self {
+            t,
+            x: one_of("column x of the header", names::X)?,
+            y: one_of("column y of the header", names::Y)?,
+            p: one_of("column p of the header", names::POLARITY)?,
+            count: names.len(),
+        };
+        Ok((columns, unit_of(&names[t]).flatten()))
+    }
+
+    /// The fields t, x, y and p of a line.
+    pub(super) fn fields(self, separator: Separator, line: &[u8]) -> Result<[&[u8]; 4], Fault> {
+        let mut parts = [&[][..]; 4];
         let mut count = 0;
-        for (index, field) in line.split(|&b| b == b',').enumerate() {
-            match index {
-                _ if index == self.t => t = field,
-                _ if index == self.x => x = field,
-                _ if index == self.y => y = field,
-                _ if index == self.p => p = field,
-                _ => {}
+        for (index, field) in separator.fields(line).enumerate() {
+            let part = [self.t, self.x, self.y, self.p].iter().position(|&column| column == index);
+            if let Some(part) = part {
+                parts[part] = field;
             }
             count += 1;
         }
@@ -66,11 +81,40 @@ impl Columns {
             let expected = format!("{} fields", self.count);
             return Err(("line", Refusal { expected, actual: format!("{count} in {}", shown(line)) }));
         }
-        Ok(Event {
-            t_us: time(bare(t)).map_err(|refusal| ("time t", refusal))?,
-            x: coordinate(bare(x)).map_err(|refusal| ("column x", refusal))?,
-            y: coordinate(bare(y)).map_err(|refusal| ("row y", refusal))?,
-            on: polarity(bare(p)).map_err(|refusal| ("polarity p", refusal))?,
-        })
+        Ok(parts)
     }
+}
+
+impl fmt::Display for ColumnOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let letters = [(self.t, 't'), (self.x, 'x'), (self.y, 'y'), (self.p, 'p')];
+        let letter = |column| letters.iter().find(|(c, _)| *c == column).map_or('_', |(_, letter)| *letter);
+        f.pad(&(0..self.count).map(letter).collect::<String>())
+    }
+}
+
+impl FromStr for ColumnOrder {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let place = |letter| {
+            let mut found = text.match_indices(letter).map(|(at, _)| at);
+            found.next().filter(|_| found.next().is_none())
+        };
+        let known = text.len() <= Self::MOST && text.bytes().all(|b| b"txyp_".contains(&b));
+        let parse = || {
+            Some(Self { t: place('t')?, x: place('x')?, y: place('y')?, p: place('p')?, count: text.len() })
+        };
+        let expected =
+            "expected the letters t, x, y and p once each, such as xytp, with _ for each other column";
+        parse().filter(|_| known).ok_or_else(|| expected.to_owned())
+    }
+}
+
+/// The unit after the name of a column of time, in lower case; the outer `None` where the name is no time's.
+pub(super) fn time_name(name: &[u8]) -> Option<Option<&str>> {
+    let name = std::str::from_utf8(bare(name)).ok()?;
+    let (stem, unit) = name.rsplit_once('_').map_or((name, None), |(stem, unit)| (stem, Some(unit)));
+    let known = matches!(stem, "t" | "ts" | "time" | "timestamp");
+    (known && unit.is_none_or(|unit| unit.parse::<TimeUnit>().is_ok())).then_some(unit)
 }

@@ -23,6 +23,16 @@ impl<R: BufRead> Lines<R> {
         Self { input, line: Vec::new(), number: 0 }
     }
 
+    /// The number of the line that was read last; 0 before the first.
+    pub(crate) fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// The bytes of the line that was read last, or as many of them as a line may have.
+    pub(crate) fn raw(&self) -> &[u8] {
+        &self.line
+    }
+
     /// The next line and its number, without spaces around it; `None` at the end of the input.
     pub(crate) fn next(&mut self) -> Result<Option<(&[u8], u64)>, IoError> {
         self.line.clear();
@@ -43,6 +53,9 @@ impl<R: BufRead> Lines<R> {
             let length = end.map_or(buffer.len(), |end| end + 1);
             let total = (self.line.len() + length) as u64;
             if total > LINE_BYTES {
+                // The start shows what came in place of lines.
+                let room = LINE_BYTES as usize - self.line.len();
+                self.line.extend_from_slice(&buffer[..room]);
                 return Err(IoError::TooLarge {
                     format: Format::Csv,
                     what: "line",
@@ -61,10 +74,15 @@ impl<R: BufRead> Lines<R> {
         if self.line.is_empty() {
             return Ok(None);
         }
+        Ok(Some(self.current()))
+    }
+
+    /// The line that was read last and its number, without spaces around it.
+    pub(crate) fn current(&self) -> (&[u8], u64) {
         let mut line = self.line.as_slice();
         if self.number == 1 {
             line = line.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(line);
         }
-        Ok(Some((line.trim_ascii(), self.number)))
+        (line.trim_ascii(), self.number)
     }
 }

@@ -82,6 +82,13 @@ pub(super) fn expected() -> String {
     format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1")
 }
 
+/// Whether a header names electrodes: half of them are enough to tell what it is meant for.
+pub(crate) fn are_named_in(line: &[u8]) -> bool {
+    let names = line.split(|&b| b == b',').filter_map(|name| str::from_utf8(bare(name)).ok());
+    names.filter(|name| electrode(&name.to_ascii_lowercase()).is_some()).take(ELECTRODES / 2).count()
+        == ELECTRODES / 2
+}
+
 /// What stands before an electrode's number, and its index from 0; `None` where `name` is no electrode's.
 fn electrode(name: &str) -> Option<(&str, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());

@@ -23,7 +23,9 @@ use std::str::FromStr;
 use crate::csv::{Lines, bare, shown};
 use crate::error::{IoError, Place};
 use crate::format::Format;
+use crate::kind::{self, Kind};
 
+pub(crate) use header::are_named_in;
 use header::{Columns, Role};
 pub use settings::{ElectrodeSettings, ElectrodeWarnings};
 
@@ -48,7 +50,7 @@ pub struct Reading {
 ///
 /// A row that is no reading gives an error with its line, and the next call goes on with the row after it; a caller
 /// who wants all or nothing stops at the first error. After a bad header or none, a line of more than
-/// [`crate::limits::LINE_BYTES`] or a reader's failure there are no more items. What is suspicious but can be read is
+/// [`crate::limits::LINE_BYTES`], a reader's failure or an input of another kind ([`IoError::OtherKind`]) there are no more items. What is suspicious but can be read is
 /// delivered and counted in [`Self::warnings`].
 ///
 /// ```
@@ -111,9 +113,18 @@ impl<R: BufRead> Electrodes<R> {
         let mut end = 1;
         loop {
             self.ended = true;
-            let Some((line, number)) = self.lines.next()? else {
-                return if self.columns.is_some() { Ok(None) } else { Err(no_header(end)) };
+            let is_first = self.lines.number() == 0;
+            let next = match self.lines.next() {
+                Ok(None) if self.columns.is_some() => return Ok(None),
+                Ok(None) => return Err(no_header(end)),
+                next => next.map(drop),
             };
+            // What has no lines, or a first line of another kind, may be no text.
+            if is_first && let Some(error) = other_kind(self.lines.raw()) {
+                return Err(error);
+            }
+            next?;
+            let (line, number) = self.lines.current();
             end = number + 1;
             if line.is_empty() || line.starts_with(b"#") {
                 continue;
@@ -177,6 +188,12 @@ impl Columns {
 /// The number that a field is; each type rounds for itself.
 fn parse<T: FromStr>(field: &[u8]) -> Option<T> {
     str::from_utf8(bare(field)).ok()?.parse().ok()
+}
+
+/// The error of an input that starts with `start`, where that is of another kind.
+fn other_kind(start: &[u8]) -> Option<IoError> {
+    let found = Kind::of(start).filter(|kind| *kind != Kind::Electrodes)?;
+    Some(IoError::OtherKind { expected: kind::ELECTRODES, found })
 }
 
 /// The input ended at line `number` without a header.

@@ -14,11 +14,11 @@ use crate::recording::{Recording, StreamKind, Tally};
 const WORD: usize = 2;
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Evt3;
     let header = Header::parse(format, bytes)?;
     let sensor = header.sensor(format, SIDE)?;
-    let words = units(format, "the last word", bytes, header.end, WORD)?;
+    let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
 
     let mut decoder = Decoder::new(sensor, words.len());
     for (index, word) in words.enumerate() {
@@ -31,7 +31,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         decoder.unplaced.summary("before the first time and row", StreamKind::Unplaced),
     ];
     let other_streams = other_streams.into_iter().flatten().collect();
-    Ok(Recording { format, sensor, events: decoder.events, other_streams })
+    Ok(Recording { format, sensor, events: decoder.events, other_streams, salvaged })
 }
 
 /// Why a word cannot be; small, so that the loop over the words stays small.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::format::ImageFormat;
 use crate::error::Place;
+use crate::kind::Kind;
 
 /// Why an image could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +91,14 @@ pub enum ImageError {
         expected: (usize, usize),
         /// Width and height of this one.
         found: (usize, usize),
+    },
+    /// A file is known, and no image.
+    #[error("{}: expected a picture, a folder or a list of them, found {found}", path.display())]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        found: Kind,
     },
     /// A folder or a list names no image.
     #[error("{}: expected at least one image ({expected}), found none", path.display())]

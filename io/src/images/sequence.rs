@@ -8,6 +8,7 @@ use super::error::ImageError;
 use super::format::ImageFormat;
 use super::image::{Image, read_bounded, read_image};
 use crate::error::Place;
+use crate::kind::Kind;
 use crate::natural;
 
 /// The images of a sequence with their paths, one at a time, each read when it is asked for.
@@ -31,7 +32,7 @@ impl ImageSequence {
     ///
     /// # Errors
     /// [`ImageError::File`] where `path` cannot be read, [`ImageError::NoImages`] where it names none,
-    /// [`ImageError::List`] where a file is neither an image nor a text, [`ImageError::Content`] where it is longer
+    /// [`ImageError::OtherKind`] where it is known and no image, [`ImageError::List`] where a file is neither an image nor a text, [`ImageError::Content`] where it is longer
     /// than [`crate::limits::IMAGE_BYTES`].
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         if path.is_dir() {
@@ -41,11 +42,20 @@ impl ImageSequence {
                 "a file with the extension png, jpg, jpeg, ppm, pgm or pnm",
             );
         }
-        let content = read_bounded(path)?;
+        let content = match read_bounded(path) {
+            // A long recording is refused for what it is.
+            Err(ImageError::Content { .. }) if let Ok(Some(found)) = Kind::of_file(path) => {
+                return Err(ImageError::OtherKind { path: path.to_owned(), found });
+            }
+            content => content?,
+        };
         if ImageFormat::detect(&content).is_some() {
             return Self::new(vec![path.to_owned()], path, "this one");
         }
-        Self::new(list(path, &content)?, path, "a line with a path")
+        match Kind::of(&content) {
+            None => Self::new(list(path, &content)?, path, "a line with a path"),
+            Some(found) => Err(ImageError::OtherKind { path: path.to_owned(), found }),
+        }
     }
 
     fn new(paths: Vec<PathBuf>, path: &Path, expected: &'static str) -> Result<Self, ImageError> {

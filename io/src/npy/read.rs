@@ -6,17 +6,22 @@ use super::header::{Field, Kind, Layout};
 use crate::bytes::{Bytes, array};
 use crate::error::{IoError, Place};
 use crate::format::Format;
-use crate::recording::Recording;
+use crate::recording::{Recording, Salvage};
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Npy;
     let file = Bytes::new(format, bytes, Place::Byte(0));
     let layout = Layout::parse(file)?;
     let records = &bytes[layout.start..];
     let promised = layout.count.saturating_mul(layout.stride as u64);
     let there = records.len() as u64;
-    if there < promised {
+    let salvaged = (there < promised && salvage).then(|| {
+        let rest = records.len().checked_rem(layout.stride).unwrap_or(0);
+        let place = file.place(bytes.len() - rest);
+        Salvage { what: "array", place, bytes_not_read: rest as u64 }
+    });
+    if there < promised && !salvage {
         return Err(IoError::Truncated {
             format,
             what: "array",
@@ -30,7 +35,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         return Err(file.malformed("array", layout.start, expected, format!("{there} bytes of events")));
     }
 
-    let mut events = Vec::with_capacity(layout.count as usize);
+    let mut events = Vec::with_capacity((layout.count as usize).min(records.len()));
     for (index, record) in records.chunks_exact(layout.stride).enumerate() {
         let event = event(&layout, record).map_err(|fault| {
             let (what, field, expected) = match fault {
@@ -44,7 +49,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
         })?;
         events.push(event);
     }
-    Ok(Recording { format, sensor: None, events, other_streams: Vec::new() })
+    Ok(Recording { format, sensor: None, events, other_streams: Vec::new(), salvaged })
 }
 
 /// The field of a record that holds what an event cannot.

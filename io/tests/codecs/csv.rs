@@ -29,8 +29,8 @@ fn polarity_is_0_or_1_or_minus_1_or_plus_1_or_a_boolean() {
     let text = "t,x,y,on\n0,0,0,0\n0,0,0,-1\n0,0,0,False\n0,0,0,1\n0,0,0,+1\n0,0,0,True\n0,0,0,1.0\n";
     let on: Vec<_> = read(text).unwrap().iter().map(|e| e.on).collect();
     assert_eq!(on, [false, false, false, true, true, true, true]);
-    let error = read("0,0,0,2").unwrap_err();
-    assert_eq!(error.to_string(), "CSV: polarity p at line 1: expected 0, 1, -1 or +1, found `2`");
+    let error = read("t,x,y,p\n0,0,0,2").unwrap_err();
+    assert_eq!(error.to_string(), "CSV: polarity p at line 2: expected 0, 1, -1 or +1, found `2`");
 }
 
 #[test]
@@ -65,7 +65,8 @@ fn times_beyond_64_bits_and_pixels_beyond_16_bits_are_refused() {
         "1e3,0,0,1",
         "0,0,0,",
     ] {
-        assert!(matches!(read(line), Err(IoError::Malformed { place: Place::Line(1), .. })), "{line}");
+        let read = read(&format!("t,x,y,p\n{line}"));
+        assert!(matches!(read, Err(IoError::Malformed { place: Place::Line(2), .. })), "{line}");
     }
 }
 
@@ -78,7 +79,7 @@ fn a_line_with_too_few_or_too_many_fields_is_refused() {
 
 #[test]
 fn a_header_that_lacks_a_column_or_has_it_twice_is_refused() {
-    for header in ["t_s,x,y,p", "t,x,y", "t,time,x,y,p"] {
+    for header in ["t_h,x,y,p", "t,x,y", "t,time,x,y,p"] {
         let error = read(&format!("{header}\n0,0,0,0,0\n")).unwrap_err();
         assert!(matches!(error, IoError::Malformed { place: Place::Line(1), .. }), "{error}");
     }

@@ -13,9 +13,12 @@ mod encoders;
 mod evt2;
 mod evt3;
 mod hostile;
+mod kinds;
 mod nmnist;
 mod npy;
 mod recordings;
+mod salvage;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
 mod support;
+mod texts;

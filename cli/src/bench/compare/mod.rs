@@ -36,7 +36,8 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let model = Model::load(input)?;
     let frame_model = FrameModel::load(name, args.compare_weights.as_deref()).map_err(with_its_option)?;
     let period_us = frame_model.period_us(args.every)?;
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let (recording, format) = (source.name.clone(), source.format);
     let events = taken(&mut source, args)?;

@@ -38,7 +38,8 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     check(args)?;
     let model = FrameModel::load(&input.network, input.weights.as_deref())?;
     let period_us = model.period_us(args.every)?;
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     let sensor = source.sensor(input.sensor)?;
     let (recording, format) = (source.name.clone(), source.format);
     let events = taken(&mut source, args)?;

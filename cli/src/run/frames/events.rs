@@ -39,7 +39,8 @@ struct Line<'a> {
 
 pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
     let input = &args.input;
-    let mut source = Source::open(input.recording.as_deref(), input.sensor.is_some(), input.strict)?;
+    let mut source =
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
@@ -120,6 +121,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     progress.finish();
     let counters = feed.counters();
     let counts = EventCounts {
+        salvaged: source.salvaged.clone(),
         events: counters.pushed,
         lines_refused: source.lines_refused(),
         accepted: counters.accepted,

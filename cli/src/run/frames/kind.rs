@@ -1,6 +1,6 @@
 //! What a network reads, and which options mean something to it.
 
-use meissner_models::{FrameDescription, FrameSource};
+use meissner_models::{AnyDescription, FrameDescription, FrameSource};
 
 use crate::args::{Late, Mode};
 use crate::error::CliError;
@@ -69,11 +69,36 @@ impl Kind {
         ];
         let of_graphs =
             input.approximations.given().map(|(option, given)| (option, given, &[EventGraph][..]));
-        let misfit =
-            options.into_iter().chain(of_graphs).find(|(_, given, kinds)| *given && !kinds.contains(&self));
+        let of_events = input.read.given().map(|(option, given)| (option, given, events));
+        let misfit = options
+            .into_iter()
+            .chain(of_graphs)
+            .chain(of_events)
+            .find(|(_, given, kinds)| *given && !kinds.contains(&self));
         misfit.map_or(Ok(()), |(option, _, kinds)| {
             let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
             Err(CliError::Misfit { option, fits, network: input.network.clone(), kind: self.name() })
         })
     }
+}
+
+/// The shipped networks that read an input of kind `found`, in words; `None` where there is none.
+pub(crate) fn readers(found: meissner_io::Kind) -> Option<String> {
+    let (kinds, words): (&[Kind], _) = match found {
+        meissner_io::Kind::Events(_) => (&[EventGraph, EventFrames], "recordings of events"),
+        meissner_io::Kind::Electrodes => (&[Electrodes], "readings of electrodes"),
+        meissner_io::Kind::Picture(_) => (&[Pictures], "pictures"),
+        meissner_io::Kind::Folder => (&[Pictures], "folders of pictures"),
+        _ => return None,
+    };
+    let reads = |name: &&str| {
+        let kind = match AnyDescription::shipped(name) {
+            Some(AnyDescription::Events(_)) => EventGraph,
+            Some(AnyDescription::Frames(description)) => Kind::of(&description),
+            None => return false,
+        };
+        kinds.contains(&kind)
+    };
+    let names: Vec<_> = AnyDescription::shipped_names().filter(reads).collect();
+    Some(format!("{words} are for `meissner run INPUT --network NAME`, with {}", names.join(", ")))
 }

@@ -24,6 +24,7 @@ use super::args::{RunArgs, Way};
 use crate::error::CliError;
 use crate::model::{frame_network, labelled, weights};
 pub(super) use kind::Kind;
+pub(crate) use kind::readers;
 use machine::Machine;
 
 /// A frame network that can run, and what to say about it.

@@ -10,6 +10,7 @@ use super::electrodes::ElectrodeCounts;
 use super::machine::Machine;
 use crate::latency::Quantiles;
 use crate::run::table::quantiles;
+use crate::source::Salvaged;
 use crate::text::{Table, grouped};
 
 /// The whole run.
@@ -48,6 +49,9 @@ pub(super) enum InputCounts {
 
 #[derive(Debug, Serialize)]
 pub(super) struct EventCounts {
+    /// What was left out of the recording; none where it is whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) salvaged: Option<Salvaged>,
     /// Events taken.
     pub(super) events: u64,
     /// Lines of a text that were no events; not among the events.

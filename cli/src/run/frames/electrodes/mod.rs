@@ -18,7 +18,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use meissner_engine::representations::{TactileForm, TactileWindow};
-use meissner_io::{ElectrodeSettings, Electrodes, IoError, Reading};
+use meissner_io::{ElectrodeSettings, Electrodes, IoError, Kind, Reading};
 use meissner_models::FrameSource;
 use meissner_models::description::frames::Readings;
 use meissner_models::systems::slip::DecisionFilter;
@@ -144,6 +144,14 @@ fn filter(args: &RunArgs, outputs: Outputs<'_>) -> Result<DecisionFilter, CliErr
 fn open(path: &Path) -> Result<Box<dyn BufRead>, CliError> {
     if source::is_stdin(path) {
         return Ok(Box::new(source::stdin()?));
+    }
+    // Pipes are not looked into: what is read of them is gone.
+    if (path.is_dir() || path.is_file())
+        && let Ok(Some(found)) = Kind::of_file(path)
+        && found != Kind::Electrodes
+    {
+        let source = IoError::OtherKind { expected: "readings of electrodes", found };
+        return Err(CliError::recording(&path.display().to_string(), source));
     }
     let file = File::open(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
     Ok(Box::new(BufReader::new(file)))

@@ -1,0 +1,148 @@
+//! Recordings that were cut short: refused, or read as far as they are whole where that is asked for.
+
+use meissner_engine::Event;
+use meissner_io::{Format, IoError, Place, ReadOptions, Recording, decode, decode_as, decode_with};
+
+use crate::support::aedat4::{Compression, File, event_packet};
+use crate::support::{SENSOR, encoded, events, samples};
+
+fn salvage(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
+    decode_with(bytes, &ReadOptions { format: Some(format), salvage: true, ..ReadOptions::default() })
+}
+
+/// Where a salvaged part of `bytes` ends.
+fn end(recording: &Recording, bytes: &[u8]) -> usize {
+    recording.salvaged.map_or(bytes.len(), |salvaged| bytes.len() - salvaged.bytes_not_read as usize)
+}
+
+/// The sample files, and for each how many events are whole in its first `length` bytes; `None` where the header is not.
+fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
+    let start = match format {
+        Format::Nmnist => 0,
+        Format::Csv => bytes.iter().position(|&b| b == b'x').unwrap_or(0),
+        Format::Npy => bytes.iter().position(|&b| b == b'\n').unwrap() + 1,
+        Format::Dat => bytes.windows(2).position(|w| w == [0x0c, 8]).unwrap() + 2,
+        Format::Evt2 | Format::Evt3 => bytes.windows(5).position(|w| w == b"% end").unwrap() + 6,
+        Format::Aedat4 => unreachable!(),
+    };
+    let content = bytes.get(start..length)?;
+    Some(match format {
+        Format::Nmnist => content.len() / 5,
+        Format::Dat => content.len() / 8,
+        Format::Npy => content.len() / 13,
+        Format::Evt2 => content.chunks_exact(4).filter(|w| w[3] >> 4 <= 1).count(),
+        Format::Csv => {
+            let lines = bytes[..length].split_inclusive(|&b| b == b'\n').filter(|line| line.ends_with(b"\n"));
+            lines.filter(|line| line[0].is_ascii_digit()).count()
+        }
+        // Cut exactly between two words: checked against the reader itself, which the other tests hold.
+        _ => decode_as(format, &bytes[..length - content.len() % 2]).unwrap().events.len(),
+    })
+}
+
+#[test]
+fn salvage_gives_exactly_the_whole_events_before_a_cut_at_any_byte() {
+    for (format, bytes) in samples().into_iter().filter(|(format, _)| *format != Format::Aedat4) {
+        let all = decode(&bytes).unwrap();
+        assert_eq!(salvage(format, &bytes).unwrap(), all, "nothing is left out of a whole {format}");
+        for length in 0..bytes.len() {
+            let cut = &bytes[..length];
+            let Some(expected) = whole(format, &bytes, length) else { continue };
+            let salvaged = salvage(format, cut).unwrap_or_else(|e| panic!("{format} cut at {length}: {e}"));
+            assert_eq!(salvaged.events, all.events[..expected], "{format} cut at {length}");
+            assert!(end(&salvaged, cut) <= length);
+            // Where nothing is left out, the cut is one that nobody can tell, or the array's promise is not kept.
+            if salvaged.salvaged.is_none() {
+                assert_eq!(decode_as(format, cut).unwrap().events, salvaged.events);
+            } else if format != Format::Csv {
+                let error = decode_as(format, cut).unwrap_err();
+                assert!(matches!(error, IoError::Truncated { .. }), "{format} cut at {length}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn salvage_of_aedat4_gives_exactly_the_whole_packets() {
+    for compression in Compression::ALL {
+        for is_closed in [true, false] {
+            let packets: Vec<Vec<Event>> = events().chunks(15).map(<[Event]>::to_vec).collect();
+            let mut file = File::new(compression, Some(SENSOR));
+            file.table = file.table.filter(|_| is_closed);
+            let empty = File { packets: Vec::new(), table: None, ..File::new(compression, Some(SENSOR)) };
+            let mut ends = vec![empty.bytes().len()];
+            for packet in &packets {
+                file.push(0, &event_packet(packet));
+                ends.push(ends.last().unwrap() + 8 + file.packets.last().unwrap().1.len());
+            }
+            let bytes = file.bytes();
+            for length in ends[0]..bytes.len() {
+                let cut = &bytes[..length];
+                let salvaged = salvage(Format::Aedat4, cut).unwrap();
+                let whole = ends[1..].iter().filter(|&&end| end <= length).count();
+                assert_eq!(salvaged.events, packets[..whole].concat(), "{compression:?} cut at {length}");
+                match decode(cut) {
+                    Ok(recording) => assert_eq!(recording.events, salvaged.events),
+                    Err(_) => assert!(salvaged.salvaged.is_some(), "{compression:?} cut at {length}"),
+                }
+                if let Some(salvaged) = salvaged.salvaged.filter(|_| whole < packets.len()) {
+                    let Place::Byte(byte) = salvaged.place else { panic!("{salvaged:?}") };
+                    assert_eq!(
+                        (byte, salvaged.bytes_not_read),
+                        (ends[whole] as u64, (length - ends[whole]) as u64)
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_damaged_recording_is_refused_with_salvage_as_without() {
+    let mut damaged = Vec::new();
+    for (format, bytes) in samples() {
+        let middle = bytes.len() * 3 / 4;
+        let mut changed = bytes.clone();
+        match format {
+            Format::Csv => changed[middle..middle + 4].copy_from_slice(b"oops"),
+            // Column 255 on 34; a polarity that is none; a pixel beyond the sensor; a reserved word.
+            Format::Nmnist => changed[100] = 255,
+            Format::Npy => changed[bytes.len() - 1] = 9,
+            Format::Dat => *changed.last_mut().unwrap() = 0x70,
+            Format::Evt2 => changed[bytes.len() - 1] = 0x70,
+            Format::Evt3 => changed[bytes.len() - 1] = 0x90,
+            Format::Aedat4 => continue,
+        }
+        damaged.push((format, changed));
+    }
+    for (format, bytes) in damaged {
+        assert!(decode_as(format, &bytes).is_err(), "{format}");
+        let refused = salvage(format, &bytes).unwrap_err();
+        assert!(!matches!(refused, IoError::Truncated { .. }), "{format}: {refused}");
+    }
+    let mut file = File::new(Compression::None, Some(SENSOR));
+    file.packets.push((7, vec![1]));
+    file.push(0, &event_packet(&events()));
+    let refused = salvage(Format::Aedat4, &file.bytes()).unwrap_err();
+    assert!(matches!(refused, IoError::Malformed { what: "stream of a packet", .. }), "{refused}");
+}
+
+#[test]
+fn digits_that_were_cut_within_an_event_are_known_and_refused_as_cut() {
+    let bytes: Vec<u8> = (0..20).flat_map(|i| [i, 33 - i, 0x80, 0, i]).collect();
+    let error = decode(&bytes[..98]).unwrap_err();
+    assert!(matches!(error, IoError::Truncated { format: Format::Nmnist, .. }), "{error}");
+    let salvaged = salvage(Format::Nmnist, &bytes[..98]).unwrap();
+    assert_eq!((salvaged.events.len(), salvaged.salvaged.unwrap().bytes_not_read), (19, 3));
+}
+
+#[test]
+fn what_is_left_out_is_counted_with_its_place() {
+    let text = encoded(Format::Csv, Some(SENSOR), &events());
+    let salvaged = salvage(Format::Csv, &text[..text.len() - 3]).unwrap();
+    let left_out = salvaged.salvaged.unwrap();
+    assert_eq!((salvaged.events.len(), left_out.place), (39, Place::Line(42)));
+    let dat = encoded(Format::Dat, Some(SENSOR), &events());
+    let left_out = salvage(Format::Dat, &dat[..dat.len() - 3]).unwrap().salvaged.unwrap();
+    assert_eq!((left_out.place, left_out.bytes_not_read), (Place::Byte(dat.len() as u64 - 8), 5));
+}
