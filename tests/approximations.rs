@@ -65,7 +65,7 @@ proptest! {
         shape in networks::network(), adaptation in adaptation(), script in streams::script(120),
     ) {
         let network = adaptation.of(shape.build());
-        let mut watched = Watched::new(network, script.sensor, Search::Grid);
+        let mut watched = Watched::new(network, script.sensor, Search::Exhaustive);
         prop_assert_eq!(watched.run(&script), Ok(()));
     }
 

@@ -1,7 +1,7 @@
 //! The same bits at any number of threads, on every instruction set, in every build, and as they were.
 
 use meissner_engine::{
-    Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Sensor, Stream,
+    Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor, Stream,
 };
 use meissner_kernels::Isa;
 use meissner_tests::compare::bits;
@@ -80,6 +80,7 @@ fn every_number_of_threads_computes_the_same_bits() {
     let events = events();
     for candidates in EVERY {
         let batch = Batch::new(shape(candidates).build(), SENSOR).expect("the sensor has pixels");
+        let batch = batch.with_search(Search::Grid);
         let stream = Stream::new(&events);
         let expected = bits(&batch.forward(stream).expect("finite").prediction);
         let parallel = batch.with_parallel_rows(true);

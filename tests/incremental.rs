@@ -20,9 +20,10 @@ proptest! {
 
     #[test]
     fn incremental_equals_batch_bit_for_bit(shape in networks::network(), script in prop_oneof![7 => streams::script(120), 1 => streams::script(700)]) {
-        let search = if shape.seed % 2 == 0 { Search::Exhaustive } else { Search::Grid };
-        let mut watched = Watched::new(shape.build(), script.sensor, search);
+        let mut watched = Watched::new(shape.build(), script.sensor, Search::Exhaustive);
         prop_assert_eq!(watched.run(&script), Ok(()));
+        // The grid of a batch, which is there for speed, has the same rows in the end.
+        prop_assert_eq!(watched.compare_with(Search::Grid), Ok(()));
     }
 }
 

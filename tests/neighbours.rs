@@ -1,46 +1,13 @@
-//! Neighbourhoods against a second oracle that shares nothing with the project: a k-d tree.
+//! Neighbourhoods of all pairs against two other searches: a k-d tree, and the engine's grid.
 
-use std::num::NonZeroUsize;
-
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use meissner_engine::{Batch, Candidates, Event, GraphRule, Reach, Search, Sensor, Stream};
+use meissner_engine::{Batch, Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor, Stream};
+use meissner_reference::{PROPOSE, from_tree};
 use meissner_tests::networks::NetworkShape;
+use meissner_tests::random::Random;
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 48, height: 36 };
 const SPAN_US: i64 = 5_000;
-
-/// The neighbourhoods of all events, from a k-d tree over rounded positions: the tree proposes all points within a
-/// little more than the distance of the k-th, exact differences decide.
-fn by_tree(events: &[Event], k: usize) -> Vec<Vec<u32>> {
-    let extents = [f64::from(SENSOR.width), f64::from(SENSOR.height), SPAN_US as f64];
-    let coordinates = |e: &Event| [f64::from(e.x), f64::from(e.y), e.t_us as f64];
-    let positions: Vec<[f64; 3]> =
-        events.iter().map(|e| [0, 1, 2].map(|d| coordinates(e)[d] / extents[d])).collect();
-    let tree: ImmutableKdTree<f64, 3> =
-        ImmutableKdTree::new_from_slice(&positions).expect("finite positions");
-    let exact = |i: usize, j: usize| {
-        let (a, b) = (coordinates(&events[i]), coordinates(&events[j]));
-        let [x, y, t] = [0, 1, 2].map(|d| ((a[d] - b[d]) / extents[d]).powi(2));
-        x + y + t
-    };
-    (0..events.len())
-        .map(|i| {
-            let most = NonZeroUsize::new(k + 1).expect("above 0");
-            let nearest = tree.query(&positions[i]).nearest_n::<SquaredEuclidean<f64>>(most).execute();
-            let farthest = nearest.iter().map(|n| n.distance).fold(0.0, f64::max) * (1.0 + 1e-9) + 1e-18;
-            let within = tree.query(&positions[i]).within::<SquaredEuclidean<f64>>(farthest).execute();
-            let mut found: Vec<(f64, usize)> = within
-                .iter()
-                .map(|n| n.item as usize)
-                .filter(|&j| j != i)
-                .map(|j| (exact(i, j), j))
-                .collect();
-            found.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-            found.into_iter().take(k).map(|(_, j)| j as u32).collect()
-        })
-        .collect()
-}
 
 fn events() -> impl Strategy<Value = Vec<Event>> {
     let event = (0i64..40, 0u16..SENSOR.width, 0u16..SENSOR.height);
@@ -97,6 +64,19 @@ fn graph_alone(k: usize, span_us: i64) -> NetworkShape {
     }
 }
 
+fn rule() -> impl Strategy<Value = GraphRule> {
+    let reach = prop_oneof![
+        (1usize..=24).prop_map(|k| Reach::Knn { k }),
+        (0.01f64..1.5, 1usize..=24).prop_map(|(r, max)| Reach::Radius { r, max }),
+    ];
+    let candidates = prop_oneof![
+        Just(Candidates::All),
+        Just(Candidates::Past(Lifetime::Window)),
+        Just(Candidates::Past(Lifetime::Frozen)),
+    ];
+    (reach, candidates).prop_map(|(reach, candidates)| GraphRule { reach, candidates })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
@@ -112,16 +92,52 @@ proptest! {
     }
 
     #[test]
-    fn neighbourhoods_are_those_of_a_k_d_tree(events in events(), k in 1usize..=24) {
-        let shape = graph_alone(k, SPAN_US);
-        let expected = by_tree(&events, k);
-        for search in [Search::Exhaustive, Search::Grid] {
-            let batch = Batch::new(shape.build(), SENSOR).expect("the sensor has pixels").with_search(search);
-            let trace = batch.forward(Stream::new(&events)).expect("finite");
-            let edges = &trace.levels[0].edges;
-            let got: Vec<Vec<u32>> =
-                (0..edges.rows()).map(|row| edges.row(row).iter().map(|n| n.row).collect()).collect();
-            prop_assert_eq!(&got, &expected, "{:?}", search);
-        }
+    fn a_k_d_tree_gives_the_neighbourhoods_of_all_pairs_under_every_rule(
+        events in events(),
+        graph in rule(),
+        capacity in prop_oneof![Just(1_000usize), 1usize..60],
+        epoch in prop_oneof![Just(0i64), Just(1_700_000_000_000_000)],
+    ) {
+        let shape = NetworkShape { graph, capacity, ..graph_alone(1, SPAN_US) };
+        let batch = Batch::new(shape.build(), SENSOR).expect("the sensor has pixels");
+        let events: Vec<Event> = events.iter().map(|e| Event { t_us: e.t_us + epoch, ..*e }).collect();
+        let edges = |search| {
+            let trace = batch.clone().with_search(search).forward(Stream::new(&events)).expect("finite");
+            trace.levels[0].edges.clone()
+        };
+        let expected = edges(Search::Exhaustive);
+        prop_assert_eq!(edges(Search::Proposed(from_tree)), expected.clone());
+        prop_assert_eq!(edges(Search::Proposed(PROPOSE)), expected.clone());
+        prop_assert_eq!(edges(Search::Grid), expected);
+    }
+}
+
+/// A thousand events of which hundreds share pixel and time, and a few thousand at all distances.
+#[test]
+fn a_k_d_tree_takes_equal_coordinates_and_windows_of_thousands() {
+    let mut random = Random::new(5);
+    let mut t_us = 0;
+    let events: Vec<Event> = (0..3_000)
+        .map(|i| {
+            t_us += random.below(9) as i64 / 6;
+            let mut pixel = |side: u16| if i % 3 == 0 { 7 } else { random.below(side.into()) as u16 };
+            let (x, y) = (pixel(SENSOR.width), pixel(SENSOR.height));
+            Event::new(t_us, x, y, i % 2 == 0)
+        })
+        .collect();
+    for candidates in
+        [Candidates::All, Candidates::Past(Lifetime::Window), Candidates::Past(Lifetime::Frozen)]
+    {
+        let shape = NetworkShape {
+            graph: GraphRule { reach: Reach::Knn { k: 16 }, candidates },
+            capacity: 2_500,
+            ..graph_alone(16, SPAN_US)
+        };
+        let batch = Batch::new(shape.build(), SENSOR).expect("the sensor has pixels");
+        let edges = |search| {
+            let trace = batch.clone().with_search(search).forward(Stream::new(&events)).expect("finite");
+            trace.levels[0].edges.clone()
+        };
+        assert!(edges(Search::Proposed(PROPOSE)) == edges(Search::Exhaustive), "{candidates:?}");
     }
 }

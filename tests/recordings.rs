@@ -18,7 +18,8 @@ fn compare(recording: &str, network: &str) {
     let description = Description::shipped(network).expect("a shipped network");
     let weights = Weights::shipped(network).expect("shipped weights");
     let network = std::sync::Arc::new(description.network(&weights).expect("the weights fit"));
-    let mut watched = Watched::new(std::sync::Arc::clone(&network), sensor, Search::Grid);
+    let mut watched =
+        Watched::new(std::sync::Arc::clone(&network), sensor, Search::Proposed(meissner_reference::PROPOSE));
     for (i, &event) in recording.events.iter().take(EVENTS).enumerate() {
         watched.push(event);
         if i % (EVERY * WHOLE) == 0 {

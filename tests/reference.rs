@@ -75,7 +75,7 @@ proptest! {
         let (network, head) = shape.build_with_head();
         let network = Arc::new(network);
         let reference = EventReference::new(Arc::clone(&network), script.sensor, head).expect("fixed scales");
-        let mut watched = Watched::new(network, script.sensor, Search::Grid);
+        let mut watched = Watched::new(network, script.sensor, Search::Exhaustive);
         let done = watched.run_with(&script, |watched| {
             watched.compare()?;
             compare(&watched.trace()?, &reference.forward(watched.stream()))

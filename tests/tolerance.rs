@@ -29,14 +29,14 @@ proptest! {
         poison in any::<bool>(),
     ) {
         let options = Options { tolerance, poison, ..Options::default() };
-        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Grid, options);
+        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
         prop_assert_eq!(watched.run_with(&script, stored::check), Ok(()));
     }
 
     #[test]
     fn a_tolerance_of_zero_equals_batch_in_bits(shape in networks::network(), script in streams::script(120)) {
         let options = Options { tolerance: 0.0, ..Options::default() };
-        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Grid, options);
+        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
         prop_assert_eq!(watched.run(&script), Ok(()));
         let counters = watched.engine.counters();
         prop_assert!(counters.layers.iter().all(|layer| layer.within_tolerance == 0));

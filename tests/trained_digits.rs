@@ -4,7 +4,7 @@
 //! `golden/digits.json` holds streams of events made by a formula, and `PyTorch`'s logits at their ends
 //! (`train/digits/golden.py`).
 
-use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
+use meissner_engine::{Batch, Engine, Event, Search, Sensor, Stream};
 use meissner_models::{Description, Weights};
 use meissner_tests::compare::bits;
 use serde_json::Value;
@@ -54,6 +54,7 @@ fn logits(name: &str, sensor: Sensor, events: &[Event]) -> Vec<f32> {
     engine.push_slice(events);
     let incremental = engine.predict().expect("numbers").values.to_vec();
     let batch = Batch::new(network(name), sensor).expect("the sensor has pixels");
+    let batch = batch.with_search(Search::Proposed(meissner_reference::PROPOSE));
     let batch = batch.forward(Stream::new(events)).expect("numbers");
     assert_eq!(bits(&incremental), bits(&batch.prediction), "{name}");
     incremental

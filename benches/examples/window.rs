@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
 use meissner_benches::{check, networks, timing, tree};
-use meissner_engine::{Batch, Candidates, Engine, Network, Stream, Trace};
+use meissner_engine::{Batch, Candidates, Engine, Network, Search, Stream, Trace};
 use meissner_kernels::{Isa, Matrix, SplineRow, SplineScratch};
 use meissner_models::{Tensor, Weights};
 use serde_json::json;
@@ -33,8 +33,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         None => ("shipped (drawn from a seed)", Weights::shipped("graphres").ok_or("shipped weights")?),
     };
     let network = networks::with_weights("graphres", &weights);
-    let batch = Batch::new(network.clone(), window.sensor)?;
-    let graph = Batch::new(networks::graph_only(K, Candidates::All), window.sensor)?;
+    let batch = Batch::new(network.clone(), window.sensor)?.with_search(Search::Grid);
+    let graph =
+        Batch::new(networks::graph_only(K, Candidates::All), window.sensor)?.with_search(Search::Grid);
     let stream = Stream::new(&window.events);
     let trace = batch.forward(stream)?;
     check(&network, &window, &trace)?;

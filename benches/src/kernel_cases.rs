@@ -1,7 +1,7 @@
 //! The spline blocks and dense layers of the shipped networks as single kernels: their shapes and the graph's own
 //! in-edges, with numbers drawn from a seed, so that the scalar twin can be given the same ones.
 
-use meissner_engine::{Batch, Network, Stream, Trace};
+use meissner_engine::{Batch, Network, Search, Stream, Trace};
 use meissner_kernels::{
     Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch,
     naive,
@@ -40,7 +40,8 @@ pub struct SplineCase {
 /// If a layer computes NaN.
 pub fn trace(name: &str, window: &Recording) -> (std::sync::Arc<Network>, Trace) {
     let network = networks::shipped(name);
-    let batch = Batch::new(network.clone(), window.sensor).expect("the sensor has pixels");
+    let batch =
+        Batch::new(network.clone(), window.sensor).expect("the sensor has pixels").with_search(Search::Grid);
     let trace = batch.forward(Stream::new(&window.events)).expect("finite");
     (network, trace)
 }

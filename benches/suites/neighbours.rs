@@ -11,7 +11,9 @@ fn neighbours(criterion: &mut Criterion) {
     let window = streams::window();
     let stream = Stream::new(&window.events);
     let batch = |k, candidates| {
-        Batch::new(networks::graph_only(k, candidates), window.sensor).expect("the sensor has pixels")
+        Batch::new(networks::graph_only(k, candidates), window.sensor)
+            .expect("the sensor has pixels")
+            .with_search(Search::Grid)
     };
     let lists = |batch: &Batch| -> Vec<Vec<u32>> {
         let trace = batch.forward(stream).expect("finite");

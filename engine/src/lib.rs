@@ -90,7 +90,7 @@ mod step;
 mod window;
 
 pub use admission::{Admission, LatePolicy, Outcome};
-pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Search, Stream, Trace};
+pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
 pub use engine::{Engine, Options, Prediction, Snapshot};
 pub use error::EngineError;

@@ -1,7 +1,7 @@
 //! What a batch needs of a stream's past, and no more.
 //!
-//! Enters: events and moves of time. Leaves: the batch's prediction over the accepted events. Invariant: what is
-//! remembered suffices for the batch, and is bounded.
+//! Enters: events and moves of time. Leaves: the batch's prediction over the accepted events. Invariants: what is
+//! remembered suffices for the batch, and is bounded; the batch shares no search with an engine.
 //!
 //! With `frozen` in-edges a row of block b holds what its neighbours held in block b - 1, and these are at most a
 //! window's capacity of events before it. A row of the window thus depends, over B blocks, on no event before the last
@@ -10,7 +10,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use meissner_engine::{Admission, Batch, EngineError, Event, LatePolicy, Network, Sensor, Stream};
+use meissner_engine::{
+    Admission, Batch, EngineError, Event, LatePolicy, Network, Propose, Search, Sensor, Stream,
+};
 
 /// The accepted events that a prediction can depend on, behind a gate of its own that says which are accepted.
 #[derive(Clone, Debug)]
@@ -23,7 +25,7 @@ pub struct Record {
 
 impl Record {
     /// Remembers what an exact engine of `network` on `sensor` accepts that treats late events as `late` says. 16 bytes
-    /// for each event that is remembered, at most [`Self::most`].
+    /// for each event that is remembered, at most [`Self::most`]. Neighbours are found by comparing all pairs of them.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -38,6 +40,18 @@ impl Record {
         let most = parts.capacity.saturating_mul(windows);
         let batch = Batch::new(network, sensor)?;
         Ok(Self { gate: Admission::new(sensor, late), batch, events: VecDeque::new(), most })
+    }
+
+    /// The same, with neighbours among what `propose` proposes: faster for thousands of events.
+    #[must_use]
+    pub fn with_proposals(mut self, propose: Propose) -> Self {
+        self.batch = self.batch.with_search(Search::Proposed(propose));
+        self
+    }
+
+    /// How neighbours are found.
+    pub fn search(&self) -> Search {
+        self.batch.search()
     }
 
     /// Most events that are remembered.
@@ -82,5 +96,35 @@ impl Record {
             events: self.events.make_contiguous(),
         };
         Ok(self.batch.forward(stream)?.prediction)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use meissner_engine::{Event, LatePolicy, Network, Places, Search, Sensor};
+    use meissner_models::{Description, Weights};
+
+    use super::Record;
+
+    fn network() -> Network {
+        let weights = Weights::shipped("tactigraph-past").expect("weights from a seed come with it");
+        Description::shipped("tactigraph-past").expect("it is shipped").network(&weights).expect("they fit")
+    }
+
+    fn none(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
+        places.positions.iter().for_each(|_| tell(&[]));
+    }
+
+    #[test]
+    fn a_record_never_searches_by_the_engines_grid() {
+        let record = || Record::new(network(), Sensor::new(20, 20), LatePolicy::Drop).expect("it has pixels");
+        assert!(matches!(record().search(), Search::Exhaustive));
+        assert!(matches!(record().with_proposals(none).search(), Search::Proposed(_)));
+        // What is proposed is what the batch goes by: without neighbours it predicts something else.
+        let predict = |mut record: Record| {
+            (0..9).for_each(|i| record.push(Event::new(i, i as u16, 3, i % 2 == 0)));
+            record.from_scratch().expect("finite")
+        };
+        assert_ne!(predict(record()), predict(record().with_proposals(none)));
     }
 }

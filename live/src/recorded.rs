@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{EngineError, Event, LatePolicy, Network, Outcome, Prediction, Sensor};
+use meissner_engine::{EngineError, Event, LatePolicy, Network, Outcome, Prediction, Propose, Sensor};
 
 use crate::{Predictor, Record};
 
@@ -29,6 +29,12 @@ impl<P: Predictor> Recorded<P> {
         late: LatePolicy,
     ) -> Result<Self, EngineError> {
         Ok(Self { predictor, record: Record::new(network, sensor, late)? })
+    }
+
+    /// The same, with neighbours among what `propose` proposes, as [`Record::with_proposals`].
+    #[must_use]
+    pub fn with_proposals(self, propose: Propose) -> Self {
+        Self { record: self.record.with_proposals(propose), ..self }
     }
 
     /// The predictor.

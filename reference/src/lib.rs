@@ -6,6 +6,9 @@
 //! smaller than those that are measured. Elementary functions are the platform's, and results may differ in their last bits
 //! from machine to machine.
 //!
+//! Beside it stands a search for neighbours by a k-d tree. It proposes them to a batch that serves as an oracle over large
+//! windows.
+//!
 //! | type | what it is |
 //! |---|---|
 //! | [`EventReference`] | a network over events; every row of every level of a stream |
@@ -40,6 +43,7 @@ mod error;
 mod events;
 mod frames;
 mod spline;
+mod tree;
 mod ulp;
 
 pub use activation::{activated, elementary, elu, sigmoid};
@@ -48,4 +52,5 @@ pub use error::ReferenceError;
 pub use events::{EventReference, EventTrace, ReferenceLevel, Rows};
 pub use frames::FrameReference;
 pub use spline::{BatchNorm, Norm};
+pub use tree::{PROPOSE, from_tree};
 pub use ulp::ulps;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use fnv::FnvHasher;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
-use meissner_engine::{Batch, Engine, Event, Options, Sensor, Stream};
+use meissner_engine::{Batch, Engine, Event, Options, Search, Sensor, Stream};
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::{Description, Weights};
 
@@ -78,7 +78,8 @@ pub fn of_events(mode: Mode) -> u64 {
                 }
             }
             Mode::Batch { threads } => {
-                let batch = Batch::new(network, SENSOR).expect("the sensor has pixels");
+                let batch =
+                    Batch::new(network, SENSOR).expect("the sensor has pixels").with_search(Search::Grid);
                 let streams: Vec<Stream<'_>> =
                     (1..=events.len() / EVERY).map(|n| Stream::new(&events[..n * EVERY])).collect();
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use meissner_benches::{networks, streams};
-use meissner_engine::{Batch, Network, Stream};
+use meissner_engine::{Batch, Network, Search, Stream};
 use meissner_models::Weights;
 use pulp::x86::V4;
 
@@ -35,7 +35,8 @@ pub(crate) fn run() {
         if cfg!(target_feature = "avx512vnni") { "one instruction (VNNI)" } else { "two instructions" };
     let network = network();
     let window = streams::window();
-    let batch = Batch::new(network.clone(), window.sensor).expect("the sensor has pixels");
+    let batch =
+        Batch::new(network.clone(), window.sensor).expect("the sensor has pixels").with_search(Search::Grid);
     let trace = batch.forward(Stream::new(&window.events)).expect("finite");
     println!("integer products are added in {vnni}\n");
     println!(

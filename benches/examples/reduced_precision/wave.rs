@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use meissner_benches::streams::Recording;
-use meissner_engine::{Batch, Engine, LevelTrace, Network, Stream, Trace};
+use meissner_engine::{Batch, Engine, LevelTrace, Network, Search, Stream, Trace};
 use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch, maximum, settle};
 
 use crate::integer::Width;
@@ -66,7 +66,9 @@ pub(crate) fn waves(
     let windows = Windows {
         recording,
         span_us: network.parts().span_us,
-        batch: Batch::new(network.clone(), recording.sensor).expect("the sensor has pixels"),
+        batch: Batch::new(network.clone(), recording.sensor)
+            .expect("the sensor has pixels")
+            .with_search(Search::Grid),
     };
     let ends = places.iter().flat_map(|&place| (place - 1..place + count).step_by(count / 5));
     let seen: Vec<Trace> = ends.map(|end| windows.ending(end).1).collect();

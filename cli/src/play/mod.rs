@@ -74,6 +74,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let mut stage = Stage { args, source: &source, sensor, events: &events, plan, report };
     if args.verify {
         let recorded = Recorded::new(readout, network, sensor, input.late.into())?;
+        let recorded = recorded.with_proposals(meissner_reference::PROPOSE);
         let (played, mut recorded) = stage.play(recorded)?;
         let verified = verify(&mut recorded, &played.values)?;
         stage.end(&played, recorded.predictor(), Some(verified))?;

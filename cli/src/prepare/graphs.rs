@@ -5,7 +5,7 @@ mod streams;
 use std::collections::BTreeMap;
 use std::io::{Write, stdout};
 
-use meissner_engine::{Batch, Edges, Graph, Stream};
+use meissner_engine::{Batch, Edges, Graph, Search, Stream};
 use meissner_models::{TensorFile, draw};
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ pub(super) fn prepare(args: &GraphsArgs) -> Result<(), CliError> {
     let network =
         network.map_err(|source| CliError::Weights { weights: "drawn weights".to_owned(), source })?;
     let streams = Streams::read(&args.events)?;
-    let batch = Batch::new(network, streams.sensor)?;
+    let batch = Batch::new(network, streams.sensor)?.with_search(Search::Grid);
     let graphs: Result<Vec<Graph>, _> =
         streams.parts().par_iter().map(|&events| batch.graph(Stream::new(events))).collect();
     let graphs = graphs?;

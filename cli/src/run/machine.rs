@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use meissner_engine::{
     Admission, Batch, Counters, Engine, EngineError, Event, LatePolicy, LayerCounters, Network, Options,
-    Outcome, Prediction, Sensor, StaleReadout, Staleness, Stream,
+    Outcome, Prediction, Search, Sensor, StaleReadout, Staleness, Stream,
 };
 
 use crate::args::{ApproximationArgs, Mode};
@@ -118,7 +118,8 @@ impl Way {
     }
 }
 
-/// The batch oracle behind the engine's verbs: the same gate, the same window, every row at every prediction.
+/// A batch with the engine's verbs: the same gate, the same window, every row at every prediction. It searches by the grid,
+/// for speed.
 pub(crate) struct FromScratch {
     batch: Batch,
     gate: Admission,
@@ -136,7 +137,7 @@ impl FromScratch {
     fn new(network: Arc<Network>, sensor: Sensor, late: LatePolicy) -> Result<Self, EngineError> {
         let layers = network.layers().len();
         Ok(Self {
-            batch: Batch::new(network, sensor)?,
+            batch: Batch::new(network, sensor)?.with_search(Search::Grid),
             gate: Admission::new(sensor, late),
             events: Vec::new(),
             first: 0,

@@ -40,6 +40,7 @@ impl Subject {
     /// An engine of `network` with the default options.
     pub(super) fn new(network: Arc<Network>, sensor: Sensor) -> Result<Self, CliError> {
         let record = Record::new(Arc::clone(&network), sensor, LatePolicy::default())?;
+        let record = record.with_proposals(meissner_reference::PROPOSE);
         Ok(Self { engine: Engine::new(network, sensor)?, record, done: Disturbances::default() })
     }
 

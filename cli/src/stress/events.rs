@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Batch, Engine, EngineError, Event, Network, Options, Outcome, Sensor, Stream, Trace};
+use meissner_engine::{Batch, Engine, EngineError, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace};
 use meissner_reference::{BatchNorm, Difference, EventReference, EventTrace};
 
 use super::row::{Errors, Expect, LayerError, Row, same_bits};
@@ -45,7 +45,8 @@ impl EventCase {
         let mut row = Row::new(self.group, self.name, network.name());
         let options = Options { poison: true, ..Options::default() };
         let mut engine = Engine::with_options(Arc::clone(network), *sensor, options)?;
-        let batch = Batch::new(Arc::clone(network), *sensor)?;
+        let search = Search::Proposed(meissner_reference::PROPOSE);
+        let batch = Batch::new(Arc::clone(network), *sensor)?.with_search(search);
         // Parameters of no shipped network's head are needed: none that is stressed has one.
         let reference =
             EventReference::new(Arc::clone(network), *sensor, None).map_err(CliError::Reference)?;

@@ -1,10 +1,9 @@
 //! The event level from scratch.
 
-use std::ops::Range;
-
 use meissner_kernels::{Matrix, Neighbour, attribute};
 
 use super::neighbours::{Lists, Space};
+use super::search::{candidates, exhaustive, proposed};
 use super::{Batch, Edges, LevelTrace, Search, Stream, published};
 use crate::Event;
 use crate::graph::{Candidate, take};
@@ -27,6 +26,7 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     let metric = |scale| Metric::new(batch.sensor, parts.span_us, scale);
     let lists = match batch.search {
         Search::Exhaustive => exhaustive(batch, events, extents),
+        Search::Proposed(propose) => proposed(batch, events, extents, propose),
         Search::Grid => with_grid(batch, events, &nodes, &metric(parts.events.scale)),
     };
     let per_graph = parts.normalisation == Normalisation::PerGraph;
@@ -46,7 +46,7 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     };
     let pairs = lists.rows().enumerate().flat_map(|(i, list)| list.iter().map(move |&j| (j as usize, i)));
     let scale = batch.scale(parts.events.scale, pairs.map(|(j, i)| difference(j, i)));
-    let metric = (batch.search == Search::Grid && !per_graph).then(|| metric(scale));
+    let metric = (matches!(batch.search, Search::Grid) && !per_graph).then(|| metric(scale));
     let attributes = |source: usize, reader: usize| match &metric {
         Some(metric) => metric.attributes(nodes[source], nodes[reader]),
         None => difference(source, reader).map(|d| attribute(d, scale)),
@@ -76,56 +76,10 @@ fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Indices that event `i` may read from, itself not excluded.
-fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usize> {
-    let parts = batch.network.parts();
-    match parts.graph.candidates {
-        Candidates::All => 0..events.len(),
-        Candidates::Past(_) if !parts.graph.is_frozen() => 0..i,
-        Candidates::Past(_) => {
-            // The window as it was on arrival, after it had made room.
-            let oldest = events[i].t_us.saturating_sub(parts.span_us);
-            let in_time = events[..i].partition_point(|e| e.t_us < oldest);
-            in_time.max((i + 1).saturating_sub(parts.capacity))..i
-        }
-    }
-}
-
-/// Neighbour indices of each event, by comparing it with every candidate.
-fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Lists {
-    let reach = batch.network.parts().graph.reach;
-    let neighbours = |i: usize| {
-        let a = events[i];
-        let mut found: Vec<(f64, usize)> = candidates(batch, events, i)
-            .filter(|&j| j != i)
-            .map(|j| {
-                let b = events[j];
-                let [x, y, t] = [
-                    f64::from(a.x.abs_diff(b.x)) / extents[0],
-                    f64::from(a.y.abs_diff(b.y)) / extents[1],
-                    (a.t_us - b.t_us) as f64 / extents[2],
-                ];
-                (x * x + y * y + t * t, j)
-            })
-            .filter(|&(d2, _)| d2 <= reach.limit())
-            .collect();
-        let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
-        if found.len() > reach.most() {
-            found.select_nth_unstable_by(reach.most(), order);
-            found.truncate(reach.most());
-        }
-        found.sort_unstable_by(order);
-        found.into_iter().map(|(_, j)| j as u32)
-    };
-    let mut lists = Lists::new(events.len(), 0);
-    (0..events.len()).for_each(|i| lists.set(i as u32, neighbours(i)));
-    lists
-}
-
 /// What a guess of a squared distance allows for.
 const GENEROUS: f64 = 2.0;
 
-/// The same, by the engine's search grid.
+/// Neighbour indices of each event, by the engine's search grid.
 fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
     let rule = batch.network.parts().graph;
     let space = Space { nodes, metric, sensor: batch.sensor, span_us: batch.network.parts().span_us };

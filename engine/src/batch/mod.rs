@@ -1,17 +1,20 @@
 //! The same network from scratch: the oracle of the incremental engine, and the way to run data sets.
 //!
-//! Nothing is shared with the engine but the kernels (and, where asked for, the search grid and its metric):
-//! neighbourhoods by comparing all pairs, poolings through ordered maps, plain loops over all rows.
+//! Nothing is shared with the engine but the kernels: neighbourhoods by comparing all pairs, or what someone else proposes,
+//! poolings through ordered maps, plain loops over all rows. With [`Search::Grid`], which is there for speed, the search grid
+//! and its metric are shared too, and the batch is no oracle.
 
 mod events;
 mod graph;
 mod neighbours;
 mod pool;
 mod published;
+mod search;
 mod stream;
 
 pub use graph::Graph;
 pub use pool::Cells;
+pub use search::{Places, Propose, Search};
 pub use stream::Stream;
 
 use std::sync::Arc;
@@ -23,17 +26,6 @@ use rayon::prelude::*;
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Level, Network, Normalisation};
 use crate::{EngineError, Sensor};
-
-/// How the neighbourhoods of a batch are found. Both give the same graph.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Search {
-    /// All pairs: O(n^2), obviously right.
-    Exhaustive,
-    /// The engine's grid of pixels: O(n k) or so. Where nodes read from the whole window, a filter in f32 goes before
-    /// the exact distances.
-    #[default]
-    Grid,
-}
 
 /// A network with a sensor, to run from scratch on any number of streams.
 #[derive(Clone, Debug)]
@@ -104,7 +96,7 @@ pub struct Trace {
 }
 
 impl Batch {
-    /// `network` over the events of `sensor`, whose columns and rows are tabulated at each run.
+    /// `network` over the events of `sensor`, searched exhaustively.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -116,7 +108,7 @@ impl Batch {
         Ok(Self { network, sensor, search: Search::default(), isa: Isa::best(), parallel: false })
     }
 
-    /// The same with another search.
+    /// The same with another search; over data sets [`Search::Grid`] is the fastest.
     #[must_use]
     pub fn with_search(self, search: Search) -> Self {
         Self { search, ..self }
@@ -132,6 +124,11 @@ impl Batch {
     #[must_use]
     pub fn with_parallel_rows(self, parallel: bool) -> Self {
         Self { parallel, ..self }
+    }
+
+    /// How neighbourhoods are found.
+    pub fn search(&self) -> Search {
+        self.search
     }
 
     /// The network.

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use meissner_engine::{Admission, Batch, Engine, EngineError, Event, LatePolicy, Network, Stream};
+use meissner_engine::{Admission, Batch, Engine, EngineError, Event, LatePolicy, Network, Search, Stream};
 use meissner_models::metrics::largest;
 use meissner_models::systems::digits::SENSOR;
 use rayon::ThreadPool;
@@ -73,7 +73,7 @@ enum Machine {
     Batch(Box<FromScratch>),
 }
 
-/// The batch oracle, and what it has taken since the reset.
+/// A batch, searched by the grid, and what it has taken since the reset.
 #[derive(Clone)]
 struct FromScratch {
     batch: Batch,
@@ -87,7 +87,7 @@ impl Machine {
         Ok(match mode {
             Mode::Incremental => Self::Incremental(Box::new(Engine::new(network, SENSOR)?)),
             Mode::Batch => Self::Batch(Box::new(FromScratch {
-                batch: Batch::new(network, SENSOR)?,
+                batch: Batch::new(network, SENSOR)?.with_search(Search::Grid),
                 gate: Admission::new(SENSOR, LatePolicy::Drop),
                 events: Vec::new(),
             })),

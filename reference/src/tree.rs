@@ -1,0 +1,89 @@
+//! Neighbours of the events of a window from a k-d tree, which knows nothing of the engine's search.
+//!
+//! Enters: positions, rounded from integers, with what each event may read from. Leaves: for each event all its
+//! neighbours and a few more; the batch orders them by exact distances. The tree's own distances are of rounded positions,
+//! so every bound is widened by more than what they can be off.
+
+use std::num::NonZeroUsize;
+use std::ops::Range;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use meissner_engine::{Places, Propose};
+
+/// Events up to which all pairs are proposed: there a tree is no faster.
+const FEW: usize = 500;
+
+/// Proposes neighbours for an oracle over windows of any size: all pairs of a few events, those near in a k-d tree of
+/// more. Cost: O(n k log n) with k neighbours, more where few of the events that are near may be read.
+pub const PROPOSE: Propose = by_size;
+
+fn by_size(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
+    if places.positions.len() > FEW {
+        return from_tree(places, tell);
+    }
+    let all: Vec<u32> = (0..places.positions.len() as u32).collect();
+    places.candidates.iter().for_each(|candidates| tell(&all[candidates.clone()]));
+}
+
+/// Proposes what a k-d tree finds.
+///
+/// # Panics
+/// If a position is not finite.
+pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
+    let Places { positions, candidates, reach } = *places;
+    if positions.is_empty() {
+        return;
+    }
+    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(positions).expect("finite positions");
+    let largest = positions.iter().flatten().fold(1.0_f64, |largest, p| largest.max(p.abs()));
+    let mut near = Vec::new();
+    for (i, (position, candidates)) in positions.iter().zip(candidates).enumerate() {
+        near.clear();
+        if let Some(bound) = bound(&tree, position, i, candidates, reach.most()) {
+            let bound = widened(bound.min(reach.limit()), largest);
+            let within = tree.query(position).within::<SquaredEuclidean<f64>>(bound).execute();
+            near.extend(
+                within
+                    .iter()
+                    .map(|found| found.item as u32)
+                    .filter(|&j| j as usize != i && candidates.contains(&(j as usize))),
+            );
+        }
+        tell(&near);
+    }
+}
+
+/// Squared distance within which the first `most` candidates of event `i` lie, or all of fewer; none without candidates.
+fn bound(
+    tree: &ImmutableKdTree<f64, 3>,
+    position: &[f64; 3],
+    i: usize,
+    candidates: &Range<usize>,
+    most: usize,
+) -> Option<f64> {
+    let wanted = most.min(candidates.len() - usize::from(candidates.contains(&i)));
+    let mut asked = wanted + 1;
+    // Some of those that are near may not be read: they are asked for again, twice as many.
+    while wanted > 0 {
+        let most = NonZeroUsize::new(asked)?;
+        let nearest = tree.query(position).nearest_n::<SquaredEuclidean<f64>>(most).execute();
+        let mut distances: Vec<f64> = nearest
+            .iter()
+            .filter(|found| found.item as usize != i && candidates.contains(&(found.item as usize)))
+            .map(|found| found.distance)
+            .collect();
+        if distances.len() >= wanted {
+            distances.sort_unstable_by(f64::total_cmp);
+            return Some(distances[wanted - 1]);
+        }
+        asked *= 2;
+    }
+    None
+}
+
+/// A bound of squared distances between exact positions as one between rounded ones, of which none is above `largest`.
+fn widened(bound: f64, largest: f64) -> f64 {
+    // A coordinate is off by half a unit in the last place, a difference by twice that and its own rounding.
+    let off = 8.0 * f64::EPSILON * largest;
+    (bound.sqrt() + off).powi(2) * (1.0 + 1e-9)
+}
