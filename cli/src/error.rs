@@ -69,11 +69,11 @@ pub(crate) enum CliError {
     #[error("{recording}: {source}")]
     Cut {
         /// The recording.
-        recording: String,
+        recording: Box<str>,
         /// Where it ends.
         source: IoError,
         /// What could be read all the same.
-        salvaged: Salvaged,
+        salvaged: Box<Salvaged>,
     },
     /// An output is there already.
     #[error("{}: expected no such file, found one: --force replaces it", path.display())]

@@ -120,7 +120,7 @@ fn refused(path: &Path, args: ReadArgs, source: meissner_io::IoError) -> CliErro
         && let Ok(recording) = meissner_io::read_with(path, &salvage.options())
         && let Some(salvaged) = Salvaged::of(&recording)
     {
-        return CliError::Cut { recording: name, source, salvaged };
+        return CliError::Cut { recording: name.into(), source, salvaged: Box::new(salvaged) };
     }
     CliError::recording(&name, source)
 }

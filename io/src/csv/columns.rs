@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::field::{Refusal, bare, shown};
-use super::layout::{TimeUnit, unit_of};
+use super::field::{Refusal, shown};
+use super::layout::TimeUnit;
 use super::separator::Separator;
 use crate::names;
 
@@ -55,7 +55,7 @@ impl ColumnOrder {
             find(what, &|name| known.iter().any(|k| name == k.as_bytes()), &known.join(", "))
         };
         let times = "t, ts, time, timestamp, each also with _s, _ms, _us or _ns";
-        let t = find("column t of the header", &|name| unit_of(name).is_some(), times)?;
+        let t = find("column t of the header", &|name| time_column(name).0, times)?;
         let columns = Self {
             t,
             x: one_of("column x of the header", names::X)?,
@@ -63,7 +63,7 @@ impl ColumnOrder {
             p: one_of("column p of the header", names::POLARITY)?,
             count: names.len(),
         };
-        Ok((columns, unit_of(&names[t]).flatten()))
+        Ok((columns, time_column(&names[t]).1))
     }
 
     /// The fields t, x, y and p of a line.
@@ -111,10 +111,10 @@ impl FromStr for ColumnOrder {
     }
 }
 
-/// The unit after the name of a column of time, in lower case; the outer `None` where the name is no time's.
-pub(super) fn time_name(name: &[u8]) -> Option<Option<&str>> {
-    let name = std::str::from_utf8(bare(name)).ok()?;
+/// Whether `name`, in lower case, is that of a column of time, and the unit that it says.
+fn time_column(name: &[u8]) -> (bool, Option<TimeUnit>) {
+    let name = std::str::from_utf8(name).unwrap_or_default();
     let (stem, unit) = name.rsplit_once('_').map_or((name, None), |(stem, unit)| (stem, Some(unit)));
-    let known = matches!(stem, "t" | "ts" | "time" | "timestamp");
-    (known && unit.is_none_or(|unit| unit.parse::<TimeUnit>().is_ok())).then_some(unit)
+    let known = unit.and_then(|unit| unit.parse().ok());
+    (matches!(stem, "t" | "ts" | "time" | "timestamp") && unit.is_some() == known.is_some(), known)
 }

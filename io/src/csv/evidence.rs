@@ -24,8 +24,12 @@ const ENOUGH: usize = 16;
 /// Columns of a text without a header.
 const COLUMNS: usize = 4;
 
+/// Columns of t, x and p in the orders that there are where y follows x.
+const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1, 2, 0], [3, 1, 0]];
+
 /// What the values of a column have in common.
 #[derive(Clone, Copy)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a question of its own")]
 struct Column {
     numbers: bool,
     polarities: bool,
@@ -129,7 +133,6 @@ impl Evidence {
         if self.columns.len() != COLUMNS || self.lines == 0 {
             return Vec::new();
         }
-        const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1, 2, 0], [3, 1, 0]];
         let orders = ORDERS.map(|[t, x, p]| ColumnOrder { t, x, y: x + 1, p, count: COLUMNS });
         let fits = |order: &ColumnOrder| {
             self.columns[order.t].numbers

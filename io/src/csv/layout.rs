@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use meissner_engine::{Event, Sensor};
 
-use super::columns::{ColumnOrder, Fault, time_name};
+use super::columns::{ColumnOrder, Fault};
 use super::evidence::{Choice, Evidence};
 use super::field::{Number, Refusal, bare, coordinate, polarity};
 use super::is_comment;
@@ -242,9 +242,4 @@ fn sensor(text: &[u8], between: u8) -> Option<Sensor> {
     };
     let side = |text: &str| text.trim().parse().ok().filter(|&side: &u16| side > 0);
     Some(Sensor { width: side(width)?, height: side(height)? })
-}
-
-/// The unit that the name of a column of time says; the outer `None` where the name is no time's.
-pub(super) fn unit_of(name: &[u8]) -> Option<Option<TimeUnit>> {
-    time_name(name).map(|unit| unit.and_then(|unit| unit.parse().ok()))
 }

@@ -164,7 +164,7 @@ pub(crate) fn decode(bytes: &[u8], options: TextOptions, salvage: bool) -> Resul
     };
     let salvaged = (whole.len() < bytes.len()).then(|| Salvage {
         what: "the last line, which has no line feed",
-        place: Place::Line(whole.iter().filter(|&&b| b == b'\n').count() as u64 + 1),
+        place: Place::Line(whole.split(|&b| b == b'\n').count() as u64),
         bytes_not_read: (bytes.len() - whole.len()) as u64,
     });
     let mut text = CsvEvents::of_text(whole, options)?;

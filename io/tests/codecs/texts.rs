@@ -11,7 +11,7 @@ use crate::support::any_event;
 
 /// Events as of a moving edge, `count` of them, 40 us apart.
 fn scene(count: u16) -> Vec<Event> {
-    let event = |i: u16| Event::new(i64::from(i) * 40, i * 7 % 128, i * 31 % 97, i % 3 == 0);
+    let event = |i: u16| Event::new(i64::from(i) * 40, i * 7 % 128, i * 31 % 97, i.is_multiple_of(3));
     (0..count).map(event).collect()
 }
 
@@ -45,9 +45,9 @@ fn t_x_y_p_in_seconds_with_a_point_is_read_as_it_is() {
     let events = scene(500);
     let text = lines(&events, |e| format!("{} {} {} {}", seconds(e.t_us), e.x, e.y, u8::from(e.on)));
     assert_eq!(decode(text.as_bytes()).unwrap().events, events);
-    // The first times are 0, which is so in every unit: the next one says it, also to who sees line by line.
+    // Line by line, the first has to tell: at time 0 it could be in another order.
     let arriving: Result<Vec<_>, _> =
-        CsvEvents::new(text[text.find("0.00004").unwrap()..].as_bytes()).collect();
+        CsvEvents::new(&text.as_bytes()[text.find("0.00004").unwrap()..]).collect();
     assert_eq!(arriving.unwrap(), events[1..]);
 }
 
