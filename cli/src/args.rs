@@ -118,6 +118,12 @@ pub(crate) struct Input {
     /// Weights: safetensors, or a PyTorch state dict. Without it those shipped for the network.
     #[arg(long, value_name = "FILE")]
     pub(crate) weights: Option<PathBuf>,
+    /// Run weights that were trained on another preparation (graph, scales, span, cells, frames) than the network computes.
+    ///
+    /// Without it such weights are refused. With it the predictions are not those that the weights were trained for, and
+    /// every output says so.
+    #[arg(long)]
+    pub(crate) ignore_preparation: bool,
     /// Columns x rows of the sensor in pixels, in place of what the recording says; events outside it are dropped.
     ///
     /// Needed where the recording does not say. CSV says it in a line `# sensor WxH` before the first event; without

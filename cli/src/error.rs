@@ -289,6 +289,19 @@ pub(crate) enum CliError {
         /// Why.
         source: ModelError,
     },
+    /// Weights were trained on another preparation than the network computes.
+    #[error(
+        "weights {weights}: {source}; expected {instead}weights of this network, or --ignore-preparation for predictions that \
+         they were not trained for"
+    )]
+    Preparation {
+        /// The file.
+        weights: String,
+        /// What to run in its place, if that is known.
+        instead: String,
+        /// What both say.
+        source: ModelError,
+    },
     /// Weights cannot be read, or do not fit.
     #[error("weights {weights}: {source}")]
     Weights {

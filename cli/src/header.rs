@@ -16,13 +16,9 @@ pub(crate) fn header(
     source: &Source,
     sensor: Sensor,
 ) -> io::Result<()> {
-    let parts = model.network.parts();
-    let window =
-        format!("{} ms, at most {} events", parts.span_us as f64 / 1e3, grouped(parts.capacity as u64));
-    let events = source.remaining().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
+    let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
     writeln!(out, "recording    {}", source.name)?;
     writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
-    writeln!(out, "network      {}, {mode}", model.network.name())?;
-    writeln!(out, "weights      {}", model.weights)?;
-    writeln!(out, "window       {window}\n")
+    model.card.write(out, mode)?;
+    writeln!(out)
 }

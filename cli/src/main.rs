@@ -6,6 +6,8 @@
 //! | `refusals` | lines that are passed over |
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
+//! | `provenance` | where results come from: network, weights, input, in every output |
+//! | `answer` | predictions in the words of their network: classes, names, units |
 //! | `approximations` | what makes results cheaper and less exact, where it is asked for |
 //! | `front` | an engine with filters before it and a stale readout behind it |
 //! | `frame_feed` | events into the frames that a network reads |
@@ -33,6 +35,7 @@
 // They panic where nobody reads on: `tell` does not, and results go to a locked standard output, with its errors.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod answer;
 mod approximations;
 mod args;
 mod bench;
@@ -55,6 +58,7 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod provenance;
 mod refusals;
 mod run;
 mod schedule;

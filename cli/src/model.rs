@@ -8,10 +8,11 @@ use std::sync::Arc;
 use meissner_engine::Network;
 use meissner_engine::frames::{Convolution, FrameNetwork};
 use meissner_io::Format;
-use meissner_models::{AnyDescription, Description, FrameDescription, Weights};
+use meissner_models::{AnyDescription, Description, FrameDescription, ModelError, Weights};
 
 use crate::args::Input;
 use crate::error::CliError;
+use crate::provenance::ModelCard;
 
 /// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
 pub(crate) const DEFAULT_NETWORK: &str = "graphres";
@@ -20,12 +21,10 @@ pub(crate) const DEFAULT_NETWORK: &str = "graphres";
 pub(crate) struct Model {
     /// The network.
     pub(crate) network: Network,
-    /// Names of the predicted values, with their unit.
-    pub(crate) outputs: Vec<String>,
+    /// What it is, with which weights.
+    pub(crate) card: ModelCard,
     /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
     pub(crate) multiply_adds: Vec<u64>,
-    /// Where the weights come from, and what they say about themselves.
-    pub(crate) weights: String,
 }
 
 /// The description of a network over events, shipped or in a file; whether it is shipped.
@@ -44,16 +43,46 @@ pub(crate) fn describe_frames(network: &str) -> Result<(FrameDescription, bool),
     }
 }
 
-/// The network of `description` with `weights`, which `label` names.
+/// The network of `description` with `weights`, which `label` names, and what they are. Weights of another preparation are
+/// refused, unless that is to be ignored.
 pub(crate) fn frame_network(
     description: &FrameDescription,
-    weights: &Weights,
-    label: &str,
+    (weights, label): (&Weights, String),
     convolution: Convolution,
-) -> Result<Arc<FrameNetwork>, CliError> {
-    let parts = description.network_parts(weights);
-    let parts = parts.map_err(|source| CliError::Weights { weights: label.to_owned(), source })?;
-    Ok(Arc::new(FrameNetwork::new(parts, convolution)?))
+    ignore_preparation: bool,
+) -> Result<(Arc<FrameNetwork>, ModelCard), CliError> {
+    let parts = match ignore_preparation {
+        false => description.network_parts(weights),
+        true => description.network_parts_regardless(weights),
+    };
+    let parts = parts.map_err(|source| refused(&label, source))?;
+    let network = FrameNetwork::new(parts, convolution)?;
+    let card = card(&AnyDescription::Frames(description.clone()), weights, label)?;
+    let card = card.running(network.fingerprint(), None);
+    Ok((Arc::new(network), card))
+}
+
+/// What a network of `description` is with `weights` from `label`.
+pub(crate) fn card(
+    description: &AnyDescription,
+    weights: &Weights,
+    label: String,
+) -> Result<ModelCard, CliError> {
+    let card = weights.card().map_err(|source| refused(&label, source))?;
+    Ok(ModelCard::new(description, weights, &card, label))
+}
+
+/// Weights that do not fit; of another preparation with what to do.
+fn refused(weights: &str, source: ModelError) -> CliError {
+    let weights = weights.to_owned();
+    match source {
+        ModelError::Preparation { published, .. } => CliError::Preparation {
+            weights,
+            instead: published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or ")),
+            source,
+        },
+        source => CliError::Weights { weights, source },
+    }
 }
 
 /// The description of a network of either kind, shipped or in a file; whether it is shipped.
@@ -111,18 +140,23 @@ fn recording_format(path: &str) -> Option<Format> {
 impl Model {
     /// The network that `args` ask for.
     pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
-        let model = Self::named(&args.network, args.weights.as_deref())?;
-        Ok(Self { network: adapted(model.network, args)?, ..model })
+        let model = Self::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
+        let network = adapted(model.network, args)?;
+        let card = model.card.running(network.fingerprint(), Some(window(&network)));
+        let card = if args.approximations.stride.is_some() { card.taking_every(1) } else { card };
+        Ok(Self { network, card, ..model })
     }
 
     /// The network called `name` as it is described, with the weights in the file at `path` or those shipped for it.
-    pub(crate) fn named(name: &str, path: Option<&Path>) -> Result<Self, CliError> {
+    /// Weights of another preparation are refused, unless that is to be ignored.
+    pub(crate) fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, CliError> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
-        let network = description
-            .network(&weights)
-            .map_err(|source| CliError::Weights { weights: label.clone(), source })?;
-        let (names, unit) = description.outputs();
+        let network = match ignore_preparation {
+            false => description.network(&weights),
+            true => description.network_regardless(&weights),
+        };
+        let network = network.map_err(|source| refused(&label, source))?;
         // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
@@ -130,13 +164,15 @@ impl Model {
             layer.map_or(0, |layer| layer.cost.multiply_adds as u64)
         };
         let multiply_adds = network.layers().into_iter().map(of_row).collect();
-        Ok(Self {
-            multiply_adds,
-            network,
-            outputs: names.iter().map(|name| format!("{name} ({unit})")).collect(),
-            weights: labelled(label, &weights),
-        })
+        let card = card(&AnyDescription::Events(description), &weights, label)?;
+        let card = card.running(network.fingerprint(), Some(window(&network)));
+        Ok(Self { network, card, multiply_adds })
     }
+}
+
+/// Length and capacity of the window.
+fn window(network: &Network) -> (i64, usize) {
+    (network.parts().span_us, network.parts().capacity)
 }
 
 /// `network` with the span, the capacity and the approximations that `args` ask for.

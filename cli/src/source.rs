@@ -34,6 +34,10 @@ pub(crate) struct Source {
     sensor: Option<Sensor>,
     events: Events,
     refusals: Refusals,
+    /// Every `stride`-th event is taken.
+    stride: usize,
+    /// How many are passed over before the next one that is taken.
+    pass_over: usize,
 }
 
 enum Events {
@@ -167,6 +171,8 @@ impl Source {
                     sensor: lines.sensor(),
                     events: Events::Arriving { first, lines },
                     refusals,
+                    stride: 1,
+                    pass_over: 0,
                 })
             }
             Some(path) => {
@@ -186,7 +192,8 @@ impl Source {
         let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, .. } = recording;
         let events = Events::Read(events.into_iter());
-        Self { name: refusals.name().to_owned(), format, salvaged, sensor, events, refusals }
+        let name = refusals.name().to_owned();
+        Self { name, format, salvaged, sensor, events, refusals, stride: 1, pass_over: 0 }
     }
 
     /// The geometry: `asked`, or what the recording names.
@@ -196,8 +203,13 @@ impl Source {
             .ok_or_else(|| CliError::NoGeometry { recording: self.name.clone(), format: self.format })
     }
 
-    /// How many events are to come, where that is known.
-    pub(crate) fn remaining(&self) -> Option<u64> {
+    /// The same with every `stride`-th event alone, the first of all among them.
+    pub(crate) fn every(self, stride: usize) -> Self {
+        Self { stride: stride.max(1), ..self }
+    }
+
+    /// How many events the recording has, where that is known.
+    pub(crate) fn recorded(&self) -> Option<u64> {
         match &self.events {
             Events::Read(events) => Some(events.len() as u64),
             Events::Arriving { .. } => None,
@@ -208,12 +220,14 @@ impl Source {
     pub(crate) fn lines_refused(&self) -> u64 {
         self.refusals.count()
     }
-}
 
-impl Iterator for Source {
-    type Item = Result<Event, CliError>;
+    /// How many events are to be taken, where that is known.
+    pub(crate) fn remaining(&self) -> Option<u64> {
+        let rest = self.recorded()?.saturating_sub(self.pass_over as u64);
+        Some(rest.div_ceil(self.stride as u64))
+    }
 
-    fn next(&mut self) -> Option<Self::Item> {
+    fn next_recorded(&mut self) -> Option<Result<Event, CliError>> {
         match &mut self.events {
             Events::Read(events) => events.next().map(Ok),
             Events::Arriving { first, lines } => {
@@ -223,6 +237,22 @@ impl Iterator for Source {
                 next(lines, &mut self.refusals)
             }
         }
+    }
+}
+
+impl Iterator for Source {
+    type Item = Result<Event, CliError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.pass_over > 0 {
+            self.pass_over -= 1;
+            match self.next_recorded()? {
+                Ok(_) => {}
+                Err(error) => return Some(Err(error)),
+            }
+        }
+        self.pass_over = self.stride - 1;
+        self.next_recorded()
     }
 }
 
@@ -276,4 +306,24 @@ fn passing_over(path: &Path, args: ReadArgs, refusals: &mut Refusals) -> Result<
 
 fn text(sensor: Option<Sensor>, events: Vec<Event>) -> Recording {
     Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Source;
+    use crate::args::ReadArgs;
+
+    const READ: ReadArgs = ReadArgs { columns: None, time_unit: None, salvage: false };
+
+    #[test]
+    fn every_so_many_events_are_those_of_step_by_and_are_counted_beforehand() {
+        let all: Vec<_> = Source::open(None, READ, false, true).unwrap().map(Result::unwrap).collect();
+        for stride in [1, 2, 7, all.len(), all.len() + 1] {
+            let source = Source::open(None, READ, false, true).unwrap().every(stride);
+            assert_eq!(source.recorded(), Some(all.len() as u64));
+            let expected: Vec<_> = all.iter().copied().step_by(stride).collect();
+            assert_eq!(source.remaining(), Some(expected.len() as u64));
+            assert_eq!(source.map(Result::unwrap).collect::<Vec<_>>(), expected);
+        }
+    }
 }

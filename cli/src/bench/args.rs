@@ -100,8 +100,8 @@ pub(crate) struct BenchArgs {
     /// One JSON object.
     ///
     /// Times are in microseconds where a name ends in _us. A distribution is {"count", "mean", "p50", "p90", "p99",
-    /// "p999", "max"} in microseconds, null where nothing was measured. Beside what ran on what, the object has
-    /// "events", "accepted", "dropped", "lines_refused" (as `run`) and "predictions" of one pass, "passes", "clock_us" (overhead), "latency_us"
+    /// "p999", "max"} in microseconds, null where nothing was measured. The object has "header" (what ran on what, docs/json.md),
+    /// "events", "accepted", "dropped" and "predictions" of one pass, "passes", "clock_us" (overhead), "latency_us"
     /// {"push", "predict", "push_predict"}, "phases" {"idle", "burst": the same, with events and rows}, "skips" (as
     /// `run`), "approximations" (as `run`), "work" (rows and multiply-adds by layer), "stages" (shares add up to 1), "memory" and "deadline".
     ///

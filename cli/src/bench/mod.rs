@@ -44,6 +44,7 @@ use crate::latency::{Latency, microseconds};
 use crate::model::{Model, describe_any};
 use crate::output;
 use crate::progress::Progress;
+use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use deadline::Deadline;
 use part::Part;
@@ -72,8 +73,12 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let provenance = Header::new("bench", described, model.card.clone());
+    provenance.warn();
     if let Some(path) = &args.svg {
         output::check_writable(path)?;
     }
@@ -113,12 +118,9 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 
     let report = Report {
         lines_refused,
+        header: provenance,
         recording,
         network: model.network.name().to_owned(),
-        weights: model.weights.clone(),
-        sensor: [sensor.width, sensor.height],
-        span_us: model.network.parts().span_us,
-        capacity: model.network.parts().capacity,
         isa: Options::default().isa.name(),
         passes: args.repeat,
         warmup_events: warmup as u64,

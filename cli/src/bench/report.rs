@@ -12,18 +12,18 @@ use crate::approximations::Approximations;
 use crate::front::Front;
 use crate::latency::{Latency, Quantiles, microseconds};
 use crate::model::Model;
+use crate::provenance::Header;
 use crate::skips::{Skips, dropped};
 
 /// The whole benchmark. Counts are of one pass, except those of distributions.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Report {
+    /// What ran on what.
+    pub(super) header: Header,
+    #[serde(skip)]
     pub(super) recording: String,
+    #[serde(skip)]
     pub(super) network: String,
-    pub(super) weights: String,
-    /// Columns and rows.
-    pub(super) sensor: [u16; 2],
-    pub(super) span_us: i64,
-    pub(super) capacity: usize,
     /// Instruction set of the kernels.
     pub(super) isa: &'static str,
     /// Latency passes that count.

@@ -49,7 +49,7 @@ impl Training {
 
     fn whole(path: PathBuf, label: String, network: &str, weights: Weights) -> Result<Self, CliError> {
         let remarks = Remarks(weights.metadata());
-        let stride = stride(&remarks).map_err(|source| CliError::Training { path: path.clone(), source })?;
+        let stride = stride(&weights, &label)?;
         let seed = remarks.integer("seed").ok().flatten();
         Ok(Self { path, label, network: network.to_owned(), seed, held_out: None, stride, weights })
     }
@@ -72,7 +72,7 @@ impl Training {
             network: network.to_owned(),
             seed,
             held_out,
-            stride: stride(&remarks).map_err(failed)?,
+            stride: stride(&weights, &path.display().to_string())?,
             weights,
         })
     }
@@ -106,10 +106,7 @@ fn held_out(remarks: &Remarks<'_>) -> Result<Option<Vec<String>>, TrainingError>
     }
 }
 
-fn stride(remarks: &Remarks<'_>) -> Result<usize, TrainingError> {
-    match remarks.integer("stride")? {
-        None => Ok(1),
-        Some(stride) if stride >= 1 => Ok(stride as usize),
-        Some(_) => Err(remarks.refused("stride", "of at least 1")),
-    }
+fn stride(weights: &Weights, label: &str) -> Result<usize, CliError> {
+    let failed = |source| CliError::Weights { weights: label.to_owned(), source };
+    Ok(weights.card().map_err(failed)?.stride)
 }

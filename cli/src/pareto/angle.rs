@@ -9,7 +9,7 @@ use super::measurement::Subject;
 use super::settings::{check, mean_rate, settings};
 use super::study::{Data, Study};
 use crate::error::CliError;
-use crate::model::{describe, labelled, weights};
+use crate::model::{Model, describe, labelled, weights};
 use crate::source::Source;
 
 /// The network where none is named.
@@ -54,12 +54,18 @@ pub(super) fn study<'a>(args: &AngleArgs, data: &'a AngleData) -> Result<Study<'
         return Err(CliError::Option { option: "--weights", expected, found });
     }
     let streams = vec![&data.events[..]];
-    let mut subjects: Vec<Box<dyn Subject + 'a>> = Vec::new();
+    let (mut subjects, mut notes): (Vec<Box<dyn Subject + 'a>>, _) = (Vec::new(), Vec::new());
     for name in names {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, args.weights.as_deref())?;
-        let failed = |source| CliError::Weights { weights: label.clone(), source };
-        let network = description.network(&weights).map_err(failed)?;
+        let Model { network, card, .. } =
+            Model::named(name, args.weights.as_deref(), args.ignore_preparation)?;
+        if card.stride() > 1 {
+            let expected = "weights of networks that take every event".to_owned();
+            let found = format!("{name}, whose weights say \"stride\" {}", card.stride());
+            return Err(CliError::Option { option: "--network", expected, found });
+        }
+        notes.extend(card.warnings(Some([data.sensor.width, data.sensor.height])));
         if subjects.iter().any(|other| other.network() == network.name()) {
             let (expected, found) = ("each network once".to_owned(), format!("{name} again"));
             return Err(CliError::Option { option: "--network", expected, found });
@@ -96,6 +102,6 @@ pub(super) fn study<'a>(args: &AngleArgs, data: &'a AngleData) -> Result<Study<'
             fingerprint: fingerprint.finish(),
         },
         subjects,
-        notes: Vec::new(),
+        notes,
     })
 }

@@ -47,7 +47,7 @@ State (--state): a line of JSON for each measurement, {\"key\": {\"system\", \"n
   not finished is cut off; any other that cannot be read is an error. Times of one file should be of one machine.
 
 JSON (--json):
-  {\"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\":
+  {\"header\": what was measured on what (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\":
   the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}],
   \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
   SETTING: \"setting\", \"us\": time as compared, \"speed_up\", \"error\": as compared, \"interval_95\" (null without labels),
@@ -114,6 +114,10 @@ pub(super) struct AngleArgs {
     /// Weights of the one network that is measured: safetensors, or a PyTorch state dict. Without it those shipped.
     #[arg(long, value_name = "FILE")]
     pub(super) weights: Option<PathBuf>,
+    /// Measure weights that were trained on another preparation than the network computes: errors are against the same
+    /// network without approximations, not against what the weights were trained for.
+    #[arg(long)]
+    pub(super) ignore_preparation: bool,
     /// Columns x rows of the sensor in pixels, in place of what the recording says.
     #[arg(long, value_name = "WxH", value_parser = sensor)]
     pub(super) sensor: Option<Sensor>,

@@ -7,10 +7,13 @@ use super::front::front;
 use super::measurement::{EXACT, Measurement};
 use super::study::{Measured, Study};
 use super::words;
+use crate::provenance::{Header, InputCard};
 
 /// Everything.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
+    /// What was measured on what; each of `networks` says what it is.
+    pub(super) header: Header,
     pub(super) system: &'static str,
     pub(super) unit: &'static str,
     pub(super) data: DataReport,
@@ -88,7 +91,9 @@ impl Report {
         let fastest_within = words::fastest(&networks, compared);
         let words = words::words(&networks, &fastest_within, compared);
         let data = &study.data;
+        let input = InputCard::other(&data.name, study.system);
         Self {
+            header: Header::of_many("pareto", input),
             system: study.system,
             unit: study.unit,
             data: DataReport {

@@ -67,19 +67,19 @@ pub(crate) struct PlayArgs {
     /// that a window can depend on; of others over the window.
     #[arg(long)]
     pub(crate) verify: bool,
-    /// One JSON object a line: reports, then a summary.
+    /// One JSON object a line: a header that says what runs on what, reports, then a summary (docs/json.md).
     ///
     /// A report: {"at_us": when it was due, "t_us": time of the newest event that its prediction covers (null before the
-    /// first), "value": [each output], "nodes": events in the window, "state": "fresh", "behind" or "old", "behind_events"
+    /// first), "value": [each output], "class" and "probabilities" where outputs are classes, "nodes": events in the window, "state": "fresh", "behind" or "old", "behind_events"
     /// and "behind_us": events, and stream time, that had entered the queue and are not covered, "age_us": time since
     /// the prediction was begun, "waited_us": time since it was asked for}.
     ///
-    /// The last line: {"summary": {"events": taken from the recording, "lines_refused" (as `run`), "offered": to the queue, "delivered": to the
-    /// engine, "dropped": {"oldest", "newest", "thinned", "filtered"} by the queue, "engine": {"accepted", "dropped":
-    /// {reason: count}}, "queue": {"capacity", "overload", "high_water": most events that waited, "blocked_us"},
+    /// The last line: {"summary": {"events": taken from the recording, "offered": to the queue, "delivered": to the
+    /// engine, "accepted", "dropped": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the
+    /// engine, "queue": {"capacity", "overload", "high_water": most events that waited, "blocked_us"},
     /// "reports": {"due", "made", "fresh", "behind", "old", "past_deadline": returned after their deadline,
-    /// "past_deadline_max_us", "asked_late_max_us": from when one was due until it was asked for}, "waited_us", "age_us"
-    /// and "behind_us": {"p50", "p90", "p99", "p999", "max"}, "reader_lag_max_us": from an event's time until it was
+    /// "past_deadline_max_us", "asked_late_max_us": from when one was due until it was asked for}, "latency_us": {"waited", "age",
+    /// "behind": {"p50", "p90", "p99", "p999", "max"}}, "reader_lag_max_us": from an event's time until it was
     /// offered, "drain_us": from the recording's end until all that waited was covered, "final": {"t_us", "value",
     /// "nodes"}, "verified": {"events": in the batch, "equal", "batch_us"} (null without --verify),
     /// "peak_resident_bytes", "approximations" (missing where there were none)}}.

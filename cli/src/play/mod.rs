@@ -28,12 +28,14 @@ use meissner_engine::filters::Chain;
 use meissner_engine::{Engine, Event, Options, Sensor, StaleReadout};
 use meissner_live::{Live, Predictor, QueueCounters, QueueOptions, Recorded};
 
+use crate::answer::Answers;
 use crate::bench::peak_resident_bytes;
 use crate::error::CliError;
 use crate::header::header;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::Model;
+use crate::provenance::{Header, InputCard};
 use crate::run::json::Values;
 use crate::skips::dropped;
 use crate::source::{self, Source};
@@ -41,7 +43,7 @@ pub(crate) use args::PlayArgs;
 use clock::Clock;
 use reader::Reader;
 use report::{Due, Report};
-use summary::{Admitted, Last, Queue, Summary, Verified};
+use summary::{Last, Latencies, Queue, Summary, Verified};
 use tally::Tally;
 
 /// Plays what `args` ask for, to standard output.
@@ -50,8 +52,12 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let provenance = Header::new("play", described, model.card.clone());
+    provenance.warn();
     let network = Arc::new(model.network.clone());
     let approximations = &input.approximations;
     let tolerance = approximations.tolerance.unwrap_or(0.0);
@@ -68,8 +74,12 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let limit = input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
     let events = source.by_ref().take(limit).collect::<Result<Vec<_>, _>>()?;
     let plan = Plan::new(&events, args);
-    let report =
-        if args.json { Report::json(out) } else { Report::people(out, &model.outputs, plan.reports)? };
+    let answers = Answers::new(&model.card);
+    let report = if args.json {
+        Report::json(out, &provenance, answers)?
+    } else {
+        Report::people(out, answers, plan.reports)?
+    };
     interrupt::listen();
     let mut stage = Stage { args, source: &source, sensor, events: &events, plan, report };
     if args.verify {
@@ -220,8 +230,8 @@ impl<W: Write> Stage<'_, W> {
             lines_refused: self.source.lines_refused(),
             offered: queue.offered,
             delivered: queue.delivered,
-            dropped: queue.dropped_by_reason().into_iter().collect(),
-            engine: Admitted { accepted: counters.events.accepted, dropped: dropped(&counters) },
+            accepted: counters.events.accepted,
+            dropped: queue.dropped_by_reason().into_iter().chain(dropped(&counters)).collect(),
             queue: Queue {
                 capacity: self.args.queue,
                 overload: self.args.overload.overload(self.sensor)?.name(),
@@ -229,9 +239,11 @@ impl<W: Write> Stage<'_, W> {
                 blocked_us: microseconds(queue.blocked),
             },
             reports: tally.reports,
-            waited_us: tally.waited.quantiles(),
-            age_us: tally.age.quantiles(),
-            behind_us: tally.behind.quantiles(),
+            latency_us: Latencies {
+                waited: tally.waited.quantiles(),
+                age: tally.age.quantiles(),
+                behind: tally.behind.quantiles(),
+            },
             reader_lag_max_us: microseconds(played.lag),
             drain_us: microseconds(played.drain),
             last: Last { t_us: played.t_us, value: Values(&played.values), nodes: played.nodes },

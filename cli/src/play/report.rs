@@ -7,15 +7,25 @@ use serde::Serialize;
 
 use super::summary::Summary;
 use super::tally::State;
+use crate::answer::{Answer, Answers};
 use crate::latency::microseconds;
 use crate::progress::Progress;
+use crate::provenance::Header;
 use crate::run::json::{JsonLines, Values};
 use crate::run::lines::Lines;
 use crate::run::table::quantiles;
 use crate::text::grouped;
 
-/// Where results go.
-pub(super) enum Report<W: Write> {
+/// Reasons for which the queue drops events; all others are the engine's.
+const QUEUE_REASONS: [&str; 4] = ["oldest", "newest", "thinned", "filtered"];
+
+/// Where results go, in whose words.
+pub(super) struct Report<W: Write> {
+    to: To<W>,
+    answers: Answers,
+}
+
+enum To<W: Write> {
     Json(JsonLines<W>),
     People(Lines<W>),
 }
@@ -25,6 +35,8 @@ struct Line<'a> {
     at_us: i64,
     t_us: Option<i64>,
     value: Values<'a>,
+    #[serde(flatten)]
+    answer: Option<Answer<'a>>,
     nodes: usize,
     state: State,
     behind_events: u64,
@@ -48,23 +60,23 @@ pub(super) struct Due {
 
 impl<W: Write> Report<W> {
     /// JSON lines.
-    pub(super) fn json(out: W) -> Self {
-        Self::Json(JsonLines::new(out, true))
+    pub(super) fn json(out: W, header: &Header, answers: Answers) -> io::Result<Self> {
+        let mut lines = JsonLines::new(out, true);
+        lines.header(header)?;
+        Ok(Self { to: To::Json(lines), answers })
     }
 
-    /// Headings for `outputs`, and then some of `due` lines.
-    pub(super) fn people(mut out: W, outputs: &[String], due: u64) -> io::Result<Self> {
-        write!(out, "{:>13}", "time (ms)")?;
-        for output in outputs {
-            write!(out, "  {output:>12}")?;
-        }
+    /// Headings for `answers`, and then some of `due` lines.
+    pub(super) fn people(mut out: W, answers: Answers, due: u64) -> io::Result<Self> {
+        let values = answers.headings();
         writeln!(
             out,
-            "  {:>8}  {:>6}  {:>11}  {:>9}  {:>11}",
-            "nodes", "state", "behind (ms)", "age (ms)", "waited (us)"
+            "{:>10}{values}  {:>6}  {:>11}  {:>8}  {:>11}",
+            "time (ms)", "state", "behind (ms)", "age (ms)", "waited (us)"
         )?;
         out.flush()?;
-        Ok(Self::People(Lines::new(out, Some(due), Progress::new(None, false))))
+        let lines = Lines::new(out, Some(due), Progress::new(None, false));
+        Ok(Self { to: To::People(lines), answers })
     }
 
     /// The line of a report.
@@ -72,11 +84,12 @@ impl<W: Write> Report<W> {
         let (state, age_us) = (State::of(timely), microseconds(timely.age));
         let &Timely { values, t_us, nodes, behind_events, behind_us, .. } = timely;
         let waited_us = microseconds(timely.waited);
-        match self {
-            Self::Json(lines) => lines.prediction(&Line {
+        match &mut self.to {
+            To::Json(lines) => lines.prediction(&Line {
                 at_us: due.at_us,
                 t_us,
                 value: Values(values),
+                answer: self.answers.of(values),
                 nodes,
                 state,
                 behind_events,
@@ -84,13 +97,12 @@ impl<W: Write> Report<W> {
                 age_us,
                 waited_us,
             }),
-            Self::People(lines) => {
-                let values: Vec<String> = values.iter().map(|value| format!("{value:>12.6}")).collect();
-                let (values, nodes) = (values.join("  "), grouped(nodes as u64));
+            To::People(lines) => {
+                let values = self.answers.columns(values);
                 let (time, behind, age) = (due.elapsed_us as f64 / 1e3, behind_us as f64 / 1e3, age_us / 1e3);
                 let state = state.name();
                 let line = format!(
-                    "{time:>13.3}  {values}  {nodes:>8}  {state:>6}  {behind:>11.3}  {age:>9.3}  {waited_us:>11.1}"
+                    "{time:>10.3}{values}  {state:>6}  {behind:>11.3}  {age:>8.3}  {waited_us:>11.1}"
                 );
                 lines.line(due.number, line)
             }
@@ -99,10 +111,13 @@ impl<W: Write> Report<W> {
 
     /// The end.
     pub(super) fn summary(&mut self, summary: &Summary<'_>) -> io::Result<()> {
-        match self {
-            Self::Json(lines) => lines.last(&LastLine { summary }),
-            Self::People(lines) => {
+        match &mut self.to {
+            To::Json(lines) => lines.last(&LastLine { summary }),
+            To::People(lines) => {
                 let out = lines.end(summary.reports.made)?;
+                if let Some(left_out) = self.answers.left_out() {
+                    writeln!(out, "{left_out}")?;
+                }
                 table(out, summary)?;
                 out.flush()
             }
@@ -111,20 +126,19 @@ impl<W: Write> Report<W> {
 }
 
 fn table(out: &mut impl Write, summary: &Summary<'_>) -> io::Result<()> {
-    let Summary { events, offered, delivered, engine, queue, reports, .. } = summary;
+    let Summary { events, offered, delivered, queue, reports, latency_us, .. } = summary;
     let [events, offered, delivered] = [events, offered, delivered].map(|&count| grouped(count));
-    let accepted = grouped(engine.accepted);
+    let accepted = grouped(summary.accepted);
     writeln!(
         out,
         "\nevents       {events} taken, {offered} offered, {delivered} delivered, {accepted} accepted"
     )?;
-    let by_queue = summary.dropped.iter().map(|(reason, &count)| (format!("by the queue: {reason}"), count));
-    let by_engine = engine.dropped.iter().map(|(reason, &count)| (reason.replace('_', " "), count));
     if summary.lines_refused > 0 {
         writeln!(out, "refused      {} lines that are no events", grouped(summary.lines_refused))?;
     }
-    for (reason, count) in by_queue.chain(by_engine).filter(|&(_, count)| count > 0) {
-        writeln!(out, "dropped      {} {reason}", grouped(count))?;
+    for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
+        let by_queue = if QUEUE_REASONS.contains(reason) { "by the queue: " } else { "" };
+        writeln!(out, "dropped      {} {by_queue}{}", grouped(count), reason.replace('_', " "))?;
     }
     writeln!(
         out,
@@ -163,5 +177,5 @@ fn table(out: &mut impl Write, summary: &Summary<'_>) -> io::Result<()> {
         )?;
     }
     summary.approximations.as_ref().map_or(Ok(()), |approximations| approximations.write(out))?;
-    quantiles(out, &[("waited", summary.waited_us), ("age", summary.age_us), ("behind", summary.behind_us)])
+    quantiles(out, &[("waited", latency_us.waited), ("age", latency_us.age), ("behind", latency_us.behind)])
 }

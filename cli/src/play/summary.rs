@@ -18,15 +18,14 @@ pub(super) struct Summary<'a> {
     pub(super) lines_refused: u64,
     pub(super) offered: u64,
     pub(super) delivered: u64,
-    /// By the queue, by reason.
+    /// By the engine.
+    pub(super) accepted: u64,
+    /// By the queue and by the engine, by reason.
     pub(super) dropped: BTreeMap<&'static str, u64>,
-    pub(super) engine: Admitted,
     pub(super) queue: Queue,
     pub(super) reports: Reports,
-    pub(super) waited_us: Option<Quantiles>,
-    pub(super) age_us: Option<Quantiles>,
-    /// Stream time.
-    pub(super) behind_us: Option<Quantiles>,
+    /// Times in microseconds.
+    pub(super) latency_us: Latencies,
     pub(super) reader_lag_max_us: f64,
     pub(super) drain_us: f64,
     /// The prediction behind the last event.
@@ -38,11 +37,13 @@ pub(super) struct Summary<'a> {
     pub(super) approximations: Option<Approximations>,
 }
 
-/// What the engine made of delivered events.
-#[derive(Serialize)]
-pub(super) struct Admitted {
-    pub(super) accepted: u64,
-    pub(super) dropped: BTreeMap<&'static str, u64>,
+/// How long reports took; none where there was none.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct Latencies {
+    pub(super) waited: Option<Quantiles>,
+    pub(super) age: Option<Quantiles>,
+    /// Stream time.
+    pub(super) behind: Option<Quantiles>,
 }
 
 /// The queue.

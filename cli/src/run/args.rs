@@ -48,16 +48,15 @@ pub(crate) struct RunArgs {
     /// is due. In both, empty frames count like others (see --longest-silence).
     #[arg(long, value_name = "event|end|N|Nus")]
     pub(crate) every: Option<Every>,
-    /// One JSON object a line: predictions, then a summary.
+    /// One JSON object a line: a header that says what runs on what, predictions, then a summary (docs/json.md).
     ///
     /// A prediction: {"t_us": time of the newest event that it covers (null before the first), "value": [outputs, with
-    /// the digits that restore each f32], "nodes": events in the window, "rows": [rows computed for each layer since
+    /// the digits that restore each f32], "class" and "probabilities" where outputs are classes, "nodes": events in the window, "rows": [rows computed for each layer since
     /// the last prediction], "update_us": microseconds spent in pushes and predictions since the last prediction}.
     ///
-    /// The last line: {"summary": {"events": taken, "lines_refused": lines of a text that were no events, "accepted",
-    /// "dropped": {reason: count}, "predictions", "nodes_max":
-    /// most events in the window, "push_us" and "predict_us": {"p50", "p90", "p99", "p999", "max"} in microseconds (null
-    /// where there was none), "events_per_s": events over the time in pushes and predictions, "skips": {what was
+    /// The last line: {"summary": {"events": taken, "accepted", "dropped": {reason: count}, "predictions", "nodes_max":
+    /// most events in the window, "latency_us": {"push", "predict": {"p50", "p90", "p99", "p999", "max"} (null where there
+    /// was none)}, "events_per_s": events over the time in pushes and predictions, "skips": {what was
     /// computed, came out unchanged, or was not needed; "layers": [the same for each layer]}, "approximations": {those that
     /// were asked for, "filters": [{"name", "passed", "dropped"}]} (missing where none was), "salvaged": {"events": kept, "what": is not
     /// whole, "place": where it starts, "bytes_not_read"} (missing where the recording is whole)}}.
@@ -72,10 +71,10 @@ pub(crate) struct RunArgs {
     /// "y_px", "x_mm", "y_mm"} (null without a contact), "baseline": {"area_mm2", "centroid"} (null without
     /// --reference), "overlay": path (null without --overlay), "update_us"}.
     ///
-    /// Their last line: {"summary": {"input": {"kind": "events", "electrodes" or "pictures", and its counts},
-    /// "frames": pushed, "predictions", "prepare_us": making a frame, for each event, reading or picture, "push_us"
-    /// and "predict_us": as above, for each frame and prediction, "decision_us" (over electrodes, where there was a
-    /// prediction): from a reading whose line has been parsed to the decision behind it, "frames_per_s": frames over
+    /// Their last line: {"summary": {counts of events, electrodes or pictures, "frames": pushed, "predictions",
+    /// "latency_us": {"prepare": making a frame, for each event, reading or picture, "push" and "predict": as above, for
+    /// each frame and prediction, "decision" (over electrodes, where there was a prediction): from a reading whose line
+    /// has been parsed to the decision behind it}, "frames_per_s": frames over
     /// all that time, "pixels": {"computed", "skipped", "absorbed"}, "layers": [the same for each layer]}}.
     #[arg(long)]
     pub(crate) json: bool,

@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use super::report::{Reading, Report};
 use super::summary::Summary;
+use crate::answer::{Answer, Answers};
 use crate::latency::microseconds;
+use crate::provenance::Header;
 
 /// Writes JSON lines.
 pub(crate) struct JsonLines<W> {
@@ -15,10 +17,23 @@ pub(crate) struct JsonLines<W> {
     live: bool,
 }
 
+/// Writes predictions of networks over events as JSON lines.
+pub(crate) struct Predictions<W> {
+    lines: JsonLines<W>,
+    answers: Answers,
+}
+
+#[derive(Serialize)]
+struct First<'a> {
+    header: &'a Header,
+}
+
 #[derive(Serialize)]
 struct Line<'a> {
     t_us: Option<i64>,
     value: Values<'a>,
+    #[serde(flatten)]
+    answer: Option<Answer<'a>>,
     nodes: usize,
     rows: &'a [u64],
     update_us: f64,
@@ -49,6 +64,12 @@ impl<W: Write> JsonLines<W> {
         self.out.write_all(b"\n")
     }
 
+    /// The first line.
+    pub(crate) fn header(&mut self, header: &Header) -> io::Result<()> {
+        self.line(&First { header })?;
+        self.out.flush()
+    }
+
     /// The line of a prediction.
     pub(crate) fn prediction(&mut self, line: &impl Serialize) -> io::Result<()> {
         self.line(line)?;
@@ -62,12 +83,19 @@ impl<W: Write> JsonLines<W> {
     }
 }
 
-impl<W: Write> Report for JsonLines<W> {
+impl<W: Write> Predictions<W> {
+    pub(crate) fn new(lines: JsonLines<W>, answers: Answers) -> Self {
+        Self { lines, answers }
+    }
+}
+
+impl<W: Write> Report for Predictions<W> {
     fn reading(&mut self, reading: &Reading<'_>) -> io::Result<()> {
         let prediction = &reading.prediction;
-        self.prediction(&Line {
+        self.lines.prediction(&Line {
             t_us: prediction.t_us,
             value: Values(prediction.values),
+            answer: self.answers.of(prediction.values),
             nodes: prediction.nodes,
             rows: prediction.rows,
             update_us: microseconds(reading.update),
@@ -75,13 +103,14 @@ impl<W: Write> Report for JsonLines<W> {
     }
 
     fn summary(&mut self, summary: &Summary) -> io::Result<()> {
-        self.last(&Last { summary })
+        self.lines.last(&Last { summary })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{JsonLines, Reading, Report};
+    use super::{JsonLines, Predictions, Reading, Report};
+    use crate::answer::Answers;
     use meissner_engine::Prediction;
     use std::time::Duration;
 
@@ -92,7 +121,8 @@ mod tests {
         let mut text = Vec::new();
         let prediction = Prediction { values: &values, t_us: None, nodes: 0, rows: &[] };
         let reading = Reading { prediction, elapsed_us: None, update: Duration::from_nanos(1500), taken: 0 };
-        JsonLines::new(&mut text, false).reading(&reading).expect("a vector takes everything");
+        let lines = JsonLines::new(&mut text, false);
+        Predictions::new(lines, Answers::default()).reading(&reading).expect("a vector takes everything");
         let line: serde_json::Value = serde_json::from_slice(&text).expect("the line is JSON");
         assert_eq!(line["t_us"], serde_json::Value::Null);
         assert_eq!(line["update_us"], 1.5);

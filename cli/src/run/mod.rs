@@ -23,6 +23,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{Engine, Event, Outcome};
 use meissner_models::AnyDescription;
 
+use crate::answer::Answers;
 use crate::args::{ApproximationArgs, Every, Mode};
 use crate::error::CliError;
 use crate::header::header;
@@ -30,13 +31,14 @@ use crate::interrupt;
 use crate::latency::Latency;
 use crate::model::{Model, describe_any};
 use crate::progress::Progress;
+use crate::provenance::{Header, InputCard};
 use crate::schedule::{Last, Schedule};
 use crate::source::{self, Source};
 pub(crate) use args::RunArgs;
 use ending::Ending;
 use frames::Kind;
 pub(crate) use frames::readers;
-use json::JsonLines;
+use json::{JsonLines, Predictions};
 use machine::Machine;
 use report::{Reading, Report};
 use state::Saver;
@@ -56,10 +58,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     check_mode(args)?;
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
+    check_stride(args, &model)?;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let provenance = Header::new("run", described, model.card.clone());
+    provenance.warn();
     let late = input.late.into();
     let mut machine = Machine::new(args.mode, Arc::clone(&network), sensor, late, &input.approximations)?;
     let mut schedule = Schedule::new(args.every.unwrap_or(EVERY), sensor, late);
@@ -78,14 +85,16 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let progress = Progress::new(total, args.json);
     let mut out = BufWriter::new(stdout().lock());
     let mut report: Box<dyn Report + '_> = if args.json {
-        Box::new(JsonLines::new(out, live))
+        let mut lines = JsonLines::new(out, live);
+        lines.header(&provenance)?;
+        Box::new(Predictions::new(lines, Answers::new(&model.card)))
     } else {
         let mode = match args.mode {
             Mode::Incremental => "incremental",
             Mode::Batch => "batch: every row at every prediction",
         };
         header(&mut out, &model, mode, &source, sensor)?;
-        Box::new(People::new(out, &model.outputs, total, progress.clone())?)
+        Box::new(People::new(out, Answers::new(&model.card), total, progress.clone())?)
     };
     let mut runner = Runner {
         schedule,
@@ -143,6 +152,18 @@ fn check_mode(args: &RunArgs) -> Result<(), CliError> {
     };
     let expected = "neither --mode batch nor filters nor a stale readout with it".to_owned();
     Err(CliError::Option { option, expected, found })
+}
+
+/// Refuses a state of a run that passes events over: which of two is next is not in it.
+fn check_stride(args: &RunArgs, model: &Model) -> Result<(), CliError> {
+    match (args.state.given(), model.card.stride()) {
+        (Some(option), 2..) => Err(CliError::Option {
+            option,
+            expected: "weights of a network that takes every event".to_owned(),
+            found: format!("weights with metadata \"stride\" {}", model.card.stride()),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Takes events one after the other and reads predictions when they are due.

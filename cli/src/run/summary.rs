@@ -25,10 +25,8 @@ pub(crate) struct Summary {
     pub(crate) predictions: u64,
     /// Most events in the window after any push.
     pub(crate) nodes_max: usize,
-    /// Time of a push, in microseconds; none where there was none.
-    pub(crate) push_us: Option<Quantiles>,
-    /// Time of a prediction, in microseconds, with moving time on to it where it is due between events.
-    pub(crate) predict_us: Option<Quantiles>,
+    /// Times in microseconds.
+    pub(crate) latency_us: Latencies,
     /// Events taken, per second spent in pushes and predictions.
     pub(crate) events_per_s: Option<f64>,
     /// What was done and what was not needed.
@@ -39,6 +37,14 @@ pub(crate) struct Summary {
     /// What was left out of the recording; none where it is whole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) salvaged: Option<Salvaged>,
+}
+
+/// How long calls took; none where there was none.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Latencies {
+    pub(crate) push: Option<Quantiles>,
+    /// With moving time on to a prediction that is due between events.
+    pub(crate) predict: Option<Quantiles>,
 }
 
 impl Summary {
@@ -58,8 +64,7 @@ impl Summary {
             dropped: dropped(counters),
             predictions: counters.predictions.read,
             nodes_max,
-            push_us: push.quantiles(),
-            predict_us: predict.quantiles(),
+            latency_us: Latencies { push: push.quantiles(), predict: predict.quantiles() },
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             skips: Skips::new(counters, layers),
             approximations: None,

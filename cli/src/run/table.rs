@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use super::lines::Lines;
 use super::report::{Reading, Report};
 use super::summary::Summary;
+use crate::answer::Answers;
 use crate::latency::{Quantiles, microseconds};
 use crate::progress::Progress;
 use crate::skips::Skips;
@@ -13,34 +14,40 @@ use crate::text::{Table, grouped};
 /// Writes for people.
 pub(crate) struct People<W> {
     lines: Lines<W>,
+    answers: Answers,
 }
 
 impl<W: Write> People<W> {
-    /// Writes the headings for `outputs`.
+    /// Writes the headings for `answers`.
     pub(crate) fn new(
         mut out: W,
-        outputs: &[String],
+        answers: Answers,
         total: Option<u64>,
         progress: Progress,
     ) -> io::Result<Self> {
-        write!(out, "{:>5}  {:>13}", "done", "time (ms)")?;
-        for output in outputs {
-            write!(out, "  {output:>12}")?;
-        }
-        writeln!(out, "  {:>8}  {:>9}  {:>11}", "nodes", "rows", "update (us)")?;
+        let headings = answers.headings();
+        writeln!(
+            out,
+            "{:>5}  {:>13}{headings}  {:>8}  {:>9}  {:>11}",
+            "done", "time (ms)", "nodes", "rows", "update (us)"
+        )?;
         out.flush()?;
-        Ok(Self { lines: Lines::new(out, total, progress) })
+        Ok(Self { lines: Lines::new(out, total, progress), answers })
     }
 }
 
 impl<W: Write> Report for People<W> {
     fn reading(&mut self, reading: &Reading<'_>) -> io::Result<()> {
-        let line = line(reading, self.lines.total());
+        let values = self.answers.columns(reading.prediction.values);
+        let line = line(reading, &values, self.lines.total());
         self.lines.line(reading.taken, line)
     }
 
     fn summary(&mut self, summary: &Summary) -> io::Result<()> {
         let out = self.lines.end(summary.predictions)?;
+        if let Some(left_out) = self.answers.left_out() {
+            writeln!(out, "{left_out}")?;
+        }
         counts(out, summary)?;
         latencies(out, summary)?;
         summary.skips.write(out)?;
@@ -49,15 +56,13 @@ impl<W: Write> Report for People<W> {
 }
 
 /// A prediction.
-fn line(reading: &Reading<'_>, total: Option<u64>) -> String {
+fn line(reading: &Reading<'_>, values: &str, total: Option<u64>) -> String {
     let prediction = &reading.prediction;
     let done = total.map_or_else(String::new, |total| format!("{} %", reading.taken * 100 / total.max(1)));
     let time = reading.elapsed_us.map_or_else(|| "-".to_owned(), |us| format!("{:.3}", us as f64 / 1e3));
-    let values: Vec<String> = prediction.values.iter().map(|value| format!("{value:>12.6}")).collect();
-    let values = values.join("  ");
     let (nodes, rows) = (grouped(prediction.nodes as u64), grouped(prediction.rows.iter().sum()));
     let update_us = microseconds(reading.update);
-    format!("{done:>5}  {time:>13}  {values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
+    format!("{done:>5}  {time:>13}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
 }
 
 fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
@@ -85,7 +90,7 @@ fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
 }
 
 fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
-    quantiles(out, &[("push", summary.push_us), ("predict", summary.predict_us)])?;
+    quantiles(out, &[("push", summary.latency_us.push), ("predict", summary.latency_us.predict)])?;
     if let Some(rate) = summary.events_per_s {
         let rate = grouped(rate.round() as u64);
         writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;

@@ -98,6 +98,6 @@ pub(crate) fn engine(
     weights: &Weights,
     label: &str,
 ) -> Result<FrameEngine, CliError> {
-    let network = frame_network(description, weights, label, Convolution::Direct)?;
+    let (network, _) = frame_network(description, (weights, label.to_owned()), Convolution::Direct, false)?;
     Ok(FrameEngine::new(network, FrameOptions::default())?)
 }

@@ -42,6 +42,9 @@ pub(crate) struct SoakArgs {
     /// Weights: safetensors, or a PyTorch state dict. Without it those shipped for the network.
     #[arg(long, value_name = "FILE")]
     pub(super) weights: Option<PathBuf>,
+    /// Run weights that were trained on another preparation than the network computes.
+    #[arg(long)]
+    pub(super) ignore_preparation: bool,
     /// Columns x rows of the sensor in pixels, in place of what the recordings say; events outside it are dropped.
     #[arg(long, value_name = "WxH", value_parser = sensor)]
     pub(super) sensor: Option<Sensor>,
@@ -68,13 +71,12 @@ pub(crate) struct SoakArgs {
     pub(super) memory_growth: u32,
     /// Write the results to this file as one JSON object.
     ///
-    /// {"recordings", "rounds" (recordings begun after the first), "network", "weights", "sensor", "span_us", "capacity",
-    /// "isa", "seed", "every", "events", "accepted", "disturbances": {"silences", "advances", "bytes", "snapshots",
-    /// "resets", "returns_that_differ"}, "first" and "last" (tenth of the checkpoints): {"push": {"p50", "p90", "p99",
-    /// "p999", "max"} in microseconds, "predict": the same, "resident_bytes": median}, "ratio" (last to first): {"push":
+    /// {"header": what ran on what (docs/json.md), "recordings", "rounds" (recordings begun after the first), "isa", "seed", "every", "events", "accepted", "disturbances": {"silences", "advances", "bytes", "snapshots",
+    /// "resets", "returns_that_differ"}, "first" and "last" (tenth of the checkpoints): {"latency_us": {"push": {"p50", "p90",
+    /// "p99", "p999", "max"}, "predict": the same}, "resident_bytes": median}, "ratio" (last to first): {"push":
     /// {"p50", "p99"}, "predict": the same}, "memory": {"warm_bytes", "end_bytes", "growth_percent"} or null where it is not
     /// judged, "peak_resident_bytes", "seconds", "broken": what is, as texts, "checkpoints": [{"events", "t_us", "nodes", "compared"
-    /// (events of the batch), "equal", "bits" (of the prediction, hexadecimal), "push", "predict", "resident_bytes",
+    /// (events of the batch), "equal", "bits" (of the prediction, hexadecimal), "latency_us", "resident_bytes",
     /// "seconds"}]}.
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,

@@ -35,6 +35,7 @@ use crate::interrupt;
 use crate::model::Model;
 use crate::output;
 use crate::progress::Progress;
+use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use crate::tell::tell;
 use disturbance::Deck;
@@ -45,8 +46,8 @@ use subject::{Subject, Timed};
 
 /// Runs the subcommand.
 pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
-    let model = Model::named(&args.network, args.weights.as_deref())?;
-    let (tapes, sensor) = tapes(args)?;
+    let model = Model::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
+    let (tapes, sensor) = tapes(args, model.card.stride())?;
     if let Some(path) = &args.json {
         output::check_writable(path)?;
     }
@@ -64,7 +65,7 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
 }
 
 /// The recordings, and a sensor that holds all of them.
-fn tapes(args: &SoakArgs) -> Result<(Vec<Tape>, Sensor), CliError> {
+fn tapes(args: &SoakArgs, stride: usize) -> Result<(Vec<Tape>, Sensor), CliError> {
     let named: Vec<Option<&Path>> = if args.recordings.is_empty() {
         vec![None]
     } else {
@@ -73,7 +74,7 @@ fn tapes(args: &SoakArgs) -> Result<(Vec<Tape>, Sensor), CliError> {
     let mut extent = Sensor::new(0, 0);
     let mut tapes = Vec::with_capacity(named.len());
     for recording in named {
-        let source = Source::open(recording, args.read, args.sensor.is_some(), true)?;
+        let source = Source::open(recording, args.read, args.sensor.is_some(), true)?.every(stride);
         let sensor = source.sensor(args.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();
@@ -130,15 +131,13 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
         }
     }
     progress.finish();
-    let parts = network.parts();
+    let input = InputCard::events(&stream.names().join(", "), &"recordings round and round", sensor, None);
     let report = Report {
         recordings: stream.names(),
         rounds: stream.rounds(),
-        network: network.name().to_owned(),
-        weights: model.weights.clone(),
+        header: Header::new("soak", input, model.card.clone()),
+        card: model.card.clone(),
         sensor: [sensor.width, sensor.height],
-        span_us: parts.span_us,
-        capacity: parts.capacity,
         isa: Options::default().isa.name(),
         seed: args.seed,
         every: args.every,

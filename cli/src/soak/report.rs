@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::subject::{Checked, Timed};
 use crate::latency::{Latency, Quantiles};
+use crate::provenance::{Header, ModelCard};
 
 /// Something for both calls.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -44,7 +45,6 @@ pub(super) struct Checkpoint {
     pub(super) compared: usize,
     pub(super) equal: bool,
     pub(super) bits: Vec<String>,
-    #[serde(flatten)]
     pub(super) latency_us: Calls<Option<Quantiles>>,
     pub(super) resident_bytes: Option<u64>,
     pub(super) seconds: f64,
@@ -98,7 +98,6 @@ impl Part {
 /// What is said about several checkpoints.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct PartReport {
-    #[serde(flatten)]
     pub(super) latency_us: Calls<Option<Quantiles>>,
     pub(super) resident_bytes: Option<u64>,
 }
@@ -121,13 +120,14 @@ pub(super) struct Memory {
 /// The result of a soak.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Report {
+    /// What ran on what.
+    pub(super) header: Header,
     pub(super) recordings: Vec<String>,
     pub(super) rounds: u64,
-    pub(super) network: String,
-    pub(super) weights: String,
+    #[serde(skip)]
+    pub(super) card: ModelCard,
+    #[serde(skip)]
     pub(super) sensor: [u16; 2],
-    pub(super) span_us: i64,
-    pub(super) capacity: usize,
     pub(super) isa: &'static str,
     pub(super) seed: u64,
     pub(super) every: u64,

@@ -26,8 +26,7 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
     let [width, height] = report.sensor;
     writeln!(out, "recordings   {}", report.recordings.join(", "))?;
     writeln!(out, "             {width}x{height} pixels, {} more rounds", grouped(report.rounds))?;
-    writeln!(out, "network      {}, incremental, {}", report.network, report.isa)?;
-    writeln!(out, "weights      {}", report.weights)?;
+    report.card.write(out, &format!("incremental, {}", report.isa))?;
     let (events, accepted) = (grouped(report.events), grouped(report.accepted));
     writeln!(
         out,

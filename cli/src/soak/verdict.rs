@@ -70,6 +70,7 @@ mod tests {
     use std::time::Duration;
 
     use super::judged;
+    use crate::provenance::{Header, ModelCard};
     use crate::soak::report::{Checkpoint, Disturbances, Part, Report};
     use crate::soak::subject::{Checked, Timed};
 
@@ -90,11 +91,9 @@ mod tests {
         Report {
             recordings: Vec::new(),
             rounds: 0,
-            network: String::new(),
-            weights: String::new(),
+            header: Header::default(),
+            card: ModelCard::default(),
             sensor: [1, 1],
-            span_us: 1,
-            capacity: 1,
             isa: "",
             seed: 1,
             every: 1,

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Batch, Engine, EngineError, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace};
+use meissner_engine::{
+    Batch, Engine, EngineError, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace,
+};
 use meissner_reference::{BatchNorm, Difference, EventReference, EventTrace};
 
 use super::row::{Errors, Expect, LayerError, Row, same_bits};

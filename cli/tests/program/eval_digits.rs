@@ -95,7 +95,7 @@ fn figures_are_those_of_an_engine_for_each_recording_and_time() {
         let (data, runs, description, weights) = judged(changes, &[]);
         let report = report(&arguments(&data, &paths(&runs)));
         let network = &report["networks"][0];
-        assert_eq!((&network["network"], &network["stride"]), (&"own".into(), &1.into()));
+        assert_eq!((&network["network"]["name"], &network["stride"]), (&"own".into(), &1.into()));
         assert_eq!(network["cross_validation"], Value::Null);
         let said = all_said(&description, &weights, 1);
         assert!(said.iter().any(|said| said.answers.iter().any(|&answer| answer != said.answers[0])));
@@ -247,7 +247,7 @@ fn the_drawing_has_a_line_and_a_matrix_for_each_network() {
     }
     for network in report["networks"].as_array().expect("a list") {
         let accuracy = 100.0 * number(&network["test"]["accuracy"]["mean"]);
-        let name = network["network"].as_str().expect("a name");
+        let name = network["network"]["name"].as_str().expect("a name");
         assert!(texts.contains(&format!("{name}, {accuracy:.1} %").as_str()), "{name}: {texts:?}");
     }
     // Every line has a point for each time, inside the field.
@@ -289,7 +289,7 @@ fn what_cannot_be_judged_is_bad_input_or_bad_usage() {
     runs.training("own.safetensors", &description, 5, &[("held_out", "[\"train/0/9\"]")]);
     fails(&eval(&own), 2, &["--weights", "a whole training", "a fold"]);
     runs.training("own.safetensors", &description, 5, &[("stride", "0")]);
-    fails(&eval(&own), 1, &["own.safetensors", "\"stride\" of at least 1"]);
+    fails(&eval(&own), 1, &["own.safetensors", "\"stride\" with a whole number from 1"]);
     runs.training("own.safetensors", &description, 5, &[]);
     std::fs::remove_dir_all(data.path().join("test")).expect("it is there");
     fails(&eval(&own), 1, &["recordings of the split test", "found none"]);

@@ -160,7 +160,7 @@ fn files_that_do_not_say_what_they_are_are_refused_by_name() {
         (&[("fold", "0.5")], &["\"fold\""]),
         (&[("trained_on", "test")], &["\"trained_on\"", "\"train\"", "\"test\""]),
         (&[("held_out", "train/0/9")], &["\"held_out\"", "JSON list of recordings"]),
-        (&[("stride", "-1")], &["\"stride\" of at least 1"]),
+        (&[("stride", "-1")], &["\"stride\" with a whole number from 1"]),
     ] {
         let runs = Runs::new();
         runs.training("faulty.safetensors", &own(&runs), 1, metadata);
@@ -202,7 +202,7 @@ fn the_frozen_network_is_judged_with_the_trainings_of_the_one_over_the_past() {
     ]);
     let tested: Vec<usize> = TESTED.collect();
     for (i, description) in [description, of_frozen].iter().enumerate() {
-        assert_eq!(report["networks"][i]["network"], description.name());
+        assert_eq!(report["networks"][i]["network"]["name"], description.name());
         are_those(&report["networks"][i]["test"]["each"][0], &all_said(description, &weights, 1), &tested);
     }
 }

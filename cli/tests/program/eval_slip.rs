@@ -35,7 +35,10 @@ fn figures_are_those_of_the_engines_own_predictions() {
         let report = report(&[argument(data.path()), "--network", network]);
         let outputs = outputs(network, &Weights::shipped(network).expect("with weights"));
         let judged = &report["networks"][0];
-        assert_eq!((&judged["network"], &report["classes"]), (&network.into(), &CLASSES.as_slice().into()));
+        assert_eq!(
+            (&judged["network"]["name"], &report["classes"]),
+            (&network.into(), &CLASSES.as_slice().into())
+        );
         // The sets' order is not that of the objects' names.
         for (i, (set, object)) in
             [("Basic", 2), ("Solids", 0), ("Small", 1), ("Textures", 3)].iter().enumerate()
@@ -125,7 +128,7 @@ fn the_drawing_has_a_matrix_for_each_network_and_set_and_bars() {
     let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
     let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
     for network in report["networks"].as_array().expect("a list") {
-        let name = network["network"].as_str().expect("a name");
+        let name = network["network"]["name"].as_str().expect("a name");
         for set in network["sets"].as_array().expect("a list") {
             let seen = if set["trained_on"] == true { " (trained on)" } else { "" };
             let title = format!("{name}, {}{seen}", set["set"].as_str().expect("a name"));

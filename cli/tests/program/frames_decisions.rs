@@ -65,19 +65,19 @@ fn behind_a_row_that_is_no_reading_the_decision_is_forgotten() {
 fn a_decision_before_the_first_is_a_dash_for_people() {
     let people = text(&meissner_reading(&["run", "-", "--network", "slip-lstm", "--hold", "9"], &csv(6)));
     let window = people.lines().find(|line| line.trim_start().starts_with("6 ")).expect("a window");
-    assert!(people.contains("class     decision") && window.contains("  -  "), "{people}");
+    assert!(people.contains("class  probability  decision") && window.contains("  -  "), "{people}");
     assert!(people.contains("decisions    0 made"), "{people}");
 }
 
 #[test]
 fn the_time_from_a_reading_to_its_decision_covers_the_windows_steps() {
     let (_, summary) = run("slip-regularised", &csv(40));
-    let us = |what: &str, quantile: &str| summary[what][quantile].as_f64().expect("measured");
+    let us = |what: &str, quantile: &str| summary["latency_us"][what][quantile].as_f64().expect("measured");
     for quantile in ["p50", "p90", "p99", "p999", "max"] {
-        assert!(us("decision_us", quantile) > 0.0);
+        assert!(us("decision", quantile) > 0.0);
     }
     // A median of sums is no sum of medians, but five steps take longer than two.
-    assert!(us("decision_us", "p50") > 2.0 * us("push_us", "p50"), "{summary}");
+    assert!(us("decision", "p50") > 2.0 * us("push", "p50"), "{summary}");
     let people = text(&meissner_reading(&["run", "-", "--network", "slip-lstm"], &csv(9)));
     assert!(people.lines().any(|line| line.trim_start().starts_with("decision  ")), "{people}");
 }
@@ -90,7 +90,7 @@ fn values_that_are_not_of_classes_have_no_decision() {
     for key in ["probabilities", "class", "decision", "held"] {
         assert!(predictions.iter().all(|line| line[key].is_null()));
     }
-    assert!(summary["input"]["decisions"].is_null());
+    assert!(summary["decisions"].is_null());
     for option in ["--hold=3", "--least-probability=0.5"] {
         let name = option.split('=').next().expect("an option has a name");
         fails(&meissner(&network.arguments(&path, &[option])), 2, &[name, "classes", "values in N"]);

@@ -57,7 +57,7 @@ fn pictures_give_the_reports_of_the_engines_maps_of_forces() {
     for more in [&[][..], &["--threads", "2"], &["--no-skip"]] {
         meter.reset();
         let (predictions, summary) = run(&network, &folder, more);
-        assert_eq!((predictions.len(), &summary["input"]["pictures"]), (4, &4.into()));
+        assert_eq!((predictions.len(), &summary["pictures"]), (4, &4.into()));
         for (line, name) in predictions.iter().zip(["img0", "img4", "img8", "img12"]) {
             let path = folder.join(format!("{name}.ppm"));
             assert_eq!(line["image"], argument(&path), "natural order");
@@ -182,7 +182,7 @@ fn a_picture_of_another_size_is_an_error_with_both_sizes() {
     picture(&folder, "img99.ppm", 5, 0);
     let output = meissner(&network.arguments(&folder, &["--json"]));
     assert_eq!(output.status.code(), Some(1));
-    assert_eq!(text(&output).lines().count(), 4, "those before it are reported");
+    assert_eq!(text(&output).lines().count(), 5, "the header and those before it are reported");
     let message = crate::support::message(&output);
     assert!(["img99.ppm", "8x6", "5x6"].iter().all(|part| message.contains(part)), "{message}");
 }

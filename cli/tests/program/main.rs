@@ -31,6 +31,7 @@ mod play;
 mod prepare;
 mod prepare_digits;
 mod prepare_graphs;
+mod provenance;
 mod refused_lines;
 mod resume;
 #[path = "../../../tests/shared_files.rs"]

@@ -17,11 +17,12 @@ fn a_json_line_has_the_documented_keys_and_no_others() {
         assert_eq!(line["rows"].as_array().map(Vec::len), Some(8), "a count for each layer");
     }
     let expected =
-        "accepted dropped events events_per_s lines_refused nodes_max predict_us predictions push_us skips";
+        "accepted dropped events events_per_s latency_us lines_refused nodes_max predictions skips";
     assert_eq!(keys(&summary), expected);
-    for histogram in ["push_us", "predict_us"] {
-        assert_eq!(keys(&summary[histogram]), "max p50 p90 p99 p999");
-        let at = |quantile: &str| summary[histogram][quantile].as_f64().expect("a number");
+    for histogram in ["push", "predict"] {
+        let latencies = &summary["latency_us"];
+        assert_eq!(keys(&latencies[histogram]), "max p50 p90 p99 p999");
+        let at = |quantile: &str| latencies[histogram][quantile].as_f64().expect("a number");
         let ascending = ["p50", "p90", "p99", "p999", "max"].map(at);
         assert!(ascending.is_sorted() && ascending[0] > 0.0, "{ascending:?}");
     }

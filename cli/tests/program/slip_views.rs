@@ -144,6 +144,6 @@ fn a_stream_of_readings_reaches_both_views() {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let (predictions, summary) = lines(&meissner_reading(&arguments, &csv(23)));
         assert_eq!(predictions.iter().map(bits).collect::<Vec<_>>(), expected, "{option}");
-        assert_eq!(summary["input"]["readings"], 23);
+        assert_eq!(summary["readings"], 23);
     }
 }

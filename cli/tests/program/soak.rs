@@ -37,7 +37,8 @@ fn holds(report: &Value, checkpoints: usize) {
     assert_eq!(rows.len(), checkpoints);
     for row in rows {
         assert_eq!(row["equal"], true, "{row}");
-        let quantiles = ["p50", "p90", "p99", "p999", "max"].map(|key| row["push"][key].as_f64());
+        let quantiles =
+            ["p50", "p90", "p99", "p999", "max"].map(|key| row["latency_us"]["push"][key].as_f64());
         assert!(quantiles.is_sorted() && quantiles[0] > Some(0.0), "{row}");
     }
     let done = &report["disturbances"];
@@ -86,7 +87,7 @@ fn several_recordings_follow_one_another_on_the_largest_sensor() {
     let arguments = ["--network", "tactigraph-past", "--events", "1000", "--checkpoint-every", "100"];
     let report =
         soak(&[&[argument(&small), argument(&wide)], &arguments[..], &["--disturb-every", "10"]].concat());
-    assert_eq!(report["sensor"].to_string(), "[30,20]");
+    assert_eq!(report["header"]["input"]["sensor"].to_string(), "[30,20]");
     assert_eq!(
         (count(&report["rounds"]), count(&report["accepted"]) < 1_000),
         (399, true),

@@ -50,6 +50,12 @@ pub(crate) fn text(output: &Output) -> String {
 
 /// The lines of a successful run with `--json`: the predictions, and the summary.
 pub(crate) fn lines(output: &Output) -> (Vec<Value>, Value) {
+    let (_, lines, summary) = headed_lines(output);
+    (lines, summary)
+}
+
+/// The lines of a successful run with `--json`: the header, the predictions, and the summary.
+pub(crate) fn headed_lines(output: &Output) -> (Value, Vec<Value>, Value) {
     assert!(output.status.success(), "{}", message(output));
     let text = text(output);
     let mut lines: Vec<Value> = text
@@ -58,7 +64,9 @@ pub(crate) fn lines(output: &Output) -> (Vec<Value>, Value) {
         .collect();
     let summary = lines.pop().expect("there is a summary")["summary"].clone();
     assert!(summary.is_object(), "the last line is the summary");
-    (lines, summary)
+    let header = lines.remove(0)["header"].clone();
+    assert!(header.is_object(), "the first line is the header");
+    (header, lines, summary)
 }
 
 /// Bits of a prediction's values.

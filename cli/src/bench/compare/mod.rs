@@ -26,6 +26,7 @@ use super::part::Part;
 use super::{memory, taken};
 use crate::error::CliError;
 use crate::model::Model;
+use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use report::{Comparison, Ratios};
 use ways::{Predictions, Ways};
@@ -34,11 +35,16 @@ use ways::{Predictions, Ways};
 pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
-    let frame_model = FrameModel::load(name, args.compare_weights.as_deref()).map_err(with_its_option)?;
+    let frame_model = FrameModel::load(name, args.compare_weights.as_deref(), input.ignore_preparation)
+        .map_err(with_its_option)?;
     let period_us = frame_model.period_us(args.every)?;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let header = Header::new("bench", described, model.card.clone());
+    header.warn();
     let (recording, format) = (source.name.clone(), source.format);
     let events = taken(&mut source, args)?;
     let lines_refused = source.lines_refused();
@@ -60,12 +66,9 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
         lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),
-        network: model.network.name().to_owned(),
-        weights: model.weights.clone(),
-        span_us: model.network.parts().span_us,
-        capacity: model.network.parts().capacity,
-        frame_network: frame_model.network.name().to_owned(),
-        frame_weights: frame_model.weights.clone(),
+        header,
+        card: model.card.clone(),
+        against: frame_model.card.clone(),
         sensor: [sensor.width, sensor.height],
         frames_of: frame_model.source().to_string(),
         field: field.to_string(),

@@ -5,20 +5,23 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::report::Distribution;
+use crate::provenance::{Header, ModelCard};
 
 /// The whole comparison.
 #[derive(Debug, Serialize)]
 pub(super) struct Comparison {
+    /// What ran on what.
+    pub(super) header: Header,
+    #[serde(skip)]
     pub(super) recording: String,
     /// The part of it, where not all is taken.
     pub(super) part: Option<String>,
-    pub(super) network: String,
-    pub(super) weights: String,
-    pub(super) span_us: i64,
-    pub(super) capacity: usize,
-    pub(super) frame_network: String,
-    pub(super) frame_weights: String,
+    #[serde(skip)]
+    pub(super) card: ModelCard,
+    /// The frame network.
+    pub(super) against: ModelCard,
     /// Columns and rows.
+    #[serde(skip)]
     pub(super) sensor: [u16; 2],
     /// What makes the frames, with the keys of a description.
     pub(super) frames_of: String,

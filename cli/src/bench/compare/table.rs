@@ -30,15 +30,15 @@ fn ways(report: &Comparison) -> [(&'static str, &WayReport); 3] {
 }
 
 fn heading(out: &mut impl Write, report: &Comparison, format: Format) -> io::Result<()> {
-    let ([width, height], window_ms) = (report.sensor, report.span_us as f64 / 1e3);
+    let [width, height] = report.sensor;
     writeln!(out, "recording    {}", report.recording)?;
     writeln!(out, "             {format}, {width}x{height} pixels")?;
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    writeln!(out, "network      {}, incremental; {}", report.network, report.weights)?;
-    writeln!(out, "             window {window_ms} ms, at most {} events", grouped(report.capacity as u64))?;
-    writeln!(out, "against      {}; {}", report.frame_network, report.frame_weights)?;
+    report.card.write(out, "incremental")?;
+    writeln!(out, "against      {}, weights {}", report.against.network.name, report.against.trust())?;
+    writeln!(out, "             {}", report.against.source())?;
     writeln!(out, "             {}", report.frames_of)?;
     writeln!(out, "             {}\n", report.field)?;
     writeln!(

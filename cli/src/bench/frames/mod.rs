@@ -26,6 +26,7 @@ use super::moments::Moments;
 use super::part::Part;
 use super::{clock_us, memory, taken};
 use crate::error::CliError;
+use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use report::{FrameReport, WayReport};
 
@@ -36,11 +37,15 @@ pub(super) const WARMUP_FRAMES: u64 = 20;
 pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     check(args)?;
-    let model = FrameModel::load(&input.network, input.weights.as_deref())?;
+    let model = FrameModel::load(&input.network, input.weights.as_deref(), input.ignore_preparation)?;
     let period_us = model.period_us(args.every)?;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let header = Header::new("bench", described, model.card.clone());
+    header.warn();
     let (recording, format) = (source.name.clone(), source.format);
     let events = taken(&mut source, args)?;
     let lines_refused = source.lines_refused();
@@ -77,8 +82,8 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
         lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),
-        network: model.network.name().to_owned(),
-        weights: model.weights.clone(),
+        header,
+        card: model.card.clone(),
         sensor: [sensor.width, sensor.height],
         frames_of: model.source().to_string(),
         field: field.to_string(),

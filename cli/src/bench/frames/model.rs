@@ -14,7 +14,8 @@ use crate::args::Every;
 use crate::error::CliError;
 use crate::frame_feed::FrameFeed;
 use crate::layer_cost::LayerCost;
-use crate::model::{describe_frames, frame_network, labelled, weights};
+use crate::model::{describe_frames, frame_network, weights};
+use crate::provenance::ModelCard;
 
 /// From one frame to the next, where neither the network nor the command line says: 10 ms, as in the force networks.
 const PERIOD_US: i64 = 10_000;
@@ -24,8 +25,8 @@ pub(in super::super) struct FrameModel {
     pub(in super::super) network: Arc<FrameNetwork>,
     /// Of each layer.
     pub(in super::super) costs: Vec<LayerCost>,
-    /// Where the weights come from, and what they say about themselves.
-    pub(in super::super) weights: String,
+    /// What it is, with which weights.
+    pub(in super::super) card: ModelCard,
     description: FrameDescription,
     place: CropPlace,
     /// Length of its windows, where they follow one another.
@@ -42,7 +43,11 @@ pub(in super::super) struct Field {
 
 impl FrameModel {
     /// The frame network `name`, shipped or in a file, with the weights in the file at `path` or those shipped.
-    pub(in super::super) fn load(name: &str, path: Option<&Path>) -> Result<Self, CliError> {
+    pub(in super::super) fn load(
+        name: &str,
+        path: Option<&Path>,
+        ignore_preparation: bool,
+    ) -> Result<Self, CliError> {
         let (description, shipped) = describe_frames(name)?;
         let (place, windows_us) = match *description.source() {
             FrameSource::EventCounts { place, period_us, .. }
@@ -56,11 +61,12 @@ impl FrameModel {
             return Err(frames_of_other(name, *description.source()));
         };
         let (weights, label) = weights(name, shipped, path)?;
-        let network = frame_network(&description, &weights, &label, Convolution::Direct)?;
+        let (network, card) =
+            frame_network(&description, (&weights, label), Convolution::Direct, ignore_preparation)?;
         Ok(Self {
             network,
             costs: description.layers().iter().map(LayerCost::new).collect(),
-            weights: labelled(label, &weights),
+            card,
             place,
             windows_us,
             // A description's sides fit.

@@ -169,7 +169,7 @@ mod tests {
     fn frames_come_at_the_moments_whatever_the_gaps_between_events() {
         let sensor = Sensor::new(200, 100);
         for name in ["force-tdnn", "event-frame-cnn"] {
-            let model = FrameModel::load(name, None).expect("it is shipped");
+            let model = FrameModel::load(name, None, false).expect("it is shipped");
             let period_us = model.period_us(None).expect("it has one");
             for seed in 1..50_u64 {
                 // Gaps of 0, of less than a frame, of whole frames, and longer than the window.

@@ -8,17 +8,22 @@ use serde::Serialize;
 use super::super::report::{DeadlineReport, Distribution};
 use super::model::FrameModel;
 use super::pass::FrameLatencies;
+use crate::provenance::{Header, ModelCard};
 
 /// The whole benchmark. Counts are of one pass, except those of distributions.
 #[derive(Debug, Serialize)]
 pub(super) struct FrameReport {
+    /// What ran on what.
+    pub(super) header: Header,
+    #[serde(skip)]
     pub(super) recording: String,
     /// The part of it, where not all is taken.
     pub(super) part: Option<String>,
-    pub(super) network: String,
-    pub(super) weights: String,
     /// Columns and rows.
+    #[serde(skip)]
     pub(super) sensor: [u16; 2],
+    #[serde(skip)]
+    pub(super) card: ModelCard,
     /// What makes the frames, with the keys of a description.
     pub(super) frames_of: String,
     /// What they show of the sensor.

@@ -39,8 +39,7 @@ fn heading(out: &mut impl Write, report: &FrameReport, format: Format) -> io::Re
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    writeln!(out, "network      {}", report.network)?;
-    writeln!(out, "weights      {}", report.weights)?;
+    report.card.write(out, "with skipping and without")?;
     writeln!(out, "frames       {}", report.frames_of)?;
     writeln!(
         out,

@@ -27,8 +27,8 @@ Trainings (--trainings): every *.safetensors file of the folder is one, with met
   The folds of a network and seed must hold out every recording exactly once, and give one accuracy together.
 
 JSON (--json), shares from 0 to 1:
-  {\"data\": {\"folder\", \"recordings\", \"train\", \"test\", \"events\", \"notes\"}, \"classes\", \"mode\", \"every_us\",
-  \"times_us\": [the times at which predictions are read], \"networks\": [{\"network\", \"weights\", \"stride\",
+  {\"header\": what was judged on what (docs/json.md), \"data\": {\"folder\", \"recordings\", \"train\", \"test\", \"events\", \"notes\"}, \"classes\", \"mode\", \"every_us\",
+  \"times_us\": [the times at which predictions are read], \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"stride\",
   \"test\": JUDGED or null, \"cross_validation\": JUDGED or null}]}
   JUDGED: \"recordings\": judged per training, \"trainings\", \"accuracy\": {\"mean\", \"std\" (null for one training)},
   \"interval_95\": [low, high], \"settled_us\": the median, null where half or more never settle, \"confusion\": rows true,

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use meissner_engine::Event;
 use meissner_io::datasets::Split;
-use meissner_models::ModelError;
+use meissner_models::{AnyDescription, ModelError};
 use rayon::ThreadPool;
 
 use super::figures::Judgeable;
@@ -16,6 +16,7 @@ use super::runs::{Outcome, Settings, outcomes};
 use crate::args::Mode;
 use crate::digits::{Candidate, DigitsData, Training, Validation, seed_name, validations};
 use crate::error::CliError;
+use crate::model::card;
 
 /// Judges networks on one data set.
 pub(super) struct Judge<'a> {
@@ -81,7 +82,11 @@ impl Judge<'_> {
             let files = folds.iter().flat_map(|(training, _)| training.files()).collect();
             of_folds.extend(self.one(*seed, files, &outcomes));
         }
+        let training =
+            candidate.trainings.first().ok_or_else(|| CliError::NeedsTrainings(name.to_owned()))?;
+        let described = AnyDescription::Events(candidate.description.clone());
         let report = NetworkReport {
+            card: card(&described, &training.weights, weights(candidate))?.taking_every(candidate.stride),
             network: name.to_owned(),
             weights: weights(candidate),
             stride: candidate.stride,

@@ -22,13 +22,14 @@ use std::time::Instant;
 
 use meissner_io::datasets::Split;
 use meissner_models::TensorFile;
-use meissner_models::systems::digits::CLASSES;
+use meissner_models::systems::digits::{CLASSES, SENSOR};
 use serde_json::json;
 
 use crate::args::Mode;
 use crate::digits::{Asked, DigitsData, candidates};
 use crate::error::CliError;
 use crate::output;
+use crate::provenance::{Header, InputCard};
 use crate::source::is_stdin;
 use crate::tell::tell;
 use crate::threads;
@@ -78,7 +79,9 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
     let spent_s = start.elapsed().as_secs_f64();
 
     let notes = data.notes.iter().cloned().chain(more_notes).collect();
+    let input = InputCard::events(&args.data.display().to_string(), &"N-MNIST", SENSOR, Some(data.events()));
     let report = Report {
+        header: Header::of_many("eval digits", input),
         data: DataReport {
             folder: args.data.display().to_string(),
             recordings: data.recordings.len(),

@@ -4,9 +4,13 @@ use meissner_models::metrics::{Confusion, MeanStd};
 use meissner_models::systems::digits::CLASSES;
 use serde::Serialize;
 
+use crate::provenance::{Header, ModelCard};
+
 /// Everything.
 #[derive(Serialize)]
 pub(super) struct Report {
+    /// What was judged on what; each of `networks` says what it is.
+    pub(super) header: Header,
     pub(super) data: DataReport,
     pub(super) classes: [&'static str; CLASSES.len()],
     pub(super) mode: &'static str,
@@ -32,8 +36,12 @@ pub(super) struct DataReport {
 /// A network's results.
 #[derive(Serialize)]
 pub(super) struct NetworkReport {
+    #[serde(flatten)]
+    pub(super) card: ModelCard,
+    #[serde(skip)]
     pub(super) network: String,
     /// Where its weights come from.
+    #[serde(skip)]
     pub(super) weights: String,
     /// Every `stride`-th event is taken.
     pub(super) stride: usize,

@@ -27,7 +27,7 @@ Trainings (--trainings): every *.safetensors file of the folder is one, with met
   The folds of a network, seed and scheme give one accuracy together.
 
 JSON (--json), shares from 0 to 1:
-  {\"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"preparation\", \"weights\",
+  {\"header\": what was judged on what (docs/json.md), \"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"preparation\",
   \"sets\": [{\"set\", \"trained_on\", JUDGED}], \"cross_validation\": [{\"scheme\", \"of_basic\": windows of Basic, JUDGED}]}],
   \"references\": [{\"name\", \"about\", \"accuracy\": {set: share}}]}
   JUDGED: \"windows\": judged per training, \"trainings\", \"accuracy\", \"precision\", \"recall\", \"f1\": each {\"mean\", \"std\"

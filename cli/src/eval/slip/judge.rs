@@ -7,14 +7,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use meissner_models::ModelError;
 use meissner_models::metrics::{Confusion, largest};
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
+use meissner_models::{AnyDescription, ModelError};
 use rayon::ThreadPool;
 use serde_json::Value;
 
 use super::report::{Judged, NetworkReport, One, SetReport, ValidationReport};
 use crate::error::CliError;
+use crate::model::card;
 use crate::slip::{Candidate, HeldOut, Scheme, SlipData, Training, Windows, engine};
 use crate::text::grouped;
 use crate::trainings::TrainingError;
@@ -91,7 +92,11 @@ impl Judge<'_> {
         let of_basic = self.windows_of(ObjectSet::Basic, &windows);
         let (cross_validation, notes) = validations(description.name(), tally.folds, of_basic);
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
+        let training =
+            trainings.first().ok_or_else(|| CliError::NeedsTrainings(description.name().to_owned()))?;
+        let described = AnyDescription::Frames(description.clone());
         let report = NetworkReport {
+            card: card(&described, &training.weights, weights(trainings))?,
             network: description.name().to_owned(),
             preparation: preparation.unwrap_or(Value::Null),
             weights: weights(trainings),

@@ -22,6 +22,7 @@ use meissner_models::systems::slip::CLASSES;
 
 use crate::error::CliError;
 use crate::output::{self, json};
+use crate::provenance::{Header, InputCard};
 use crate::slip::{SlipData, candidates};
 use crate::source::is_stdin;
 use crate::tell::tell;
@@ -57,7 +58,9 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     let spent_s = start.elapsed().as_secs_f64();
 
     notes.splice(0..0, data.notes.iter().cloned());
+    let input = InputCard::other(&args.data.display().to_string(), "readings of 24 electrodes");
     let report = Report {
+        header: Header::of_many("eval slip", input),
         data: DataReport::new(args.data.display().to_string(), &data, notes),
         classes: CLASSES,
         networks: reports,

@@ -7,11 +7,14 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::provenance::{Header, ModelCard};
 use crate::slip::{Scheme, SlipData};
 
 /// Everything.
 #[derive(Serialize)]
 pub(super) struct Report {
+    /// What was judged on what; each of `networks` says what it is.
+    pub(super) header: Header,
     pub(super) data: DataReport,
     pub(super) classes: [&'static str; CLASSES.len()],
     pub(super) networks: Vec<NetworkReport>,
@@ -31,10 +34,14 @@ pub(super) struct DataReport {
 /// A network's results.
 #[derive(Serialize)]
 pub(super) struct NetworkReport {
+    #[serde(flatten)]
+    pub(super) card: ModelCard,
+    #[serde(skip)]
     pub(super) network: String,
     /// How its frames are made.
     pub(super) preparation: Value,
     /// Where its weights come from.
+    #[serde(skip)]
     pub(super) weights: String,
     /// Of whole trainings, on each set that the data has.
     pub(super) sets: Vec<SetReport>,

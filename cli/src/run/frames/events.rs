@@ -11,12 +11,14 @@ use super::machine::Machine;
 use super::report::Report;
 use super::state::{Note, made};
 use super::summary::{EventCounts, InputCounts, Summary};
+use crate::answer::{Answer, Answers};
 use crate::args::Every;
 use crate::error::CliError;
 use crate::frame_feed::{Fed, FrameFeed};
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::progress::Progress;
+use crate::provenance::InputCard;
 use crate::run::ending::Ending;
 use crate::run::json::Values;
 use crate::run::{EVERY, RunArgs};
@@ -32,6 +34,8 @@ const LONGEST_SILENCE: u64 = 6000;
 struct Line<'a> {
     t_us: i64,
     value: Values<'a>,
+    #[serde(flatten)]
+    answer: Option<Answer<'a>>,
     frames: u64,
     events: u64,
     update_us: f64,
@@ -40,7 +44,8 @@ struct Line<'a> {
 pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
     let input = &args.input;
     let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
+            .every(model.card.stride());
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
@@ -70,11 +75,13 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     let total = source.remaining().map(|remaining| remaining.min(limit));
     let live = input.recording.as_deref().is_some_and(source::is_stdin);
     let progress = Progress::new(total, args.json);
-    let report = Report::new(args.json, live, total, progress.clone(), |out| {
-        let events = source.remaining().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
+    let answers = Answers::new(&model.card);
+    let provenance = model.header(InputCard::events(&source.name, &source.format, sensor, source.recorded()));
+    let report = Report::new(args.json, live, &provenance, total, progress.clone(), |out| {
+        let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
         let about = format!("{}, {sensor} pixels{events}", source.format);
         header(out, args, model, machine.options(), &[&source.name, &about])?;
-        headings(out, &model.outputs())
+        headings(out, &answers)
     })?;
     let mut steps = Steps {
         machine,
@@ -90,7 +97,8 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         resets: 0,
         taken: 0,
         values: Vec::with_capacity(model.description.output().values()),
-        outputs: model.outputs().len(),
+        answers,
+        outputs: model.description.outputs().0.len(),
     };
     let mut ended = Ok(());
     for event in source.by_ref().take(usize::try_from(limit).unwrap_or(usize::MAX)) {
@@ -137,12 +145,9 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     ending.sum_up(|| steps.report.summary(&summary))
 }
 
-fn headings(out: &mut impl std::io::Write, outputs: &[String]) -> std::io::Result<()> {
-    write!(out, "{:>5}  {:>13}", "done", "time (ms)")?;
-    for output in outputs {
-        write!(out, "  {output:>12}")?;
-    }
-    writeln!(out, "  {:>8}  {:>11}", "events", "update (us)")
+fn headings(out: &mut impl std::io::Write, answers: &Answers) -> std::io::Result<()> {
+    let values = answers.headings();
+    writeln!(out, "{:>5}  {:>13}{values}  {:>8}  {:>11}", "done", "time (ms)", "events", "update (us)")
 }
 
 /// After which frames a prediction is read.
@@ -204,7 +209,9 @@ struct Steps {
     taken: u64,
     /// The newest prediction.
     values: Vec<f32>,
-    /// How many columns show it.
+    /// What its values are called.
+    answers: Answers,
+    /// How many values or channels that are.
     outputs: usize,
 }
 
@@ -278,13 +285,14 @@ impl Steps {
             Ok::<_, CliError>(predicted.frames)
         })?;
         let update_us = microseconds(self.machine.take_update());
-        let line = Line { t_us, value: Values(&self.values), frames, events, update_us };
-        let (taken, epoch_us, outputs) = (self.taken, self.epoch_us.unwrap_or(t_us), self.outputs);
+        let columns = self.answers.columns(&means(&self.values, self.outputs));
+        let answer = self.answers.of(&self.values);
+        let line = Line { t_us, value: Values(&self.values), answer, frames, events, update_us };
+        let (taken, epoch_us) = (self.taken, self.epoch_us.unwrap_or(t_us));
         self.report.prediction(taken, &line, |total| {
             let done = total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
             let time_ms = (i128::from(t_us) - i128::from(epoch_us)) as f64 / 1e3;
-            let values = columns(&self.values, outputs);
-            format!("{done:>5}  {time_ms:>13.3}{values}  {:>8}  {update_us:>11.1}", grouped(events))
+            format!("{done:>5}  {time_ms:>13.3}{columns}  {:>8}  {update_us:>11.1}", grouped(events))
         })?;
         Ok(())
     }
@@ -308,10 +316,9 @@ impl Steps {
     }
 }
 
-/// A column for each of `outputs`: its value, or for an image the mean of its channel.
-fn columns(values: &[f32], outputs: usize) -> String {
+/// Of each of `outputs` its value, or for an image the mean of its channel.
+fn means(values: &[f32], outputs: usize) -> Vec<f32> {
     let each = values.len() / outputs.max(1);
     let mean = |channel: &[f32]| channel.iter().map(|&v| f64::from(v)).sum::<f64>() / each as f64;
-    let columns = values.chunks_exact(each.max(1)).map(|channel| format!("  {:>12.6}", mean(channel)));
-    columns.collect::<Vec<_>>().concat()
+    values.chunks_exact(each.max(1)).map(|channel| mean(channel) as f32).collect()
 }

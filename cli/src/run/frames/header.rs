@@ -31,8 +31,6 @@ pub(super) fn header(
         Way::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
     };
     let threads = if options.two_threads { ", two threads" } else { "" };
-    let description = &model.description;
-    writeln!(out, "network      {}: {skip}{way}{threads}", description.name())?;
-    writeln!(out, "weights      {}", model.weights)?;
-    writeln!(out, "frames       {}: {}\n", description.input(), model.source)
+    model.card.write(out, &format!("{skip}{way}{threads}"))?;
+    writeln!(out, "frames       {}: {}\n", model.description.input(), model.source)
 }

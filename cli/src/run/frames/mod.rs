@@ -22,7 +22,8 @@ use meissner_models::{FrameDescription, FrameSource};
 
 use super::args::{RunArgs, Way};
 use crate::error::CliError;
-use crate::model::{frame_network, labelled, weights};
+use crate::model::{frame_network, weights};
+use crate::provenance::{Header, InputCard, ModelCard};
 pub(super) use kind::Kind;
 pub(crate) use kind::readers;
 use machine::Machine;
@@ -33,8 +34,8 @@ struct FrameModel {
     /// What the description says makes the frames, with what the arguments say in its place.
     source: FrameSource,
     network: Arc<FrameNetwork>,
-    /// Where the weights come from, and what they say about themselves.
-    weights: String,
+    /// What it is, with which weights.
+    card: ModelCard,
 }
 
 /// Runs the network of `description`, which is `shipped` or of a file, as `args` ask for.
@@ -67,14 +68,16 @@ impl FrameModel {
         let source = with_sampling(*description.source(), args.electrodes.sampling);
         let (weights, label) = weights(&args.input.network, shipped, args.input.weights.as_deref())?;
         let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
-        let network = frame_network(&description, &weights, &label, convolution)?;
-        Ok(Self { description, source, network, weights: labelled(label, &weights) })
+        let ignore = args.input.ignore_preparation;
+        let (network, card) = frame_network(&description, (&weights, label), convolution, ignore)?;
+        Ok(Self { description, source, network, card })
     }
 
-    /// Names of the predicted values, with their unit.
-    fn outputs(&self) -> Vec<String> {
-        let (names, unit) = self.description.outputs();
-        names.iter().map(|name| format!("{name} ({unit})")).collect()
+    /// Where results over `input` come from, warned about.
+    fn header(&self, input: InputCard) -> Header {
+        let header = Header::new("run", input, self.card.clone());
+        header.warn();
+        header
     }
 }
 

@@ -23,6 +23,7 @@ use crate::error::CliError;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::progress::Progress;
+use crate::provenance::InputCard;
 use crate::run::RunArgs;
 use crate::run::ending::Ending;
 use crate::source;
@@ -123,9 +124,10 @@ pub(super) fn run(
 
 fn open_report(args: &RunArgs, model: &FrameModel, machine: &Machine, all: u64) -> io::Result<Report> {
     // Every picture is shown as soon as it is measured, whether it is one of thousands or not.
-    Report::new(args.json, true, None, Progress::new(None, args.json), |out| {
-        let name = args.input.recording.as_deref().map(|path| path.display().to_string()).unwrap_or_default();
-        let about = format!("{} pictures", grouped(all));
+    let name = args.input.recording.as_deref().map(|path| path.display().to_string()).unwrap_or_default();
+    let about = format!("{} pictures", grouped(all));
+    let provenance = model.header(InputCard::other(&name, &about));
+    Report::new(args.json, true, &provenance, None, Progress::new(None, args.json), |out| {
         header(out, args, model, machine.options(), &[&name, &about])?;
         headings(out, args.frames.reference.is_some())
     })
@@ -133,7 +135,7 @@ fn open_report(args: &RunArgs, model: &FrameModel, machine: &Machine, all: u64) 
 
 fn headings(out: &mut impl Write, baseline: bool) -> io::Result<()> {
     let columns = ["area (mm2)", "force (N)", "median (N)"].map(|name| format!("  {name:>10}")).concat();
-    write!(out, "{:<24}{columns}  {:>15}", "image", "centroid (px)")?;
+    write!(out, "{:<16}{columns}  {:>13}", "image", "centroid (px)")?;
     if baseline {
         write!(out, "  {:>19}  {:>15}", "baseline area (mm2)", "centroid (px)")?;
     }
@@ -260,6 +262,6 @@ fn text(path: &Path, contact: &ContactReport, baseline: Option<&DifferenceReport
     });
     let centroid = place(centroid);
     format!(
-        "{name:<24}  {area_mm2:>10.3}  {force_n:>10.4}  {median_force_n:>10.4}  {centroid:>15}{baseline}  {update_us:>11.1}"
+        "{name:<16}  {area_mm2:>10.3}  {force_n:>10.4}  {median_force_n:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
     )
 }

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::summary::Summary;
 use crate::progress::Progress;
+use crate::provenance::Header;
 use crate::run::json::JsonLines;
 use crate::run::lines::Lines;
 
@@ -28,13 +29,16 @@ impl Report {
     pub(super) fn new(
         json: bool,
         live: bool,
+        header: &Header,
         total: Option<u64>,
         progress: Progress,
         begin: impl FnOnce(&mut Out) -> io::Result<()>,
     ) -> io::Result<Self> {
         let mut out = BufWriter::new(io::stdout().lock());
         if json {
-            return Ok(Self::Json(JsonLines::new(out, live)));
+            let mut lines = JsonLines::new(out, live);
+            lines.header(header)?;
+            return Ok(Self::Json(lines));
         }
         begin(&mut out)?;
         out.flush()?;

@@ -17,17 +17,14 @@ use crate::text::{Table, grouped};
 #[derive(Debug, Serialize)]
 pub(super) struct Summary {
     /// What was read.
+    #[serde(flatten)]
     input: InputCounts,
     /// Frames pushed.
     frames: u64,
     /// Predictions read.
     pub(super) predictions: u64,
-    prepare_us: Option<Quantiles>,
-    push_us: Option<Quantiles>,
-    predict_us: Option<Quantiles>,
-    /// Over electrodes: from a reading to the decision behind it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    decision_us: Option<Quantiles>,
+    /// Times in microseconds.
+    latency_us: Latencies,
     /// Frames per second spent in making and pushing them and in predictions.
     frames_per_s: Option<f64>,
     /// Over all layers.
@@ -35,9 +32,20 @@ pub(super) struct Summary {
     layers: Vec<LayerPixels>,
 }
 
+/// How long steps took; none where there was none.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Latencies {
+    prepare: Option<Quantiles>,
+    push: Option<Quantiles>,
+    predict: Option<Quantiles>,
+    /// Over electrodes: from a reading to the decision behind it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decision: Option<Quantiles>,
+}
+
 /// What was read.
 #[derive(Debug, Serialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
+#[serde(untagged)]
 pub(super) enum InputCounts {
     Events(EventCounts),
     Electrodes(ElectrodeCounts),
@@ -107,10 +115,12 @@ impl Summary {
             input,
             frames,
             predictions: counters.predictions,
-            prepare_us: machine.prepare.quantiles(),
-            push_us: machine.push.quantiles(),
-            predict_us: machine.predict.quantiles(),
-            decision_us: machine.decision.quantiles(),
+            latency_us: Latencies {
+                prepare: machine.prepare.quantiles(),
+                push: machine.push.quantiles(),
+                predict: machine.predict.quantiles(),
+                decision: machine.decision.quantiles(),
+            },
             frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
             pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
                 computed: sum.computed + layer.pixels.computed,
@@ -128,10 +138,10 @@ impl Summary {
         writeln!(out, "frames       {} pushed", grouped(self.frames))?;
         writeln!(out, "predictions  {}", grouped(self.predictions))?;
         let latencies = [
-            ("prepare", self.prepare_us),
-            ("push", self.push_us),
-            ("predict", self.predict_us),
-            ("decision", self.decision_us),
+            ("prepare", self.latency_us.prepare),
+            ("push", self.latency_us.push),
+            ("predict", self.latency_us.predict),
+            ("decision", self.latency_us.decision),
         ];
         quantiles(out, &latencies)?;
         if let Some(rate) = self.frames_per_s {

@@ -11,6 +11,9 @@ use crate::run::json::Values;
 /// The unit of values that a softmax makes into probabilities.
 const LOGIT: &str = "logit";
 
+/// Most values that a line for people shows.
+const SHOWN: usize = 3;
+
 /// What the network's values are called, and whether they are of classes.
 #[derive(Clone, Copy)]
 pub(super) struct Outputs<'a> {
@@ -50,13 +53,14 @@ impl Outputs<'_> {
 
     pub(super) fn write_headings(self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "{:>7}  {:>9}", "line", "time (s)")?;
-        for name in self.names {
-            let name =
-                if self.are_classes() { format!("p({name})") } else { format!("{name} ({})", self.unit) };
-            write!(out, "  {name:>8}")?;
+        if self.are_classes() {
+            write!(out, "  {:>8}  {:>11}  {:>8}", "class", "probability", "decision")?;
+        } else {
+            for name in self.names.iter().take(SHOWN) {
+                write!(out, "  {:>11}", format!("{name} ({})", self.unit))?;
+            }
         }
-        let classes = if self.are_classes() { "  class     decision" } else { "" };
-        writeln!(out, "{classes}  {:>11}", "update (us)")
+        writeln!(out, "  {:>11}", "update (us)")
     }
 }
 
@@ -79,12 +83,13 @@ impl<'a> Line<'a> {
     pub(super) fn text(&self) -> String {
         let shown = self.shown();
         let time = shown.time_s.map_or_else(|| "-".to_owned(), |s| format!("{s:.3}"));
-        let values = if shown.class.is_some() { self.probabilities } else { self.values };
-        let values: Vec<String> = values.iter().map(|value| format!("  {value:>8.6}")).collect();
-        let values = values.concat();
-        let classes = shown
-            .class
-            .map_or_else(String::new, |class| format!("  {class:<8}  {:<8}", shown.decision.unwrap_or("-")));
-        format!("{:>7}  {time:>9}{values}{classes}  {:>11.1}", shown.line, self.update_us)
+        let said = match shown.class {
+            Some(class) => {
+                let (probability, decision) = (self.probabilities[self.class], shown.decision.unwrap_or("-"));
+                format!("  {class:>8}  {probability:>11.4}  {decision:>8}")
+            }
+            None => self.values.iter().take(SHOWN).map(|value| format!("  {value:>11.6}")).collect(),
+        };
+        format!("{:>7}  {time:>9}{said}  {:>11.1}", shown.line, self.update_us)
     }
 }

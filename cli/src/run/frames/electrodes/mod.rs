@@ -31,6 +31,7 @@ use super::summary::{InputCounts, Summary};
 use crate::error::CliError;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::provenance::InputCard;
 use crate::refusals::Refusals;
 use crate::run::RunArgs;
 use crate::run::ending::Ending;
@@ -67,8 +68,9 @@ pub(super) fn run(
     };
     let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
         .map_err(|source| CliError::Frames { network: network.clone(), source })?;
-    let report = Report::new(args.json, live, None, Progress::new(None, args.json), |out| {
-        let about = "CSV of 24 electrodes, 100 readings a second";
+    let about = "CSV of 24 electrodes, 100 readings a second";
+    let provenance = model.header(InputCard::other(&name, about));
+    let report = Report::new(args.json, live, &provenance, None, Progress::new(None, args.json), |out| {
         header(out, args, model, machine.options(), &[&name, about])?;
         outputs.write_headings(out)
     })?;
