@@ -20,6 +20,8 @@ from safetensors.torch import load_file, save_file
 LEAST_HALVED = 256
 # Where a checkpoint keeps its state dict, as the program looks for it.
 STATE_DICTS = ("state_dict", "model_state_dict", "model")
+# What modules keep beside weights: batch norm's count of batches, the settings of torch_geometric's SplineConv.
+BOOKKEEPING = ("num_batches_tracked", "kernel_size", "is_open_spline")
 
 
 class Misfit(ValueError):
@@ -31,10 +33,14 @@ def halved(tensor):
     return tensor.half() if tensor.numel() >= LEAST_HALVED else tensor
 
 
+def weights(tensors):
+    """`tensors` without what modules keep beside weights."""
+    return {name: tensor.detach().cpu() for name, tensor in tensors.items() if not name.endswith(BOOKKEEPING)}
+
+
 def save(tensors, path, remarks, half=True):
-    """Writes `tensors` with `remarks`, without the counts of batches that batch norm keeps."""
-    kept = {name: t.detach().cpu() for name, t in tensors.items() if not name.endswith("num_batches_tracked")}
-    file = {name: (halved(tensor) if half else tensor).contiguous() for name, tensor in kept.items()}
+    """Writes `tensors` with `remarks`."""
+    file = {name: (halved(tensor) if half else tensor).contiguous() for name, tensor in weights(tensors).items()}
     save_file(file, path, {key: str(value) for key, value in remarks.items()})
 
 
@@ -54,7 +60,7 @@ def fitting(tensors, network):
     """The tensors that `network` (the JSON object of `meissner inspect --json`) needs, as F32, and the names of those that
     are left over. Raises `Misfit` with every tensor that is missing, has another shape, or values that are not finite."""
     needed = {tensor["name"]: tuple(tensor["shape"]) for tensor in network["tensors"]}
-    spare = {n: tuple(t.shape) for n, t in tensors.items() if n not in needed and not n.endswith("num_batches_tracked")}
+    spare = {name: tuple(tensor.shape) for name, tensor in weights(tensors).items() if name not in needed}
     found, problems = {}, []
     for name, shape in needed.items():
         tensor = tensors.get(name)

@@ -1,5 +1,4 @@
 //! `meissner draw`: weights from a seed, so that a new description runs before anything is trained.
-#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::fs::File;
 use std::io::Write;

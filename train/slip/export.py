@@ -5,15 +5,14 @@ from pathlib import Path
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
-from export_weights import halved, save
+from export_weights import halved, save, weights
 
 __all__ = ["file_tensors", "load", "save"]
 
 
 def file_tensors(network):
     """The tensors of the file."""
-    tensors = {name: tensor.detach() for name, tensor in network.exported().items()}
-    return {name: halved(tensor) for name, tensor in tensors.items() if not name.endswith("num_batches_tracked")}
+    return {name: halved(tensor) for name, tensor in weights(network.exported()).items()}
 
 
 def load(network, tensors):
