@@ -19,6 +19,6 @@ pub(crate) fn header(
     let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
     writeln!(out, "recording    {}", source.name)?;
     writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
-    model.card.write(out, mode)?;
+    model.card.write(out, mode, Some([sensor.width, sensor.height]))?;
     writeln!(out)
 }

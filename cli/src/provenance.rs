@@ -237,11 +237,12 @@ impl ModelCard {
         self.weights.source.clone() + &about.unwrap_or_default()
     }
 
-    /// Writes the lines of network and weights, for people.
-    pub(crate) fn write(&self, out: &mut impl Write, mode: &str) -> io::Result<()> {
-        writeln!(out, "network      {}, {mode}", self.network.name)?;
-        writeln!(out, "weights      {}", self.trust())?;
-        writeln!(out, "             {}", self.source())?;
+    /// Writes the lines of network and weights, for people: in the first, what runs on which sensor and whether to believe it.
+    pub(crate) fn write(&self, out: &mut impl Write, mode: &str, sensor: Option<[u16; 2]>) -> io::Result<()> {
+        let on = sensor.map_or_else(String::new, |[width, height]| format!(" on {width}x{height} pixels"));
+        writeln!(out, "network      {}{on}, weights {}", self.network.name, self.trust())?;
+        writeln!(out, "             {mode}")?;
+        writeln!(out, "weights      {}", self.source())?;
         if let (Some(span_us), Some(capacity)) = (self.network.span_us, self.network.capacity) {
             let capacity = grouped(capacity as u64);
             writeln!(out, "window       {} ms, at most {capacity} events", span_us as f64 / 1e3)?;

@@ -52,7 +52,13 @@ const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "ma
 /// A row's quantiles.
 pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
     let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max } } = *distribution;
-    let times = [mean, p50, p90, p99, p999, max].map(|us| format!("{us:.2}"));
+    // Four digits or two decimals, so that tables stay within 80 columns.
+    let digits = |us: f64| match us {
+        ..100.0 => format!("{us:.2}"),
+        ..1000.0 => format!("{us:.1}"),
+        _ => format!("{us:.0}"),
+    };
+    let times = [mean, p50, p90, p99, p999, max].map(digits);
     std::iter::once(grouped(count)).chain(times)
 }
 
@@ -198,7 +204,7 @@ pub(super) fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::R
             writeln!(out, "sustained    no rate: the p99.9 exceeds the period even with the fewest events")?;
         }
     }
-    let mut table = Table::new(&headings(&["events a period: work (us)", "missed"]));
+    let mut table = Table::new(&headings(&["events, work (us)", "missed"]));
     for bin in &deadline.bins {
         let name = match bin.events_most - bin.events_least {
             0 => grouped(bin.events_least),

@@ -26,7 +26,7 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
     let [width, height] = report.sensor;
     writeln!(out, "recordings   {}", report.recordings.join(", "))?;
     writeln!(out, "             {width}x{height} pixels, {} more rounds", grouped(report.rounds))?;
-    report.card.write(out, &format!("incremental, {}", report.isa))?;
+    report.card.write(out, &format!("incremental, {}", report.isa), Some(report.sensor))?;
     let (events, accepted) = (grouped(report.events), grouped(report.accepted));
     writeln!(
         out,

@@ -34,8 +34,8 @@ fn without_arguments_it_runs_is_labelled_synthetic_and_the_weights_say_what_they
     for expected in [
         "synthetic",
         "EVT3, 240x180 pixels",
-        "weights      drawn from a seed: predictions mean nothing",
-        "shipped with the network",
+        "network      graphres on 240x180 pixels, weights drawn from a seed: predictions mean nothing",
+        "weights      shipped with the network",
         "roll (rad)",
         "latency (us)",
         "p99.9",

@@ -194,6 +194,10 @@ fn classes_have_names_and_probabilities_and_lines_fit_in_80_columns() {
     let people = text(&meissner(&run));
     assert!(people.contains("class  probability"), "{people}");
     let play = ["play", "--speed", "1000"];
+    let bench = text(&meissner(&["bench", "--limit", "1500", "--warmup", "0"]));
+    // Rows of tables are indented; the others are sentences.
+    let rows = bench.lines().filter(|line| line.starts_with("  ") && line.split("  ").count() > 4);
+    assert!(rows.clone().count() > 10 && rows.clone().all(|line| line.chars().count() <= 80), "{bench}");
     for people in [people, text(&meissner(&["run"])), text(&meissner(&play))] {
         let table = people.lines().skip_while(|line| !line.contains("time (ms)"));
         let table: Vec<&str> = table.take_while(|line| !line.is_empty() && !line.starts_with('(')).collect();
@@ -208,8 +212,7 @@ fn weights_from_a_seed_are_said_to_mean_nothing() {
     assert!(people.contains("drawn from a seed: predictions mean nothing"), "{people}");
     let digits = text(&meissner(&["run", "--limit", "100", "--network", "digits-past"]));
     assert!(
-        digits.contains("weights      trained, on every 2 events one")
-            && !digits.contains("seed: predictions"),
+        digits.contains("weights trained, on every 2 events one") && !digits.contains("seed: predictions"),
         "{digits}"
     );
 }

@@ -36,7 +36,7 @@ fn heading(out: &mut impl Write, report: &Comparison, format: Format) -> io::Res
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    report.card.write(out, "incremental")?;
+    report.card.write(out, "incremental", Some(report.sensor))?;
     writeln!(out, "against      {}, weights {}", report.against.network.name, report.against.trust())?;
     writeln!(out, "             {}", report.against.source())?;
     writeln!(out, "             {}", report.frames_of)?;

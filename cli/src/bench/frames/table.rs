@@ -39,7 +39,7 @@ fn heading(out: &mut impl Write, report: &FrameReport, format: Format) -> io::Re
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    report.card.write(out, "with skipping and without")?;
+    report.card.write(out, "with skipping and without", Some(report.sensor))?;
     writeln!(out, "frames       {}", report.frames_of)?;
     writeln!(
         out,
