@@ -2,7 +2,7 @@
 //!
 //! At first either of them ends the program at once, with exit status [`STATUS`]. A subcommand that works on a stream calls
 //! [`listen`] when there is something that it would not lose. From then on the first signal is a request: [`requested`] says
-//! so, and whoever waits in [`sleep`] or for [`input`] is woken. The second signal ends the program at once.
+//! so, and whoever waits in [`sleep`], for [`input`] or for a file that is [`awaited`] is woken. The second signal ends the program at once.
 //!
 //! On platforms other than Unix, nothing is requested, and a signal does what it does there.
 
@@ -10,9 +10,9 @@
 pub(crate) const STATUS: u8 = 130;
 
 #[cfg(not(unix))]
-pub(crate) use other::{Input, input, install, listen, requested, sleep};
+pub(crate) use other::{Input, awaited, input, install, listen, requested, sleep};
 #[cfg(unix)]
-pub(crate) use unix::{Input, input, install, listen, requested, sleep};
+pub(crate) use unix::{Input, awaited, input, install, listen, requested, sleep};
 
 #[cfg(unix)]
 mod unix {
@@ -93,7 +93,12 @@ mod unix {
 
     /// Standard input.
     pub(crate) fn input() -> io::Result<Input> {
-        Ok(BufReader::new(Awaited(File::from(stdin().as_fd().try_clone_to_owned()?))))
+        Ok(awaited(File::from(stdin().as_fd().try_clone_to_owned()?)))
+    }
+
+    /// `file`, which may be a pipe or a serial port.
+    pub(crate) fn awaited(file: File) -> BufReader<Awaited> {
+        BufReader::new(Awaited(file))
     }
 
     impl Read for Awaited {
@@ -127,7 +132,8 @@ mod unix {
 
 #[cfg(not(unix))]
 mod other {
-    use std::io::{self, StdinLock, stdin};
+    use std::fs::File;
+    use std::io::{self, BufReader, StdinLock, stdin};
     use std::time::Duration;
 
     /// Standard input.
@@ -152,5 +158,10 @@ mod other {
     /// Standard input.
     pub(crate) fn input() -> io::Result<Input> {
         Ok(stdin().lock())
+    }
+
+    /// `file`.
+    pub(crate) fn awaited(file: File) -> BufReader<File> {
+        BufReader::new(file)
     }
 }

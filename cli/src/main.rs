@@ -3,7 +3,7 @@
 //! | file | job |
 //! |---|---|
 //! | `args` | what can be asked for on the command line |
-//! | `refusals` | lines that are passed over |
+//! | `refusals`, `lost` | lines that are passed over, and whatever else is lost of an input |
 //! | `source` | where events come from: a file, standard input, the embedded recording |
 //! | `model` | which network runs: description, weights, span, capacity |
 //! | `provenance` | where results come from: network, weights, input, in every output |
@@ -52,6 +52,7 @@ mod inspect;
 mod interrupt;
 mod latency;
 mod layer_cost;
+mod lost;
 mod model;
 mod output;
 mod pareto;

@@ -8,7 +8,7 @@ use crate::tell::tell;
 use crate::text::grouped;
 
 /// So many are told, each with its reason.
-const TOLD: u64 = 5;
+pub(crate) const TOLD: u64 = 5;
 /// Where more than half of so many first lines are refused, or more than half of a shorter text, the text is another.
 const FIRST: u64 = 100;
 

@@ -41,6 +41,7 @@ use crate::args::Every;
 use crate::error::CliError;
 use crate::header::header;
 use crate::latency::{Latency, microseconds};
+use crate::lost::Lost;
 use crate::model::{Model, describe_any};
 use crate::output;
 use crate::progress::Progress;
@@ -116,7 +117,9 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let deadline = Deadline::measure(&mut passes, &events, args.period_us.unwrap_or(PERIOD_US))?;
     passes.progress.finish();
 
+    let lost = Lost { events: front.engine().counters().events, sensor, outside_crop: 0, lines_refused };
     let report = Report {
+        warnings: lost.warn(&recording),
         lines_refused,
         header: provenance,
         recording,

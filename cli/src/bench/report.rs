@@ -11,6 +11,7 @@ use super::sum;
 use crate::approximations::Approximations;
 use crate::front::Front;
 use crate::latency::{Latency, Quantiles, microseconds};
+use crate::lost::Warning;
 use crate::model::Model;
 use crate::provenance::Header;
 use crate::skips::{Skips, dropped};
@@ -36,6 +37,8 @@ pub(super) struct Report {
     pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     pub(super) dropped: BTreeMap<&'static str, u64>,
+    /// What was lost without anybody having asked for it, where that is much.
+    pub(super) warnings: Vec<Warning>,
     pub(super) predictions: u64,
     /// Most events in the window after any push.
     pub(super) nodes_max: usize,

@@ -1,6 +1,6 @@
 //! Networks over events along one recording without labels: how far each setting is from the exact prediction.
 
-use meissner_engine::Event;
+use meissner_engine::{Admission, Event, LatePolicy};
 
 use super::args::AngleArgs;
 use super::events::EventSubject;
@@ -9,6 +9,7 @@ use super::measurement::Subject;
 use super::settings::{check, mean_rate, settings};
 use super::study::{Data, Study};
 use crate::error::CliError;
+use crate::lost::Lost;
 use crate::model::{Model, describe, labelled, weights};
 use crate::source::Source;
 
@@ -24,6 +25,8 @@ pub(super) struct AngleData {
     /// In the recording.
     all: usize,
     events: Vec<Event>,
+    /// What is lost of them.
+    notes: Vec<String>,
 }
 
 impl AngleData {
@@ -41,7 +44,14 @@ impl AngleData {
             let (expected, found) = ("events to measure".to_owned(), "none".to_owned());
             return Err(CliError::Option { option: "RECORDING", expected, found });
         }
-        Ok(Self { name, sensor, all: all.len(), events })
+        let mut gate = Admission::new(sensor, LatePolicy::Drop);
+        for &event in &events {
+            // What is accepted is counted, too.
+            let _ = gate.admit(event);
+        }
+        let lost = Lost { events: *gate.counters(), sensor, outside_crop: 0, lines_refused: 0 };
+        let notes = lost.warn(&name).into_iter().map(|warning| warning.message).collect();
+        Ok(Self { name, sensor, all: all.len(), events, notes })
     }
 }
 
@@ -54,7 +64,7 @@ pub(super) fn study<'a>(args: &AngleArgs, data: &'a AngleData) -> Result<Study<'
         return Err(CliError::Option { option: "--weights", expected, found });
     }
     let streams = vec![&data.events[..]];
-    let (mut subjects, mut notes): (Vec<Box<dyn Subject + 'a>>, _) = (Vec::new(), Vec::new());
+    let (mut subjects, mut notes): (Vec<Box<dyn Subject + 'a>>, _) = (Vec::new(), data.notes.clone());
     for name in names {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, args.weights.as_deref())?;

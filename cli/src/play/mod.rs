@@ -34,6 +34,7 @@ use crate::error::CliError;
 use crate::header::header;
 use crate::interrupt;
 use crate::latency::microseconds;
+use crate::lost::Lost;
 use crate::model::Model;
 use crate::provenance::{Header, InputCard};
 use crate::run::json::Values;
@@ -225,9 +226,12 @@ impl<W: Write> Stage<'_, W> {
         let counters = readout.engine().counters();
         let Played { tally, counters: queue, .. } = played;
         let approximations = &self.args.input.approximations;
+        let lines_refused = self.source.lines_refused();
+        let lost = Lost { events: counters.events, sensor: self.sensor, outside_crop: 0, lines_refused };
         Ok(self.report.summary(&Summary {
             events: played.taken,
-            lines_refused: self.source.lines_refused(),
+            lines_refused,
+            warnings: lost.warn(&self.source.name),
             offered: queue.offered,
             delivered: queue.delivered,
             accepted: counters.events.accepted,

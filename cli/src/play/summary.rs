@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::tally::Reports;
 use crate::approximations::Approximations;
 use crate::latency::Quantiles;
+use crate::lost::Warning;
 use crate::run::json::Values;
 
 /// The whole play.
@@ -16,6 +17,8 @@ pub(super) struct Summary<'a> {
     pub(super) events: u64,
     /// Lines of a text that were no events; not among the events.
     pub(super) lines_refused: u64,
+    /// What the engine lost without anybody having asked for it, where that is much.
+    pub(super) warnings: Vec<Warning>,
     pub(super) offered: u64,
     pub(super) delivered: u64,
     /// By the engine.

@@ -29,6 +29,7 @@ use crate::error::CliError;
 use crate::header::header;
 use crate::interrupt;
 use crate::latency::Latency;
+use crate::lost::{Lost, Watch};
 use crate::model::{Model, describe_any};
 use crate::progress::Progress;
 use crate::provenance::{Header, InputCard};
@@ -109,22 +110,26 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         taken: 0,
         nodes_max: 0,
     };
+    let mut watch = Watch::new(live);
     let mut ended = Ok(());
-    for event in source.by_ref().take(usize::try_from(limit).unwrap_or(usize::MAX)) {
-        if interrupt::requested() {
-            break;
-        }
+    while ended.is_ok() && runner.taken < limit && !interrupt::requested() {
+        let Some(event) = source.next() else { break };
         ended = event.and_then(|event| runner.take(event));
-        if ended.is_err() {
-            break;
-        }
         progress.set(runner.taken);
+        watch.look(runner.taken, &source.name, || Lost {
+            events: runner.machine.counters().events,
+            sensor,
+            outside_crop: 0,
+            lines_refused: source.lines_refused(),
+        });
     }
     let mut ending = Ending::new(ended);
     let mut summary = runner.end(&mut ending, &network.layers(), &input.approximations);
     progress.finish();
     summary.lines_refused = source.lines_refused();
     summary.salvaged = source.salvaged.take();
+    let (events, lines_refused) = (summary.gate, summary.lines_refused);
+    summary.warnings = watch.end(&source.name, Lost { events, sensor, outside_crop: 0, lines_refused });
     ending.sum_up(|| report.summary(&summary))
 }
 
@@ -273,9 +278,11 @@ impl Runner<'_> {
             ending.then(due.map(drop));
         }
         let (mut counters, stale) = (self.machine.counters(), self.machine.stale());
+        let gate = counters.events;
         counters.events.pushed += self.chain.counters().dropped;
         counters.predictions.read += stale;
         Summary {
+            gate,
             approximations: approximations.report(&self.chain, &counters, stale),
             ..Summary::new(&counters, layers, self.nodes_max, &self.push, &self.predict)
         }

@@ -20,7 +20,8 @@ pub(crate) struct StateArgs {
     /// Write the state behind the last event to this file, for --resume.
     ///
     /// What is due behind the last event only because the input ends (the prediction of --every Nus, a frame whose window
-    /// is still open) is left to the run that goes on; --every end predicts. The file is replaced whole: a crash while it is
+    /// is still open) is left to the run that goes on; --every end predicts. It is written at Ctrl-C, SIGTERM and errors of
+    /// input and output, too; not where the engine ends with an error, or most of a text is refused. The file is replaced whole: a crash while it is
     /// written leaves the former one.
     #[arg(long, value_name = "FILE")]
     pub(crate) save_state: Option<PathBuf>,

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use meissner_engine::Counters;
+use meissner_engine::{Counters, EventCounters};
 use serde::Serialize;
 
 use crate::approximations::Approximations;
 use crate::latency::{Latency, Quantiles};
+use crate::lost::Warning;
 use crate::skips::{Skips, dropped};
 use crate::source::Salvaged;
 
@@ -31,6 +32,11 @@ pub(crate) struct Summary {
     pub(crate) events_per_s: Option<f64>,
     /// What was done and what was not needed.
     pub(crate) skips: Skips,
+    /// What was lost without anybody having asked for it, where that is much.
+    pub(crate) warnings: Vec<Warning>,
+    /// What became of the events that no filter dropped.
+    #[serde(skip)]
+    pub(crate) gate: EventCounters,
     /// What was approximated; none where everything was exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) approximations: Option<Approximations>,
@@ -67,6 +73,8 @@ impl Summary {
             latency_us: Latencies { push: push.quantiles(), predict: predict.quantiles() },
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             skips: Skips::new(counters, layers),
+            warnings: Vec::new(),
+            gate: counters.events,
             approximations: None,
             salvaged: None,
         }

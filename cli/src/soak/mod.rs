@@ -32,6 +32,7 @@ pub(crate) use args::SoakArgs;
 use crate::bench::{peak_resident_bytes, resident_bytes};
 use crate::error::CliError;
 use crate::interrupt;
+use crate::lost::Lost;
 use crate::model::Model;
 use crate::output;
 use crate::progress::Progress;
@@ -117,7 +118,7 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
         let checked = subject.check()?;
         let row = Checkpoint::new(done, &checked, &timed, resident_bytes(), start.elapsed());
         progress.suspend(|| {
-            tell(format_args!("checkpoint {} of {checkpoints}: {}", number + 1, table::line(&row)))
+            tell(format_args!("checkpoint {} of {checkpoints}: {}", number + 1, table::line(&row)));
         });
         if number < part {
             first.add(&row, &timed);
@@ -132,6 +133,8 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
     }
     progress.finish();
     let input = InputCard::events(&stream.names().join(", "), &"recordings round and round", sensor, None);
+    let counters = subject.counters();
+    let lost = Lost { events: counters, sensor, outside_crop: 0, lines_refused: 0 };
     let report = Report {
         recordings: stream.names(),
         rounds: stream.rounds(),
@@ -142,7 +145,8 @@ fn run(args: &SoakArgs, model: &Model, tapes: Vec<Tape>, sensor: Sensor) -> Resu
         seed: args.seed,
         every: args.every,
         events: done,
-        accepted: subject.accepted(),
+        accepted: counters.accepted,
+        warnings: lost.warn(&stream.names().join(", ")),
         disturbances: subject.disturbances(),
         first: first.report(),
         last: last.report(),

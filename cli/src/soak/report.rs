@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::subject::{Checked, Timed};
 use crate::latency::{Latency, Quantiles};
+use crate::lost::Warning;
 use crate::provenance::{Header, ModelCard};
 
 /// Something for both calls.
@@ -133,6 +134,7 @@ pub(super) struct Report {
     pub(super) every: u64,
     pub(super) events: u64,
     pub(super) accepted: u64,
+    pub(super) warnings: Vec<Warning>,
     pub(super) disturbances: Disturbances,
     pub(super) first: PartReport,
     pub(super) last: PartReport,

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Engine, Event, LatePolicy, Network, Sensor};
+use meissner_engine::{Engine, Event, EventCounters, LatePolicy, Network, Sensor};
 use meissner_live::Record;
 
 use super::disturbance::Disturbance;
@@ -115,9 +115,9 @@ impl Subject {
         })
     }
 
-    /// How many events were accepted.
-    pub(super) fn accepted(&self) -> u64 {
-        self.engine.counters().events.accepted
+    /// What became of the events.
+    pub(super) fn counters(&self) -> EventCounters {
+        self.engine.counters().events
     }
 
     pub(super) fn disturbances(&self) -> Disturbances {

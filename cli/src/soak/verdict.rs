@@ -99,6 +99,7 @@ mod tests {
             every: 1,
             events: 100 * count,
             accepted: 100 * count,
+            warnings: Vec::new(),
             disturbances: Disturbances::default(),
             first: part(10),
             last: part(30),

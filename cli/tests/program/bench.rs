@@ -44,8 +44,8 @@ fn the_report_has_the_documented_keys_and_ascending_quantiles() {
     let report = bench(&[]);
     assert_eq!(
         keys(&report),
-        "accepted clock_us deadline dropped events events_per_s header isa latency_us memory nodes_max passes phases \
-         predictions skips stages warmup_events work"
+        "accepted clock_us deadline dropped events events_per_s header isa latency_us lines_refused memory nodes_max passes \
+         phases predictions skips stages warmup_events warnings work"
     );
     assert_eq!(keys(&report["latency_us"]), "predict push push_predict");
     for name in ["push", "predict", "push_predict"] {

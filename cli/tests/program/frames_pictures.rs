@@ -182,7 +182,7 @@ fn a_picture_of_another_size_is_an_error_with_both_sizes() {
     picture(&folder, "img99.ppm", 5, 0);
     let output = meissner(&network.arguments(&folder, &["--json"]));
     assert_eq!(output.status.code(), Some(1));
-    assert_eq!(text(&output).lines().count(), 5, "the header and those before it are reported");
+    assert_eq!(text(&output).lines().count(), 6, "the header, those before it and a summary");
     let message = crate::support::message(&output);
     assert!(["img99.ppm", "8x6", "5x6"].iter().all(|part| message.contains(part)), "{message}");
 }

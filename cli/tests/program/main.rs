@@ -23,6 +23,7 @@ mod frames_electrodes;
 mod frames_events;
 mod frames_pictures;
 mod live;
+mod lost;
 mod output;
 mod pareto;
 mod pareto_digits;

@@ -38,6 +38,7 @@ fn a_line_that_is_no_event_is_named_and_counted_and_the_stream_goes_on() {
         let (predictions, summary) = lines(&output);
         assert_eq!(times(&predictions), [Some(1), Some(5)]);
         assert_eq!((&summary["events"], &summary["lines_refused"]), (&2.into(), &1.into()));
+        assert_eq!(summary["warnings"][0]["reason"], "lines_refused");
         let message = message(&output);
         assert!(message.starts_with("warning: ") && message.contains("line 2"), "{message}");
         assert_eq!(message.lines().count(), 1, "{message}");
@@ -58,8 +59,8 @@ fn the_first_refused_lines_are_named_and_the_others_counted() {
     for line in [5, 10, 15, 20, 25] {
         assert!(message.contains(&format!("line {line}: ")), "{message}");
     }
-    assert!(!message.contains("line 30"), "{message}");
-    assert_eq!(message.lines().count(), 6, "{message}");
+    assert!(!message.contains("line 30") && message.contains("20 of 100 (20.0 %) lines"), "{message}");
+    assert_eq!(message.lines().count(), 7, "{message}");
 }
 
 #[test]
@@ -109,6 +110,7 @@ fn readings_are_refused_as_events_are() {
     let arguments = ["run", "-", "--network", "slip-lstm", "--json"];
     let (_, passed) = lines(&meissner_reading(&arguments, &input));
     assert_eq!((&passed["input"]["readings"], &passed["input"]["lines_refused"]), (&19.into(), &1.into()));
+    assert_eq!(passed["warnings"][0]["reason"], "lines_refused");
     let output = meissner_reading(&[&arguments[..], &["--strict"]].concat(), &input);
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(summary(&output)["input"]["readings"], 7);

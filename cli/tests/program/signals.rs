@@ -122,6 +122,19 @@ fn a_signal_ends_streams_of_frames_and_of_readings_with_their_summaries() {
     running.line();
     running.signal("TERM");
     assert_eq!(running.end()["input"]["readings"], 6);
+
+    // A file may be a pipe, too, or a serial port.
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("sensor");
+    assert!(Command::new("mkfifo").arg(&path).status().expect("there is such a program").success());
+    let mut running = Running::new(&["run", argument(&path), "--network", "slip-lstm", "--json"]);
+    let mut sensor = fs::OpenOptions::new().write(true).open(&path).expect("the program reads");
+    let rows = (["2000"; 24].join(",") + "\n").repeat(5);
+    sensor.write_all(format!("{header}\n{rows}").as_bytes()).expect("the program reads");
+    running.line();
+    running.signal("INT");
+    let summary = running.end();
+    assert_eq!(summary["input"]["readings"], 5);
 }
 
 #[test]
@@ -276,4 +289,22 @@ fn a_full_standard_output_is_an_error_after_which_the_state_is_there() {
         // People see headings before there is a state.
         assert!(json.is_empty() || fs::read(&state).is_ok_and(|bytes| bytes.starts_with(b"MEISSNER")));
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_standard_output_that_fills_up_between_frames_of_an_event_leaves_the_state_behind_the_event() {
+    let (folder, events) = crate::support::file("silent.csv", "0,60,60,1\n4000000,60,60,1\n");
+    let state = |name: &str, stdout: Stdio| {
+        let path = folder.path().join(name);
+        let run = ["run", argument(&events), "--sensor", "120x120", "--network", "force-tdnn", "--json"];
+        let mut run = command(&[&run[..], &["--save-state", argument(&path)]].concat());
+        let status = run.stdout(stdout).stderr(Stdio::null()).status().expect("the program starts");
+        (status.code(), fs::read(path).expect("it was written"))
+    };
+    let (whole, expected) = state("whole", Stdio::null());
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
+    let (broken, found) = state("broken", full.into());
+    assert_eq!((whole, broken), (Some(0), Some(1)));
+    assert_eq!(found, expected);
 }

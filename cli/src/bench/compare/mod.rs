@@ -25,6 +25,7 @@ use super::moments::Moments;
 use super::part::Part;
 use super::{memory, taken};
 use crate::error::CliError;
+use crate::lost::Lost;
 use crate::model::Model;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
@@ -62,7 +63,9 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let counters = moments.counters;
     let ways = fastest.report(moments.stream_s());
     let part = Part { from_us: args.from_s, for_us: args.for_s };
+    let lost = Lost { events: counters, sensor, outside_crop: fastest.outside, lines_refused };
     let report = Comparison {
+        warnings: lost.warn(&recording),
         lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),

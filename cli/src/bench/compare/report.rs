@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::report::Distribution;
+use crate::lost::Warning;
 use crate::provenance::{Header, ModelCard};
 
 /// The whole comparison.
@@ -40,6 +41,8 @@ pub(super) struct Comparison {
     pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     pub(super) dropped: BTreeMap<&'static str, u64>,
+    /// What was lost without anybody having asked for it, where that is much.
+    pub(super) warnings: Vec<Warning>,
     /// Accepted events that no frame shows; the network over events takes them too.
     pub(super) outside_frames: u64,
     /// Events that left a sliding frame before their time because it was full.

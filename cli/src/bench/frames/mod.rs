@@ -26,6 +26,7 @@ use super::moments::Moments;
 use super::part::Part;
 use super::{clock_us, memory, taken};
 use crate::error::CliError;
+use crate::lost::Lost;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use report::{FrameReport, WayReport};
@@ -78,7 +79,9 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 
     let counters = moments.counters;
     let part = Part { from_us: args.from_s, for_us: args.for_s };
+    let lost = Lost { events: counters, sensor, outside_crop: passed.outside, lines_refused };
     let report = FrameReport {
+        warnings: lost.warn(&recording),
         lines_refused,
         recording,
         part: part.is_some().then(|| part.to_string()),

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::super::report::{DeadlineReport, Distribution};
 use super::model::FrameModel;
 use super::pass::FrameLatencies;
+use crate::lost::Warning;
 use crate::provenance::{Header, ModelCard};
 
 /// The whole benchmark. Counts are of one pass, except those of distributions.
@@ -42,6 +43,8 @@ pub(super) struct FrameReport {
     pub(super) lines_refused: u64,
     pub(super) accepted: u64,
     pub(super) dropped: BTreeMap<&'static str, u64>,
+    /// What was lost without anybody having asked for it, where that is much.
+    pub(super) warnings: Vec<Warning>,
     /// Accepted events that no frame shows.
     pub(super) outside_frames: u64,
     /// Events that left a sliding window before their time because it was full.

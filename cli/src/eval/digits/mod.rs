@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 use std::io::{BufWriter, IsTerminal, Write, stderr, stdout};
 use std::time::Instant;
 
+use meissner_engine::{Admission, LatePolicy};
 use meissner_io::datasets::Split;
 use meissner_models::TensorFile;
 use meissner_models::systems::digits::{CLASSES, SENSOR};
@@ -28,6 +29,7 @@ use serde_json::json;
 use crate::args::Mode;
 use crate::digits::{Asked, DigitsData, candidates};
 use crate::error::CliError;
+use crate::lost::{Lost, Warning};
 use crate::output;
 use crate::provenance::{Header, InputCard};
 use crate::source::is_stdin;
@@ -78,6 +80,8 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
     }
     let spent_s = start.elapsed().as_secs_f64();
 
+    let stride = args.stride.map_or(1, |stride| stride as usize);
+    let warnings = lost(&data, stride, &args.data.display().to_string());
     let notes = data.notes.iter().cloned().chain(more_notes).collect();
     let input = InputCard::events(&args.data.display().to_string(), &"N-MNIST", SENSOR, Some(data.events()));
     let report = Report {
@@ -89,6 +93,7 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
             test: data.of(Split::Test).len(),
             events: data.events(),
             notes,
+            warnings,
         },
         classes: CLASSES,
         mode: match args.mode {
@@ -129,6 +134,19 @@ fn times(data: &DigitsData, every_us: i64) -> Vec<i64> {
     // Times of a recording span 23 bits.
     let count = (longest + every_us - 1) / every_us;
     (1..=count.max(1)).map(|i| i * every_us).collect()
+}
+
+/// What networks lose of the recordings.
+fn lost(data: &DigitsData, stride: usize, name: &str) -> Vec<Warning> {
+    let mut gate = Admission::new(SENSOR, LatePolicy::Drop);
+    for recording in &data.recordings {
+        gate.reset();
+        for &event in recording.events.iter().step_by(stride) {
+            // What is accepted is counted, too.
+            let _ = gate.admit(event);
+        }
+    }
+    Lost { events: *gate.counters(), sensor: SENSOR, outside_crop: 0, lines_refused: 0 }.warn(name)
 }
 
 /// The outputs at the end of each recording, as safetensors.

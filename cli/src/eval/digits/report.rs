@@ -4,6 +4,7 @@ use meissner_models::metrics::{Confusion, MeanStd};
 use meissner_models::systems::digits::CLASSES;
 use serde::Serialize;
 
+use crate::lost::Warning;
 use crate::provenance::{Header, ModelCard};
 
 /// Everything.
@@ -31,6 +32,8 @@ pub(super) struct DataReport {
     pub(super) events: u64,
     /// What a person should know about the data and the trainings.
     pub(super) notes: Vec<String>,
+    /// What networks lose of the recordings, where that is much.
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// A network's results.

@@ -17,6 +17,7 @@ use crate::error::CliError;
 use crate::frame_feed::{Fed, FrameFeed};
 use crate::interrupt;
 use crate::latency::microseconds;
+use crate::lost::{Lost, Watch};
 use crate::progress::Progress;
 use crate::provenance::InputCard;
 use crate::run::ending::Ending;
@@ -96,15 +97,21 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         left_out: 0,
         resets: 0,
         taken: 0,
+        unshown: None,
         values: Vec::with_capacity(model.description.output().values()),
         answers,
         outputs: model.description.outputs().0.len(),
     };
+    let lost = |feed: &FrameFeed, source: &Source| Lost {
+        events: *feed.counters(),
+        sensor,
+        outside_crop: feed.outside_crop(),
+        lines_refused: source.lines_refused(),
+    };
     let mut ended = Ok(());
-    for event in source.by_ref().take(usize::try_from(limit).unwrap_or(usize::MAX)) {
-        if interrupt::requested() {
-            break;
-        }
+    let mut watch = Watch::new(live);
+    while ended.is_ok() && steps.taken < limit && !interrupt::requested() {
+        let Some(event) = source.next() else { break };
         ended = event.and_then(|event| steps.event(&mut feed, event));
         progress.set(steps.taken);
         if let Some((saver, now_us)) = saver.as_mut().zip(feed.now_us())
@@ -113,9 +120,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         {
             ended = saver.write(&steps.state(&mut feed, &made));
         }
-        if ended.is_err() {
-            break;
-        }
+        watch.look(steps.taken, &source.name, || lost(&feed, &source));
     }
     let mut ending = Ending::new(ended);
     if let Some(saver) = saver.as_ref().filter(|_| ending.saves()) {
@@ -128,6 +133,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     }
     progress.finish();
     let counters = feed.counters();
+    let warnings = watch.end(&source.name, lost(&feed, &source));
     let counts = EventCounts {
         salvaged: source.salvaged.clone(),
         events: counters.pushed,
@@ -141,7 +147,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         empty_frames_left_out: steps.left_out,
         resets: steps.resets,
     };
-    let summary = Summary::new(&steps.machine, InputCounts::Events(counts));
+    let summary = Summary::new(&steps.machine, InputCounts::Events(counts), warnings);
     ending.sum_up(|| steps.report.summary(&summary))
 }
 
@@ -207,6 +213,9 @@ struct Steps {
     left_out: u64,
     resets: u64,
     taken: u64,
+    /// Why predictions are no longer shown. An event that completes several frames is done with all of them first, so that
+    /// the state is one behind an event.
+    unshown: Option<std::io::Error>,
     /// The newest prediction.
     values: Vec<f32>,
     /// What its values are called.
@@ -235,7 +244,12 @@ impl Steps {
         if outcome == Outcome::Accepted {
             self.epoch_us.get_or_insert(event.t_us);
         }
-        Ok(())
+        self.shown()
+    }
+
+    /// Whether all predictions so far could be shown.
+    fn shown(&mut self) -> Result<(), CliError> {
+        self.unshown.take().map_or(Ok(()), |error| Err(error.into()))
     }
 
     fn take(&mut self, fed: Fed<'_>) -> Result<(), CliError> {
@@ -288,12 +302,16 @@ impl Steps {
         let columns = self.answers.columns(&means(&self.values, self.outputs));
         let answer = self.answers.of(&self.values);
         let line = Line { t_us, value: Values(&self.values), answer, frames, events, update_us };
+        if self.unshown.is_some() {
+            return Ok(());
+        }
         let (taken, epoch_us) = (self.taken, self.epoch_us.unwrap_or(t_us));
-        self.report.prediction(taken, &line, |total| {
+        let shown = self.report.prediction(taken, &line, |total| {
             let done = total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
             let time_ms = (i128::from(t_us) - i128::from(epoch_us)) as f64 / 1e3;
             format!("{done:>5}  {time_ms:>13.3}{columns}  {:>8}  {update_us:>11.1}", grouped(events))
-        })?;
+        });
+        self.unshown = shown.err();
         Ok(())
     }
 
@@ -309,10 +327,10 @@ impl Steps {
 
     /// Reads what is due at the end.
     fn end(&mut self) -> Result<(), CliError> {
-        match self.predictions {
-            Predictions::End => self.predict(),
-            Predictions::Frames { .. } => Ok(()),
+        if let Predictions::End = self.predictions {
+            self.predict()?;
         }
+        self.shown()
     }
 }
 

@@ -118,7 +118,7 @@ pub(super) fn run(
         (None, Ok(())) => open_report(args, model, &machine, all)?,
         (None, Err(_)) => return ended,
     };
-    let summary = Summary::new(&machine, InputCounts::Pictures { pictures: taken });
+    let summary = Summary::new(&machine, InputCounts::Pictures { pictures: taken }, Vec::new());
     Ending::new(ended).sum_up(|| report.summary(&summary))
 }
 

@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::electrodes::ElectrodeCounts;
 use super::machine::Machine;
 use crate::latency::Quantiles;
+use crate::lost::Warning;
 use crate::run::table::quantiles;
 use crate::source::Salvaged;
 use crate::text::{Table, grouped};
@@ -19,6 +20,8 @@ pub(super) struct Summary {
     /// What was read.
     #[serde(flatten)]
     input: InputCounts,
+    /// What was lost of it without anybody having asked for that, where that is much.
+    warnings: Vec<Warning>,
     /// Frames pushed.
     frames: u64,
     /// Predictions read.
@@ -98,7 +101,7 @@ struct LayerPixels {
 }
 
 impl Summary {
-    pub(super) fn new(machine: &Machine, input: InputCounts) -> Self {
+    pub(super) fn new(machine: &Machine, input: InputCounts, warnings: Vec<Warning>) -> Self {
         let counters = machine.counters();
         let layers: Vec<LayerPixels> = machine
             .layers()
@@ -113,6 +116,7 @@ impl Summary {
         let frames = counters.frames;
         Self {
             input,
+            warnings,
             frames,
             predictions: counters.predictions,
             latency_us: Latencies {

@@ -13,8 +13,8 @@ mod counts;
 mod line;
 mod windows;
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::fs::{self, File};
+use std::io::BufRead;
 use std::path::Path;
 
 use meissner_engine::representations::{TactileForm, TactileWindow};
@@ -30,9 +30,10 @@ use super::report::Report;
 use super::summary::{InputCounts, Summary};
 use crate::error::CliError;
 use crate::interrupt;
+use crate::lost;
 use crate::progress::Progress;
 use crate::provenance::InputCard;
-use crate::refusals::Refusals;
+use crate::refusals::{self, Refusals};
 use crate::run::RunArgs;
 use crate::run::ending::Ending;
 use crate::source;
@@ -56,8 +57,10 @@ pub(super) fn run(
     let (names, unit) = model.description.outputs();
     let outputs = Outputs { names, unit };
     let filter = filter(args, outputs)?;
-    let (name, live) = (path.display().to_string(), source::is_stdin(path));
-    let name = if live { source::STDIN_NAME.to_owned() } else { name };
+    let stdin = source::is_stdin(path);
+    let name = if stdin { source::STDIN_NAME.to_owned() } else { path.display().to_string() };
+    // A pipe or a serial port is as live as standard input.
+    let live = stdin || fs::metadata(path).is_ok_and(|file| !file.is_file());
     let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
     interrupt::listen();
     // A header that does not fit is found before anything is printed.
@@ -80,7 +83,9 @@ pub(super) fn run(
     let limit = args.input.limit.unwrap_or(u64::MAX);
     let mut all = || {
         while refusals.taken() + refusals.count() < limit {
-            let Some(row) = first.take() else { return refusals.end() };
+            let Some(row) = first.take() else {
+                return if interrupt::requested() { Ok(()) } else { refusals.end() };
+            };
             let problem = match row {
                 Ok(reading) => {
                     let problem = windows.take(&reading, rows.follows())?;
@@ -118,7 +123,12 @@ pub(super) fn run(
         steps: readings.steps,
         decisions: windows.decisions(),
     };
-    let summary = Summary::new(&windows.machine, InputCounts::Electrodes(counts));
+    let lost = lost::lines(refused, taken);
+    if let Some(lost) = lost.as_ref().filter(|_| refused > refusals::TOLD) {
+        tell(format_args!("warning: {name}: {}", lost.message));
+    }
+    let lost = lost.into_iter().collect();
+    let summary = Summary::new(&windows.machine, InputCounts::Electrodes(counts), lost);
     if summary.predictions == 0 {
         let steps = readings.steps;
         tell(format_args!(
@@ -156,7 +166,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, CliError> {
         return Err(CliError::recording(&path.display().to_string(), source));
     }
     let file = File::open(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
-    Ok(Box::new(BufReader::new(file)))
+    Ok(Box::new(interrupt::awaited(file)))
 }
 
 /// The next row: a reading, or what is wrong with it alone; none at the end, and where the program is asked to end.
