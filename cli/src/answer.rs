@@ -52,13 +52,15 @@ impl Answers {
         if self.classes.is_some() {
             return format!("  {:>WIDTH$}  {:>WIDTH$}", "class", "probability");
         }
-        self.headings.iter().take(MOST_COLUMNS).map(|heading| format!("  {heading:>WIDTH$}")).collect()
+        let headings = self.headings.iter().take(MOST_COLUMNS);
+        headings.map(|heading| format!("  {heading:>WIDTH$}")).collect::<Vec<_>>().concat()
     }
 
     /// What stands under the headings for `values`.
     pub(crate) fn columns(&mut self, values: &[f32]) -> String {
         if self.classes.is_none() {
-            return values.iter().take(MOST_COLUMNS).map(|value| format!("  {value:>WIDTH$.6}")).collect();
+            let values = values.iter().take(MOST_COLUMNS);
+            return values.map(|value| format!("  {value:>WIDTH$.6}")).collect::<Vec<_>>().concat();
         }
         self.of(values).map_or_else(String::new, |Answer { class, probabilities }| {
             let probability = probabilities.0.iter().copied().fold(0.0, f32::max);

@@ -300,7 +300,7 @@ pub(crate) enum CliError {
         /// What to run in its place, if that is known.
         instead: String,
         /// What both say.
-        source: ModelError,
+        source: Box<ModelError>,
     },
     /// Weights cannot be read, or do not fit.
     #[error("weights {weights}: {source}")]

@@ -51,9 +51,10 @@ pub(crate) fn frame_network(
     convolution: Convolution,
     ignore_preparation: bool,
 ) -> Result<(Arc<FrameNetwork>, ModelCard), CliError> {
-    let parts = match ignore_preparation {
-        false => description.network_parts(weights),
-        true => description.network_parts_regardless(weights),
+    let parts = if ignore_preparation {
+        description.network_parts_regardless(weights)
+    } else {
+        description.network_parts(weights)
     };
     let parts = parts.map_err(|source| refused(&label, source))?;
     let network = FrameNetwork::new(parts, convolution)?;
@@ -79,7 +80,7 @@ fn refused(weights: &str, source: ModelError) -> CliError {
         ModelError::Preparation { published, .. } => CliError::Preparation {
             weights,
             instead: published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or ")),
-            source,
+            source: Box::new(source),
         },
         source => CliError::Weights { weights, source },
     }
@@ -152,9 +153,10 @@ impl Model {
     pub(crate) fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, CliError> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
-        let network = match ignore_preparation {
-            false => description.network(&weights),
-            true => description.network_regardless(&weights),
+        let network = if ignore_preparation {
+            description.network_regardless(&weights)
+        } else {
+            description.network(&weights)
         };
         let network = network.map_err(|source| refused(&label, source))?;
         // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.

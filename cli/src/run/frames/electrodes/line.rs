@@ -83,12 +83,12 @@ impl<'a> Line<'a> {
     pub(super) fn text(&self) -> String {
         let shown = self.shown();
         let time = shown.time_s.map_or_else(|| "-".to_owned(), |s| format!("{s:.3}"));
-        let said = match shown.class {
-            Some(class) => {
-                let (probability, decision) = (self.probabilities[self.class], shown.decision.unwrap_or("-"));
-                format!("  {class:>8}  {probability:>11.4}  {decision:>8}")
-            }
-            None => self.values.iter().take(SHOWN).map(|value| format!("  {value:>11.6}")).collect(),
+        let said = if let Some(class) = shown.class {
+            let (probability, decision) = (self.probabilities[self.class], shown.decision.unwrap_or("-"));
+            format!("  {class:>8}  {probability:>11.4}  {decision:>8}")
+        } else {
+            let values = self.values.iter().take(SHOWN);
+            values.map(|value| format!("  {value:>11.6}")).collect::<Vec<_>>().concat()
         };
         format!("{:>7}  {time:>9}{said}  {:>11.1}", shown.line, self.update_us)
     }
