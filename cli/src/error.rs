@@ -387,6 +387,11 @@ impl CliError {
                  of time with --time-unit s, ms, us or ns"
                     .to_owned(),
             ),
+            Self::Recording { source: IoError::UnknownFormat { start, length }, .. }
+                if *length > 0 && !start.contains("\\x") =>
+            {
+                Some("if it is a text of events, say the order of its columns, such as --columns xytp".to_owned())
+            }
             Self::Recording { source: IoError::Malformed { format: Format::Csv, what, .. }, .. }
                 if !matches!(*what, "header" | "row" | "field") =>
             {

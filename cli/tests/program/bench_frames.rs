@@ -116,7 +116,7 @@ fn frames_larger_than_the_sensor_are_padded_and_smaller_ones_leave_events_out() 
 
 #[test]
 fn dropped_events_reach_no_way() {
-    let report = compare("0,1,1,1\n100,9,9,1\n50000,3,3,0\n40000,3,3,0\n", &["--sensor", "8x6"]);
+    let report = compare("t,x,y,p\n0,1,1,1\n100,9,9,1\n50000,3,3,0\n40000,3,3,0\n", &["--sensor", "8x6"]);
     assert_eq!((count(&report["events"]), count(&report["accepted"])), (4, 2));
     assert_eq!((count(&report["dropped"]["outside_sensor"]), count(&report["dropped"]["late"])), (1, 1));
     assert_eq!((count(&report["moments"]), &report["predictions_that_differ"]), (5, &Value::from(0)));

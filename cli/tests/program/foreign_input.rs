@@ -90,6 +90,9 @@ fn an_ambiguous_text_is_bad_usage_that_shows_the_line_and_the_options() {
     for wrong in [&["--columns", "xyt"][..], &["--time-unit", "min"]] {
         fails(&meissner(&[&["info", argument(&path)], wrong].concat()), 2, &["error: "]);
     }
+    let (_folder, path) = file("five.txt", "1 2 70000 1 9\n");
+    fails(&meissner(&["info", argument(&path)]), 1, &["five.txt", "--columns xytp"]);
+    assert!(meissner(&["info", argument(&path), "--columns", "xytp_"]).status.success());
     let recording = default_recording();
     fails(&meissner(&["info", argument(&recording), "--columns", "xytp"]), 2, &["--columns", "EVT3"]);
 }
