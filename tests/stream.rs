@@ -281,3 +281,11 @@ fn a_snapshot_of_another_network_is_refused_and_changes_nothing() {
     assert!(matches!(engine.restore(&other), Err(EngineError::Snapshot { .. })));
     assert_eq!(engine.nodes(), 1);
 }
+
+#[test]
+fn what_debugging_prints_of_an_engine_fits_a_few_lines() {
+    let mut engine = Engine::new(shape(ALL).build(), SENSOR).expect("exact");
+    engine.push(Event::new(7, 1, 2, true));
+    let printed = format!("{engine:?}");
+    assert!(printed.len() < 500 && printed.contains("nodes: 1, now_us: Some(7)"), "{printed}");
+}

@@ -15,7 +15,7 @@ use meissner_kernels::{
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
 use crate::network::{Block, Level};
-use crate::rows::{GrowingSet, RowSet};
+use crate::rows::{FewRows, GrowingSet, RowSet};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Activations {
@@ -26,7 +26,7 @@ pub(crate) struct Activations {
     /// Rows whose neighbourhood changed since `finish`.
     rewired: RowSet,
     /// For each feature, rows that hold NaN.
-    nan: Vec<RowSet>,
+    nan: Vec<FewRows>,
     dirty: GrowingSet,
     /// Largest change of a value that does not count; 0 where every bit counts.
     tolerance: f32,
@@ -36,27 +36,38 @@ pub(crate) struct Activations {
 }
 
 impl Activations {
-    pub(crate) fn new(rows: usize, channels: &[usize], tolerance: f32) -> Self {
+    /// `rows` rows of a level, of at most `most` in-edges each, with `channels` channels of each feature.
+    pub(crate) fn new(rows: usize, level: &Level, channels: &[usize], most: usize, tolerance: f32) -> Self {
         let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
         Self {
             features: channels.iter().map(|&c| Matrix::zeros(rows, c)).collect(),
             changed: vec![RowSet::new(rows); channels.len()],
             rewired: RowSet::new(rows),
-            nan: vec![RowSet::new(rows); channels.len()],
+            nan: vec![FewRows::new(rows); channels.len()],
             dirty: GrowingSet::new(rows),
             tolerance,
-            scratch: SplineScratch::default(),
+            scratch: SplineScratch::new(level.blocks.iter().map(|block| &block.conv), most),
             rows: vec![Lanes::ZERO; widest * SplineConv::GROUP],
         }
     }
 
-    pub(crate) fn bytes(rows: usize, channels: &[usize]) -> usize {
-        let lanes: usize = channels.iter().map(|&c| Lanes::count(c)).sum();
-        rows * (lanes * size_of::<Lanes>() + (2 * channels.len() + 2) * 2 * size_of::<u32>())
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(rows: usize, level: &Level, channels: &[usize], most: usize) -> usize {
+        let lanes = |channels: &usize| Lanes::count(*channels);
+        let group = channels.iter().map(lanes).max().unwrap_or(0) * SplineConv::GROUP;
+        let values = rows * channels.iter().map(lanes).sum::<usize>() + group;
+        let of_feature = size_of::<Matrix>() + size_of::<RowSet>() + size_of::<FewRows>();
+        let sets = RowSet::bytes(rows) * (channels.len() + 1) + FewRows::bytes(rows) * channels.len();
+        size_of::<Self>()
+            + channels.len() * of_feature
+            + values * size_of::<Lanes>()
+            + sets
+            + GrowingSet::bytes(rows)
+            + SplineScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
     }
 
     pub(crate) fn clear(&mut self) {
-        self.nan.iter_mut().for_each(RowSet::clear);
+        self.nan.iter_mut().for_each(FewRows::clear);
         self.finish();
     }
 
@@ -205,7 +216,7 @@ impl Activations {
         for (i, &row) in rows.iter().enumerate() {
             if replaced.nan >> i & 1 != 0 {
                 self.nan[to].insert(row);
-            } else if !self.nan[to].is_empty() {
+            } else {
                 self.nan[to].remove(row);
             }
             let changed = replaced.changed >> i & 1 != 0;
@@ -218,7 +229,7 @@ impl Activations {
 
     /// The first block with rows that hold NaN, and how many.
     pub(crate) fn not_a_number(&self) -> Option<(usize, usize)> {
-        let nan = self.nan.iter().enumerate().skip(1).find(|(_, nan)| !nan.is_empty());
+        let nan = self.nan.iter().enumerate().skip(1).find(|(_, nan)| nan.len() > 0);
         nan.map(|(feature, nan)| (feature - 1, nan.len()))
     }
 

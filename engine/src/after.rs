@@ -41,8 +41,14 @@ impl After {
         let parts = network.parts();
         let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
         match &parts.head {
-            Some(head) => head.engine_bytes(FrameOptions::default()) + lanes(head.input().values()),
-            None => parts.dense.iter().map(|layer| lanes(layer.dense.outputs())).sum(),
+            Some(head) => {
+                let values = head.input().values() * size_of::<f32>();
+                head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128
+            }
+            None => {
+                let layer = size_of::<Matrix>() as u128;
+                parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
+            }
         }
     }
 
@@ -106,8 +112,16 @@ impl ImageHead {
     /// Never: a frame network's maps are small enough for their kernels, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
         let options = FrameOptions { isa, memory_limit: u128::MAX, ..FrameOptions::default() };
-        let engine = FrameEngine::new(Arc::clone(network), options).expect("every map can be made");
-        Self { image: vec![0.0; network.input().values()], engine, failure: None }
+        let mut engine = FrameEngine::new(Arc::clone(network), options).expect("every map can be made");
+        let mut image = vec![0.0; network.input().values()];
+        // Working space grows with what is computed: with everything, now.
+        for value in [1.0, 0.0] {
+            image.fill(value);
+            engine.push(&image).expect("finite values");
+            let _ = engine.predict();
+        }
+        engine.reset();
+        Self { image, engine, failure: None }
     }
 
     /// The prediction for `readout`, grids of `cells` rows one after the other.

@@ -24,8 +24,8 @@ pub(crate) struct CellGrid {
     rows: usize,
     /// Cells along t that a window can fill at once.
     times: usize,
-    /// Length in time over which the nodes of the level below spread, in spans.
-    spread: f64,
+    /// Lengths, in spans, that add up to that over which the nodes of the level below spread in time.
+    spread: Vec<Fraction>,
     sensor: Sensor,
     span_us: i64,
     /// Cell of each pixel column and of each pixel row.
@@ -39,15 +39,25 @@ impl CellGrid {
         let [x, y] = pooling.cell;
         // Cells of this level hold centres of cells below, which lie up to half of such a cell off what they hold: what
         // a window fills spreads, level by level, over one cell of the level below more than there.
-        let share = |size: Fraction| f64::from(size.numerator()) / f64::from(size.denominator());
-        let spread = below.map_or(1.0, |below| below.spread + below.pooling.time.map_or(0.0, share));
-        // A closed interval of n cells' length touches n + 1 cells at most; one more for the rounding of `spread`.
-        let times = pooling.time.map_or(1, |size| ((spread / share(size)).ceil() as usize).saturating_add(2));
+        let mut spread = below.map_or(vec![Fraction::ONE], |below| below.spread.clone());
+        spread.extend(below.and_then(|below| below.pooling.time));
+        // A closed interval of at most n cells' length touches n + 1 cells at most.
+        let times = pooling.time.map_or(1, |size| {
+            let lengths = spread.iter().map(|length| length.cells_of(size));
+            lengths.fold(1, usize::saturating_add)
+        });
         let table = |extent: u16, size: Fraction| {
             (0..extent).map(|p| size.cell(p.into(), extent.into()) as u32).collect()
         };
         let (of_x, of_y) = (table(sensor.width, x), table(sensor.height, y));
         Self { columns: x.cells(), rows: y.cells(), times, spread, pooling, sensor, span_us, of_x, of_y }
+    }
+
+    /// Bytes beside its own size.
+    pub(crate) fn bytes(&self) -> usize {
+        self.pooling.name.capacity()
+            + (self.of_x.capacity() + self.of_y.capacity()) * size_of::<u32>()
+            + self.spread.capacity() * size_of::<Fraction>()
     }
 
     /// Where the pooled nodes lie.

@@ -2,6 +2,7 @@
 
 mod stored;
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -81,7 +82,7 @@ pub struct Prediction<'a> {
 ///     Ok(engine.predict()?.values.to_vec())
 /// }
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Engine {
     network: Arc<Network>,
     sensor: Sensor,
@@ -106,7 +107,8 @@ impl Engine {
         Self::with_options(network, sensor, Options::default())
     }
 
-    /// An engine for `network` over the events of `sensor`. All memory whose size is known is taken now.
+    /// An engine for `network` over the events of `sensor`. It takes all its memory now: events, predictions, expiries and
+    /// resets allocate nothing, whatever the scene. (Errors, [`Options::record_rows`], snapshots and what returns a `Vec` do.)
     ///
     /// # Errors
     /// [`EngineError::NotIncremental`] for a network that is normalised per graph, [`EngineError::Sensor`] for a
@@ -127,7 +129,7 @@ impl Engine {
         if !(options.tolerance.is_finite() && options.tolerance >= 0.0) {
             return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
-        let bytes = Step::bytes(&network, sensor);
+        let bytes = Self::bytes(&network, sensor);
         if bytes > options.memory_limit || bytes == u128::MAX {
             return Err(EngineError::Memory {
                 network: network.name().to_owned(),
@@ -274,9 +276,14 @@ impl Engine {
         self.step.stopwatch.times()
     }
 
-    /// Bytes of state that the engine took when it was made, about.
+    /// Bytes of state that the engine took when it was made, and all that it takes: the network is not among them.
     pub fn state_bytes(&self) -> u128 {
-        Step::bytes(&self.network, self.sensor)
+        Self::bytes(&self.network, self.sensor)
+    }
+
+    fn bytes(network: &Network, sensor: Sensor) -> u128 {
+        let layer = size_of::<LayerLog>() + 2 * size_of::<u64>();
+        Step::bytes(network, sensor).saturating_add((network.layers().len() * layer) as u128)
     }
 
     /// Number of events in the window.
@@ -342,5 +349,18 @@ impl Engine {
             .map(|n| Neighbour { row: window.age_rank(n.row), u: n.u })
             .filter(|n| (n.row as usize) < end)
             .collect()
+    }
+}
+
+impl fmt::Debug for Engine {
+    /// What tells engines apart, not what they hold.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Engine")
+            .field("network", &self.network.name())
+            .field("sensor", &self.sensor)
+            .field("options", &self.options)
+            .field("nodes", &self.nodes())
+            .field("now_us", &self.now_us())
+            .finish_non_exhaustive()
     }
 }

@@ -26,6 +26,15 @@ impl Fraction {
         self.denominator
     }
 
+    pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
+
+    /// The smallest number of `size`s that together are at least as long as this. Saturates.
+    pub(crate) fn cells_of(self, size: Self) -> usize {
+        let length = u64::from(self.numerator) * u64::from(size.denominator);
+        let part = u64::from(self.denominator) * u64::from(size.numerator);
+        usize::try_from(length.div_ceil(part)).unwrap_or(usize::MAX)
+    }
+
     /// Number of cells of this size, from an origin of 0, that cover 0 <= p < 1.
     pub fn cells(self) -> usize {
         (self.denominator as usize).div_ceil(self.numerator as usize)
@@ -85,6 +94,14 @@ mod tests {
 
     fn fraction(numerator: u32, denominator: u32) -> Fraction {
         Fraction::new(numerator, denominator).expect("positive")
+    }
+
+    #[test]
+    fn lengths_are_rounded_up_to_whole_cells() {
+        assert_eq!([1, 2, 3, 4].map(|n| fraction(n, 3).cells_of(fraction(1, 3))), [1, 2, 3, 4]);
+        assert_eq!(fraction(1, 3).cells_of(fraction(1, 4)), 2);
+        assert_eq!(fraction(1, 4).cells_of(fraction(1, 3)), 1);
+        assert_eq!(fraction(u32::MAX, 1).cells_of(fraction(1, u32::MAX)), (u32::MAX as usize).pow(2));
     }
 
     #[test]

@@ -18,6 +18,7 @@ use crate::grid::{Grid, Reader, Times};
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, GraphRule, Level, Lifetime};
 use crate::readers::Readers;
+use crate::room::Room;
 use crate::window::Window;
 
 /// A level's graph as its layers read it.
@@ -49,7 +50,7 @@ pub(crate) struct EventGraph {
     /// Rows that read each slot; kept where someone asks for them.
     readers: Readers,
     keeps_readers: bool,
-    found: Vec<Candidate>,
+    found: Room<Candidate>,
 }
 
 /// A node that a search came across.
@@ -110,16 +111,32 @@ impl EventGraph {
             basis: vec![Lanes::ZERO; if level.reads_basis() { capacity * most } else { 0 }],
             readers: if keeps_readers { Readers::new(capacity, capacity * most) } else { Readers::new(0, 0) },
             keeps_readers,
-            found: Vec::with_capacity(most + 1),
+            found: Room::new(most + 1),
         }
     }
 
-    pub(crate) fn bytes(rule: GraphRule, sensor: Sensor, level: &Level, capacity: usize) -> usize {
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(
+        rule: GraphRule,
+        sensor: Sensor,
+        level: &Level,
+        capacity: usize,
+        pooled: bool,
+    ) -> usize {
+        let most = rule.reach.most();
         let basis = if level.reads_basis() { size_of::<Lanes>() } else { 0 };
         let edge = size_of::<Neighbour>() + size_of::<f64>() + basis;
-        capacity * rule.reach.most() * edge
-            + Readers::bytes(capacity, capacity * rule.reach.most())
+        let readers = if pooled || !rule.is_frozen() { Readers::bytes(capacity, capacity * most) } else { 0 };
+        capacity * (most * edge + size_of::<u16>())
+            + readers
             + Grid::bytes(sensor, capacity)
+            + Metric::bytes(sensor)
+            + Room::<Candidate>::bytes(most + 1)
+    }
+
+    /// Whether edges that come and go are told to the levels above.
+    pub(crate) fn tells_edges(&self) -> bool {
+        self.keeps_readers
     }
 
     /// Removes all nodes of `window`.
@@ -233,34 +250,37 @@ impl EventGraph {
         });
     }
 
-    /// Removes the oldest `leaving` nodes of `window`. Leaving together costs less than one by one: what leaves is not
-    /// repaired, and no replacement is about to leave.
-    pub(crate) fn expire(&mut self, window: &Window, leaving: u32, delta: &mut Delta) {
+    /// Takes the oldest `leaving` nodes of `window` out of the search. Leaving together costs less than one by one: what
+    /// leaves is not repaired, and no replacement is about to leave.
+    pub(crate) fn hide(&mut self, window: &Window, leaving: u32) {
         window.slots().take(leaving as usize).for_each(|slot| self.grid.pop(slot, window.node(slot)));
+    }
+
+    /// Removes the edges of `slot`, one of the oldest `leaving` nodes of `window`, which are hidden; `delta` is told where
+    /// levels above follow edges, or rows change.
+    pub(crate) fn disconnect(&mut self, window: &Window, leaving: u32, slot: u32, delta: &mut Delta) {
         if !self.keeps_readers {
             return;
         }
         let stays = |slot: u32| window.age_rank(slot) >= leaving;
-        for slot in window.slots().take(leaving as usize) {
-            // Only under `all` does a node read from nodes that stay when it leaves.
-            if self.rule.candidates == Candidates::All {
-                for edge in self.span(slot) {
-                    let source = self.edges[edge].row;
-                    if stays(source) {
-                        self.readers.remove(source, slot);
-                        delta.removed.push((source, slot));
-                    }
+        // Only under `all` does a node read from nodes that stay when it leaves.
+        if self.rule.candidates == Candidates::All {
+            for edge in self.span(slot) {
+                let source = self.edges[edge].row;
+                if stays(source) {
+                    self.readers.remove(source, slot);
+                    delta.removed.push((source, slot));
                 }
             }
-            let start = delta.removed.len();
-            self.readers.for_each(slot, |reader| delta.removed.push((slot, reader)));
-            self.readers.clear(slot);
-            for i in start..delta.removed.len() {
-                let reader = delta.removed[i].1;
-                if stays(reader) && !self.rule.is_frozen() {
-                    self.replace(window, leaving, slot, reader, delta);
-                    delta.rewired.push(reader);
-                }
+        }
+        let start = delta.removed.len();
+        self.readers.for_each(slot, |reader| delta.removed.push((slot, reader)));
+        self.readers.clear(slot);
+        for i in start..delta.removed.len() {
+            let reader = delta.removed[i].1;
+            if stays(reader) && !self.rule.is_frozen() {
+                self.replace(window, leaving, slot, reader, delta);
+                delta.rewired.push(reader);
             }
         }
     }

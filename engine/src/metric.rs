@@ -57,6 +57,12 @@ impl Metric {
         }
     }
 
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(sensor: Sensor) -> usize {
+        let pixels = usize::from(sensor.width) + usize::from(sensor.height);
+        pixels * (size_of::<f64>() + 2 * size_of::<f32>())
+    }
+
     /// (dx / width)^2; infinite beyond the sensor.
     #[inline]
     pub(crate) fn x2(&self, dx: usize) -> f64 {

@@ -5,14 +5,17 @@
 //! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
 //! positions and attributes are those of the present members.
 
-use meissner_kernels::{Lanes, Matrix, Neighbour, attribute, spline_basis};
+use meissner_kernels::{Lanes, Matrix, Neighbour, attribute};
 
+use crate::Sensor;
 use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
 use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
-use crate::network::{Level, Position};
+use crate::merged::{Extent, Merged};
+use crate::network::{Level, Network, Position};
+use crate::room::Room;
 use crate::rows::RowSet;
 use crate::window::Window;
 
@@ -28,11 +31,75 @@ pub(crate) enum Below<'a> {
     Cells(&'a PooledGraph),
 }
 
-#[derive(Clone, Copy, Debug)]
-struct InEdge {
-    source: u32,
-    /// Edges of the level below that it stands for.
-    count: u32,
+/// The sizes of one level, from which its memory follows.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    grid: CellGrid,
+    /// Rows of the level below.
+    rows_below: usize,
+    /// Merged edges; none where no block of this level or above reads edges.
+    edges: Option<Extent>,
+    /// Channels of the maxima.
+    channels: usize,
+    /// Whether the rows below never change and leave in the order in which they come.
+    queues: bool,
+    /// Whether members' positions are summed in the order of cells.
+    orders: bool,
+    /// Whether a block reads the basis of in-edges.
+    basis: bool,
+}
+
+impl Shape {
+    /// The shapes of all pooled levels, the lowest first, as far as rows can be counted in 32 bits; whether that is all.
+    pub(crate) fn all(network: &Network, sensor: Sensor) -> (Vec<Self>, bool) {
+        let parts = network.parts();
+        let mut shapes: Vec<Self> = Vec::with_capacity(parts.pooled.len());
+        let (mut rows, mut alive) = (parts.capacity, parts.capacity);
+        let mut edges = parts.capacity * parts.graph.reach.most();
+        for (i, (pooling, level)) in parts.pooled.iter().enumerate() {
+            let below = shapes.last().map(|shape| &shape.grid);
+            let grid = CellGrid::new(pooling.clone(), below, sensor, parts.span_us);
+            let slots = grid.slots();
+            if u32::try_from(slots).is_err() {
+                return (shapes, false);
+            }
+            alive = alive.min(slots);
+            let extent = Extent::new(slots, alive, edges);
+            let follows = parts.pooled[i..].iter().any(|(_, level)| !level.blocks.is_empty());
+            shapes.push(Self {
+                rows_below: rows,
+                edges: follows.then_some(extent),
+                channels: network.channels(i + 1)[0],
+                queues: i == 0 && parts.graph.is_frozen(),
+                orders: i > 0 && grid.position() == Position::Mean,
+                basis: level.reads_basis(),
+                grid,
+            });
+            (rows, edges) = (slots, extent.edges);
+        }
+        (shapes, true)
+    }
+
+    pub(crate) fn slots(&self) -> usize {
+        self.grid.slots()
+    }
+
+    /// Most in-edges of a row.
+    pub(crate) fn most(&self) -> usize {
+        self.edges.map_or(0, |extent| extent.most)
+    }
+
+    /// Bytes that [`PooledGraph::new`] takes.
+    pub(crate) fn bytes(&self) -> u128 {
+        let slots = self.grid.slots();
+        let of_slot = size_of::<Key>() + size_of::<EventSums>() + size_of::<[f64; 3]>();
+        let order = if self.orders { Room::<(Key, u32)>::bytes(self.rows_below) } else { 0 };
+        let own =
+            size_of::<PooledGraph>() + self.grid.bytes() + slots * of_slot + 3 * RowSet::bytes(slots) + order;
+        own as u128
+            + Maxima::bytes(self.rows_below, slots, self.channels, self.queues) as u128
+            + self.edges.map_or(0, |extent| Merged::bytes(extent, self.basis))
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -44,14 +111,8 @@ pub(crate) struct PooledGraph {
     sums: Vec<EventSums>,
     alive: usize,
     positions: Vec<[f64; 3]>,
-    /// In-edges of each slot, in the order of their sources' keys.
-    in_edges: Vec<Vec<InEdge>>,
-    readers: Vec<Vec<u32>>,
-    /// `in_edges` with attributes, as of the last `settle`.
-    neighbours: Vec<Vec<Neighbour>>,
-    /// The basis of each of `neighbours`, where a block reads it.
-    basis: Vec<Vec<Lanes>>,
-    keeps_basis: bool,
+    /// In-edges of each slot, in the order of their sources' keys; kept where someone reads them.
+    edges: Option<Merged>,
     pub(crate) maxima: Maxima,
     /// Cells whose members, or a member's position, changed.
     moved: RowSet,
@@ -59,57 +120,36 @@ pub(crate) struct PooledGraph {
     stale: RowSet,
     /// Cells whose position changed since `finish`.
     shifted: RowSet,
-    order: Vec<(Key, u32)>,
+    order: Room<(Key, u32)>,
 }
 
 impl PooledGraph {
-    /// The graph over `grid` that `level` reads. `queues`: whether the rows below never change and leave in the order in
-    /// which they come.
-    pub(crate) fn new(
-        grid: CellGrid,
-        level: &Level,
-        rows_below: usize,
-        channels: usize,
-        queues: bool,
-    ) -> Self {
-        let slots = grid.slots();
-        let keeps_basis = level.reads_basis();
+    /// The graph that `level` reads.
+    pub(crate) fn new(shape: Shape, level: &Level) -> Self {
+        let slots = shape.grid.slots();
         Self {
             scale: level.scale,
             keys: vec![[0; 3]; slots],
             sums: vec![EventSums::default(); slots],
             alive: 0,
             positions: vec![[0.0; 3]; slots],
-            in_edges: vec![Vec::new(); slots],
-            readers: vec![Vec::new(); slots],
-            neighbours: vec![Vec::new(); slots],
-            basis: vec![Vec::new(); slots],
-            keeps_basis,
-            maxima: Maxima::new(rows_below, slots, channels, queues),
+            edges: shape.edges.map(|extent| Merged::new(extent, shape.basis)),
+            maxima: Maxima::new(shape.rows_below, slots, shape.channels, shape.queues),
             moved: RowSet::new(slots),
             stale: RowSet::new(slots),
             shifted: RowSet::new(slots),
-            order: Vec::new(),
-            grid,
+            order: Room::new(if shape.orders { shape.rows_below } else { 0 }),
+            grid: shape.grid,
         }
-    }
-
-    pub(crate) fn bytes(slots: usize, rows_below: usize, channels: usize, queues: bool) -> usize {
-        Maxima::bytes(rows_below, slots, channels, queues) + slots * 900
-    }
-
-    pub(crate) fn grid(&self) -> &CellGrid {
-        &self.grid
     }
 
     pub(crate) fn clear(&mut self, values: &mut Matrix) {
         self.maxima.clear(values);
         self.sums.fill(EventSums::default());
         self.alive = 0;
-        self.in_edges.iter_mut().for_each(Vec::clear);
-        self.readers.iter_mut().for_each(Vec::clear);
-        self.neighbours.iter_mut().for_each(Vec::clear);
-        self.basis.iter_mut().for_each(Vec::clear);
+        if let Some(edges) = &mut self.edges {
+            edges.clear();
+        }
         self.moved.clear();
         self.stale.clear();
         self.shifted.clear();
@@ -154,16 +194,19 @@ impl PooledGraph {
         to: &mut Delta,
     ) {
         to.clear();
-        for &row in &from.entered {
+        for &row in from.entered.iter() {
             self.enter(below, row, to);
         }
-        for &(source, reader) in &from.removed {
-            self.disconnect(self.maxima.cell_of(source), self.maxima.cell_of(reader), to);
+        // An edge that takes the place of another between the same cells leaves them joined.
+        let edges = self.edges.as_ref();
+        if edges.is_none_or(|edges| edges.has_room(from.added.len())) {
+            self.connect_all(&from.added, to);
+            self.disconnect_all(&from.removed, to);
+        } else {
+            self.disconnect_all(&from.removed, to);
+            self.connect_all(&from.added, to);
         }
-        for &(source, reader) in &from.added {
-            self.connect(self.maxima.cell_of(source), self.maxima.cell_of(reader), to);
-        }
-        for &row in &from.left {
+        for &row in from.left.iter() {
             self.leave(below, row, features, values, to);
         }
     }
@@ -186,10 +229,8 @@ impl PooledGraph {
             self.positions[cell as usize] = self.grid.centre(index);
             to.entered.push(cell);
             to.rewired.push(cell);
-            self.neighbours[cell as usize].clear();
-            self.basis[cell as usize].clear();
         }
-        debug_assert_eq!(self.keys[cell as usize], key(index), "two cells of a window never share a slot");
+        assert_eq!(self.keys[cell as usize], key(index), "two cells of a window never share a slot");
         self.maxima.enter(row, cell);
         if self.keeps_sums() {
             if let Below::Events(window) = below {
@@ -211,7 +252,7 @@ impl PooledGraph {
             self.moved.insert(cell);
         }
         if !self.is_alive(cell) {
-            debug_assert!(self.in_edges[cell as usize].is_empty() && self.readers[cell as usize].is_empty());
+            debug_assert!(self.neighbours(cell).is_empty(), "edges go before their ends");
             self.moved.remove(cell);
             self.stale.remove(cell);
             self.shifted.remove(cell);
@@ -220,42 +261,36 @@ impl PooledGraph {
         }
     }
 
-    /// Where an in-edge from the cell with `key` stands, or would stand.
-    fn find(&self, reader: u32, key: Key) -> Result<usize, usize> {
-        self.in_edges[reader as usize].binary_search_by_key(&key, |e| self.keys[e.source as usize])
-    }
-
-    fn connect(&mut self, source: u32, reader: u32, to: &mut Delta) {
-        if source == reader {
-            return;
-        }
-        match self.find(reader, self.keys[source as usize]) {
-            Ok(at) => self.in_edges[reader as usize][at].count += 1,
-            Err(at) => {
-                self.in_edges[reader as usize].insert(at, InEdge { source, count: 1 });
-                self.readers[source as usize].push(reader);
-                self.stale.insert(reader);
-                to.added.push((source, reader));
+    fn connect_all(&mut self, added: &[(u32, u32)], to: &mut Delta) {
+        let Self { edges: Some(edges), keys, maxima, stale, .. } = self else { return };
+        for &(source, reader) in added {
+            let (source, reader) = (maxima.cell_of(source), maxima.cell_of(reader));
+            if source == reader {
+                continue;
+            }
+            match find(edges, keys, source, reader) {
+                Ok(at) => edges.count_up(reader, at),
+                Err(at) => {
+                    edges.insert(reader, at, source);
+                    stale.insert(reader);
+                    to.added.push((source, reader));
+                }
             }
         }
     }
 
-    fn disconnect(&mut self, source: u32, reader: u32, to: &mut Delta) {
-        if source == reader {
-            return;
-        }
-        let at =
-            self.find(reader, self.keys[source as usize]).expect("an edge that goes was merged when it came");
-        let edges = &mut self.in_edges[reader as usize];
-        edges[at].count -= 1;
-        if edges[at].count == 0 {
-            edges.remove(at);
-            let readers = &mut self.readers[source as usize];
-            let at =
-                readers.iter().position(|&r| r == reader).expect("every edge stands in its source's list");
-            readers.swap_remove(at);
-            self.stale.insert(reader);
-            to.removed.push((source, reader));
+    fn disconnect_all(&mut self, removed: &[(u32, u32)], to: &mut Delta) {
+        let Self { edges: Some(edges), keys, maxima, stale, .. } = self else { return };
+        for &(source, reader) in removed {
+            let (source, reader) = (maxima.cell_of(source), maxima.cell_of(reader));
+            if source == reader {
+                continue;
+            }
+            let at = find(edges, keys, source, reader);
+            if edges.count_down(reader, at.expect("an edge that goes was merged when it came")) {
+                stale.insert(reader);
+                to.removed.push((source, reader));
+            }
         }
     }
 
@@ -288,32 +323,17 @@ impl PooledGraph {
                 self.positions[cell as usize] = position;
                 self.shifted.insert(cell);
                 self.stale.insert(cell);
-                for &reader in &self.readers[cell as usize] {
-                    self.stale.insert(reader);
+                if let Some(edges) = &self.edges {
+                    edges.for_readers(cell, |rows| rows.iter().for_each(|&row| self.stale.insert(row)));
                 }
             }
         }
         self.moved.clear();
         for &cell in self.stale.as_slice() {
+            let Some(edges) = &mut self.edges else { break };
             let own = self.positions[cell as usize];
-            let (edges, list) = (&self.in_edges[cell as usize], &mut self.neighbours[cell as usize]);
-            let basis = &mut self.basis[cell as usize];
-            let mut changed = edges.len() != list.len();
-            list.resize(edges.len(), Neighbour { row: u32::MAX, u: [0.0; 3] });
-            if self.keeps_basis {
-                basis.resize(edges.len(), Lanes::ZERO);
-            }
-            for (i, edge) in edges.iter().enumerate() {
-                let u = attributes(self.positions[edge.source as usize], own, self.scale);
-                let neighbour = Neighbour { row: edge.source, u };
-                if list[i] != neighbour {
-                    list[i] = neighbour;
-                    changed = true;
-                    if self.keeps_basis {
-                        basis[i] = spline_basis(u);
-                    }
-                }
-            }
+            let changed =
+                edges.settle(cell, |source| attributes(self.positions[source as usize], own, self.scale));
             counters.neighbourhoods_checked += 1;
             if changed {
                 rewired(cell);
@@ -339,19 +359,27 @@ impl PooledGraph {
     }
 }
 
+/// Where an in-edge of `reader` from `source` stands, or would stand.
+fn find(edges: &Merged, keys: &[Key], source: u32, reader: u32) -> Result<usize, usize> {
+    let key = keys[source as usize];
+    edges.neighbours(reader).binary_search_by_key(&key, |n| keys[n.row as usize])
+}
+
 impl Adjacency for PooledGraph {
     #[inline]
     fn neighbours(&self, row: u32) -> &[Neighbour] {
-        &self.neighbours[row as usize]
+        self.edges.as_ref().map_or(&[], |edges| edges.neighbours(row))
     }
 
     #[inline]
     fn basis(&self, row: u32) -> &[Lanes] {
-        &self.basis[row as usize]
+        self.edges.as_ref().map_or(&[], |edges| edges.basis(row))
     }
 
     #[inline]
-    fn for_readers(&self, row: u32, mut visit: impl FnMut(&[u32])) {
-        visit(&self.readers[row as usize]);
+    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
+        if let Some(edges) = &self.edges {
+            edges.for_readers(row, visit);
+        }
     }
 }

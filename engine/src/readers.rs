@@ -31,8 +31,9 @@ impl Readers {
     /// Empty lists for `slots` slots and at most `edges` rows in all.
     pub(crate) fn new(slots: usize, edges: usize) -> Self {
         let empty = Block { rows: [0; ROWS], next: NONE };
-        let mut blocks = vec![empty; slots];
         let stored = edges / ROWS;
+        let mut blocks = Vec::with_capacity(slots + stored);
+        blocks.resize(slots, empty);
         for i in 0..stored {
             let next = if i + 1 < stored { (slots + i + 1) as u32 } else { NONE };
             blocks.push(Block { next, ..empty });

@@ -100,13 +100,17 @@ impl Head {
         }
     }
 
+    /// Bytes that [`Self::new`] takes.
     pub(crate) fn bytes(network: &Network, rows: usize) -> u128 {
         let readout = network.parts().readout;
-        let cells = readout.columns * readout.rows * network.readout_times() * 2;
+        let times = network.readout_times();
+        let cells = readout.columns * readout.rows * times;
         let channels = network.readout_channels();
-        let values = cells * Lanes::count(channels) * size_of::<Lanes>();
+        let matrices = if times > 1 { 2 } else { 1 };
+        let values = matrices * cells * Lanes::count(channels) * size_of::<Lanes>();
         let maxima = Maxima::bytes(rows, cells, channels, Self::reads_queues(network));
-        maxima as u128 + values as u128 + After::bytes(network)
+        let sets = RowSet::bytes(rows) + network.outputs() * size_of::<f32>();
+        (maxima + values + sets) as u128 + After::bytes(network)
     }
 
     /// Whether the rows that are read never change and leave in the order in which they come.
@@ -128,7 +132,7 @@ impl Head {
 
     /// Follows the last level's delta.
     pub(crate) fn apply(&mut self, window: &Window, top: &Top<'_>, delta: &Delta) {
-        for &row in &delta.entered {
+        for &row in delta.entered.iter() {
             if top.pooled.is_some() {
                 self.entered.insert(row);
             } else {
@@ -136,7 +140,7 @@ impl Head {
                 self.maxima.enter(row, self.grid.of_pixel(node.x, node.y));
             }
         }
-        for &row in &delta.left {
+        for &row in delta.left.iter() {
             if self.entered.contains(row) {
                 self.entered.remove(row);
             } else {

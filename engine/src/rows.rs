@@ -1,10 +1,12 @@
 //! Sets of row indices.
 
+use crate::room::Room;
+
 /// A set of rows below a fixed bound: O(1) to insert, remove, ask and clear, O(members) to walk, no allocation after
 /// construction. The order of a walk depends on the history and must not reach a result.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct RowSet {
-    members: Vec<u32>,
+    members: Room<u32>,
     /// For each row, where it would stand in `members`.
     index: Vec<u32>,
 }
@@ -12,7 +14,7 @@ pub(crate) struct RowSet {
 impl RowSet {
     /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize) -> Self {
-        Self { members: Vec::with_capacity(bound), index: vec![0; bound] }
+        Self { members: Room::new(bound), index: vec![0; bound] }
     }
 
     /// Bytes that [`Self::new`] takes.
@@ -58,10 +60,48 @@ impl RowSet {
     pub(crate) fn len(&self) -> usize {
         self.members.len()
     }
+}
+
+/// A set of rows below a fixed bound of which mostly none is a member: O(1) to insert, remove and count, a byte for a row.
+#[derive(Clone, Debug)]
+pub(crate) struct FewRows {
+    marked: Vec<bool>,
+    len: usize,
+}
+
+impl FewRows {
+    /// An empty set of rows below `bound`.
+    pub(crate) fn new(bound: usize) -> Self {
+        Self { marked: vec![false; bound], len: 0 }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(bound: usize) -> usize {
+        bound * size_of::<bool>()
+    }
+
+    pub(crate) fn insert(&mut self, row: u32) {
+        self.len += usize::from(!std::mem::replace(&mut self.marked[row as usize], true));
+    }
 
     #[inline]
-    pub(crate) fn is_empty(&self) -> bool {
-        self.members.is_empty()
+    pub(crate) fn remove(&mut self, row: u32) {
+        if self.len > 0 {
+            self.len -= usize::from(std::mem::take(&mut self.marked[row as usize]));
+        }
+    }
+
+    /// O(rows) where there are members.
+    pub(crate) fn clear(&mut self) {
+        if self.len > 0 {
+            self.marked.fill(false);
+            self.len = 0;
+        }
+    }
+
+    #[inline]
+    pub(crate) fn len(&self) -> usize {
+        self.len
     }
 }
 
@@ -80,6 +120,11 @@ impl GrowingSet {
     /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize) -> Self {
         Self { members: vec![0; bound + 1], len: 0, marked: vec![false; bound] }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes(bound: usize) -> usize {
+        (bound + 1) * size_of::<u32>() + bound * size_of::<bool>()
     }
 
     /// Inserts `rows`. Every one is written, and the next over it where it was a member: no branch to guess.
@@ -120,16 +165,17 @@ mod tests {
         #[test]
         fn a_row_set_holds_what_a_tree_set_holds(steps in proptest::collection::vec((0u8..3, 0u32..20), 0..200)) {
             let (mut rows, mut tree) = (RowSet::new(20), BTreeSet::new());
+            let mut few = FewRows::new(20);
             let (mut growing, mut grown) = (GrowingSet::new(20), BTreeSet::new());
             for (step, row) in steps {
                 match step {
-                    0 => { rows.insert(row); tree.insert(row); }
-                    1 => { rows.remove(row); tree.remove(&row); }
-                    _ if row == 0 => { rows.clear(); tree.clear(); }
+                    0 => { rows.insert(row); few.insert(row); tree.insert(row); }
+                    1 => { rows.remove(row); few.remove(row); tree.remove(&row); }
+                    _ if row == 0 => { rows.clear(); few.clear(); tree.clear(); }
                     _ => prop_assert_eq!(rows.contains(row), tree.contains(&row)),
                 }
                 prop_assert_eq!(rows.as_slice().iter().copied().collect::<BTreeSet<_>>(), tree.clone());
-                prop_assert_eq!(rows.len(), tree.len());
+                prop_assert_eq!([rows.len(), few.len()], [tree.len(); 2]);
                 if step == 2 && row == 0 {
                     growing.clear();
                     grown.clear();

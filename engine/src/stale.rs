@@ -52,7 +52,9 @@ impl StaleReadout {
         if let Some(us) = bound.us {
             in_range("stale microseconds", us, 1, Network::LONGEST_SPAN_US)?;
         }
-        Ok(Self { engine, bound, accepted: 0, computed: None, values: vec![], rows: vec![], stale: 0 })
+        let network = engine.network();
+        let (values, rows) = (vec![0.0; network.outputs()], vec![0; network.layers().len()]);
+        Ok(Self { engine, bound, accepted: 0, computed: None, values, rows, stale: 0 })
     }
 
     /// The engine.

@@ -11,14 +11,13 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Lanes};
 
 use crate::activations::Activations;
-use crate::cells::CellGrid;
 use crate::counters::Log;
-use crate::delta::Delta;
+use crate::delta::{Delta, PART};
 use crate::engine::Options;
 use crate::graph::{Adjacency, EventGraph};
 use crate::metric::Node;
 use crate::network::Network;
-use crate::pooled::{Below, PooledGraph};
+use crate::pooled::{Below, PooledGraph, Shape};
 use crate::readout::{Head, Top};
 use crate::stages::{Stage, Stopwatch};
 use crate::window::Window;
@@ -45,21 +44,24 @@ impl Step {
     pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options) -> Self {
         let parts = network.parts();
         let (span_us, capacity) = (parts.span_us, parts.capacity);
-        let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
+        let most = parts.graph.reach.most();
+        let follows_edges = Self::follows_edges(&network);
         let graph = EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges);
         // Rows that never change have nothing to be compared with.
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
-        let mut activations = vec![Activations::new(capacity, network.channels(0), of_events)];
-        let mut pooled: Vec<PooledGraph> = Vec::new();
+        let mut activations = Vec::with_capacity(network.levels());
+        activations.push(Activations::new(capacity, &parts.events, network.channels(0), most, of_events));
+        let mut pooled = Vec::with_capacity(parts.pooled.len());
         let mut rows = capacity;
-        for (i, (pooling, level)) in parts.pooled.iter().enumerate() {
-            let grid = CellGrid::new(pooling.clone(), pooled.last().map(PooledGraph::grid), sensor, span_us);
-            let slots = grid.slots();
-            let queues = i == 0 && parts.graph.is_frozen();
-            pooled.push(PooledGraph::new(grid, level, rows, network.channels(i + 1)[0], queues));
-            activations.push(Activations::new(slots, network.channels(i + 1), options.tolerance));
-            rows = slots;
+        for (i, (shape, (_, level))) in
+            Shape::all(&network, sensor).0.into_iter().zip(&parts.pooled).enumerate()
+        {
+            let channels = network.channels(i + 1);
+            rows = shape.slots();
+            activations.push(Activations::new(rows, level, channels, shape.most(), options.tolerance));
+            pooled.push(PooledGraph::new(shape, level));
         }
+        let delta = Delta::new(capacity, most, graph.tells_edges());
         Self {
             head: Head::new(&network, sensor, rows, options.isa),
             window: Window::new(capacity),
@@ -68,34 +70,35 @@ impl Step {
             activations,
             isa: options.isa,
             poison: options.poison,
-            delta: Delta::default(),
-            downstream: Delta::default(),
+            downstream: delta.clone(),
+            delta,
             stopwatch: Stopwatch::new(options.stage_times),
             network,
         }
     }
 
-    /// Bytes that `new` would take, about; [`u128::MAX`] where rows are too many to be counted.
+    /// Whether a level above the events reads edges.
+    fn follows_edges(network: &Network) -> bool {
+        network.parts().pooled.iter().any(|(_, level)| !level.blocks.is_empty())
+    }
+
+    /// Bytes that `new` takes; [`u128::MAX`] where rows are too many to be counted.
     pub(crate) fn bytes(network: &Network, sensor: Sensor) -> u128 {
         let parts = network.parts();
-        let capacity = parts.capacity;
-        let mut bytes = Window::bytes(capacity) as u128
-            + EventGraph::bytes(parts.graph, sensor, &parts.events, capacity) as u128
-            + Activations::bytes(capacity, network.channels(0)) as u128;
-        let (mut rows, mut below) = (capacity, None);
-        for (i, (pooling, _)) in parts.pooled.iter().enumerate() {
-            let grid = CellGrid::new(pooling.clone(), below.as_ref(), sensor, parts.span_us);
-            let slots = grid.slots();
-            // Rows are counted in 32 bits.
-            if u32::try_from(slots).is_err() {
-                return u128::MAX;
-            }
-            let queues = i == 0 && parts.graph.is_frozen();
-            bytes += PooledGraph::bytes(slots, rows, network.channels(i + 1)[0], queues) as u128
-                + Activations::bytes(slots, network.channels(i + 1)) as u128;
-            (rows, below) = (slots, Some(grid));
-        }
-        bytes + Head::bytes(network, rows)
+        let (capacity, most) = (parts.capacity, parts.graph.reach.most());
+        let follows = Self::follows_edges(network);
+        let tells = follows || !parts.graph.is_frozen();
+        let of_events = Window::bytes(capacity)
+            + EventGraph::bytes(parts.graph, sensor, &parts.events, capacity, follows)
+            + Activations::bytes(capacity, &parts.events, network.channels(0), most)
+            + 2 * Delta::bytes(capacity, most, tells);
+        let (shapes, true) = Shape::all(network, sensor) else { return u128::MAX };
+        let of_levels = shapes.iter().zip(&parts.pooled).enumerate().map(|(i, (shape, (_, level)))| {
+            let channels = network.channels(i + 1);
+            shape.bytes() + Activations::bytes(shape.slots(), level, channels, shape.most()) as u128
+        });
+        let rows = shapes.last().map_or(capacity, Shape::slots);
+        of_events as u128 + of_levels.sum::<u128>() + Head::bytes(network, rows)
     }
 
     /// Takes from `own`, of an equal network, everything that reaches no result: the instruction set, poison, measured times.
@@ -169,13 +172,28 @@ impl Step {
         }
         self.stopwatch.start();
         self.delta.clear();
+        self.graph.hide(&self.window, leaving);
+        for place in 0..leaving {
+            let slot = self.window.slot_of(place);
+            self.graph.disconnect(&self.window, leaving, slot, &mut self.delta);
+            // In parts: edges go before any of their ends does.
+            if self.delta.removed.len() >= PART {
+                self.follow();
+                self.delta.clear();
+            }
+        }
         self.delta.left.extend(self.window.slots().take(leaving as usize));
-        self.graph.expire(&self.window, leaving, &mut self.delta);
+        self.follow();
+        self.window.pop(leaving);
+        self.stopwatch.lap(Stage::PooledGraphs);
+    }
+
+    /// Tells all levels what of the event graph has expired.
+    fn follow(&mut self) {
         let events = &mut self.activations[0];
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         self.stopwatch.lap(Stage::EventGraph);
         self.propagate();
-        self.window.pop(leaving);
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 

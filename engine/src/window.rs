@@ -74,6 +74,11 @@ impl Window {
         self.slots_of(0..self.len)
     }
 
+    /// Slot of the node at a place in the window.
+    pub(crate) fn slot_of(&self, place: u32) -> u32 {
+        self.wrap(self.first + place)
+    }
+
     /// Slots of the nodes at some places in the window.
     pub(crate) fn slots_of(&self, places: Range<u32>) -> impl Iterator<Item = u32> + '_ {
         let capacity = self.nodes.len() as u32;

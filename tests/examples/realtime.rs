@@ -19,26 +19,16 @@ fn step(engine: &mut Engine, event: Event) -> Result<f32, EngineError> {
     Ok(engine.predict()?.values[0])
 }
 
-/// The same where memory may still be taken.
-fn warm_up(engine: &mut Engine, event: Event) -> Result<f32, EngineError> {
-    engine.push(event);
-    Ok(engine.predict()?.values[0])
-}
-
 fn main() -> Result<(), EngineError> {
     for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
         let weights = Weights::shipped(name).expect("shipped weights");
         let network = Description::shipped(name).expect("a shipped network").network(&weights);
         let mut engine = Engine::new(network.expect("the weights fit"), SENSOR)?;
-        let steps: [fn(&mut Engine, Event) -> _; 3] = [warm_up, warm_up, step];
-        for (step, start) in steps.into_iter().zip((0..).step_by(EVENTS as usize * 100)) {
-            // The same events again, behind themselves as in the pass before: lists are as long as they have been.
-            let mut random = Random::new(4);
-            for i in 0..EVENTS {
-                let (dot, dx, dy) = (random.below(30), random.below(9), random.below(9));
-                let (x, y) = ((dot % 6 * 36 + dx) as u16, (dot / 6 * 34 + dy) as u16);
-                step(&mut engine, Event::new(start + i * 100, x, y, random.below(2) == 0))?;
-            }
+        let mut random = Random::new(4);
+        for i in 0..EVENTS {
+            let (dot, dx, dy) = (random.below(30), random.below(9), random.below(9));
+            let (x, y) = ((dot % 6 * 36 + dx) as u16, (dot / 6 * 34 + dy) as u16);
+            step(&mut engine, Event::new(i * 100, x, y, random.below(2) == 0))?;
         }
         println!("{name}: {EVENTS} events and predictions");
     }

@@ -1,5 +1,6 @@
 //! A frame network that runs: frames in, predictions out, state between them.
 
+use std::fmt;
 use std::sync::Arc;
 
 use meissner_kernels::Isa;
@@ -95,7 +96,7 @@ impl FrameSnapshot {
 /// assert_eq!(engine.predict()?.values, [3.0, 5.0]);
 /// # Ok::<(), meissner_engine::EngineError>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct FrameEngine {
     network: Arc<FrameNetwork>,
     options: FrameOptions,
@@ -276,5 +277,16 @@ fn skip_code(skip: Skip) -> (u8, f32) {
         Skip::Nothing => (0, 0.0),
         Skip::Exact => (1, 0.0),
         Skip::Tolerance(tolerance) => (2, tolerance + 0.0),
+    }
+}
+
+impl fmt::Debug for FrameEngine {
+    /// What tells engines apart, not what they hold.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrameEngine")
+            .field("network", &self.network.name())
+            .field("options", &self.options)
+            .field("frames", &self.state.frames())
+            .finish_non_exhaustive()
     }
 }

@@ -1,12 +1,13 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
-use super::{Neighbour, SplineRow};
+use super::run::TOTALS;
+use super::{Neighbour, SplineConv, SplineRow};
 use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 
-/// Working space of [`SplineConv::rows`](super::SplineConv::rows), grown to the largest rows seen and kept.
-#[derive(Clone, Debug, Default)]
+/// Working space of [`SplineConv::rows`], grown to the largest rows seen and kept.
+#[derive(Debug, Default)]
 pub struct SplineScratch {
     /// B(e, s) of one edge after the other, for kernels of 2 x 2 x 2.
     pub(super) basis: Vec<Lanes>,
@@ -16,6 +17,63 @@ pub struct SplineScratch {
     pub(super) totals: (Vec<Wide>, Vec<Lanes>),
     /// Slots that some in-edge touches, ascending.
     pub(super) touched: Vec<u32>,
+}
+
+/// Values of each of the fields of a [`SplineScratch`].
+struct Sizes {
+    basis: usize,
+    sums: usize,
+    totals: usize,
+    touched: usize,
+}
+
+impl Sizes {
+    /// What `convs` need for rows of at most `most` in-edges.
+    fn of<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> Self {
+        let mut sizes = Self { basis: 0, sums: 0, totals: 0, touched: 0 };
+        for conv in convs {
+            sizes.sums = sizes.sums.max(conv.sums());
+            if conv.is_flat() {
+                sizes.totals = TOTALS;
+                sizes.basis = if conv.inputs > 1 { most } else { sizes.basis };
+            } else {
+                // Every in-edge touches at most eight slots.
+                sizes.touched = 8 * most;
+            }
+        }
+        sizes
+    }
+}
+
+impl SplineScratch {
+    /// With room for all that `convs` need for rows of at most `most` in-edges: nothing is allocated later.
+    pub fn new<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> Self {
+        let Sizes { basis, sums, totals, touched } = Sizes::of(convs, most);
+        Self {
+            basis: Vec::with_capacity(basis),
+            sums: vec![Lanes::ZERO; sums],
+            totals: (vec![Wide::ZERO; totals], vec![Lanes::ZERO; totals]),
+            touched: Vec::with_capacity(touched),
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> usize {
+        let Sizes { basis, sums, totals, touched } = Sizes::of(convs, most);
+        (basis + sums + totals) * size_of::<Lanes>() + totals * size_of::<Wide>() + touched * size_of::<u32>()
+    }
+}
+
+impl Clone for SplineScratch {
+    /// A working space with the same room; what is in it counts for nothing.
+    fn clone(&self) -> Self {
+        Self {
+            basis: Vec::with_capacity(self.basis.capacity()),
+            sums: self.sums.clone(),
+            totals: self.totals.clone(),
+            touched: Vec::with_capacity(self.touched.capacity()),
+        }
+    }
 }
 
 /// B(e, s) of a 2 x 2 x 2 kernel for an edge with attribute `u`: there, every slot is touched and v = u.

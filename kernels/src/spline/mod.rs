@@ -217,6 +217,17 @@ impl SplineConv {
         isa.run(Run { conv: self, features, rows, scratch, out });
     }
 
+    /// Lanes of sums that are held at once: of a group of rows, or of one with gaps.
+    fn sums(&self) -> usize {
+        if !self.is_flat() {
+            self.slots() * Lanes::count(self.inputs)
+        } else if self.inputs == 1 {
+            Self::GROUP
+        } else {
+            Self::GROUP * 8 * Lanes::count(self.inputs)
+        }
+    }
+
     /// Whether the sums of a row follow each other without a gap, every slot touched.
     fn is_flat(&self) -> bool {
         self.kernel == [2; 3] && (self.inputs == 1 || self.inputs.is_multiple_of(LANES))

@@ -11,7 +11,7 @@ use crate::matrix::Matrix;
 /// Rows that are finished in step.
 const STEP: usize = 4;
 /// Two vectors in two sums for each row of a group.
-const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
+pub(super) const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 
 pub(super) struct Run<'a> {
     pub(super) conv: &'a SplineConv,
@@ -55,7 +55,7 @@ impl SplineConv {
         scratch: &mut SplineScratch,
         out: &mut [Lanes],
     ) {
-        let stride = if self.inputs == 1 { 1 } else { 8 * Lanes::count(self.inputs) };
+        let stride = self.sums() / Self::GROUP;
         let SplineScratch { basis, sums, totals: (wide, last), .. } = scratch;
         sums.resize(sums.len().max(Self::GROUP * stride), Lanes::ZERO);
         wide.resize(TOTALS, Wide::ZERO);

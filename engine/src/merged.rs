@@ -1,0 +1,418 @@
+//! Merged edges: the in-edges of each row, one after the other in one store, and who reads each row.
+//!
+//! The in-edges of a row are contiguous, as kernels read them, with some room after them. A row that has used up its room moves
+//! to the end of the store. Where the end is reached, the rows close up. The store has room for the most edges that there can
+//! be at once, and for one row more, so that a row can always move: nothing is allocated after construction.
+//!
+//! A row is *altered* from when one of its edges came or went until it is settled.
+
+use std::ops::Range;
+
+use meissner_kernels::{Lanes, Neighbour, spline_basis};
+
+use crate::readers::Readers;
+
+const NONE: u32 = u32::MAX;
+/// In-edges of a row whose basis is kept. A block computes that of longer rows itself.
+const BASES: usize = 24;
+
+/// How large merged edges can become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Extent {
+    pub(crate) rows: usize,
+    /// Most in-edges of a row.
+    pub(crate) most: usize,
+    /// Most edges in all.
+    pub(crate) edges: usize,
+}
+
+impl Extent {
+    /// For `rows` rows of which at most `alive` have edges, and no more edges than `below`, which they merge.
+    pub(crate) fn new(rows: usize, alive: usize, below: usize) -> Self {
+        let most = alive.saturating_sub(1).min(below);
+        Self { rows, most, edges: below.min(alive.saturating_mul(alive.saturating_sub(1))) }
+    }
+
+    fn stored(self) -> usize {
+        self.edges.saturating_add(self.most)
+    }
+
+    fn bases(self) -> usize {
+        self.most.min(BASES)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Run {
+    start: usize,
+    len: u32,
+    /// Edges that fit before the run must move; 0 where it has no place.
+    room: u32,
+    /// Rows with a place, in the order of the store.
+    before: u32,
+    after: u32,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub(crate) struct Merged {
+    extent: Extent,
+    runs: Vec<Run>,
+    /// The first and the last row with a place, and where the store is free from.
+    first: u32,
+    last: u32,
+    end: usize,
+    /// Edges in all.
+    len: usize,
+    neighbours: Vec<Neighbour>,
+    /// Edges below that each stands for.
+    counts: Vec<u32>,
+    /// The basis of each edge of rows that are not too long, for blocks that read it.
+    basis: Vec<Lanes>,
+    altered: Vec<bool>,
+    readers: ReadBy,
+}
+
+impl Merged {
+    /// No edges. `basis`: whether a block reads the basis.
+    pub(crate) fn new(extent: Extent, basis: bool) -> Self {
+        let basis = if basis { extent.rows * extent.bases() } else { 0 };
+        Self {
+            runs: vec![Run::default(); extent.rows],
+            first: NONE,
+            last: NONE,
+            end: 0,
+            len: 0,
+            neighbours: vec![Neighbour { row: 0, u: [0.0; 3] }; extent.stored()],
+            counts: vec![0; extent.stored()],
+            basis: vec![Lanes::ZERO; basis],
+            altered: vec![false; extent.rows],
+            readers: ReadBy::new(extent),
+            extent,
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes. Saturates.
+    pub(crate) fn bytes(extent: Extent, basis: bool) -> u128 {
+        let Extent { rows, .. } = extent;
+        let edge = size_of::<Neighbour>() + size_of::<u32>();
+        let row = size_of::<Run>()
+            + size_of::<bool>()
+            + if basis { extent.bases() * size_of::<Lanes>() } else { 0 };
+        extent.stored() as u128 * edge as u128 + rows as u128 * row as u128 + ReadBy::bytes(extent)
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.runs.fill(Run::default());
+        (self.first, self.last, self.end, self.len) = (NONE, NONE, 0, 0);
+        self.altered.fill(false);
+        self.readers.clear(self.extent);
+    }
+
+    /// Whether `more` edges fit beside those that there are.
+    pub(crate) fn has_room(&self, more: usize) -> bool {
+        self.len + more <= self.extent.edges
+    }
+
+    #[inline]
+    fn span(&self, row: u32) -> Range<usize> {
+        let Run { start, len, .. } = self.runs[row as usize];
+        start..start + len as usize
+    }
+
+    /// In-edges of a row; attributes are those of its last [`Self::settle`].
+    #[inline]
+    pub(crate) fn neighbours(&self, row: u32) -> &[Neighbour] {
+        &self.neighbours[self.span(row)]
+    }
+
+    /// The basis of each in-edge of a row, or nothing where it is not kept.
+    #[inline]
+    pub(crate) fn basis(&self, row: u32) -> &[Lanes] {
+        let len = self.runs[row as usize].len as usize;
+        let start = row as usize * self.extent.bases();
+        if len <= self.extent.bases() { self.basis.get(start..start + len).unwrap_or_default() } else { &[] }
+    }
+
+    /// Calls `visit` with the rows that have an in-edge from `row`, some at a time and in any order.
+    #[inline]
+    pub(crate) fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
+        self.readers.for_blocks(row, visit);
+    }
+
+    /// One more edge below that stands for in-edge `at` of `row`.
+    pub(crate) fn count_up(&mut self, row: u32, at: usize) {
+        self.counts[self.runs[row as usize].start + at] += 1;
+    }
+
+    /// One edge below less; whether it was the last, and the in-edge is gone.
+    pub(crate) fn count_down(&mut self, row: u32, at: usize) -> bool {
+        let span = self.span(row);
+        let count = &mut self.counts[span.start + at];
+        *count -= 1;
+        let gone = *count == 0;
+        if gone {
+            let source = self.neighbours[span.start + at].row;
+            self.neighbours.copy_within(span.start + at + 1..span.end, span.start + at);
+            self.counts.copy_within(span.start + at + 1..span.end, span.start + at);
+            self.runs[row as usize].len -= 1;
+            self.len -= 1;
+            self.altered[row as usize] = true;
+            self.readers.remove(source, row);
+        }
+        gone
+    }
+
+    /// `row` gets an in-edge from `source`, its `at`th, which stands for one edge below.
+    ///
+    /// # Panics
+    /// If there are more edges than the store is made for.
+    pub(crate) fn insert(&mut self, row: u32, at: usize, source: u32) {
+        assert!(self.has_room(1), "merged edges are at most as many as the edges that they merge");
+        let Run { len, room, .. } = self.runs[row as usize];
+        if len == room {
+            self.enlarge(row);
+        }
+        let span = self.span(row);
+        self.neighbours.copy_within(span.start + at..span.end, span.start + at + 1);
+        self.counts.copy_within(span.start + at..span.end, span.start + at + 1);
+        self.neighbours[span.start + at] = Neighbour { row: source, u: [0.0; 3] };
+        self.counts[span.start + at] = 1;
+        self.runs[row as usize].len += 1;
+        self.len += 1;
+        self.altered[row as usize] = true;
+        self.readers.push(source, row);
+    }
+
+    /// Gives a row without room some.
+    fn enlarge(&mut self, row: u32) {
+        let len = self.runs[row as usize].len as usize;
+        let wanted = len + 1 + (len / 2).max(3);
+        let needed =
+            if self.last == row { self.runs[row as usize].start + len + 1 } else { self.end + wanted };
+        if needed > self.neighbours.len() {
+            self.close_up();
+        }
+        if self.last == row {
+            let start = self.runs[row as usize].start;
+            self.end = (start + wanted).min(self.neighbours.len());
+        } else {
+            let (from, to) = (self.span(row), self.end);
+            self.neighbours.copy_within(from.clone(), to);
+            self.counts.copy_within(from, to);
+            self.unlink(row);
+            let run = &mut self.runs[row as usize];
+            (run.start, run.before, run.after) = (to, self.last, NONE);
+            match self.last {
+                NONE => self.first = row,
+                last => self.runs[last as usize].after = row,
+            }
+            self.last = row;
+            self.end = (to + wanted).min(self.neighbours.len());
+        }
+        self.runs[row as usize].room = (self.end - self.runs[row as usize].start) as u32;
+    }
+
+    /// Takes a row out of the order of the store.
+    fn unlink(&mut self, row: u32) {
+        let Run { room, before, after, .. } = self.runs[row as usize];
+        if room == 0 {
+            return;
+        }
+        match before {
+            NONE => self.first = after,
+            before => self.runs[before as usize].after = after,
+        }
+        match after {
+            NONE => self.last = before,
+            after => self.runs[after as usize].before = before,
+        }
+        self.runs[row as usize].room = 0;
+    }
+
+    /// Moves all rows to the front of the store, without room between them. Rows without edges lose their places.
+    fn close_up(&mut self) {
+        let (mut row, mut to) = (self.first, 0);
+        while row != NONE {
+            let Run { start, len, after, .. } = self.runs[row as usize];
+            if len == 0 {
+                self.unlink(row);
+            } else {
+                let from = start..start + len as usize;
+                self.neighbours.copy_within(from.clone(), to);
+                self.counts.copy_within(from, to);
+                let run = &mut self.runs[row as usize];
+                (run.start, run.room) = (to, len);
+                to += len as usize;
+            }
+            row = after;
+        }
+        self.end = to;
+    }
+
+    /// Gives each in-edge of `row` the attributes that `attributes` tells of its source; whether the row was altered or any of
+    /// them differs.
+    pub(crate) fn settle(&mut self, row: u32, mut attributes: impl FnMut(u32) -> [f32; 3]) -> bool {
+        let altered = std::mem::take(&mut self.altered[row as usize]);
+        let mut changed = altered;
+        let span = self.span(row);
+        let first = row as usize * self.extent.bases();
+        let basis = if span.len() <= self.extent.bases() { self.basis.get_mut(first..) } else { None };
+        let mut basis = basis.unwrap_or_default().iter_mut();
+        for neighbour in &mut self.neighbours[span] {
+            let u = attributes(neighbour.row);
+            let basis = basis.next();
+            if altered || neighbour.u != u {
+                neighbour.u = u;
+                changed = true;
+                if let Some(basis) = basis {
+                    *basis = spline_basis(u);
+                }
+            }
+        }
+        changed
+    }
+}
+
+/// Who reads each row: whichever is smaller.
+#[derive(Clone, Debug)]
+enum ReadBy {
+    /// A bit for each pair of rows.
+    Bits {
+        words: usize,
+        bits: Vec<u64>,
+    },
+    Lists(Box<Readers>),
+}
+
+impl ReadBy {
+    /// Words of a row of bits, where bits are smaller.
+    fn words(Extent { rows, edges, .. }: Extent) -> Option<usize> {
+        let words = rows.div_ceil(u64::BITS as usize);
+        let bytes = rows as u128 * words as u128 * size_of::<u64>() as u128;
+        (bytes <= Readers::bytes(rows, edges) as u128).then_some(words)
+    }
+
+    fn new(extent: Extent) -> Self {
+        match Self::words(extent) {
+            Some(words) => Self::Bits { words, bits: vec![0; extent.rows * words] },
+            None => Self::Lists(Box::new(Readers::new(extent.rows, extent.edges))),
+        }
+    }
+
+    fn bytes(extent: Extent) -> u128 {
+        match Self::words(extent) {
+            Some(words) => extent.rows as u128 * words as u128 * size_of::<u64>() as u128,
+            None => (Readers::bytes(extent.rows, extent.edges) + size_of::<Readers>()) as u128,
+        }
+    }
+
+    fn clear(&mut self, extent: Extent) {
+        match self {
+            Self::Bits { bits, .. } => bits.fill(0),
+            Self::Lists(lists) => (0..extent.rows as u32).for_each(|row| lists.clear(row)),
+        }
+    }
+
+    fn push(&mut self, source: u32, reader: u32) {
+        match self {
+            Self::Bits { words, bits } => {
+                bits[source as usize * *words + reader as usize / 64] |= 1 << (reader % 64);
+            }
+            Self::Lists(lists) => lists.push(source, reader),
+        }
+    }
+
+    fn remove(&mut self, source: u32, reader: u32) {
+        match self {
+            Self::Bits { words, bits } => {
+                bits[source as usize * *words + reader as usize / 64] &= !(1 << (reader % 64));
+            }
+            Self::Lists(lists) => lists.remove(source, reader),
+        }
+    }
+
+    #[inline]
+    fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
+        match self {
+            Self::Bits { words, bits } => {
+                for (word, &bits) in bits[source as usize * words..][..*words].iter().enumerate() {
+                    let (mut bits, mut rows, mut count) = (bits, [0; u64::BITS as usize], 0);
+                    while bits != 0 {
+                        rows[count] = word as u32 * u64::BITS + bits.trailing_zeros();
+                        count += 1;
+                        bits &= bits - 1;
+                    }
+                    if count > 0 {
+                        visit(&rows[..count]);
+                    }
+                }
+            }
+            Self::Lists(lists) => lists.for_blocks(source, visit),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeMap;
+
+    proptest! {
+        #[test]
+        fn merged_edges_are_those_of_plain_maps(
+            // Beside five rows in use, so many that readers stand in lists.
+            more in prop_oneof![Just(0usize), Just(2_000)],
+            below in 1usize..30,
+            steps in proptest::collection::vec((0u32..5, 0u32..5, any::<bool>(), any::<bool>()), 0..400),
+        ) {
+            let extent = Extent::new(5 + more, 5, below);
+            let mut merged = Merged::new(extent, true);
+            let mut plain: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); 5];
+            let mut edges = 0;
+            let u = |source: u32| [source as f32, 0.5, 0.0];
+            for (source, row, up, settle) in steps {
+                let at = merged.neighbours(row).binary_search_by_key(&source, |n| n.row);
+                let there = plain[row as usize].contains_key(&source);
+                prop_assert_eq!(at.is_ok(), there);
+                let changes = source != row && if up { edges < below } else { there };
+                if changes && up {
+                    edges += 1;
+                    *plain[row as usize].entry(source).or_default() += 1;
+                    match at {
+                        Ok(at) => merged.count_up(row, at),
+                        Err(at) => merged.insert(row, at, source),
+                    }
+                } else if changes {
+                    edges -= 1;
+                    let count = plain[row as usize].get_mut(&source).expect("it is there");
+                    *count -= 1;
+                    let gone = *count == 0;
+                    if gone {
+                        plain[row as usize].remove(&source);
+                    }
+                    prop_assert_eq!(merged.count_down(row, at.expect("it is there")), gone);
+                }
+                if settle {
+                    merged.settle(row, u);
+                    prop_assert!(!merged.settle(row, u));
+                    prop_assert!(merged.neighbours(row).iter().all(|n| n.u == u(n.row)));
+                    let basis: Vec<_> = merged.neighbours(row).iter().map(|n| spline_basis(n.u)).collect();
+                    prop_assert_eq!(merged.basis(row), basis);
+                }
+                for (row, plain) in (0..).zip(&plain) {
+                    prop_assert!(merged.neighbours(row).iter().map(|n| n.row).eq(plain.keys().copied()));
+                }
+                for source in 0..5 {
+                    let mut readers = Vec::new();
+                    merged.for_readers(source, |rows| readers.extend_from_slice(rows));
+                    readers.sort_unstable();
+                    let expected: Vec<u32> =
+                        (0..5).filter(|&row| plain[row as usize].contains_key(&source)).collect();
+                    prop_assert_eq!(readers, expected);
+                }
+            }
+        }
+    }
+}
