@@ -6,12 +6,12 @@
 
 /// Rows in a block.
 const ROWS: usize = 15;
-const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Block {
     rows: [u32; ROWS],
+    /// The next block of the chain or of the free ones; of the last one, anything.
     next: u32,
 }
 
@@ -23,23 +23,20 @@ pub(crate) struct Readers {
     count: Vec<u32>,
     /// Last block of each slot's chain.
     last: Vec<u32>,
-    /// First free block of the store.
+    /// First free block of the store; anything where all are taken.
     free: u32,
 }
 
 impl Readers {
     /// Empty lists for `slots` slots and at most `edges` rows in all.
     pub(crate) fn new(slots: usize, edges: usize) -> Self {
-        let empty = Block { rows: [0; ROWS], next: NONE };
-        let stored = edges / ROWS;
-        let mut blocks = Vec::with_capacity(slots + stored);
-        blocks.resize(slots, empty);
-        for i in 0..stored {
-            let next = if i + 1 < stored { (slots + i + 1) as u32 } else { NONE };
-            blocks.push(Block { next, ..empty });
+        let blocks = (0..slots + edges / ROWS).map(|i| Block { rows: [0; ROWS], next: i as u32 + 1 });
+        Self {
+            blocks: blocks.collect(),
+            count: vec![0; slots],
+            last: (0..slots as u32).collect(),
+            free: slots as u32,
         }
-        let free = if stored > 0 { slots as u32 } else { NONE };
-        Self { blocks, count: vec![0; slots], last: (0..slots as u32).collect(), free }
     }
 
     pub(crate) fn bytes(slots: usize, edges: usize) -> usize {
@@ -73,7 +70,6 @@ impl Readers {
         if at > 0 && at.is_multiple_of(ROWS) {
             let block = self.free;
             self.free = self.blocks[block as usize].next;
-            self.blocks[block as usize].next = NONE;
             self.blocks[self.last[slot as usize] as usize].next = block;
             self.last[slot as usize] = block;
         }
@@ -90,12 +86,12 @@ impl Readers {
         let mut block = slot;
         loop {
             let Block { rows, next } = &mut self.blocks[block as usize];
-            let here = if block == last { at % ROWS + 1 } else { ROWS };
-            if let Some(found) = rows[..here].iter_mut().find(|found| **found == row) {
+            // What the last block holds behind its end comes after the row.
+            if let Some(found) = rows.iter_mut().find(|found| **found == row) {
                 *found = moved;
                 break;
             }
-            debug_assert_ne!(*next, NONE, "every edge stands in its source's list");
+            debug_assert_ne!(block, last, "every edge stands in its source's list");
             block = *next;
         }
         self.count[slot as usize] = at as u32;
@@ -120,7 +116,6 @@ impl Readers {
         while self.blocks[before as usize].next != last {
             before = self.blocks[before as usize].next;
         }
-        self.blocks[before as usize].next = NONE;
         self.last[slot as usize] = before;
         self.blocks[last as usize].next = self.free;
         self.free = last;
@@ -131,6 +126,20 @@ impl Readers {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn one_slot_can_have_as_many_readers_as_there_can_be_edges() {
+        for edges in 1..=200 {
+            let mut readers = Readers::new(2, edges as usize);
+            for slot in [0, 1, 0] {
+                (0..edges).for_each(|row| readers.push(slot, row));
+                let mut got = Vec::new();
+                readers.for_each(slot, |row| got.push(row));
+                assert_eq!(got, (0..edges).collect::<Vec<_>>());
+                readers.clear(slot);
+            }
+        }
+    }
 
     proptest! {
         #[test]
