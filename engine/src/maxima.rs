@@ -103,11 +103,9 @@ impl Maxima {
             return;
         }
         if let Some(queue) = &mut self.queue {
-            match &mut queue.front[cell as usize] {
-                // The back's maximum covers a member that is gone: it is taken again.
-                0 => self.dirty.insert(cell),
-                front => *front -= 1,
-            }
+            // Nobody reads the maximum of a back without a front: both are taken anew together.
+            let front = &mut queue.front[cell as usize];
+            *front = front.saturating_sub(1);
         }
         if !below(features.row(row as usize), values.row(cell as usize), values.columns()) {
             self.dirty.insert(cell);
@@ -149,7 +147,7 @@ impl Maxima {
         for &cell in self.merged.as_slice() {
             self.row.copy_from_slice(values.row(cell as usize));
             // Fresh members stand at the end of their cell.
-            let members = self.members.from_youngest(cell).take_while(|&m| self.fresh.contains(m));
+            let members = self.members.youngest_first(cell).take_while(|&m| self.fresh.contains(m));
             isa.run(Over { members: members.clone(), features, out: &mut self.row });
             if let Some(queue) = &mut self.queue {
                 isa.run(Over { members, features, out: queue.back.row_mut(cell as usize) });
@@ -167,11 +165,11 @@ impl Maxima {
                 self.row.fill(Lanes::ZERO);
             } else if let Some(queue) = &mut self.queue {
                 let members = &self.members;
-                let fresh = members.from_youngest(cell).take_while(|&m| self.fresh.contains(m));
+                let fresh = members.youngest_first(cell).take_while(|&m| self.fresh.contains(m));
                 isa.run(FromQueue { queue, cell, members, fresh, features, out: &mut self.row });
             } else {
                 self.row.fill(Lanes::splat(f32::NEG_INFINITY));
-                isa.run(Over { members: self.members.from_oldest(cell), features, out: &mut self.row });
+                isa.run(Over { members: self.members.oldest_first(cell), features, out: &mut self.row });
             }
             let changed = store(&self.row, values, cell);
             log.note(cell, !changed);
@@ -251,7 +249,7 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
             // All members become the front; the newest is its end.
             back.fill(Lanes::splat(f32::NEG_INFINITY));
             out.fill(Lanes::splat(f32::NEG_INFINITY));
-            for member in members.from_youngest(cell) {
+            for member in members.youngest_first(cell) {
                 maximum(out, features.row(member as usize));
                 queue.suffix.row_mut(member as usize).copy_from_slice(out);
             }

@@ -96,14 +96,14 @@ impl Members {
 
     /// Members of a cell from the oldest to the youngest.
     #[inline]
-    pub(crate) fn from_oldest(&self, cell: u32) -> Walk<'_> {
+    pub(crate) fn oldest_first(&self, cell: u32) -> Walk<'_> {
         let ends = self.cells[cell as usize];
         Walk { links: &self.younger, next: ends.oldest, left: ends.count }
     }
 
     /// Members of a cell from the youngest to the oldest.
     #[inline]
-    pub(crate) fn from_youngest(&self, cell: u32) -> Walk<'_> {
+    pub(crate) fn youngest_first(&self, cell: u32) -> Walk<'_> {
         let ends = self.cells[cell as usize];
         Walk { links: &self.older, next: ends.youngest, left: ends.count }
     }
@@ -156,8 +156,8 @@ mod tests {
                 for (cell, list) in (0..).zip(&lists) {
                     prop_assert_eq!(members.count(cell) as usize, list.len());
                     prop_assert!(list.is_empty() || members.oldest(cell) == list[0]);
-                    prop_assert!(members.from_oldest(cell).eq(list.iter().copied()));
-                    prop_assert!(members.from_youngest(cell).eq(list.iter().rev().copied()));
+                    prop_assert!(members.oldest_first(cell).eq(list.iter().copied()));
+                    prop_assert!(members.youngest_first(cell).eq(list.iter().rev().copied()));
                 }
             }
         }

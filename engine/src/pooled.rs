@@ -347,7 +347,7 @@ impl PooledGraph {
     /// Mean of the members' positions, in cell order.
     fn mean_of_cells(&mut self, below: &Self, cell: u32) -> [f64; 3] {
         self.order.clear();
-        let members = self.maxima.members().from_oldest(cell);
+        let members = self.maxima.members().oldest_first(cell);
         self.order.extend(members.map(|m| (below.keys[m as usize], m)));
         self.order.sort_unstable();
         mean_position(self.order.iter().map(|&(_, m)| below.positions[m as usize]))
