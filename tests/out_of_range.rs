@@ -162,6 +162,23 @@ fn a_frame_engine_may_take_exactly_what_is_foreseen() {
 }
 
 #[test]
+fn an_engine_may_take_exactly_what_is_foreseen() {
+    let network = Arc::new(small());
+    let bytes = Engine::new(Arc::clone(&network), SENSOR).expect("admissible").state_bytes();
+    let with = |memory_limit| {
+        let options = Options { memory_limit, ..Options::default() };
+        Engine::with_options(Arc::clone(&network), SENSOR, options).map(|_| ())
+    };
+    assert_eq!(with(bytes), Ok(()));
+    let refused = with(bytes - 1);
+    assert!(
+        matches!(refused, Err(EngineError::Memory { bytes: found, .. }) if found == bytes),
+        "{refused:?}"
+    );
+    assert_eq!(Options::default().memory_limit, 4 << 30);
+}
+
+#[test]
 fn what_a_head_takes_counts_against_the_memory_of_its_engine() {
     let (plain, headed) = (NetworkShape { head: None, ..small_shape() }, small_shape());
     let bytes = |shape: &NetworkShape| Engine::new(shape.build(), SENSOR).expect("admissible").state_bytes();

@@ -44,6 +44,10 @@ fn shape(candidates: Candidates) -> NetworkShape {
     }
 }
 
+fn engine_of(candidates: Candidates) -> Engine {
+    engine(shape(candidates).build(), SENSOR, Options::default())
+}
+
 fn engine(network: Network, sensor: Sensor, options: Options) -> Engine {
     Engine::with_options(Arc::new(network), sensor, options).expect("admissible")
 }
@@ -163,6 +167,7 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
     let (_, bytes) = after_events(frozen, 0.0);
     let left = bytes.len() - 16 - (NAME + 8);
     let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
+    let newest = i64::from_le_bytes(bytes[CLOCK + 17..CLOCK + 25].try_into().expect("8 bytes")) - 1;
     let first = WINDOW + 8;
     let in_edges = first + 13 * events;
     let rows = in_edges + events;
@@ -177,22 +182,33 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
             &huge,
             "count of events at byte 55: expected a count below 2^56, found 9223372036854775808".into(),
         ),
+        (
+            COUNTS + 8,
+            &(1u64 << 56).to_le_bytes(),
+            "count of events at byte 63: expected a count below 2^56, found 72057594037927936".into(),
+        ),
         (LAYERS, &huge, "number of layers at byte 119: expected 3, found 9223372036854775808".into()),
         (CLOCK, &[2], format!("whether there is a clock at byte {CLOCK}: expected 0 or 1, found 2")),
-        (CLOCK + 1, &i64::MAX.to_le_bytes(), "newest time".into()),
+        (CLOCK + 1, &i64::MAX.to_le_bytes(), format!("newest time at byte {}", CLOCK + 9)),
         (
             CLOCK + 9,
             &(-1i64).to_le_bytes(),
             "expected a time from the epoch on that fits 64 bits, found -1".into(),
         ),
-        (CLOCK + 17, &2_000i64.to_le_bytes(), "newest event".into()),
+        (CLOCK + 17, &2_000i64.to_le_bytes(), format!("newest event at byte {}", CLOCK + 17)),
+        (CLOCK + 17, &newest.to_le_bytes(), format!("time of event {}", events - 1)),
         (
             WINDOW,
             &huge,
             format!("number of events at byte {WINDOW}: expected at most 40, found 9223372036854775808"),
         ),
-        (first, &0i64.to_le_bytes(), "time of event 0".into()),
-        (first + 8, &20u16.to_le_bytes(), "event 0 at byte".into()),
+        (first, &0i64.to_le_bytes(), format!("time of event 0 at byte {first}: expected ")),
+        (
+            first,
+            &newest.to_le_bytes(),
+            format!("time of event 1 at byte {}: expected {newest} to ", first + 13),
+        ),
+        (first + 8, &20u16.to_le_bytes(), format!("event 0 at byte {}: expected a pixel", first + 8)),
         (first + 12, &[7], "polarity of event 0".into()),
         (in_edges, &[1], format!("in-edges of event 0 at byte {in_edges}: expected at most 0, found 1")),
         (
@@ -200,12 +216,96 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
             &huge,
             format!("number of rows of level 0 at byte {rows}: expected {events}, found 9223372036854775808"),
         ),
-        (rows + 8 + 4, &f32::NAN.to_le_bytes(), "row 0 of layer \"conv1_1\", value 1".into()),
+        (
+            rows + 8 + 4,
+            &f32::NAN.to_le_bytes(),
+            format!("row 0 of layer \"conv1_1\", value 1 at byte {}: expected a finite", rows + 8 + 4),
+        ),
         (rows + 8, &f32::INFINITY.to_le_bytes(), "expected a finite number, found inf".into()),
     ] {
         let error = refused(frozen, at, value);
         assert!(error.starts_with("snapshot: ") && error.contains(&expected), "{expected}: {error}");
     }
+}
+
+#[test]
+fn more_events_than_the_bytes_or_a_window_without_a_clock_can_hold_are_refused_before_they_are_read() {
+    let (mut engine, mut bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
+    // Room for two events of 14 bytes, and for three of 13.
+    bytes.truncate(WINDOW + 8 + 3 * 13 + 16);
+    bytes[WINDOW..WINDOW + 8].copy_from_slice(&3u64.to_le_bytes());
+    let end = bytes.len() - 16;
+    bytes[end..].fill(0);
+    let error = engine.restore_bytes(&sealed(bytes)).expect_err("an event is missing").to_string();
+    assert_eq!(error, format!("snapshot: number of events at byte {WINDOW}: expected at most 2, found 3"));
+    let mut empty = engine_of(Candidates::All).to_bytes();
+    empty.splice(CLOCK + 1.., [1, 0, 0, 0, 0, 0, 0, 0].into_iter().chain([0; 13 + 16]));
+    let error = engine_of(Candidates::All).restore_bytes(&sealed(empty)).expect_err("no clock").to_string();
+    let at = CLOCK + 1;
+    assert_eq!(error, format!("snapshot: number of events at byte {at}: expected at most 0, found 1"));
+}
+
+#[test]
+fn bytes_too_few_for_any_snapshot_are_refused_whatever_they_say() {
+    let (mut engine, bytes) = after_events(Candidates::All, 0.0);
+    for length in 24..=40 {
+        let mut bytes = bytes[..length].to_vec();
+        bytes[16..24].copy_from_slice(&(length as u64).to_le_bytes());
+        let bytes = if length == 40 { sealed([&bytes[..24], &[0; 16]].concat()) } else { bytes };
+        let error = engine.restore_bytes(&bytes).expect_err("no content").to_string();
+        let expected = if length < 40 { "length at byte 16" } else { "network at byte 24" };
+        assert!(error.contains(expected), "{length}: {error}");
+    }
+}
+
+#[test]
+fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_a_head() {
+    let (_, bytes) = after_events(Candidates::All, 0.0);
+    let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
+    assert_eq!(bytes.len(), WINDOW + 8 + 13 * events + 16);
+}
+
+#[test]
+fn a_tolerance_of_negative_zero_is_written_and_read_as_zero() {
+    let network = Arc::new(shape(Candidates::All).build());
+    let with = |tolerance| {
+        let options = Options { tolerance, ..Options::default() };
+        Engine::with_options(Arc::clone(&network), SENSOR, options).expect("admissible")
+    };
+    assert_eq!(with(0.0).restore_bytes(&with(-0.0).to_bytes()), Ok(()));
+    assert_eq!(with(-0.0).restore_bytes(&with(0.0).to_bytes()), Ok(()));
+}
+
+#[test]
+fn a_restored_engine_counts_the_rows_that_it_computes_itself() {
+    let (mut engine, bytes) = after_events(Candidates::All, 0.0);
+    engine.restore_bytes(&bytes).expect("its own bytes");
+    let before = engine.counters();
+    let prediction = engine.predict().expect("finite");
+    let (nodes, rows) = (prediction.nodes as u64, prediction.rows.to_vec());
+    let counted = engine.counters().since(&before).layers;
+    assert_eq!(rows, counted.iter().map(|layer| layer.recomputed).collect::<Vec<_>>());
+    assert_eq!(rows[0], nodes);
+}
+
+#[test]
+fn a_snapshot_with_rows_that_are_not_finite_is_refused_by_their_name() {
+    let mut parts = shape(Candidates::Past(Lifetime::Frozen)).build().parts().clone();
+    let conv = SplineParts {
+        inputs: 1,
+        outputs: 4,
+        kernel: [2, 2, 2],
+        weight: vec![f32::MAX; 32],
+        bias: Some(vec![f32::MAX, f32::MAX, 0.0, 0.0]),
+        ..SplineParts::default()
+    };
+    parts.events.blocks[0].conv = SplineConv::new(&conv).expect("sizes fit");
+    let mut engine = engine(Network::new(parts).expect("the parts fit"), SENSOR, Options::default());
+    for i in 0..4 {
+        engine.push(Event::new(i, 3, 3, true));
+    }
+    let error = engine.restore_bytes(&engine.to_bytes()).expect_err("rows beyond f32").to_string();
+    assert!(error.contains("layer \"conv1_1\"") && error.contains("expected a finite number"), "{error}");
 }
 
 #[test]
@@ -236,6 +336,9 @@ fn a_note_comes_back_and_one_that_is_longer_than_the_snapshot_is_refused() {
         assert_eq!(snapshot_note(&bytes).expect_err("too long").to_string(), expected);
         assert_eq!(engine.restore_bytes(&bytes).expect_err("too long").to_string(), expected);
     }
+    // A note may be all there is.
+    bytes[at..at + 8].copy_from_slice(&(at as u64 - 24).to_le_bytes());
+    assert_eq!(snapshot_note(&sealed(bytes.clone())), Ok(&bytes[24..at]));
 }
 
 #[test]
@@ -281,6 +384,9 @@ fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
     refuse(engine(network(&weights), Sensor::new(20, 11), exact), "sensor");
     refuse(engine(network(&weights), SENSOR, Options { tolerance: 0.5, ..exact }), "tolerance");
     refuse(engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact }), "late policy");
+    let larger = Engine::new(Arc::clone(wanted.network()), Sensor::new(20, 11)).expect("admissible");
+    let error = wanted.restore(&larger.snapshot()).expect_err("another sensor");
+    assert!(matches!(error, EngineError::Snapshot { what: "sensor", .. }), "{error}");
     // The same network, built again.
     let same = engine(network(&weights), SENSOR, exact);
     assert_eq!(wanted.restore_bytes(&same.to_bytes()), Ok(()));

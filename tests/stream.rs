@@ -1,8 +1,8 @@
 //! What becomes of events that do not come as one wishes, and of the neighbourhoods that they leave behind.
 
 use meissner_engine::{
-    Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options, Outcome,
-    Reach, Search, Sensor,
+    Admission, Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options,
+    Outcome, Reach, Search, Sensor,
 };
 use meissner_tests::compare::Watched;
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
@@ -164,6 +164,44 @@ fn a_time_too_far_from_the_epoch_is_dropped_and_counted() {
     assert_eq!(stream.push(Event::new(i64::MAX, 1, 1, true)), Outcome::Dropped(DropReason::TimeOutOfRange));
     assert_eq!(stream.engine.counters().events.time_out_of_range, 1);
     assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn a_time_too_far_before_an_epoch_is_late() {
+    let mut stream = watched(ALL);
+    stream.push(Event::new(5, 1, 1, true));
+    assert_eq!(stream.push(Event::new(i64::MIN, 1, 1, true)), Outcome::Dropped(DropReason::Late));
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn every_event_is_counted_as_pushed_and_as_accepted_or_dropped() {
+    let mut engine = Engine::new(shape(ALL).build(), SENSOR).expect("the network is exact");
+    let events = [(0, 1), (3, 2), (2, 3), (4, 40), (5, 4)].map(|(t_us, x)| Event::new(t_us, x, 1, true));
+    assert_eq!(engine.push_slice(&events), 3);
+    let counters = engine.counters().events;
+    assert_eq!((counters.pushed, counters.accepted), (5, 3));
+    let dropped = counters.dropped().map(|(reason, count)| (reason.name(), count));
+    assert_eq!(dropped, [("outside_sensor", 1), ("late", 1), ("time_out_of_range", 0)]);
+}
+
+#[test]
+fn a_gate_gives_events_their_times_on_their_own_clock() {
+    let mut gate = Admission::new(SENSOR, LatePolicy::Clamp);
+    let at = |t_us| Event::new(t_us, 1, 1, true);
+    assert_eq!(gate.admit(at(100)), Ok(at(100)));
+    assert_eq!(gate.admit(at(160)), Ok(at(160)));
+    assert_eq!(gate.admit(at(130)), Ok(at(160)));
+    let mut resumed = Admission::new(SENSOR, LatePolicy::Drop);
+    resumed.resume(100, 160);
+    assert_eq!((resumed.epoch_us(), resumed.now_us()), (Some(100), Some(160)));
+    assert_eq!(resumed.admit(at(159)), Err(DropReason::Late));
+    assert_eq!(resumed.admit(at(160)), Ok(at(160)));
+    // A newest time that cannot be is the epoch.
+    for (epoch, now) in [(100, 40), (i64::MIN, i64::MAX)] {
+        resumed.resume(epoch, now);
+        assert_eq!((resumed.epoch_us(), resumed.now_us()), (Some(epoch), Some(epoch)));
+    }
 }
 
 #[test]

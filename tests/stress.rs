@@ -6,10 +6,14 @@ use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions,
     FrameShape, Skip,
 };
-use meissner_engine::{Batch, Engine, EngineError, Event, Network, NetworkParts, Sensor, Stream};
+use meissner_engine::{
+    Batch, Candidates, Engine, EngineError, Event, GraphRule, Network, NetworkParts, Options, Reach, Sensor,
+    Stream,
+};
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_models::{Description, Weights};
 use meissner_tests::compare::bits;
+use meissner_tests::networks::{BlockShape, NetworkShape};
 use meissner_tests::random::Random;
 
 const SENSOR: Sensor = Sensor { width: 60, height: 40 };
@@ -165,4 +169,94 @@ fn vanishing_and_denormal_activations_are_the_same_bits_in_engine_and_batch() {
             );
         }
     }
+}
+
+/// Neighbours within 11 pixels. What the first block writes is infinite for a row of two neighbours; what the second
+/// one writes, for a row that reads such a row, is not a number in its first channel and infinite in its second.
+fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
+    let block = |input| BlockShape { channels: 2, kernel: [2; 3], input, skip: None, extras: [false; 4] };
+    let shape = NetworkShape {
+        graph: GraphRule { reach: Reach::Radius { r: 0.115, max: 8 }, candidates: Candidates::All },
+        span_us: 1_000,
+        capacity: 16,
+        blocks: (0..blocks).map(block).collect(),
+        pooled: vec![],
+        from: blocks,
+        grid: [1, 1],
+        dense: vec![2, 2, 2],
+        head,
+        seed: 5,
+    };
+    let mut parts = shape.build().parts().clone();
+    let weights = [vec![2.5e38; 16], [1.0, 1.0, -1.0, 1.0].repeat(8), [1.0, 0.0, 0.0, 1.0].repeat(8)];
+    for ((block, inputs), weight) in parts.events.blocks.iter_mut().zip([1, 2, 2]).zip(weights) {
+        let conv = SplineParts { inputs, outputs: 2, kernel: [2; 3], weight, ..SplineParts::default() };
+        block.conv = SplineConv::new(&conv).expect("finite weights");
+    }
+    parts
+}
+
+/// Three events in a row, each a neighbour of the next.
+fn three(engine: &mut Engine) {
+    for (t_us, x) in [(0, 10), (10, 20), (20, 30)] {
+        engine.push(Event::new(t_us, x, 50, true));
+    }
+}
+
+#[test]
+fn rows_that_are_no_numbers_are_counted_in_the_first_layer_that_has_them_until_they_leave() {
+    let network = Arc::new(Network::new(infinite_between_two(None, 3)).expect("the parts fit"));
+    let mut engine = Engine::new(Arc::clone(&network), Sensor::new(100, 100)).expect("the network is exact");
+    let error = |rows| Err(EngineError::NotANumber { layer: network.layers()[1].to_owned(), rows });
+    let outcome = |engine: &mut Engine| engine.predict().map(|_| ());
+    // The middle one has two neighbours; the others read it.
+    three(&mut engine);
+    assert_eq!(outcome(&mut engine), error(2));
+    // One of the two leaves, and the other no longer reads what is infinite.
+    engine.advance(1_001);
+    assert_eq!(outcome(&mut engine), Ok(()));
+    engine.reset();
+    three(&mut engine);
+    assert_eq!(outcome(&mut engine), error(2));
+    engine.reset();
+    assert_eq!(outcome(&mut engine), Ok(()));
+}
+
+#[test]
+fn a_row_that_is_partly_no_number_is_refused_from_a_snapshot() {
+    let options = Options { tolerance: 0.1, ..Options::default() };
+    let network = Network::new(infinite_between_two(None, 2)).expect("the parts fit");
+    let mut engine = Engine::with_options(network, Sensor::new(100, 100), options).expect("admissible");
+    three(&mut engine);
+    assert!(engine.predict().is_err());
+    let error = engine.restore_bytes(&engine.to_bytes()).expect_err("not finite").to_string();
+    assert!(error.contains("expected a finite number"), "{error}");
+}
+
+#[test]
+fn a_dense_layer_that_is_no_number_is_named_and_the_first_of_several() {
+    let mut parts = infinite_between_two(None, 0);
+    let weights = [vec![f32::MAX; 2], vec![1.0, -1.0, 1.0, 1.0], vec![1.0; 4]];
+    for ((layer, inputs), weight) in parts.dense.iter_mut().zip([1, 2, 2]).zip(weights) {
+        let bias = [f32::MAX; 2];
+        let dense = Dense::new(1, inputs, 2, &weight, Some(&bias), Activation::Identity);
+        layer.dense = dense.expect("finite weights");
+    }
+    let name = parts.dense[1].name.clone();
+    let network = Network::new(parts).expect("the parts fit");
+    let mut engine = Engine::new(network, Sensor::new(100, 100)).expect("the network is exact");
+    three(&mut engine);
+    let error = engine.predict().expect_err("infinity less infinity");
+    assert_eq!(error, EngineError::NotANumber { layer: name, rows: 1 });
+}
+
+#[test]
+fn a_head_over_an_infinite_readout_predicts_nothing() {
+    let network = Network::new(infinite_between_two(Some(3), 1)).expect("the parts fit");
+    let mut engine = Engine::new(network, Sensor::new(100, 100)).expect("the network is exact");
+    three(&mut engine);
+    let error = engine.predict().expect_err("an infinite maximum");
+    assert_eq!(error, EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
+    engine.advance(1_001);
+    assert!(engine.predict().is_ok());
 }

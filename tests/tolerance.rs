@@ -91,6 +91,28 @@ fn a_huge_tolerance_keeps_every_row_but_those_that_enter() {
 }
 
 #[test]
+fn a_row_that_changes_by_the_tolerance_is_kept_and_one_that_changes_by_more_is_not() {
+    let shape = chain(Candidates::All, 64);
+    let run = |tolerance| {
+        let mut engine = engine(&shape, tolerance);
+        for i in 0..5 {
+            engine.push(Event::new(0, 10 * i, 50, true));
+        }
+        engine.predict().expect("finite");
+        let before = engine.feature(0, 1);
+        engine.push(Event::new(0, 50, 50, false));
+        engine.predict().expect("finite");
+        let after = engine.feature(0, 1);
+        let change = before[4].iter().zip(&after[4]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        (engine.counters().layers[0].within_tolerance, change)
+    };
+    let (within, change) = run(0.0);
+    assert!(within == 0 && change > 0.0 && change < 1.0, "{within}, {change}");
+    assert_eq!(run(change), (1, 0.0));
+    assert_eq!(run(change * 0.999), (0, change));
+}
+
+#[test]
 fn a_row_that_enters_is_stored_whatever_its_slot_held() {
     for capacity in [2, 3] {
         let shape = chain(Candidates::Past(Lifetime::Window), capacity);

@@ -66,9 +66,15 @@ impl Activations {
             + SplineScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Forgets all rows, and with `poison` leaves NaN in what blocks wrote.
+    pub(crate) fn clear(&mut self, poison: bool) {
         self.nan.iter_mut().for_each(FewRows::clear);
         self.finish();
+        if poison {
+            for feature in &mut self.features[1..] {
+                (0..feature.rows()).for_each(|row| feature.row_mut(row).fill(Lanes::splat(f32::NAN)));
+            }
+        }
     }
 
     pub(crate) fn feature(&self, index: usize) -> &Matrix {
@@ -237,5 +243,27 @@ impl Activations {
     pub(crate) fn finish(&mut self) {
         self.changed.iter_mut().for_each(RowSet::clear);
         self.rewired.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poison_is_left_where_rows_were_and_nowhere_else() {
+        let held = |activations: &Activations| -> Vec<bool> {
+            let feature = activations.feature(1);
+            (0..feature.rows()).map(|row| feature.values(row).all(f32::is_nan)).collect()
+        };
+        let level = Level { scale: 1.0, blocks: Vec::new() };
+        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0);
+        activations.leave(0, false);
+        activations.leave(1, true);
+        assert_eq!(held(&activations), [false, true, false]);
+        activations.clear(false);
+        assert_eq!(held(&activations), [false, true, false]);
+        activations.clear(true);
+        assert_eq!(held(&activations), [true; 3]);
     }
 }

@@ -59,12 +59,6 @@ impl After {
         }
     }
 
-    pub(crate) fn clear(&mut self) {
-        if let Self::Head(head) = self {
-            head.engine.reset();
-        }
-    }
-
     /// Computes the prediction from `readout`, grids of `cells` rows one after the other.
     pub(crate) fn run(
         &mut self,

@@ -126,7 +126,6 @@ impl Head {
     pub(crate) fn clear(&mut self) {
         self.maxima.clear(&mut self.values);
         self.entered.clear();
-        self.after.clear();
         self.valid = false;
     }
 
@@ -151,7 +150,7 @@ impl Head {
 
     /// The cell of a pooled node, in the ring's grid of its cell in time.
     fn cell_of(&self, pooled: &PooledGraph, row: u32) -> u32 {
-        let place = if self.times > 1 { pooled.time_cell(row) as usize % self.times } else { 0 };
+        let place = pooled.time_cell(row) as usize % self.times;
         (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
     }
 

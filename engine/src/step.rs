@@ -112,17 +112,11 @@ impl Step {
 
     /// Every node leaves.
     pub(crate) fn clear(&mut self) {
-        if self.poison {
-            for level in 0..self.activations.len() {
-                let rows = self.rows(level);
-                rows.into_iter().for_each(|row| self.activations[level].leave(row, true));
-            }
-        }
         self.graph.clear(&self.window);
         for (pooled, activations) in self.pooled.iter_mut().zip(&mut self.activations[1..]) {
             pooled.clear(activations.input_mut().0);
         }
-        self.activations.iter_mut().for_each(Activations::clear);
+        self.activations.iter_mut().for_each(|level| level.clear(self.poison));
         self.head.clear();
         self.window.clear();
     }
@@ -158,9 +152,7 @@ impl Step {
         let events = &mut self.activations[0];
         events.enter(slot);
         events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
-        if !self.network.parts().graph.is_frozen() {
-            self.delta.rewired.iter().for_each(|&row| events.rewire(row));
-        }
+        self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         slot
     }
 

@@ -54,7 +54,6 @@ impl Window {
     }
 
     pub(crate) fn clear(&mut self) {
-        self.first = 0;
         self.len = 0;
     }
 
