@@ -2,6 +2,7 @@
 
 mod approximations;
 mod determinism;
+mod errors;
 mod extremes;
 mod filters;
 mod frames;

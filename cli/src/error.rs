@@ -1,5 +1,6 @@
 //! What can go wrong, in one message, and the exit status that says whose fault it is.
 
+use std::error::Error;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,7 +14,6 @@ use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
 use meissner_models::{AnyDescription, ModelError};
-use thiserror::Error;
 
 use crate::prepare::StreamsError;
 use crate::run;
@@ -21,7 +21,7 @@ use crate::source::{STDIN_NAME, Salvaged};
 use crate::trainings::TrainingError;
 
 /// A subcommand gives up.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// Nobody said how large the sensor is.
     #[error(
@@ -42,7 +42,7 @@ pub(crate) enum CliError {
     #[error("{0}; choose one with --to csv|npy|dat|evt3")]
     NotWritable(String),
     /// A recording cannot be read.
-    #[error("{recording}: {source}")]
+    #[error("{recording}")]
     Recording {
         /// The recording.
         recording: String,
@@ -66,7 +66,7 @@ pub(crate) enum CliError {
         problem: String,
     },
     /// A recording was cut short.
-    #[error("{recording}: {source}")]
+    #[error("{recording}")]
     Cut {
         /// The recording.
         recording: Box<str>,
@@ -185,7 +185,7 @@ pub(crate) enum CliError {
         found: String,
     },
     /// Frames cannot be made of the input; the reason names both.
-    #[error("network {network}: {source}")]
+    #[error("network {network}")]
     Frames {
         /// The network.
         network: String,
@@ -217,7 +217,7 @@ pub(crate) enum CliError {
         folder: PathBuf,
     },
     /// A file of a training does not fit the evaluation.
-    #[error("training {}: {source}", path.display())]
+    #[error("training {}", path.display())]
     Training {
         /// The file.
         path: PathBuf,
@@ -238,7 +238,7 @@ pub(crate) enum CliError {
     #[error("network {0}: a description file comes without weights; add --trainings DIR")]
     NeedsTrainings(String),
     /// A file of streams cannot be made graphs of.
-    #[error("{}: {source}", path.display())]
+    #[error("{}", path.display())]
     Streams {
         /// The file.
         path: PathBuf,
@@ -246,7 +246,7 @@ pub(crate) enum CliError {
         source: StreamsError,
     },
     /// A line of finished measurements cannot be read.
-    #[error("--state {}: line {line}: expected a finished measurement: {source}", path.display())]
+    #[error("--state {}: line {line}: expected a finished measurement", path.display())]
     State {
         /// The file.
         path: PathBuf,
@@ -256,7 +256,7 @@ pub(crate) enum CliError {
         source: serde_json::Error,
     },
     /// Threads cannot be started.
-    #[error("--threads {threads}: {source}")]
+    #[error("--threads {threads}")]
     Threads {
         /// How many.
         threads: usize,
@@ -264,7 +264,7 @@ pub(crate) enum CliError {
         source: rayon::ThreadPoolBuildError,
     },
     /// A recording of a slip cannot be cut into windows.
-    #[error("recording {recording}: {source}")]
+    #[error("recording {recording}")]
     SlipRecording {
         /// The recording.
         recording: String,
@@ -282,28 +282,18 @@ pub(crate) enum CliError {
         format: Format,
     },
     /// A description cannot be read.
-    #[error("network {network}: {source}")]
+    #[error("network {network}")]
     Description {
         /// The name or the file.
         network: String,
         /// Why.
         source: ModelError,
     },
-    /// Weights were trained on another preparation than the network computes.
-    #[error(
-        "weights {weights}: {source}; expected {instead}weights of this network, or --ignore-preparation for predictions that \
-         they were not trained for"
-    )]
-    Preparation {
-        /// The file.
-        weights: String,
-        /// What to run in its place, if that is known.
-        instead: String,
-        /// What both say.
-        source: Box<ModelError>,
-    },
+    /// A description or weights cannot be read; the reason names the file.
+    #[error(transparent)]
+    ModelFile(ModelError),
     /// Weights cannot be read, or do not fit.
-    #[error("weights {weights}: {source}")]
+    #[error("weights {weights}")]
     Weights {
         /// The file.
         weights: String,
@@ -320,7 +310,7 @@ pub(crate) enum CliError {
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
     /// A state cannot be gone on from.
-    #[error("--resume {}: {source}", path.display())]
+    #[error("--resume {}", path.display())]
     Resume {
         /// The file.
         path: PathBuf,
@@ -334,7 +324,7 @@ pub(crate) enum CliError {
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
     /// A file cannot be opened.
-    #[error("cannot open {}: {source}", path.display())]
+    #[error("cannot open {}", path.display())]
     Open {
         /// The file.
         path: PathBuf,
@@ -342,7 +332,7 @@ pub(crate) enum CliError {
         source: io::Error,
     },
     /// A file cannot be written.
-    #[error("{}: {source}", path.display())]
+    #[error("cannot write {}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
@@ -350,13 +340,29 @@ pub(crate) enum CliError {
         source: io::Error,
     },
     /// Standard output cannot be written.
-    #[error("standard output: {0}")]
+    #[error("standard output")]
     Output(#[from] io::Error),
 }
 
 /// The shipped networks in one line.
 fn shipped_names() -> String {
     AnyDescription::shipped_names().collect::<Vec<_>>().join(", ")
+}
+
+/// Whether an error of a model names the file that it is about.
+fn names_file(error: &ModelError) -> bool {
+    matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
+}
+
+/// An error and its sources in one line, from what failed to the first cause.
+pub(crate) fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut inner = error.source();
+    while let Some(source) = inner {
+        text = format!("{text}: {source}");
+        inner = source.source();
+    }
+    text
 }
 
 impl From<LiveError> for CliError {
@@ -406,10 +412,27 @@ impl CliError {
             {
                 Some(format!("{format} is read from a file: give its path in place of -"))
             }
+            Self::Weights { source: ModelError::Preparation { published, .. }, .. } => {
+                let instead = published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));
+                Some(format!(
+                    "use {instead}weights of this network; --ignore-preparation gives predictions that the weights were not \
+                     trained for"
+                ))
+            }
             Self::Recording { source: IoError::OtherKind { found, .. }, .. }
             | Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
             _ => None,
         }
+    }
+
+    /// The error `source` of the description of `network`.
+    pub(crate) fn description(network: String, source: ModelError) -> Self {
+        if names_file(&source) { Self::ModelFile(source) } else { Self::Description { network, source } }
+    }
+
+    /// The error `source` of `weights`.
+    pub(crate) fn weights(weights: String, source: ModelError) -> Self {
+        if names_file(&source) { Self::ModelFile(source) } else { Self::Weights { weights, source } }
     }
 
     /// Whether the reader of standard output went away.
@@ -435,5 +458,58 @@ impl CliError {
             | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+    use std::io;
+    use std::path::PathBuf;
+
+    use meissner_engine::{EngineError, Sensor};
+    use meissner_io::IoError;
+    use meissner_models::ModelError;
+
+    use super::{CliError, chain};
+    use crate::prepare::StreamsError;
+
+    fn denied() -> io::Error {
+        io::Error::new(io::ErrorKind::PermissionDenied, "denied")
+    }
+
+    #[test]
+    fn an_error_of_the_program_does_not_repeat_its_source() {
+        let path = PathBuf::from("some.file");
+        let line = serde_json::from_str::<u8>("x").expect_err("not a number");
+        let format = IoError::UnknownFormat { length: 3, start: "abc".to_owned() };
+        let engine = || EngineError::Sensor(Sensor::new(0, 1));
+        let tensors = safetensors::SafeTensorError::HeaderTooSmall;
+        for error in [
+            CliError::Recording { recording: "some.file".to_owned(), source: format },
+            CliError::File(IoError::File { action: "open", path: path.clone(), source: denied() }),
+            CliError::Streams { path: path.clone(), source: StreamsError::Format(tensors) },
+            CliError::State { path: path.clone(), line: 2, source: line },
+            CliError::description("some".to_owned(), ModelError::Engine(engine())),
+            CliError::weights("some".to_owned(), ModelError::Read { path: path.clone(), source: denied() }),
+            CliError::Engine(engine()),
+            CliError::Resume { path: path.clone(), source: engine() },
+            CliError::Open { path: path.clone(), source: denied() },
+            CliError::Write { path, source: denied() },
+            CliError::Output(denied()),
+        ] {
+            let mut outer: &dyn Error = &error;
+            while let Some(source) = outer.source() {
+                assert!(!outer.to_string().contains(&source.to_string()), "{outer}: {source}");
+                outer = source;
+            }
+        }
+    }
+
+    #[test]
+    fn the_program_prints_an_error_with_all_its_sources() {
+        let path = PathBuf::from("some.pth");
+        let error = CliError::weights("some.pth".to_owned(), ModelError::Read { path, source: denied() });
+        assert_eq!(chain(&error), "cannot read some.pth: denied");
     }
 }

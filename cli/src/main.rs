@@ -99,7 +99,7 @@ fn main() -> ExitCode {
     };
     match done {
         Err(error) if !error.is_broken_pipe() => {
-            tell(format_args!("error: {error}"));
+            tell(format_args!("error: {}", error::chain(&error)));
             if let Some(hint) = error.hint() {
                 tell(format_args!("hint: {hint}"));
             }

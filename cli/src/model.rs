@@ -73,17 +73,9 @@ pub(crate) fn card(
     Ok(ModelCard::new(description, weights, &card, label))
 }
 
-/// Weights that do not fit; of another preparation with what to do.
+/// Weights that do not fit.
 fn refused(weights: &str, source: ModelError) -> CliError {
-    let weights = weights.to_owned();
-    match source {
-        ModelError::Preparation { published, .. } => CliError::Preparation {
-            weights,
-            instead: published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or ")),
-            source: Box::new(source),
-        },
-        source => CliError::Weights { weights, source },
-    }
+    CliError::Weights { weights: weights.to_owned(), source }
 }
 
 /// The description of a network of either kind, shipped or in a file; whether it is shipped.
@@ -99,7 +91,7 @@ pub(crate) fn describe_any(network: &str) -> Result<(AnyDescription, bool), CliE
         Ok(description) => Ok((description, false)),
         Err(source) => Err(match recording_format(&network) {
             Some(format) => CliError::IsRecording { network, format },
-            None => CliError::Description { network, source },
+            None => CliError::description(network, source),
         }),
     }
 }
@@ -119,7 +111,7 @@ pub(crate) fn weights(
     let label = path.display().to_string();
     match Weights::load(path) {
         Ok(weights) => Ok((weights, label)),
-        Err(source) => Err(CliError::Weights { weights: label, source }),
+        Err(source) => Err(CliError::weights(label, source)),
     }
 }
 

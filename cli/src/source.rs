@@ -9,7 +9,7 @@ use meissner_io::{CsvEvents, Format, IoError, Place, Recording};
 use serde::Serialize;
 
 use crate::args::ReadArgs;
-use crate::error::CliError;
+use crate::error::{CliError, chain};
 use crate::interrupt;
 use crate::refusals::Refusals;
 use crate::tell::tell;
@@ -270,7 +270,7 @@ fn next<R: BufRead>(lines: &mut CsvEvents<R>, refusals: &mut Refusals) -> Option
             }
             Some(Err(_)) if interrupt::requested() => return None,
             Some(Err(error @ (IoError::Malformed { .. } | IoError::OutsideSensor { .. }))) => {
-                match refusals.refuse(error.to_string()) {
+                match refusals.refuse(chain(&error)) {
                     Ok(()) => continue,
                     refused => refused,
                 }

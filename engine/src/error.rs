@@ -21,7 +21,7 @@ pub enum EngineError {
         found: String,
     },
     /// A layer's parameters were refused by its kernel.
-    #[error("layer {layer:?}: {source}")]
+    #[error("layer {layer:?}")]
     Layer {
         /// Name of the layer.
         layer: String,

@@ -63,6 +63,7 @@ fn sync_folder(path: &Path) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::error::Error;
     use std::io::Write;
 
     use super::*;
@@ -94,8 +95,12 @@ mod tests {
             assert_eq!(fs::read(&path).expect("there"), b"former", "while it is written, too");
             Err(io::Error::other("the disk is full"))
         });
-        let error = failed.expect_err("the disk is full").to_string();
-        assert!(error.starts_with("cannot write ") && error.ends_with("state: the disk is full"), "{error}");
+        let error = failed.expect_err("the disk is full");
+        let source = error.source().expect("why").to_string();
+        assert!(
+            error.to_string().starts_with("cannot write ") && source == "the disk is full",
+            "{error}: {source}"
+        );
         assert_eq!(fs::read(&path).expect("there"), b"former");
         assert_eq!(names(folder.path()), ["state"]);
     }

@@ -41,7 +41,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum IoError {
     /// The operating system refused a file.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}", path.display())]
     File {
         /// `open`, `read`, `create` or `write`.
         action: &'static str,
@@ -51,7 +51,7 @@ pub enum IoError {
         source: io::Error,
     },
     /// A stream that was being read or written failed.
-    #[error("{format}: cannot {action} at {place}: {source}")]
+    #[error("{format}: cannot {action} at {place}")]
     Stream {
         /// The format being read or written.
         format: Format,

@@ -21,8 +21,8 @@ pub enum LiveError {
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// The worker's thread cannot be started.
-    #[error("the worker's thread cannot be started: {0}")]
-    Thread(std::io::Error),
+    #[error("the worker's thread cannot be started")]
+    Thread(#[source] std::io::Error),
     /// The worker panicked.
     #[error("the worker panicked: {message}")]
     Panicked {

@@ -13,7 +13,7 @@ use crate::weights::FormatError;
 #[non_exhaustive]
 pub enum ModelError {
     /// A file could not be read.
-    #[error("{}: {source}", path.display())]
+    #[error("cannot read {}", path.display())]
     Read {
         /// The file.
         path: PathBuf,

@@ -2,6 +2,7 @@
 
 use super::support;
 
+use std::error::Error;
 use std::time::{Duration, Instant};
 
 use meissner_models::{AnyDescription, Description, ModelError};
@@ -158,7 +159,8 @@ fn a_file_that_is_too_long_or_no_text_is_refused_with_its_place() {
     let error = load(long.as_bytes());
     assert!(matches!(error, ModelError::Large { limit: 262_144, found, .. } if found == long.len() as u64));
     assert!(error.to_string().contains("own.toml: expected at most 262144 bytes, found"), "{error}");
-    let error = load(&[SMALL.as_bytes(), b"# caf\xe9\n"].concat()).to_string();
-    let expected = format!("own.toml: expected text in UTF-8, found other bytes at byte {}", SMALL.len() + 5);
-    assert!(error.ends_with(&expected), "{error}");
+    let error = load(&[SMALL.as_bytes(), b"# caf\xe9\n"].concat());
+    let source = error.source().expect("why").to_string();
+    let expected = format!("expected text in UTF-8, found other bytes at byte {}", SMALL.len() + 5);
+    assert!(error.to_string().ends_with("own.toml") && source == expected, "{error}: {source}");
 }

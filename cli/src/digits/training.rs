@@ -90,7 +90,7 @@ pub(crate) fn seed_name(seed: Option<i64>) -> String {
 }
 
 fn read(path: &Path) -> Result<Weights, CliError> {
-    let failed = |source| CliError::Weights { weights: path.display().to_string(), source };
+    let failed = |source| CliError::weights(path.display().to_string(), source);
     Weights::load(path).map_err(failed)
 }
 

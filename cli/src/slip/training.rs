@@ -74,8 +74,7 @@ impl Training {
     /// The training in the file at `path`.
     pub(crate) fn load(path: &Path) -> Result<Self, CliError> {
         let label = path.display().to_string();
-        let weights =
-            Weights::load(path).map_err(|source| CliError::Weights { weights: label.clone(), source })?;
+        let weights = Weights::load(path).map_err(|source| CliError::weights(label.clone(), source))?;
         let failed = |source| CliError::Training { path: path.to_owned(), source };
         let remarks = Remarks(weights.metadata());
         let network = remarks.required("network", "with a network's name").map_err(failed)?;

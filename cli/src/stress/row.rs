@@ -4,6 +4,8 @@ use meissner_engine::EngineError;
 use meissner_reference::Difference;
 use serde::Serialize;
 
+use crate::error::chain;
+
 /// What a case is meant to end in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expect {
@@ -116,7 +118,7 @@ impl Row {
             }
             Err(error) => {
                 self.refused += 1;
-                self.refusal.get_or_insert_with(|| error.to_string());
+                self.refusal.get_or_insert_with(|| chain(error));
             }
         }
     }

@@ -192,3 +192,31 @@ outputs = 1
 names = ["force"]
 unit = "N"
 "#;
+
+#[test]
+fn no_message_says_a_thing_twice() {
+    let (_folder, weights) = file("odd.weights", "these are none");
+    let (_other, description) = file("odd.network", OWN_NETWORK.replace("spline", "spiral"));
+    let (_third, recording) = file("odd.csv", "# sensor 8x8\nt,x,y,p\n1,2,three,1\n");
+    let (_fourth, picture) = file("odd.png", b"\x89PNG\r\n\x1a\n".to_vec());
+    for (arguments, name) in [
+        (&["run", "--weights", "missing.pth"][..], "missing.pth"),
+        (&["run", "--weights", argument(&weights)], "odd.weights"),
+        (&["inspect", argument(&description)], "odd.network"),
+        (&["run", "missing.aedat4"], "missing.aedat4"),
+        (&["run", argument(&recording)], "odd.csv"),
+        (&["run", "--network", "canf", "missing.png"], "missing.png"),
+        (&["run", "--network", "canf", argument(&picture)], "odd.png"),
+        (&["run", "--network", "slip-best", "missing.csv"], "missing.csv"),
+        (&["run", "--resume", "missing.state"], "missing.state"),
+        (&["eval", "digits", "missing-folder"], "missing-folder"),
+    ] {
+        let output = meissner(arguments);
+        assert!(!output.status.success(), "{arguments:?}");
+        let message = message(&output);
+        assert_eq!(message.matches(name).count(), 1, "{message}");
+        let parts: Vec<&str> = message.trim().split(": ").collect();
+        let again = (1..parts.len()).find(|&i| parts[..i].contains(&parts[i]));
+        assert_eq!(again, None, "{message}");
+    }
+}

@@ -22,7 +22,7 @@ pub enum DatasetError {
         found: &'static str,
     },
     /// A folder cannot be listed.
-    #[error("cannot list {}: {source}", path.display())]
+    #[error("cannot list {}", path.display())]
     List {
         /// The folder.
         path: PathBuf,
@@ -69,7 +69,7 @@ pub enum DatasetError {
     #[error(transparent)]
     File(IoError),
     /// A recording cannot be read; the reason has the line.
-    #[error("{}: {source}", path.display())]
+    #[error("recording {}", path.display())]
     Recording {
         /// The recording.
         path: PathBuf,

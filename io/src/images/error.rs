@@ -12,7 +12,7 @@ use crate::kind::Kind;
 #[non_exhaustive]
 pub enum ImageError {
     /// The operating system refused a file.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}", path.display())]
     File {
         /// `open`, `read`, `list` or `write`.
         action: &'static str,
@@ -22,7 +22,7 @@ pub enum ImageError {
         source: io::Error,
     },
     /// A file was read, and its content is no image that can be had.
-    #[error("{}: {source}", path.display())]
+    #[error("image {}", path.display())]
     Content {
         /// The file.
         path: PathBuf,

@@ -1,5 +1,6 @@
 //! CSV, whole and line by line.
 
+use std::error::Error;
 use std::io::{self, BufReader, Read, Write};
 
 use meissner_engine::{Event, Sensor};
@@ -139,7 +140,8 @@ fn a_failing_reader_ends_the_events_with_its_error() {
     let mut events = CsvEvents::new(BufReader::new("5,1,2,1\n6,".as_bytes().chain(Failing)));
     assert!(events.next().unwrap().is_ok());
     let error = events.next().unwrap().unwrap_err();
-    assert_eq!(error.to_string(), "CSV: cannot read at line 2: unplugged");
+    assert_eq!(error.to_string(), "CSV: cannot read at line 2");
+    assert_eq!(error.source().expect("why").to_string(), "unplugged");
     assert!(events.next().is_none());
 }
 

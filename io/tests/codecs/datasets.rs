@@ -1,5 +1,6 @@
 //! The data set of slips, folder by folder.
 
+use std::error::Error;
 use std::fs;
 use std::path::Path;
 
@@ -104,7 +105,7 @@ fn a_bad_row_is_an_error_with_path_and_line() {
     let folder = folder(&[("n/pen1.csv", &text)]);
     let error = read(folder.path()).unwrap_err();
     assert!(matches!(error, DatasetError::Recording { .. }));
-    let message = error.to_string();
+    let message = format!("{error}: {}", error.source().expect("why"));
     assert!(
         message.contains("n/pen1.csv") && message.contains("line 3") && message.contains("`x`"),
         "{message}"
@@ -130,7 +131,8 @@ fn bad_rows_that_are_passed_over_are_listed_and_part_the_readings() {
 fn a_bad_header_is_an_error_even_where_bad_rows_are_passed_over() {
     let text = csv(2).replacen("ff_e7", "pressure", 1);
     let folder = folder(&[("n/pen1.csv", &text)]);
-    let error = SlipDataset::read(folder.path(), &CLASSES, BadRows::PassOver).unwrap_err().to_string();
+    let error = SlipDataset::read(folder.path(), &CLASSES, BadRows::PassOver).unwrap_err();
+    let error = format!("{error}: {}", error.source().expect("why"));
     assert!(error.contains("n/pen1.csv") && error.contains("line 1"), "{error}");
 }
 

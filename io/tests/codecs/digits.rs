@@ -1,5 +1,6 @@
 //! The data set of digits, folder by folder.
 
+use std::error::Error;
 use std::fs;
 use std::path::Path;
 
@@ -94,7 +95,7 @@ fn a_bad_recording_is_an_error_with_path_and_byte() {
     let folder = folder(&[("train/3/00123.bin", &broken)]);
     let error = NmnistDataset::read(folder.path()).unwrap_err();
     assert!(matches!(error, DatasetError::Recording { .. }));
-    let message = error.to_string();
+    let message = format!("{error}: {}", error.source().expect("why"));
     let place = Path::new("train").join("3").join("00123.bin");
     assert!(message.contains(place.to_str().unwrap()) && message.contains("byte 10"), "{message}");
 }

@@ -22,7 +22,7 @@ pub(super) struct Streams {
 #[derive(Debug, Error)]
 pub(crate) enum StreamsError {
     /// It is no safetensors file.
-    #[error("expected a safetensors file: {0}")]
+    #[error("expected a safetensors file")]
     Format(#[from] safetensors::SafeTensorError),
     /// A tensor is missing or of another type or shape.
     #[error("tensor {tensor}: expected {expected}, found {found}")]

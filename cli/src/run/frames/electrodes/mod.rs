@@ -28,7 +28,7 @@ use super::header::header;
 use super::machine::Machine;
 use super::report::Report;
 use super::summary::{InputCounts, Summary};
-use crate::error::CliError;
+use crate::error::{CliError, chain};
 use crate::interrupt;
 use crate::lost;
 use crate::progress::Progress;
@@ -91,7 +91,7 @@ pub(super) fn run(
                     let problem = windows.take(&reading, rows.follows())?;
                     problem.map(|problem| format!("line {}: {problem}", reading.line))
                 }
-                Err(error) => Some(error.to_string()),
+                Err(error) => Some(chain(&error)),
             };
             match problem {
                 None => refusals.take(),
