@@ -35,7 +35,9 @@ fn read(folder: &Path) -> Result<SlipDataset, DatasetError> {
 
 /// The message for a folder with these files.
 fn refusal(files: &[(&str, &str)]) -> String {
-    read(folder(files).path()).unwrap_err().to_string()
+    let error = read(folder(files).path()).unwrap_err();
+    let source = error.source().map(|source| format!(": {source}"));
+    format!("{error}{}", source.unwrap_or_default())
 }
 
 #[test]
