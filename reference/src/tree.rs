@@ -45,7 +45,7 @@ pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
             near.extend(
                 within
                     .iter()
-                    .map(|found| found.item as u32)
+                    .map(|found| found.item)
                     .filter(|&j| j as usize != i && candidates.contains(&(j as usize))),
             );
         }
@@ -62,9 +62,12 @@ fn bound(
     most: usize,
 ) -> Option<f64> {
     let wanted = most.min(candidates.len() - usize::from(candidates.contains(&i)));
+    if wanted == 0 {
+        return None;
+    }
     let mut asked = wanted + 1;
     // Some of those that are near may not be read: they are asked for again, twice as many.
-    while wanted > 0 {
+    loop {
         let most = NonZeroUsize::new(asked)?;
         let nearest = tree.query(position).nearest_n::<SquaredEuclidean<f64>>(most).execute();
         let mut distances: Vec<f64> = nearest
@@ -78,7 +81,6 @@ fn bound(
         }
         asked *= 2;
     }
-    None
 }
 
 /// A bound of squared distances between exact positions as one between rounded ones, of which none is above `largest`.
