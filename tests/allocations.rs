@@ -107,7 +107,7 @@ fn incremental() -> impl Iterator<Item = &'static str> {
 
 #[test]
 fn nothing_is_allocated_over_a_recording_from_its_first_event_on() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, events) = match find_shared("data/events/tactile_dots.aedat4") {
         Some(path) => {
             let recording = meissner_io::read(&path).expect("a readable recording");
@@ -211,7 +211,7 @@ fn through_all_scenes(engine: &mut Engine, events: i64, every: i64) -> u64 {
 
 #[test]
 fn nothing_is_allocated_after_new_in_adversarial_scenes_of_every_shipped_network() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     for name in incremental() {
         for (sensor, capacity, events, every) in [
             (Sensor::new(34, 34), Some(50), 600, 1),
@@ -227,7 +227,7 @@ fn nothing_is_allocated_after_new_in_adversarial_scenes_of_every_shipped_network
 
 #[test]
 fn nothing_is_allocated_after_a_return_to_a_snapshot() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     for name in ["graphres", "tactigraph-past", "tactigraph-frozen"] {
         let mut engine = Engine::new(shipped(name, Some(300)), Sensor::new(240, 180)).expect("exact");
         let snapshot = engine.snapshot();
@@ -241,7 +241,7 @@ fn nothing_is_allocated_after_a_return_to_a_snapshot() {
 
 #[test]
 fn a_hot_spot_over_40_cells_takes_no_more_memory_than_over_4() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     for name in ["graphres", "tactigraph-past", "tactigraph-frozen"] {
         let network = shipped(name, Some(1_024));
         let [few, many] = [4, 40].map(|cells| {
@@ -266,7 +266,7 @@ fn a_hot_spot_over_40_cells_takes_no_more_memory_than_over_4() {
 
 #[test]
 fn an_engine_takes_at_most_the_bytes_that_it_tells_and_at_least_four_fifths_of_them() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let sensors = [(34, 34), (240, 180), (346, 260), (1_280, 720)];
     for name in incremental() {
         let network = shipped(name, None);
@@ -301,7 +301,7 @@ impl Predictor for Watched {
 
 #[test]
 fn behind_a_queue_a_second_pass_allocates_nothing_on_either_side() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, events) = synthetic();
     let description = Description::shipped("tactigraph-past").expect("a shipped network");
     let network = description.network(&Weights::shipped("tactigraph-past").expect("shipped weights"));
@@ -336,7 +336,7 @@ fn behind_a_queue_a_second_pass_allocates_nothing_on_either_side() {
 
 #[test]
 fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothing() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, events) = synthetic();
     let description = Description::shipped("graphres").expect("a shipped network");
     let network = description.network(&Weights::shipped("graphres").expect("shipped weights"));
@@ -387,7 +387,7 @@ const STYLES: [Style; 6] = [
 
 #[test]
 fn frames_after_the_first_few_allocate_nothing() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let committees = [false, true].map(|vector| Style::Committee { vector });
     let size = [2, 32, 48];
     for (style, convolution) in STYLES.into_iter().chain(committees).flat_map(|style| {
@@ -417,7 +417,7 @@ fn frames_after_the_first_few_allocate_nothing() {
 
 #[test]
 fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let tolerant = Skip::Tolerance(0.01);
     for style in STYLES {
         for (convolution, skip, sparse, two_threads, size) in [
@@ -448,7 +448,7 @@ fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
 
 #[test]
 fn a_second_pass_through_every_representation_allocates_nothing() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, events) = synthetic();
     let options = Consecutive::new(Crop::whole(sensor));
     let sum = SignedRule::Sum;
@@ -496,7 +496,7 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
 
 #[test]
 fn a_full_window_of_32768_events_takes_less_than_64_mib() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, mut events) = synthetic();
     events.extend_from_within(..);
     let description = Description::shipped("tactigraph").expect("a shipped network");
@@ -518,7 +518,7 @@ fn a_full_window_of_32768_events_takes_less_than_64_mib() {
 
 #[test]
 fn lengths_that_were_made_up_take_no_more_than_one_more_engine() {
-    let _alone = ALONE.lock().expect("no test panicked while alone");
+    let _alone = ALONE.lock();
     let (sensor, events) = synthetic();
     for name in ["tactigraph-past", "tactigraph-frozen"] {
         let description = Description::shipped(name).expect("a shipped network");

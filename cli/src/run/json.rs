@@ -66,11 +66,10 @@ impl<W: Write> JsonLines<W> {
 
     /// The first line.
     pub(crate) fn header(&mut self, header: &Header) -> io::Result<()> {
-        self.line(&First { header })?;
-        self.out.flush()
+        self.prediction(&First { header })
     }
 
-    /// The line of a prediction.
+    /// The line of a prediction, or what stands before them.
     pub(crate) fn prediction(&mut self, line: &impl Serialize) -> io::Result<()> {
         self.line(line)?;
         if self.live { self.out.flush() } else { Ok(()) }

@@ -56,9 +56,10 @@ fn events_outside_a_wrong_sensor_are_told_by_every_command_that_takes_one() {
 fn late_events_of_columns_in_another_order_are_told() {
     let line = |i: u32| format!("{},{},{},1\n", i * 7 % 30, i * 11 % 30, i * 5);
     let (_folder, path) = file("xytp.csv", (0..842).map(line).collect::<String>());
-    let output = meissner(&["run", argument(&path), "--sensor", "30x4300", "--json"]);
+    let taken = ["run", argument(&path), "--columns", "txyp", "--sensor", "30x4300"];
+    let output = meissner(&[&taken[..], &["--json"]].concat());
     assert_eq!(reasons(&output, "columns"), ["late"]);
-    let clamped = ["run", argument(&path), "--sensor", "30x4300", "--late", "clamp", "--json"];
+    let clamped = [&taken[..], &["--late", "clamp", "--json"]].concat();
     assert!(reasons(&meissner(&clamped), "").is_empty(), "they are let in because that was asked for");
 }
 

@@ -47,7 +47,7 @@ fn a_line_that_is_no_event_is_named_and_counted_and_the_stream_goes_on() {
     assert!(people.contains("1 lines that are no events"), "{people}");
     let frames = ["run", "-", "--sensor", "120x120", "--network", "force-tdnn", "--json"];
     let (_, summary) = lines(&meissner_reading(&frames, input));
-    assert_eq!(summary["input"]["lines_refused"], 1);
+    assert_eq!(summary["lines_refused"], 1);
 }
 
 #[test]
@@ -109,11 +109,11 @@ fn readings_are_refused_as_events_are() {
     let input = names.join(",") + "\n" + &(0..20).map(row).collect::<String>();
     let arguments = ["run", "-", "--network", "slip-lstm", "--json"];
     let (_, passed) = lines(&meissner_reading(&arguments, &input));
-    assert_eq!((&passed["input"]["readings"], &passed["input"]["lines_refused"]), (&19.into(), &1.into()));
+    assert_eq!((&passed["readings"], &passed["lines_refused"]), (&19.into(), &1.into()));
     assert_eq!(passed["warnings"][0]["reason"], "lines_refused");
     let output = meissner_reading(&[&arguments[..], &["--strict"]].concat(), &input);
     assert_eq!(output.status.code(), Some(1));
-    assert_eq!(summary(&output)["input"]["readings"], 7);
+    assert_eq!(summary(&output)["readings"], 7);
     assert!(message(&output).contains("line 9"), "{}", message(&output));
     let bad = names.join(",") + "\n" + &"1,2,3\n".repeat(70);
     let output = meissner_reading(&arguments, &bad);

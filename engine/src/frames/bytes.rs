@@ -50,6 +50,12 @@ impl FrameNetwork {
         self.values[unit.from].shape
     }
 
+    /// Most values of a row of blocks that are compared with what a layer makes of them.
+    pub(super) fn compared(&self) -> usize {
+        let units = self.units.iter().zip(&self.values[1..]);
+        units.map(|(unit, value)| of_block(unit, value.shape)).max().unwrap_or(0)
+    }
+
     /// Room that all layers share, and the prediction.
     fn scratch_bytes(&self, options: FrameOptions) -> u128 {
         let largest = |of: &dyn Fn(&Unit, FrameShape) -> u128| {
@@ -84,7 +90,7 @@ impl FrameNetwork {
         });
         let compared = match options.skip {
             Skip::Nothing => 0,
-            Skip::Exact | Skip::Tolerance(_) => largest(&of_block),
+            Skip::Exact | Skip::Tolerance(_) => of_values(self.compared()),
         };
         let growing = MARKS * marks + tiles + threads * pooled + squeeze + sums + compared;
         GROWTH * growing + of_values(self.output().values())
@@ -130,7 +136,7 @@ fn of_changes(shape: FrameShape) -> u128 {
 }
 
 /// Values of a row of blocks that are compared with what a layer makes of them.
-fn of_block(unit: &Unit, to: FrameShape) -> u128 {
+fn of_block(unit: &Unit, to: FrameShape) -> usize {
     let rows = match &unit.kernel {
         Kernel::PlanarConv(_) | Kernel::Winograd(_) => 4,
         Kernel::Conv3(_)
@@ -142,7 +148,7 @@ fn of_block(unit: &Unit, to: FrameShape) -> u128 {
         _ => return 0,
     };
     match to {
-        FrameShape::Image { channels, height, width } => of_values(rows.min(height) * width * channels),
+        FrameShape::Image { channels, height, width } => rows.min(height) * width * channels,
         FrameShape::Vector(_) => 0,
     }
 }

@@ -97,6 +97,13 @@ pub(super) struct Scratch {
     values: Vec<f32>,
 }
 
+impl Scratch {
+    /// With room for `compared` values of a row of blocks; the rest grows with the first frames.
+    pub(super) fn new(compared: usize) -> Self {
+        Self { patch: PatchScratch::new(compared), ..Self::default() }
+    }
+}
+
 /// A layer about to run.
 pub(super) struct Run<'a> {
     pub(super) unit: &'a Unit,

@@ -139,6 +139,13 @@ pub(super) struct PatchScratch {
     old: Vec<f32>,
 }
 
+impl PatchScratch {
+    /// With room for `most` values of a row of blocks.
+    pub(super) fn new(most: usize) -> Self {
+        Self { todo: Changes::default(), old: Vec::with_capacity(most) }
+    }
+}
+
 impl<W> Patch<'_, W> {
     /// Brings `pixels` up to date; `changed` becomes the pixels that changed, or may have.
     pub(super) fn apply<P: Pixels<Whole = W>>(

@@ -54,7 +54,7 @@ struct Background {
 impl Background {
     /// Runs every layer on a frame of zeros; of the state that did it, only the values stay.
     fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
-        let mut state = State::without_background(network)?;
+        let mut state = State::without_background(network, options)?;
         let whole = FrameOptions { skip: Skip::Nothing, ..options };
         state.push(network, whole, &vec![0.0; network.input().values()]);
         state.predict(network, whole);
@@ -86,10 +86,10 @@ impl State {
         } else {
             None
         };
-        Ok(Self { background, ..Self::without_background(network)? })
+        Ok(Self { background, ..Self::without_background(network, options)? })
     }
 
-    fn without_background(network: &FrameNetwork) -> Result<Self, EngineError> {
+    fn without_background(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
         let mut buffers = Vec::with_capacity(network.buffers.len());
         for (i, &shape) in network.buffers.iter().enumerate() {
             let buffer = if network.is_kept(i) {
@@ -111,7 +111,7 @@ impl State {
             pending: pending.collect(),
             buffers,
             background: None,
-            scratch: Scratch::default(),
+            scratch: Scratch::new(if options.skip == Skip::Nothing { 0 } else { network.compared() }),
             changed: Changes::default(),
             tiles: Changes::default(),
             prediction: vec![0.0; network.output().values()],
