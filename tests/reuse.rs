@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use meissner_engine::{
-    Candidates, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
+    Candidates, Counters, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
 };
 use meissner_kernels::{SplineConv, SplineParts};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
@@ -317,15 +317,23 @@ fn what_expires_together_is_not_repaired() {
 #[test]
 fn a_reset_leaves_nothing_to_recompute() {
     let shape = shape(near(Candidates::All), 2, vec![pool(2, 1, true)]);
-    for poison in [false, true] {
+    for (poison, predicts) in [(false, false), (false, true), (true, false), (true, true)] {
         let options = Options { poison, ..Options::default() };
         let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
         for i in 0..5 {
-            engine.push(Event::new(0, 10 * i, 50, true));
+            engine.push(Event::new(10 * i64::from(i), 10 * i, 50, true));
+        }
+        if predicts {
+            engine.predict().expect("finite");
+            engine.advance(SPAN_US + 11);
         }
         engine.reset();
+        let before = engine.counters();
         engine.predict().expect("finite");
-        assert!(engine.counters().layers.iter().all(|layer| layer.recomputed == 0), "{poison}");
+        let counters = engine.counters().since(&before);
+        assert!(counters.layers.iter().all(|layer| layer.recomputed == 0), "{counters:?}");
+        let p = counters.predictions;
+        assert_eq!((p.cells_recomputed, p.neighbourhoods_checked), (0, 0), "{poison}, {predicts}");
     }
 }
 
@@ -341,9 +349,76 @@ fn every_layer_of_every_level_counts_its_own_rows() {
     assert_eq!(engine.predict().expect("finite").rows, [5, 5, 5, 3, 3]);
     engine.push(Event::new(0, 90, 0, true));
     assert_eq!(engine.predict().expect("finite").rows, [1, 1, 1, 1, 1]);
-    let count = |of: fn(&LayerCounters) -> u64| engine.counters().layers.iter().map(of).collect::<Vec<_>>();
-    assert_eq!(count(|layer| layer.recomputed), [6, 6, 6, 4, 4]);
-    assert_eq!(count(|layer| layer.kept), [5, 5, 5, 3, 3]);
+    let count = |counters: &Counters, of: fn(&LayerCounters) -> u64| -> Vec<u64> {
+        counters.layers.iter().map(of).collect()
+    };
+    assert_eq!(count(&engine.counters(), |layer| layer.recomputed), [6, 6, 6, 4, 4]);
+    assert_eq!(count(&engine.counters(), |layer| layer.kept), [5, 5, 5, 3, 3]);
+    // One event and one cell of either level are left, then none.
+    engine.push(Event::new(SPAN_US, 90, 0, false));
+    engine.advance(SPAN_US + 1);
+    engine.predict().expect("finite");
+    let before = engine.counters();
+    engine.predict().expect("finite");
+    engine.reset();
+    engine.push(Event::new(0, 0, 0, true));
+    engine.predict().expect("finite");
+    engine.predict().expect("finite");
+    assert_eq!(count(&engine.counters().since(&before), |layer| layer.kept), [2; 5]);
+}
+
+#[test]
+fn neighbourhoods_of_cells_are_checked_where_an_edge_or_a_position_changed_and_nowhere_else() {
+    let checked = |mean, events: &[(i64, u16)], more: &[(i64, u16)], now_us| {
+        let shape = NetworkShape { capacity: 3, ..shape(near(Candidates::All), 0, vec![pool(0, 1, mean)]) };
+        let mut engine = engine(shape.build());
+        let push = |engine: &mut Engine, events: &[(i64, u16)]| {
+            for &(t_us, x) in events {
+                engine.push(Event::new(t_us, x, 50, true));
+            }
+        };
+        push(&mut engine, events);
+        engine.predict().expect("finite");
+        let before = engine.counters();
+        push(&mut engine, more);
+        engine.advance(now_us);
+        engine.predict().expect("finite");
+        let count = |engine: &Engine| {
+            let p = engine.counters().since(&before).predictions;
+            (p.neighbourhoods_checked, p.neighbourhoods_unchanged)
+        };
+        let counted = count(&engine);
+        engine.predict().expect("finite");
+        assert_eq!(count(&engine), counted, "nothing changed");
+        counted
+    };
+    // An event where another is leaves the mean where it was; one beside it does not.
+    assert_eq!(checked(true, &[(0, 50)], &[(0, 50)], 0), (0, 0));
+    assert_eq!(checked(true, &[(0, 50)], &[(0, 51)], 0), (1, 1));
+    // A cell that has gone is not checked, the one that read it is.
+    assert_eq!(checked(false, &[(0, 0), (10, 10)], &[], SPAN_US + 1), (1, 0));
+    // An edge between two cells of which more than one pair of events is left stays as it was.
+    assert_eq!(checked(false, &[(0, 0), (10, 10)], &[(11, 1)], SPAN_US + 1), (0, 0));
+    // The oldest event makes room for one of its cell: that is new, and the cell beside it has the edge that it had.
+    assert_eq!(checked(false, &[(0, 0), (1, 10), (1, 90)], &[(2, 1)], 2), (2, 1));
+}
+
+#[test]
+fn a_cell_that_loses_its_maximum_and_gets_it_back_is_taken_once_and_moves_nothing() {
+    for candidates in [Candidates::All, Candidates::Past(Lifetime::Frozen)] {
+        let mut rooted = shape(near(candidates), 0, vec![pool(0, 1, false)]);
+        rooted.pooled[0].blocks[0].extras[0] = true;
+        let mut engine = engine(rooted.build());
+        engine.push(Event::new(0, 50, 50, true));
+        engine.push(Event::new(10, 50, 50, true));
+        engine.predict().expect("finite");
+        let before = engine.counters();
+        engine.push(Event::new(20, 50, 50, true));
+        engine.advance(SPAN_US + 1);
+        assert_eq!(recomputed(&mut engine), [vec![0], vec![]], "{candidates:?}");
+        let layers = engine.counters().since(&before).layers;
+        assert_eq!([layers[0].recomputed, layers[0].unchanged, layers[1].recomputed], [1, 1, 0]);
+    }
 }
 
 #[test]

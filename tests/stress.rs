@@ -188,7 +188,7 @@ fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
         seed: 5,
     };
     let mut parts = shape.build().parts().clone();
-    let weights = [vec![2.5e38; 16], [1.0, 1.0, -1.0, 1.0].repeat(8), [1.0, 0.0, 0.0, 1.0].repeat(8)];
+    let weights = [vec![2.5e38; 16], [1.0, 0.5, -1.0, 0.5].repeat(8), [1.0, 0.0, 0.0, 1.0].repeat(8)];
     for ((block, inputs), weight) in parts.events.blocks.iter_mut().zip([1, 2, 2]).zip(weights) {
         let conv = SplineParts { inputs, outputs: 2, kernel: [2; 3], weight, ..SplineParts::default() };
         block.conv = SplineConv::new(&conv).expect("finite weights");

@@ -264,3 +264,48 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
         settle(out);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(values: &[f32]) -> Matrix {
+        Matrix::from_rows(values.len(), values)
+    }
+
+    #[test]
+    fn a_row_is_below_another_where_it_is_in_every_column_and_nothing_else_counts() {
+        for columns in [1, LANES - 1, LANES, LANES + 1, 3 * LANES - 1] {
+            let below = |a: &[f32], b: &[f32]| below(row(a).row(0), row(b).row(0), columns);
+            let (low, high) = (vec![-2.0; columns], vec![-1.0; columns]);
+            assert!(below(&low, &high) && !below(&high, &high), "{columns} columns");
+            for reaching in [-1.0, f32::NAN] {
+                let mut other = low.clone();
+                other[columns - 1] = reaching;
+                assert!(!below(&other, &high), "{reaching} in the last of {columns} columns");
+            }
+        }
+    }
+
+    #[test]
+    fn a_maximum_of_negative_zeros_is_zero_however_it_is_taken() {
+        for queues in [false, true] {
+            let features = Matrix::from_rows(1, &[-0.0, -0.0, -1.0]);
+            let (mut maxima, mut values) = (Maxima::new(3, 1, 1, queues), Matrix::zeros(1, 1));
+            let changed = RowSet::new(3);
+            let mut settle = |maxima: &mut Maxima| {
+                let mut log = LayerLog::default();
+                maxima.settle(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
+                values.values(0).next().map(f32::to_bits)
+            };
+            // Taken from all members, merged with a newcomer, taken again behind a loss.
+            maxima.enter(2, 0);
+            assert_eq!(settle(&mut maxima), Some((-1.0f32).to_bits()));
+            maxima.enter(0, 0);
+            assert_eq!(settle(&mut maxima), Some(0), "merged, {queues}");
+            maxima.enter(1, 0);
+            maxima.dirty.insert(0);
+            assert_eq!(settle(&mut maxima), Some(0), "taken again, {queues}");
+        }
+    }
+}

@@ -152,7 +152,6 @@ impl PooledGraph {
         }
         self.moved.clear();
         self.stale.clear();
-        self.shifted.clear();
     }
 
     pub(crate) fn position(&self, cell: u32) -> [f64; 3] {
@@ -252,10 +251,9 @@ impl PooledGraph {
             self.moved.insert(cell);
         }
         if !self.is_alive(cell) {
-            debug_assert!(self.neighbours(cell).is_empty(), "edges go before their ends");
+            assert!(self.neighbours(cell).is_empty(), "edges go before their ends");
             self.moved.remove(cell);
             self.stale.remove(cell);
-            self.shifted.remove(cell);
             self.alive -= 1;
             to.left.push(cell);
         }
