@@ -11,48 +11,53 @@ use meissner_engine::filters::{
 use meissner_engine::{Counters, EngineError, Network, Sensor, Staleness};
 use serde::Serialize;
 
-use crate::args::span_us;
+use crate::args::APPROXIMATIONS;
+use crate::args::time::span_us;
 use crate::error::CliError;
 use crate::text::grouped;
 
 /// What makes results cheaper and less exact.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = "Approximations")]
 pub(crate) struct ApproximationArgs {
-    /// Let a row, or a pixel of a frame network, that moved by no more than this in any channel keep its values. Without
-    /// it every change counts, and results are exact.
+    /// Keep the values of a row or pixel that changes by at most X.
     ///
-    /// Networks over events: a row of a spline block that has just entered is always stored, and pooled maxima and the
-    /// readout are exact over stored rows, so that no error grows with time. Rows that are computed once on arrival (the
-    /// event level of tactigraph-frozen and tactigraph-past) are exact.
-    #[arg(long, value_name = "X", value_parser = number)]
+    /// X bounds the change in every channel. Without this option every change counts, and results are exact. Networks
+    /// over events: a row of a spline block that has just entered is always stored, and pooled maxima and the readout
+    /// are exact over stored rows, so that no error grows with time. Rows that are computed once on arrival (the event
+    /// level of tactigraph-frozen and tactigraph-past) stay exact.
+    #[arg(long, value_name = "X", value_parser = number, help_heading = APPROXIMATIONS)]
     pub(crate) tolerance: Option<f32>,
-    /// Let a node of the event graph read its first K neighbours alone.
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..))]
+    /// Let each node of the event graph read only its first K neighbours.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..), help_heading = APPROXIMATIONS)]
     pub(crate) neighbours: Option<u8>,
-    /// Drop events without another one in the 8 pixels around them in the US microseconds before: noise. The
-    /// contact-angle paper uses 1250.
+    /// Drop events as noise where no neighbouring pixel fired in the TIME before.
     ///
-    /// Of the filters this one comes first, then --refractory, --rate-limit and --stride. They see events before it is
-    /// known whether these are late or outside the sensor.
-    #[arg(long, value_name = "US", value_parser = span_us())]
-    pub(crate) activity_filter: Option<i64>,
-    /// Drop events of a pixel less than US microseconds away from its last one that was not dropped.
-    #[arg(long, value_name = "US", value_parser = span_us())]
-    pub(crate) refractory: Option<i64>,
-    /// Thin events evenly where they come faster; bursts of up to 1 ms at that rate pass.
-    #[arg(long, value_name = "EVENTS_PER_S", value_parser = clap::value_parser!(u64).range(1..=RateLimit::HIGHEST))]
+    /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us. Filters act in this
+    /// order: --activity-filter, --refractory, --rate-limit, --stride. They act before late events, and events outside
+    /// the sensor, are dropped.
+    #[arg(long = "activity-filter", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) activity_filter_us: Option<i64>,
+    /// Drop events of a pixel within TIME of its last event that was kept.
+    #[arg(long = "refractory", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) refractory_us: Option<i64>,
+    /// Thin events evenly above this rate, in events per second.
+    ///
+    /// Bursts of up to 1 ms at that rate pass.
+    #[arg(long, value_name = "RATE", help_heading = APPROXIMATIONS,
+          value_parser = clap::value_parser!(u64).range(1..=RateLimit::HIGHEST))]
     pub(crate) rate_limit: Option<u64>,
-    /// Keep every Nth event.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Keep every Nth event, and drop the others.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = APPROXIMATIONS)]
     pub(crate) stride: Option<u32>,
-    /// Compute a prediction again only after N accepted events; until then the last one stands, with its time.
+    /// Recompute a prediction only after N more accepted events.
     ///
-    /// With --stale-us, too, it is computed as soon as either says so.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
+    /// Until then the last prediction stands, with its time. With --stale-time as well, a prediction is recomputed as
+    /// soon as either is reached.
+    #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
+          value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     pub(crate) stale_events: Option<u64>,
-    /// Compute a prediction again only after US microseconds of stream time; until then the last one stands.
-    #[arg(long, value_name = "US", value_parser = span_us())]
+    /// Recompute a prediction only after TIME of stream time.
+    #[arg(long = "stale-time", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
     pub(crate) stale_us: Option<i64>,
 }
 
@@ -61,12 +66,12 @@ impl ApproximationArgs {
     pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
         [
             ("--neighbours", self.neighbours.is_some()),
-            ("--activity-filter", self.activity_filter.is_some()),
-            ("--refractory", self.refractory.is_some()),
+            ("--activity-filter", self.activity_filter_us.is_some()),
+            ("--refractory", self.refractory_us.is_some()),
             ("--rate-limit", self.rate_limit.is_some()),
             ("--stride", self.stride.is_some()),
             ("--stale-events", self.stale_events.is_some()),
-            ("--stale-us", self.stale_us.is_some()),
+            ("--stale-time", self.stale_us.is_some()),
         ]
     }
 
@@ -93,10 +98,10 @@ impl ApproximationArgs {
     /// The filters in front of the engine.
     pub(crate) fn chain(&self, sensor: Sensor) -> Result<Chain, EngineError> {
         let mut filters = Vec::new();
-        if let Some(us) = self.activity_filter {
+        if let Some(us) = self.activity_filter_us {
             filters.push(Filter::BackgroundActivity(BackgroundActivity::new(sensor, us)?));
         }
-        if let Some(us) = self.refractory {
+        if let Some(us) = self.refractory_us {
             filters.push(Filter::Refractory(Refractory::new(sensor, us)?));
         }
         if let Some(rate) = self.rate_limit {

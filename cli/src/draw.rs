@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use meissner_models::drawn_file;
 
-use crate::args::STATUS;
+use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::model::describe_any;
 use crate::tell::tell;
@@ -21,16 +21,17 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{STATUS}"))]
 pub(crate) struct DrawArgs {
-    /// Name of a shipped network, or a description file.
+    /// Name of a shipped network, or a description file (.toml).
+    #[arg(value_name = "NETWORK")]
     pub(crate) network: String,
     /// Seed; equal seeds give equal bytes on every machine.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(crate) seed: u64,
-    /// File to write (safetensors). A file that exists is not replaced.
+    /// File to write (safetensors); one that exists is not replaced.
     ///
     /// Its metadata states that the weights are drawn. They are good for latencies and tests of equality; predictions mean
     /// nothing.
-    #[arg(long, value_name = "FILE.safetensors")]
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) out: PathBuf,
 }
 

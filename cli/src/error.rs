@@ -10,11 +10,13 @@ use meissner_engine::representations::RepresentationError;
 use meissner_io::datasets::DatasetError;
 use meissner_io::{Format, ImageError, IoError, Kind};
 use meissner_live::LiveError;
+use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
-use meissner_models::{AnyDescription, ModelError};
 
+use crate::args::time;
+use crate::networks;
 use crate::prepare::StreamsError;
 use crate::run;
 use crate::source::{STDIN_NAME, Salvaged};
@@ -85,7 +87,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     File(IoError),
     /// A name that is neither a shipped network nor a file.
-    #[error("network {0}: expected {names} or a description file, found neither", names = shipped_names())]
+    #[error("network {name}: found no shipped network and no file of this name{hint}", name = .0, hint = networks::hint(.0))]
     UnknownNetwork(String),
     /// A frame network stands where a network over events should.
     #[error(
@@ -106,8 +108,8 @@ pub(crate) enum CliError {
     },
     /// Predictions were asked for between two frames.
     #[error(
-        "--every: expected `end` or a multiple of {period_us}us, since network {network} reads a frame every \
-         {period_us} us, found {found}"
+        "--every: expected `end` or a multiple of {every}, since network {network} reads a frame every {every}, \
+         found {found}", every = time::display(*.period_us)
     )]
     BetweenFrames {
         /// The network.
@@ -342,11 +344,6 @@ pub(crate) enum CliError {
     /// Standard output cannot be written.
     #[error("standard output")]
     Output(#[from] io::Error),
-}
-
-/// The shipped networks in one line.
-fn shipped_names() -> String {
-    AnyDescription::shipped_names().collect::<Vec<_>>().join(", ")
 }
 
 /// Whether an error of a model names the file that it is about.

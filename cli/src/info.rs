@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::args::InfoArgs;
 use crate::error::CliError;
 use crate::source::{self, Salvaged};
-use crate::text::grouped;
+use crate::text::{Folded, grouped};
 
 const PEAK_US: i64 = 1_000;
 
@@ -50,7 +50,7 @@ struct OtherStream {
 /// Prints what `args` ask for.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
     let info = Info::of(&source::read(&args.recording, args.read)?);
-    let mut out = stdout().lock();
+    let mut out = Folded::new(stdout().lock(), !args.json);
     if args.json {
         serde_json::to_writer(&mut out, &info).map_err(io::Error::from)?;
         writeln!(out)?;

@@ -1,10 +1,11 @@
 //! `meissner inspect`: a network as a table, as data, as pictures.
 
-use std::io::{Write, stdout};
+use std::io::{Write, stderr, stdout};
 
 use crate::args::InspectArgs;
 use crate::error::CliError;
 use crate::model::describe_any;
+use crate::text::Folded;
 
 /// Prints what `args` ask for.
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
@@ -12,8 +13,9 @@ pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     if let Some(path) = &args.svg {
         std::fs::write(path, description.to_svg())
             .map_err(|source| CliError::Write { path: path.clone(), source })?;
+        let _ = writeln!(stderr(), "wrote {}", path.display());
     }
-    let mut out = stdout().lock();
+    let mut out = Folded::new(stdout().lock(), !args.json && !args.dot);
     if args.json {
         serde_json::to_writer(&mut out, &description.summary()).map_err(std::io::Error::from)?;
         writeln!(out)?;

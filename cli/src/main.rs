@@ -27,7 +27,7 @@
 //! | `output` | files that are written |
 //! | `tell` | messages on standard error |
 //! | `interrupt` | signals that ask the program to end |
-//! | `inspect`, `draw`, `info`, `convert` | the other subcommands |
+//! | `networks`, `inspect`, `draw`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
 //! Results go to standard output, messages and progress to standard error.
@@ -54,6 +54,7 @@ mod latency;
 mod layer_cost;
 mod lost;
 mod model;
+mod networks;
 mod output;
 mod pareto;
 mod play;
@@ -79,25 +80,20 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::args::{Args, Command};
+use crate::error::CliError;
 use crate::tell::tell;
+
+/// What a program whose times mean nothing says before it runs.
+const UNOPTIMISED: &str = "note: this program was built without optimisation and is many times slower than one from \
+                           `cargo build --release`";
 
 fn main() -> ExitCode {
     interrupt::install();
-    let done = match Args::parse().command {
-        Command::Run(args) => run::run(&args),
-        Command::Play(args) => play::play(&args),
-        Command::Bench(args) => bench::bench(&args),
-        Command::Inspect(args) => inspect::inspect(&args),
-        Command::Draw(args) => draw::draw(&args),
-        Command::Info(args) => info::info(&args),
-        Command::Convert(args) => convert::convert(&args),
-        Command::Eval(args) => eval::eval(&args),
-        Command::Prepare(args) => prepare::prepare(&args),
-        Command::Pareto(args) => pareto::pareto(&args),
-        Command::Stress(args) => stress::stress(&args),
-        Command::Soak(args) => soak::soak(&args),
-    };
-    match done {
+    let command = Args::parse().command;
+    if cfg!(debug_assertions) && takes_long(&command) {
+        tell(format_args!("{UNOPTIMISED}"));
+    }
+    match perform(&command) {
         Err(error) if !error.is_broken_pipe() => {
             tell(format_args!("error: {}", error::chain(&error)));
             if let Some(hint) = error.hint() {
@@ -108,5 +104,31 @@ fn main() -> ExitCode {
         _ if interrupt::requested() => ExitCode::from(interrupt::STATUS),
         // Also where whoever reads our output has seen enough.
         _ => ExitCode::SUCCESS,
+    }
+}
+
+/// Whether `command` runs a network for as long as it takes.
+fn takes_long(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Run(_) | Command::Play(_) | Command::Bench(_) | Command::Pareto(_) | Command::Soak(_)
+    )
+}
+
+fn perform(command: &Command) -> Result<(), CliError> {
+    match command {
+        Command::Run(args) => run::run(args),
+        Command::Play(args) => play::play(args),
+        Command::Bench(args) => bench::bench(args),
+        Command::Networks(args) => networks::networks(args),
+        Command::Inspect(args) => inspect::inspect(args),
+        Command::Draw(args) => draw::draw(args),
+        Command::Info(args) => info::info(args),
+        Command::Convert(args) => convert::convert(args),
+        Command::Eval(args) => eval::eval(args),
+        Command::Prepare(args) => prepare::prepare(args),
+        Command::Pareto(args) => pareto::pareto(args),
+        Command::Stress(args) => stress::stress(args),
+        Command::Soak(args) => soak::soak(args),
     }
 }

@@ -1,6 +1,13 @@
 //! Numbers and tables for people.
 
+mod folded;
+
 use std::io::{self, Write};
+
+pub(crate) use folded::Folded;
+
+/// Columns of a terminal that people can count on.
+pub(crate) const WIDTH: usize = 80;
 
 /// `value` with its digits in groups of three: 1234567 as 1,234,567.
 pub(crate) fn grouped(value: u64) -> String {
@@ -15,6 +22,16 @@ pub(crate) fn grouped(value: u64) -> String {
     text
 }
 
+/// Microseconds with the decimals that tell: none from 1,000 on, two below 100.
+pub(crate) fn duration(us: f64) -> String {
+    let decimals = match us {
+        1000.0.. => 0,
+        100.0.. => 1,
+        _ => 2,
+    };
+    format!("{us:.decimals$}")
+}
+
 /// `share` in percent.
 pub(crate) fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
@@ -24,12 +41,19 @@ pub(crate) fn percent(share: f64) -> String {
 #[derive(Default)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
+    /// Whether all columns are to the left.
+    left_aligned: bool,
 }
 
 impl Table {
     /// A table with these headings.
     pub(crate) fn new(headings: &[&str]) -> Self {
-        Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()] }
+        Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()], left_aligned: false }
+    }
+
+    /// The same, with all columns to the left: for words.
+    pub(crate) fn left_aligned(self) -> Self {
+        Self { left_aligned: true, ..self }
     }
 
     /// Appends a row.
@@ -37,19 +61,49 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// Writes all rows.
-    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+    /// All rows, without ends of lines; where they are wider than [`WIDTH`], the columns stand in several tables, each
+    /// with the first column, and with an empty line between them.
+    pub(crate) fn lines(&self) -> Vec<String> {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();
         let widths: Vec<usize> = (0..columns).map(|c| width(c).unwrap_or(0)).collect();
-        for row in &self.rows {
-            let cells = row.iter().zip(&widths).enumerate().map(|(c, (cell, &width))| match c {
-                0 => format!("{cell:<width$}"),
-                _ => format!("{cell:>width$}"),
-            });
-            writeln!(out, "  {}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
+        let first = 2 + widths.first().copied().unwrap_or(0);
+        let mut blocks: Vec<Vec<usize>> = Vec::new();
+        let mut taken = 0;
+        for (c, &width) in widths.iter().enumerate().skip(1) {
+            match blocks.last_mut() {
+                Some(block) if taken + 2 + width <= WIDTH => block.push(c),
+                _ => {
+                    blocks.push(vec![c]);
+                    taken = first;
+                }
+            }
+            taken += 2 + width;
         }
-        Ok(())
+        if blocks.is_empty() {
+            blocks.push(Vec::new());
+        }
+        let line = |row: &Vec<String>, block: &[usize]| {
+            let cell = |c: usize| row.get(c).map_or("", String::as_str);
+            let mut line = format!("  {:<1$}", cell(0), first - 2);
+            for &c in block {
+                let (text, width) = (cell(c), widths[c]);
+                let padding = " ".repeat(width - text.chars().count());
+                let (before, after) =
+                    if self.left_aligned { ("", padding.as_str()) } else { (padding.as_str(), "") };
+                line.extend(["  ", before, text, after]);
+            }
+            line.truncate(line.trim_end().len());
+            line
+        };
+        let lines =
+            blocks.iter().map(|block| self.rows.iter().map(|row| line(row, block)).collect::<Vec<_>>());
+        lines.collect::<Vec<_>>().join(&String::new())
+    }
+
+    /// Writes all rows.
+    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        self.lines().iter().try_for_each(|line| writeln!(out, "{line}"))
     }
 }
 
@@ -61,6 +115,19 @@ mod tests {
     fn digits_come_in_groups_of_three() {
         let texts = [0, 12, 999, 1000, 12_345, 1_234_567].map(grouped);
         assert_eq!(texts, ["0", "12", "999", "1,000", "12,345", "1,234,567"]);
+    }
+
+    #[test]
+    fn a_table_that_is_wider_than_a_terminal_becomes_several_with_the_same_first_column() {
+        let headings: Vec<String> = (0..12).map(|i| format!("heading {i}")).collect();
+        let mut table = Table::new(&headings.iter().map(String::as_str).collect::<Vec<_>>());
+        table.row((0..12).map(|i| i.to_string()));
+        let lines = table.lines();
+        assert!(lines.len() == 5 && lines[2].is_empty(), "{lines:?}");
+        assert!(lines.iter().all(|line| line.chars().count() <= 80), "{lines:?}");
+        assert!(lines[3].starts_with("  heading 0") && lines[3].ends_with("heading 11"), "{lines:?}");
+        let words = lines.join(" ");
+        assert!(headings.iter().all(|heading| words.contains(heading.as_str())), "{lines:?}");
     }
 
     #[test]

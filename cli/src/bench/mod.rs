@@ -35,7 +35,6 @@ use meissner_models::AnyDescription;
 
 pub(crate) use args::BenchArgs;
 pub(crate) use memory::{peak_resident_bytes, resident_bytes};
-pub(crate) use part::start_us;
 
 use crate::args::Every;
 use crate::error::CliError;
@@ -47,6 +46,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
+use crate::text::Folded;
 use deadline::Deadline;
 use part::Part;
 use pass::{Measured, Passes};
@@ -83,11 +83,11 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     if let Some(path) = &args.svg {
         output::check_writable(path)?;
     }
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     let recording = source.name.clone();
     let mut heading = Vec::new();
     header(&mut heading, &model, "incremental", &source, sensor)?;
-    let part = Part { from_us: args.from_s, for_us: args.for_s };
+    let part = Part { from_us: args.from_us, for_us: args.for_us };
     if part.is_some() {
         writeln!(heading, "part         {part}")?;
     }
@@ -160,7 +160,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 /// The events of the part of `source` that `args` ask for.
 fn taken(source: &mut Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
     let limit = args.input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
-    Part { from_us: args.from_s, for_us: args.for_s }.take(source, limit)
+    Part { from_us: args.from_us, for_us: args.for_us }.take(source, limit)
 }
 
 /// What measuring nothing takes, in microseconds: the least mean of several runs, since an interruption can only add.

@@ -64,7 +64,7 @@ impl Moments {
         if count > MOST || i128::from(first_us) + count * i128::from(period_us) > i128::from(i64::MAX) {
             return Err(CliError::Option {
                 option: "--every",
-                expected: format!("at most {} frames; --for-s takes a part", grouped(MOST as u64)),
+                expected: format!("at most {} frames; --for takes a part", grouped(MOST as u64)),
                 found: format!("{count} frames, one every {period_us} us"),
             });
         }
@@ -148,6 +148,6 @@ mod tests {
         let events = [0, i64::MAX / 2].map(|t| Event::new(t, 0, 0, true));
         let refused = Moments::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, End::Included);
         let message = refused.expect_err("centuries of frames").to_string();
-        assert!(message.contains("--for-s"), "{message}");
+        assert!(message.contains("--for"), "{message}");
     }
 }

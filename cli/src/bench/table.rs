@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::report::{DeadlineReport, Distribution, PhaseReport, PhasesReport, Report, Work};
 use crate::latency::Quantiles;
-use crate::text::{Table, grouped};
+use crate::text::{Table, duration, grouped};
 
 /// Writes everything but the headings that say what ran on what.
 pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
@@ -52,13 +52,7 @@ const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "ma
 /// A row's quantiles.
 pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
     let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max } } = *distribution;
-    // Four digits or two decimals, so that tables stay within 80 columns.
-    let digits = |us: f64| match us {
-        ..100.0 => format!("{us:.2}"),
-        ..1000.0 => format!("{us:.1}"),
-        _ => format!("{us:.0}"),
-    };
-    let times = [mean, p50, p90, p99, p999, max].map(digits);
+    let times = [mean, p50, p90, p99, p999, max].map(duration);
     std::iter::once(grouped(count)).chain(times)
 }
 

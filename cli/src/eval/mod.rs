@@ -27,9 +27,9 @@ pub(crate) struct EvalArgs {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Direction of slip from 24 electrodes, on objects that training has seen and on others.
+    /// Direction of slip from 24 electrodes, on seen and unseen objects.
     Slip(SlipArgs),
-    /// Digits under a moving event camera (N-MNIST): accuracy at the end of a recording and before it.
+    /// Digits under a moving event camera (N-MNIST), over time.
     Digits(DigitsArgs),
 }
 

@@ -37,7 +37,7 @@ impl AngleData {
         let all = source.collect::<Result<Vec<Event>, _>>()?;
         let first_us = all.first().map_or(0, |event| event.t_us);
         // In i128: times may lie anywhere.
-        let begin = i128::from(first_us) + i128::from(args.from_s.unwrap_or(0));
+        let begin = i128::from(first_us) + i128::from(args.from_us.unwrap_or(0));
         let taken = all.iter().filter(|event| i128::from(event.t_us) >= begin);
         let events: Vec<Event> = taken.copied().take(args.common.timed_events(TIMED)).collect();
         if events.is_empty() {

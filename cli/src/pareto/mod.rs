@@ -38,6 +38,7 @@ use crate::error::CliError;
 use crate::output;
 use crate::slip::SlipData;
 use crate::source::is_stdin;
+use crate::text::Folded;
 use crate::threads::pool;
 pub(crate) use args::ParetoArgs;
 use args::{Common, What};
@@ -78,7 +79,7 @@ fn finish(study: &Study<'_>, common: &Common) -> Result<(), CliError> {
     if let Some(path) = &common.csv {
         output::write(path, table::csv(&report))?;
     }
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !common.prints_json());
     if common.prints_json() {
         out.write_all(&output::json(&report)?)?;
     } else {

@@ -8,6 +8,7 @@ use super::measurement::{EXACT, Measurement};
 use super::study::{Measured, Study};
 use super::words;
 use crate::provenance::{Header, InputCard};
+use crate::text::percent;
 
 /// Everything.
 #[derive(Debug, Serialize)]
@@ -80,6 +81,21 @@ pub(super) struct Fastest {
 }
 
 impl Report {
+    /// What times are compared as: the heading of a column and the title of an axis.
+    pub(super) fn time_name(&self) -> String {
+        format!("time per {} (us)", self.unit)
+    }
+
+    /// What errors are compared as: the heading of a column and the title of an axis.
+    pub(super) fn error_name(&self) -> &'static str {
+        let relative = |network: &NetworkReport| network.exact().measurement.numerical.relative_rms.is_some();
+        match self.compared {
+            Compared::TaskError => "wrong answers (%)",
+            Compared::RelativeRms if self.networks.iter().all(relative) => "relative RMS error",
+            Compared::RelativeRms => "RMS error",
+        }
+    }
+
     pub(super) fn new(study: &Study<'_>, measured: Vec<Measured>, repeats: u32) -> Self {
         let labels = |measured: &Measured| measured.settings.iter().all(|(_, m)| !m.task.is_empty());
         let compared = if measured.iter().all(labels) { Compared::TaskError } else { Compared::RelativeRms };
@@ -119,6 +135,22 @@ fn mark<'a>(settings: impl IntoIterator<Item = &'a mut SettingReport>) {
     let mut settings: Vec<&mut SettingReport> = settings.into_iter().collect();
     let points: Vec<(f64, f64)> = settings.iter().map(|setting| (setting.us, setting.error)).collect();
     front(&points).into_iter().for_each(|place| settings[place].on_front = true);
+}
+
+impl SettingReport {
+    /// Its time as [`Report::time_name`] names it.
+    pub(super) fn time_text(&self) -> String {
+        format!("{:.*}", if self.us < 10.0 { 2 } else { 1 }, self.us)
+    }
+
+    /// Its error as [`Report::error_name`] names it.
+    pub(super) fn error_text(&self, compared: Compared) -> String {
+        match compared {
+            Compared::TaskError => percent(self.error),
+            Compared::RelativeRms if self.error == 0.0 => "0".to_owned(),
+            Compared::RelativeRms => format!("{:.1e}", self.error),
+        }
+    }
 }
 
 impl NetworkReport {

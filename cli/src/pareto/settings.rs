@@ -145,7 +145,7 @@ impl Change {
                 let limit = (rate * part as f64 / whole as f64).round();
                 approximations.rate_limit = Some(limit.max(1.0) as u64);
             }
-            Activity(us) => approximations.activity_filter = Some(us),
+            Activity(us) => approximations.activity_filter_us = Some(us),
             Stale(ms) => approximations.stale_us = Some(1000 * ms),
         }
     }

@@ -30,53 +30,61 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
     writeln!(out, "\n* on the front: nothing is faster without more error. {}", report.words)
 }
 
+/// What settings are compared by, as in the drawing; then everything as it was measured.
 fn settings(out: &mut impl Write, report: &Report, network: &NetworkReport) -> io::Result<()> {
-    let unit = report.unit;
-    let mut headings = vec![
-        network.network.clone(),
-        "push us".to_owned(),
-        "push + predict us".to_owned(),
-        "p50".to_owned(),
-        "p99".to_owned(),
-        "speed-up".to_owned(),
-        format!("rows/{unit}"),
-        format!("madds/{unit}"),
-        "max error".to_owned(),
-        "RMS".to_owned(),
-        "relative".to_owned(),
-    ];
+    let (unit, time) = (report.unit, report.time_name());
+    let mut headings = vec![network.network.as_str(), &time, "speed-up", report.error_name()];
     if report.compared == Compared::TaskError {
-        headings.extend(["wrong %".to_owned(), "95 %".to_owned()]);
+        headings.push("95 % interval");
     }
-    let mut table = Table::new(&headings.iter().map(String::as_str).collect::<Vec<_>>());
+    let mut table = Table::new(&headings);
     for setting in &network.settings {
-        table.row(cells(setting));
+        let mark = if setting.on_front { " *" } else { "" };
+        let mut cells = vec![
+            format!("{}{mark}", setting.setting),
+            setting.time_text(),
+            format!("{:.2}", setting.speed_up),
+            setting.error_text(report.compared),
+        ];
+        cells.extend(setting.interval_95.map(|(low, high)| format!("{} to {}", percent(low), percent(high))));
+        table.row(cells);
     }
+    table.write(out)?;
+
+    let (rows, products) = (format!("rows/{unit}"), format!("madds/{unit}"));
+    let headings = [
+        "as measured",
+        "push us",
+        "push + predict us",
+        "p50",
+        "p99",
+        &rows,
+        &products,
+        "max error",
+        "RMS error",
+    ];
+    let mut table = Table::new(&headings);
+    for setting in &network.settings {
+        table.row(measured(setting));
+    }
+    writeln!(out)?;
     table.write(out)
 }
 
-fn cells(setting: &SettingReport) -> Vec<String> {
+fn measured(setting: &SettingReport) -> [String; 9] {
     let measurement = &setting.measurement;
     let (timing, numerical) = (&measurement.timing, &measurement.numerical);
-    let mark = if setting.on_front { " *" } else { "" };
-    let mut cells = vec![
-        format!("{}{mark}", setting.setting),
+    [
+        setting.setting.clone(),
         us(timing.push_us.mean),
         us(timing.push_predict_us.mean),
         us(timing.push_predict_us.p50),
         us(timing.push_predict_us.p99),
-        format!("{:.2}", setting.speed_up),
         format!("{:.1}", measurement.rows),
         grouped(measurement.multiply_adds.round() as u64),
         error(numerical.max),
         error(numerical.rms),
-        numerical.relative_rms.map_or_else(|| "-".to_owned(), error),
-    ];
-    if let Some(task) = measurement.task.first() {
-        let (low, high) = task.interval_95;
-        cells.extend([percent(task.error), format!("{} to {}", percent(low), percent(high))]);
-    }
-    cells
+    ]
 }
 
 /// Wrong answers of each part, where there are several.

@@ -40,6 +40,7 @@ use crate::provenance::{Header, InputCard};
 use crate::run::json::Values;
 use crate::skips::dropped;
 use crate::source::{self, Source};
+use crate::text::Folded;
 pub(crate) use args::PlayArgs;
 use clock::Clock;
 use reader::Reader;
@@ -66,7 +67,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let engine = Engine::with_options(Arc::clone(&network), sensor, options)?;
     let readout = StaleReadout::new(engine, approximations.staleness())?;
 
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     if !args.json {
         let policy = args.overload.overload(sensor)?.name().replace('_', " ");
         let mode = format!("live, {} s of stream time a second, queue: {policy}", args.speed);
@@ -108,7 +109,7 @@ fn check(args: &PlayArgs) -> Result<(), CliError> {
     let given = [
         ("--tolerance", approximations.tolerance.is_some()),
         ("--stale-events", approximations.stale_events.is_some()),
-        ("--stale-us", approximations.stale_us.is_some()),
+        ("--stale-time", approximations.stale_us.is_some()),
     ];
     match given.into_iter().find(|&(_, given)| given && args.verify) {
         None => Ok(()),

@@ -71,8 +71,8 @@ impl<W: Write> Report<W> {
         let values = answers.headings();
         writeln!(
             out,
-            "{:>10}{values}  {:>6}  {:>11}  {:>8}  {:>11}",
-            "time (ms)", "state", "behind (ms)", "age (ms)", "waited (us)"
+            "{:>9}{values}  {:>6}  {:>9}  {:>7}  {:>9}",
+            "time (ms)", "state", "behind ms", "age ms", "waited us"
         )?;
         out.flush()?;
         let lines = Lines::new(out, Some(due), Progress::new(None, false));
@@ -101,9 +101,8 @@ impl<W: Write> Report<W> {
                 let values = self.answers.columns(values);
                 let (time, behind, age) = (due.elapsed_us as f64 / 1e3, behind_us as f64 / 1e3, age_us / 1e3);
                 let state = state.name();
-                let line = format!(
-                    "{time:>10.3}{values}  {state:>6}  {behind:>11.3}  {age:>8.3}  {waited_us:>11.1}"
-                );
+                let line =
+                    format!("{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}");
                 lines.line(due.number, line)
             }
         }

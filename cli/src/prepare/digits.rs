@@ -10,7 +10,7 @@ use meissner_models::TensorFile;
 use meissner_models::systems::digits::{CLASSES, SENSOR, folds};
 use serde_json::json;
 
-use crate::args::STATUS;
+use crate::args::{OUTPUT, STATUS};
 use crate::digits::DigitsData;
 use crate::error::CliError;
 use crate::output;
@@ -24,13 +24,17 @@ Examples:
   meissner prepare digits nmnist/ --folds 5 --out digits.safetensors
 
 Tensors, all I64, the recordings by split (train first), by class and by number:
-  t_us, x, y, on  (events): the events of all recordings, one after the other: time in microseconds as recorded, column,
-                  row, 1 where the brightness rose and 0 where it fell
-  start           (recordings + 1): recording i has the events from start[i] to below start[i + 1]
+  t_us, x, y, on  (events): the events of all recordings, one after the other:
+                  time in microseconds as recorded, column, row, 1 where the
+                  brightness rose and 0 where it fell
+  start           (recordings + 1): recording i has the events from start[i] to
+                  below start[i + 1]
   label           (recordings): index into classes
   split           (recordings): 0 train, 1 test
-  fold            (recordings): part of a cross-validation over both splits together, from 0 on; sorted by label, the k-th
-                  recording is in fold k mod N
+  fold            (recordings): part of a cross-validation over both splits
+                  together, from 0 on; sorted by label, the k-th recording is in
+                  fold k mod N
+
 Metadata, each JSON:
   classes, recordings   lists of names
   sensor                [columns, rows]";
@@ -39,14 +43,19 @@ Metadata, each JSON:
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{TENSORS}\n\n{STATUS}"))]
 pub(crate) struct DigitsArgs {
-    /// Folder with folders train and test, or one of them, of recordings such as train/3/00123.bin.
+    /// Folder of the data set, with folders train and test.
+    ///
+    /// One of the two is enough. Recordings are files such as train/3/00123.bin.
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// File to write (safetensors); it is replaced where it exists.
-    #[arg(long, value_name = "FILE.safetensors")]
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
-    /// Number of folds: every recording is held out by one of them, and each holds about as many of every class.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..))]
+    /// Number of folds of the cross-validation.
+    ///
+    /// Every recording is held out by one fold, and each fold holds about as many of every class.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..),
+          help_heading = OUTPUT)]
     folds: u32,
 }
 

@@ -35,6 +35,7 @@ use crate::progress::Progress;
 use crate::provenance::{Header, InputCard};
 use crate::schedule::{Last, Schedule};
 use crate::source::{self, Source};
+use crate::text::Folded;
 pub(crate) use args::RunArgs;
 use ending::Ending;
 use frames::Kind;
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let total = source.remaining().map(|remaining| remaining.min(limit));
     let live = input.recording.as_deref().is_some_and(source::is_stdin);
     let progress = Progress::new(total, args.json);
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     let mut report: Box<dyn Report + '_> = if args.json {
         let mut lines = JsonLines::new(out, live);
         lines.header(&provenance)?;
@@ -140,7 +141,7 @@ fn check_mode(args: &RunArgs) -> Result<(), CliError> {
     let given = [
         ("--tolerance", approximations.tolerance.is_some()),
         ("--stale-events", approximations.stale_events.is_some()),
-        ("--stale-us", approximations.stale_us.is_some()),
+        ("--stale-time", approximations.stale_us.is_some()),
     ];
     if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && batch) {
         return Err(CliError::Option {

@@ -10,30 +10,32 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::EngineError;
 
-use crate::args::span_us;
+use crate::args::STATE;
+use crate::args::time::span_us;
 use crate::error::CliError;
 
 /// What can be asked for where a run goes on later.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = "State (networks over events, and over frames of events)")]
 pub(crate) struct StateArgs {
-    /// Write the state behind the last event to this file, for --resume.
+    /// Write the state after the last event to this file, for --resume.
     ///
-    /// What is due behind the last event only because the input ends (the prediction of --every Nus, a frame whose window
-    /// is still open) is left to the run that goes on; --every end predicts. It is written at Ctrl-C, SIGTERM and errors of
-    /// input and output, too; not where the engine ends with an error, or most of a text is refused. The file is replaced whole: a crash while it is
-    /// written leaves the former one.
-    #[arg(long, value_name = "FILE")]
+    /// For networks over events, and over frames of events. What is due only because the input ends (the prediction of
+    /// --every TIME, a frame whose window is still open) is left to the run that goes on; --every end predicts. The state
+    /// is also written at Ctrl-C, SIGTERM and errors of input and output, but not where the engine ends with an error or
+    /// most of a text is refused. The file is replaced whole: a crash while it is written leaves the former one.
+    #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(crate) save_state: Option<PathBuf>,
-    /// Write it also whenever US microseconds of stream time have passed since it was last written.
-    #[arg(long, value_name = "US", requires = "save_state", value_parser = span_us())]
-    pub(crate) save_every: Option<i64>,
-    /// Go on from the state in this file: INPUT is what comes after it, and both print what one run would.
+    /// Write the state also whenever TIME of stream time has passed.
+    #[arg(long = "save-every", value_name = "TIME", requires = "save_state", value_parser = span_us,
+          help_heading = STATE)]
+    pub(crate) save_every_us: Option<i64>,
+    /// Go on from the state in this file; INPUT is what comes after it.
     ///
-    /// Network, weights, sensor, --late and --tolerance must be those of the run that wrote it, or it is refused. INPUT is
-    /// taken as it is: of events that the other run has seen, those before its last one are late (see --late), those at its
-    /// time would count twice. "rows" of the first prediction and "skips" are of this run, which computes each row anew.
-    #[arg(long, value_name = "FILE")]
+    /// Both runs together print what one run would. Network, weights, sensor, --late and --tolerance must be those of
+    /// the run that wrote the state, or it is refused. Events that the other run has already seen are not recognised:
+    /// those before its last event are late (see --late), and those at its time count twice. "rows" of the first
+    /// prediction and "skips" are of this run, which computes each row anew.
+    #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(crate) resume: Option<PathBuf>,
 }
 
@@ -53,7 +55,7 @@ impl StateArgs {
 
     pub(crate) fn saver(&self) -> Option<Saver> {
         let path = self.save_state.clone()?;
-        Some(Saver { path, every_us: self.save_every, last_us: None })
+        Some(Saver { path, every_us: self.save_every_us, last_us: None })
     }
 }
 

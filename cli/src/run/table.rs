@@ -9,7 +9,7 @@ use crate::answer::Answers;
 use crate::latency::{Quantiles, microseconds};
 use crate::progress::Progress;
 use crate::skips::Skips;
-use crate::text::{Table, grouped};
+use crate::text::{Table, duration, grouped};
 
 /// Writes for people.
 pub(crate) struct People<W> {
@@ -28,7 +28,7 @@ impl<W: Write> People<W> {
         let headings = answers.headings();
         writeln!(
             out,
-            "{:>5}  {:>13}{headings}  {:>8}  {:>9}  {:>11}",
+            "{:>5}  {:>11}{headings}  {:>8}  {:>9}  {:>11}",
             "done", "time (ms)", "nodes", "rows", "update (us)"
         )?;
         out.flush()?;
@@ -62,7 +62,7 @@ fn line(reading: &Reading<'_>, values: &str, total: Option<u64>) -> String {
     let time = reading.elapsed_us.map_or_else(|| "-".to_owned(), |us| format!("{:.3}", us as f64 / 1e3));
     let (nodes, rows) = (grouped(prediction.nodes as u64), grouped(prediction.rows.iter().sum()));
     let update_us = microseconds(reading.update);
-    format!("{done:>5}  {time:>13}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
+    format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
 }
 
 fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
@@ -103,7 +103,7 @@ pub(crate) fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantil
     let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
     for &(name, quantiles) in latencies {
         if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {
-            let cells = [p50, p90, p99, p999, max].map(|us| format!("{us:.2}"));
+            let cells = [p50, p90, p99, p999, max].map(duration);
             table.row(std::iter::once(name.to_owned()).chain(cells));
         }
     }

@@ -5,80 +5,84 @@ use std::path::PathBuf;
 
 use meissner_engine::Sensor;
 
-use crate::args::{ReadArgs, STATUS, sensor};
+use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, ReadArgs, STATUS, sensor};
 
 /// How it measures, at the end of the long help.
 const METHOD: &str = "\
 What is done:
-  Recordings follow one another round and round; each begins where the one before ended, after a random silence of 1 us to
-  some 9 minutes, so that time goes on for ever. Events are pushed one at a time, as fast as they can be.
-  Disturbances come between events, at random distances, from a shuffled deck: silences; silences in which time is moved
-  on without an event; the state as bytes and a new engine that goes on from them; a snapshot in memory, events that the
-  engine sees and is to forget, and the return to the snapshot; a reset. A prediction after the return of a state has
-  the bits of the one before.
-  Checkpoints: the prediction against the full recomputation over the accepted events since the last reset (of networks
-  with frozen in-edges the last (blocks + 1) x capacity events, which is all that can reach it), bit for bit.
-  Latencies: each push, and each prediction, timed singly. Disturbances and checkpoints are not timed.
-  Memory: what the process has resident behind a checkpoint (Linux only).
+  Recordings follow one another in rounds. Each begins where the one before ended, after a random silence of 1 us to some 9 minutes, so that time always goes on. Events are pushed one at a time, as fast as possible.
+  Disturbances come between events, at random distances, from a shuffled deck: silences; silences in which time is moved on without an event; the state as bytes, and a new engine that goes on from them; a snapshot in memory, events that are to be forgotten, and the return to the snapshot; a reset. A prediction after a state returns has the bits of the one before.
+  Checkpoints: the prediction against the full recomputation over the accepted events since the last reset (of networks with frozen in-edges the last (blocks + 1) x capacity events, which is all that can reach it), bit for bit.
+  Latencies: each push and each prediction is timed by itself. Disturbances and checkpoints are not timed.
+  Memory: what the process has resident after a checkpoint (Linux only).
+
 What is judged:
-  Bits: at every checkpoint and every return. Memory: the median over the last tenth of the checkpoints against the most
-  in the warm-up, which is the first fifth, and more until the largest batch, up to a half; not judged with fewer than 20 checkpoints. A run that breaks either has exit
-  status 1. Latencies are reported as ratios, the last tenth to the first, and not judged: they depend on what else the
-  machine does.
-All but times and memory depends on recordings, network and seed alone.";
+  Bits: at every checkpoint and every return of a state.
+  Memory: the median over the last tenth of the checkpoints against the most in the warm-up. The warm-up is the first fifth, and more until the largest batch, up to a half. With fewer than 20 checkpoints memory is not judged.
+  A run that breaks either has exit status 1. Latencies are reported as ratios of the last tenth to the first, and not judged: they depend on what else the machine does.
+  Everything except times and memory is determined by recordings, network and seed.";
+
+/// What `--json` writes.
+const JSON: &str = "\
+JSON (--json):
+  {\"header\": what ran on what (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null where it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": what is, as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
 
 /// `meissner soak`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{JSON}\n\n{STATUS}"))]
 pub(crate) struct SoakArgs {
-    /// Recordings, one after the other; without any, the small synthetic press and release that the program holds.
+    /// Recordings, one after the other [default: a small built-in recording].
     ///
-    /// Of several sensors the largest extent is taken.
+    /// Of several sensors the largest extent is taken. The built-in recording is a synthetic press and release.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
-    /// Name of a shipped network over events, or a description file (.toml, which needs --weights).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = crate::model::DEFAULT_NETWORK)]
-    pub(super) network: String,
-    /// Weights: safetensors, or a PyTorch state dict. Without it those shipped for the network.
-    #[arg(long, value_name = "FILE")]
-    pub(super) weights: Option<PathBuf>,
-    /// Run weights that were trained on another preparation than the network computes.
-    #[arg(long)]
-    pub(super) ignore_preparation: bool,
-    /// Columns x rows of the sensor in pixels, in place of what the recordings say; events outside it are dropped.
-    #[arg(long, value_name = "WxH", value_parser = sensor)]
+    /// Size of the sensor in pixels, in place of the recordings'.
+    ///
+    /// Events outside the sensor are dropped.
+    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     pub(super) sensor: Option<Sensor>,
     /// How the recordings are read.
     #[command(flatten)]
     pub(super) read: ReadArgs,
-    /// Events in all, such as 1e8; those that are dropped count.
-    #[arg(long, value_name = "N", value_parser = count)]
+    /// Run weights that were trained on another preparation of the input.
+    ///
+    /// Without it, such weights are refused.
+    #[arg(long, help_heading = NETWORK)]
+    pub(super) ignore_preparation: bool,
+    /// Number of events in all, such as 1e8.
+    ///
+    /// Dropped events count.
+    #[arg(long, value_name = "N", value_parser = count, help_heading = INPUT)]
     pub(super) events: u64,
-    /// Events from one checkpoint to the next.
-    #[arg(long, value_name = "N", default_value = "1e6", value_parser = count)]
-    pub(super) checkpoint_every: u64,
-    /// Events from one disturbance to the next, in the mean.
-    #[arg(long, value_name = "N", default_value = "5e4", value_parser = count)]
-    pub(super) disturb_every: u64,
+    /// Name of a shipped network over events, or a description file (.toml).
+    ///
+    /// `meissner networks` lists the shipped networks. A description file needs --weights.
+    #[arg(long, value_name = "NETWORK", default_value = crate::model::DEFAULT_NETWORK, help_heading = NETWORK)]
+    pub(super) network: String,
+    /// Weights [default: those shipped with the network].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved.
+    #[arg(long, value_name = "FILE", help_heading = NETWORK)]
+    pub(super) weights: Option<PathBuf>,
     /// Events from one prediction to the next.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = count)]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = count, help_heading = PREDICTIONS)]
     pub(super) every: u64,
+    /// Events from one checkpoint to the next.
+    #[arg(long, value_name = "N", default_value = "1e6", value_parser = count, help_heading = MEASUREMENT)]
+    pub(super) checkpoint_every: u64,
+    /// Mean number of events from one disturbance to the next.
+    #[arg(long, value_name = "N", default_value = "5e4", value_parser = count, help_heading = MEASUREMENT)]
+    pub(super) disturb_every: u64,
     /// Seed of silences and disturbances.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(super) seed: u64,
-    /// Growth of the resident memory after warm-up that is still flat, in percent.
-    #[arg(long, value_name = "PERCENT", default_value_t = 10)]
+    /// Largest growth of the resident memory after warm-up, in percent.
+    #[arg(long, value_name = "PERCENT", default_value_t = 10, help_heading = MEASUREMENT)]
     pub(super) memory_growth: u32,
     /// Write the results to this file as one JSON object.
     ///
-    /// {"header": what ran on what (docs/json.md), "recordings", "rounds" (recordings begun after the first), "isa", "seed", "every", "events", "accepted", "disturbances": {"silences", "advances", "bytes", "snapshots",
-    /// "resets", "returns_that_differ"}, "first" and "last" (tenth of the checkpoints): {"latency_us": {"push": {"p50", "p90",
-    /// "p99", "p999", "max"}, "predict": the same}, "resident_bytes": median}, "ratio" (last to first): {"push":
-    /// {"p50", "p99"}, "predict": the same}, "memory": {"warm_bytes", "end_bytes", "growth_percent"} or null where it is not
-    /// judged, "peak_resident_bytes", "seconds", "broken": what is, as texts, "checkpoints": [{"events", "t_us", "nodes", "compared"
-    /// (events of the batch), "equal", "bits" (of the prediction, hexadecimal), "latency_us", "resident_bytes",
-    /// "seconds"}]}.
-    #[arg(long, value_name = "FILE")]
+    /// The keys are explained below.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) json: Option<PathBuf>,
 }
 

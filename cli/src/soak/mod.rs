@@ -39,6 +39,7 @@ use crate::progress::Progress;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
 use crate::tell::tell;
+use crate::text::Folded;
 use disturbance::Deck;
 use endless::{Endless, Tape};
 use meissner_models::random::Random;
@@ -56,7 +57,7 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
     if let Some(path) = &args.json {
         output::write(path, output::json(&report)?)?;
     }
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), true);
     table::write(&mut out, &report)?;
     out.flush()?;
     match report.broken.len() {

@@ -30,6 +30,7 @@ pub(crate) use args::StressArgs;
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Tasks;
+use crate::text::Folded;
 use crate::threads;
 use functions::FunctionRow;
 use row::Row;
@@ -124,7 +125,7 @@ pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
         let expected = "a part of the name of a group or case (--list shows them)".to_owned();
         return Err(CliError::Option { option: "--only", expected, found: args.only.join(", ") });
     }
-    let mut out = io::stdout().lock();
+    let mut out = Folded::new(io::stdout().lock(), !args.json && !args.markdown);
     if args.list {
         for Entry { group, case, variant, .. } in &entries {
             writeln!(out, "{group}: {case}: {variant}")?;

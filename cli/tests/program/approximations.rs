@@ -59,11 +59,11 @@ fn an_adapted_network_predicts_alike_in_both_modes_and_unlike_the_exact_one() {
 #[test]
 fn events_that_a_filter_drops_are_counted_by_filter_and_never_enter() {
     for filters in [
-        &["--activity-filter", "1250"][..],
-        &["--refractory", "3000"],
+        &["--activity-filter", "1250us"][..],
+        &["--refractory", "3ms"],
         &["--rate-limit", "5000"],
         &["--stride", "7"],
-        &["--stride", "2", "--rate-limit", "20000", "--activity-filter", "500", "--refractory", "100"],
+        &["--stride", "2", "--rate-limit", "20000", "--activity-filter", "500us", "--refractory", "0.1ms"],
     ] {
         let (_, summary) = run(filters);
         let of_filters = summary["approximations"]["filters"].as_array().expect("filters ran");
@@ -109,13 +109,13 @@ fn a_stale_prediction_stands_with_its_time_until_it_is_too_old() {
     assert_eq!(count(&summary["predictions"]), stale.len() as u64);
     let stood = count(&summary["approximations"]["stale_predictions"]);
     assert_eq!(stood, (stale.len() - stale.len().div_ceil(3)) as u64);
-    let (_, summary) = run(&["--stale-us", "1"]);
+    let (_, summary) = run(&["--stale-time", "1us"]);
     assert_eq!(summary["approximations"]["stale_us"], 1);
 }
 
 #[test]
 fn batch_mode_refuses_what_says_what_may_be_kept() {
-    for option in ["--tolerance=0.1", "--stale-events=5", "--stale-us=5"] {
+    for option in ["--tolerance=0.1", "--stale-events=5", "--stale-time=5us"] {
         let name = option.split('=').next().expect("an option has a name");
         fails(&meissner(&["run", "--mode", "batch", option]), 2, &[name, "--mode incremental", "batch"]);
     }
@@ -130,10 +130,10 @@ fn approximations_that_make_no_sense_are_bad_usage() {
         ["--neighbours", "255"],
         ["--stride", "0"],
         ["--rate-limit", "0"],
-        ["--activity-filter", "0"],
+        ["--activity-filter", "0us"],
         ["--refractory", "-5"],
         ["--stale-events", "0"],
-        ["--stale-us", "0"],
+        ["--stale-time", "0us"],
     ] {
         fails(&meissner(&[&["run"], &options[..]].concat()), 2, &["error: "]);
     }

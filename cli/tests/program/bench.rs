@@ -122,7 +122,7 @@ fn the_shares_of_the_stages_add_up_to_1() {
 
 #[test]
 fn periods_and_misses_are_those_of_the_bins() {
-    let report = &bench(&["--period-us", "500"])["deadline"];
+    let report = &bench(&["--period", "500us"])["deadline"];
     let bins = list(&report["bins"]);
     let sum = |key: &str| bins.iter().map(|bin| count(&bin[key])).sum::<u64>();
     assert_eq!(sum("periods") + count(&report["periods_without_work"]), count(&report["periods"]));
@@ -138,10 +138,10 @@ fn periods_and_misses_are_those_of_the_bins() {
 
 #[test]
 fn a_period_that_no_work_fits_in_is_missed_and_a_second_is_not() {
-    let tight = &bench(&["--period-us", "1"])["deadline"];
+    let tight = &bench(&["--period", "1us"])["deadline"];
     assert!(count(&tight["missed"]) > 0 && number(&tight["excess_max_us"]) > 0.0, "{tight}");
     let (_folder, path) = file("few.csv", "# sensor 8x8\n0,1,1,1\n100,2,2,1\n900,3,3,0\n50000000,3,3,0\n");
-    let arguments = ["bench", argument(&path), "--period-us", "1000000", "--json"];
+    let arguments = ["bench", argument(&path), "--period", "1s", "--json"];
     let wide = &object(&meissner(&arguments))["deadline"];
     assert_eq!((count(&wide["missed"]), number(&wide["excess_max_us"])), (0, 0.0));
     assert_eq!((count(&wide["periods"]), &wide["excess_mean_us"]), (50, &Value::Null));

@@ -96,11 +96,11 @@ fn compute_is_the_sum_of_its_parts_and_the_ratio_that_of_compute() {
 
 #[test]
 fn a_part_of_a_recording_begins_and_ends_where_it_is_asked_to() {
-    let report = compare(PRESSES, &["--from-s", "0.009", "--for-s", "0.1"]);
+    let report = compare(PRESSES, &["--from", "9ms", "--for", "100ms"]);
     assert_eq!((count(&report["events"]), count(&report["moments"])), (2, 3));
     assert_eq!(report["part"], "from 0.009 s on, for 0.1 s");
     let (_folder, path) = file("events.csv", PRESSES);
-    let report = object(&["bench", argument(&path), "--for-s", "0.009", "--json"]);
+    let report = object(&["bench", argument(&path), "--for", "9ms", "--json"]);
     assert_eq!(report["events"], 2);
 }
 
@@ -214,13 +214,13 @@ fn what_does_not_go_together_is_refused_with_what_would() {
         (1, &["--network", "slip-tuned"], "event-counts, signed"),
         (1, &["--compare", "nothing"], "nothing"),
         (2, &["--network", "force-tdnn", "--burst-rate", "9"], "--burst-rate"),
-        (2, &["--network", "force-tdnn", "--every", "5000us"], "10000us"),
-        (2, &["--network", "event-frame-cnn", "--every", "event"], "microseconds"),
+        (2, &["--network", "force-tdnn", "--every", "5000us"], "10ms"),
+        (2, &["--network", "event-frame-cnn", "--every", "event"], "such as 10ms"),
         (2, &["--compare", "event-frame-cnn", "--every", "100"], "--every"),
         (2, &["--compare", "event-frame-cnn", "--svg", "x.svg"], "--svg"),
         (2, &["--compare-weights", "x.safetensors"], "--compare"),
-        (2, &["--from-s=-1"], "--from-s"),
-        (2, &["--for-s", "0"], "--for-s"),
+        (2, &["--from", "1"], "--from"),
+        (2, &["--for", "0s"], "--for"),
     ] {
         let output = meissner(&[&["bench"][..], arguments].concat());
         let message = message(&output);
@@ -235,6 +235,6 @@ fn a_silence_of_years_is_too_many_frames_and_a_part_is_not() {
     let arguments = ["bench", argument(&path), "--compare", "event-frame-cnn", "--json"];
     let output = meissner(&arguments);
     assert_eq!(output.status.code(), Some(2));
-    assert!(message(&output).contains("--for-s"), "{}", message(&output));
-    assert_eq!(object(&[&arguments[..], &["--for-s", "1"]].concat())["moments"], 1);
+    assert!(message(&output).contains("--for "), "{}", message(&output));
+    assert_eq!(object(&[&arguments[..], &["--for", "1s"]].concat())["moments"], 1);
 }

@@ -90,7 +90,7 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
         // Without it, a line of a text is passed over.
         let strict = [path, "--sensor", "240x180", "--strict"];
         folder.stays(&[&["run"], &strict[..]].concat(), &["--save-state"], &[name, place]);
-        let every = [&["run", "--every", "1000us", "--save-every", "1000"], &strict[..]].concat();
+        let every = [&["run", "--every", "1ms", "--save-every", "1ms"], &strict[..]].concat();
         folder.stays(&every, &["--save-state"], &[name, place]);
         folder.stays(&[&["bench"], &strict[..]].concat(), &["--svg"], &[name, place]);
         folder.stays(&["soak", path, "--events", "1000"], &["--json"], &[name, place]);

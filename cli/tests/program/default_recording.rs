@@ -5,7 +5,7 @@ mod scene;
 
 use meissner_io::Format;
 
-use crate::support::{default_recording, meissner, text};
+use crate::support::{default_recording, meissner, words};
 
 #[test]
 fn the_embedded_file_is_what_the_scene_makes() {
@@ -30,12 +30,12 @@ fn it_presses_and_releases() {
 fn without_arguments_it_runs_is_labelled_synthetic_and_the_weights_say_what_they_are() {
     let output = meissner(&["run"]);
     assert!(output.status.success());
-    let text = text(&output);
+    let text = words(&output);
     for expected in [
         "synthetic",
         "EVT3, 240x180 pixels",
-        "network      graphres on 240x180 pixels, weights drawn from a seed: predictions mean nothing",
-        "weights      shipped with the network",
+        "network graphres on 240x180 pixels, weights drawn from a seed: predictions mean nothing",
+        "weights shipped with the network",
         "roll (rad)",
         "latency (us)",
         "p99.9",

@@ -38,7 +38,7 @@ fn every_shipped_network_predicts_alike_in_both_modes_whenever_it_is_read() {
 fn they_agree_where_the_window_is_short_or_full() {
     for network in INCREMENTAL {
         let (_, summary) =
-            both(&["--network", network, "--limit", "8000", "--span-us", "7000", "--every", "5000us"]);
+            both(&["--network", network, "--limit", "8000", "--span", "7ms", "--every", "5000us"]);
         assert!(summary["skips"]["events_expired"].as_u64() > Some(5_000));
         let (_, summary) =
             both(&["--network", network, "--limit", "8000", "--capacity", "700", "--every", "500"]);

@@ -119,7 +119,7 @@ fn a_batch_gives_what_the_engine_gives() {
         let paths = paths(&runs);
         let run = |mode: &str| {
             let logits = runs.path().join(mode);
-            let more = ["--mode", mode, "--every-us", "7000", "--logits", argument(&logits)];
+            let more = ["--mode", mode, "--every", "7ms", "--logits", argument(&logits)];
             let report = report(&[&arguments(&data, &paths)[..], &more].concat());
             assert_eq!(report["mode"], mode);
             (report["networks"].clone(), std::fs::read(&logits).expect("it was written"))
@@ -276,7 +276,7 @@ fn what_cannot_be_judged_is_bad_input_or_bad_usage() {
     fails(&eval(&other), 1, &["no/such/folder: expected a folder", "train, test"]);
     fails(&eval(&[path, "--network", "tactigraph"]), 1, &["tactigraph", "roll, pitch"]);
     fails(&eval(&[path, "--network", "slip-lstm"]), 1, &["slip-lstm", "a network over events"]);
-    fails(&eval(&[path, "--network", "digitless"]), 1, &["digitless", "graphres"]);
+    fails(&eval(&[path, "--network", "digitless"]), 1, &["digitless", "`meissner networks`"]);
     fails(&eval(&[&[path], &network[..]].concat()), 2, &["own", "--trainings DIR"]);
     fails(&eval(&[&own[..], &network].concat()), 2, &["--network", "each network once"]);
     let (second, _) = runs.network(&small("second", &[]));

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::exit_status::fails;
 use crate::shared_files::shared;
 use crate::slip_data::{CLASSES, SlipFolder, class, outputs};
-use crate::support::{argument, meissner, message, text};
+use crate::support::{argument, meissner, message, text, words};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
@@ -98,7 +98,7 @@ fn the_text_shows_every_table_with_the_figures_of_others() {
     let data = SlipFolder::new();
     let output = meissner(&["eval", "slip", argument(data.path()), "--network", "slip-lstm"]);
     assert!(output.status.success(), "{}", message(&output));
-    let text = text(&output);
+    let text = words(&output);
     for expected in [
         "28 recordings",
         "trained on the Basic objects of biotac_dos, seed 0",

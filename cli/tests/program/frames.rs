@@ -67,18 +67,18 @@ fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
     let event_graph = ["--no-skip", "--convolution=direct", "--threads=1", "--overlay=o", "--hold=3"];
     let event_frames = [
         "--mode=batch",
-        "--span-us=5",
+        "--span=5us",
         "--capacity=5",
         "--overlay=o",
         "--reference=r.png",
         "--sampling=2",
         "--neighbours=3",
-        "--activity-filter=5",
-        "--stale-us=5",
+        "--activity-filter=5us",
+        "--stale-time=5us",
     ];
     let electrodes = [
         "--mode=batch",
-        "--span-us=5",
+        "--span=5us",
         "--every=end",
         "--late=clamp",
         "--sensor=3x3",
@@ -91,7 +91,7 @@ fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
         "--every=event",
         "--sensor=3x3",
         "--least-probability=1",
-        "--refractory=5",
+        "--refractory=5us",
         "--stride=2",
     ];
     for (network, options) in [

@@ -123,7 +123,7 @@ fn predictions_follow_every_frame_some_frames_or_the_last() {
     for every in ["15000us", "event", "7"] {
         let arguments =
             ["run", argument(&path), "--sensor", "120x120", "--network", "force-lstm", "--every", every];
-        fails(&meissner(&arguments), 2, &["--every", "10000us", "force-lstm"]);
+        fails(&meissner(&arguments), 2, &["--every", "10ms", "force-lstm"]);
     }
 }
 

@@ -5,7 +5,7 @@ use std::process::{Child, ChildStdin, Stdio};
 
 use serde_json::Value;
 
-use crate::support::{command, lines, meissner_reading};
+use crate::support::{command, lines, meissner_reading, message};
 
 /// The program at work, its standard input, and the lines of its standard output.
 fn piped(arguments: &[&str]) -> (Child, ChildStdin, impl Iterator<Item = String> + use<>) {
@@ -148,6 +148,6 @@ fn a_closed_pipe_ends_the_program_quietly() {
         drop(output);
         let output = child.wait_with_output().expect("the program ends");
         assert_eq!(output.status.code(), Some(0));
-        assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+        assert_eq!(message(&output), "");
     }
 }

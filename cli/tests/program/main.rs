@@ -44,3 +44,4 @@ mod slip_views;
 mod soak;
 mod stress;
 mod support;
+mod widths;

@@ -77,7 +77,7 @@ fn inspect_shows_every_layer_of_every_shipped_frame_network() {
     for name in FrameDescription::shipped_names() {
         let description = FrameDescription::shipped(name).expect("it is shipped");
         let table = text(&meissner(&["inspect", name]));
-        assert_eq!(table.trim_end(), description.to_table());
+        assert!(table.split_whitespace().eq(description.to_table().split_whitespace()));
         assert_eq!(text(&meissner(&["inspect", name, "--dot"])), description.to_dot());
         let json: serde_json::Value =
             serde_json::from_slice(&meissner(&["inspect", name, "--json"]).stdout).expect("it is JSON");
@@ -87,17 +87,36 @@ fn inspect_shows_every_layer_of_every_shipped_frame_network() {
 }
 
 #[test]
-fn an_unknown_network_is_answered_with_all_names() {
-    let output = meissner(&["inspect", "graphless"]);
-    let message = String::from_utf8(output.stderr).expect("text");
-    assert!(AnyDescription::shipped_names().all(|name| message.contains(name)), "{message}");
+fn an_unknown_network_is_answered_with_the_nearest_name_and_where_all_are_listed() {
+    let message = crate::support::message(&meissner(&["inspect", "tactigraf"]));
+    assert!(message.contains("did you mean tactigraph?"), "{message}");
+    assert!(message.contains("`meissner networks`"), "{message}");
 }
 
 #[test]
-fn inspect_draws_to_a_file() {
+fn networks_lists_every_shipped_network_with_what_it_reads_and_predicts() {
+    let output = meissner(&["networks"]);
+    let text = crate::support::text(&output);
+    assert!(output.status.success() && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let json = meissner(&["networks", "--json"]).stdout;
+    let json: Vec<serde_json::Value> = serde_json::from_slice(&json).expect("it is a JSON array");
+    let names: Vec<&str> = json.iter().filter_map(|entry| entry["name"].as_str()).collect();
+    assert!(AnyDescription::shipped_names().eq(names.iter().copied()));
+    assert!(names.iter().all(|name| text.contains(name)), "{text}");
+    let of = |name: &str| json.iter().find(|entry| entry["name"] == name).expect("it is listed");
+    let tactigraph = of("tactigraph");
+    assert_eq!(tactigraph["outputs"], serde_json::json!(["roll", "pitch"]));
+    assert_eq!((&tactigraph["unit"], &tactigraph["trained"]), (&"rad".into(), &false.into()));
+    assert_eq!(of("digits-past")["sensor"], serde_json::json!([34, 34]));
+    assert_eq!((&of("digits-past")["trained"], &of("canf")["input"]), (&true.into(), &"pictures".into()));
+}
+
+#[test]
+fn inspect_draws_to_a_file_and_says_so() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let path = folder.path().join("graphres.svg");
     let output = meissner(&["inspect", "graphres", "--svg", crate::support::argument(&path)]);
     assert!(output.status.success() && output.stdout.is_empty());
+    assert_eq!(crate::support::message(&output), format!("wrote {}\n", path.display()));
     assert!(std::fs::read_to_string(&path).expect("it was written").starts_with("<svg"));
 }

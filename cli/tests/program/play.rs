@@ -114,13 +114,15 @@ fn people_see_states_and_a_table() {
     let text = text(&output);
     assert!(output.status.success(), "{}", message(&output));
     for word in [
-        "waited (us)",
+        "waited us",
         "reports      ",
         "queue        drop oldest: ",
         "verified     the last prediction equals",
     ] {
         assert!(text.contains(word), "{word}: {text}");
     }
+    let report = text.lines().find(|line| line.starts_with("   10.000")).expect("a report at 10 ms");
+    assert_eq!(report.split_whitespace().count(), 7, "a report fits one line: {report}");
 }
 
 #[test]
@@ -128,11 +130,11 @@ fn what_has_no_time_or_no_batch_is_refused_as_usage() {
     for (arguments, named) in [
         (&["play", "-", "--sensor", "8x8"][..], "INPUT"),
         (&["play", "--verify", "--tolerance", "0.1"], "--tolerance"),
-        (&["play", "--verify", "--stale-us", "100"], "--stale-us"),
+        (&["play", "--verify", "--stale-time", "100us"], "--stale-time"),
         (&["play", "--overload", "thin:0"], "thin:4"),
         (&["play", "--queue", "0"], "--queue"),
-        (&["play", "--deadline", "5"], "10ms"),
-        (&["play", "--report-every", "0ms"], "above 0"),
+        (&["play", "--deadline", "5"], "500us, 1.5ms or 2s"),
+        (&["play", "--report-every", "0ms"], "from 1us"),
         (&["play", "--speed", "0"], "0.000001"),
     ] {
         let output = meissner(arguments);

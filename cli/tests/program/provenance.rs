@@ -9,7 +9,9 @@ use serde_json::Value;
 
 use super::digits_data::{DigitsFolder, Runs, digits, said, small};
 use crate::shared_files::shared;
-use crate::support::{argument, bits, default_recording, file, headed_lines, lines, meissner, message, text};
+use crate::support::{
+    argument, bits, default_recording, file, headed_lines, lines, meissner, message, text, words,
+};
 
 /// Weights of `name` that say these things about themselves, as a file.
 fn weights(name: &str, remarks: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
@@ -59,7 +61,7 @@ fn weights_of_another_preparation_are_refused_and_run_only_where_told_to_with_ev
         assert!(header["warnings"].to_string().contains("not those that they were trained for"), "{header}");
     }
     let people = meissner(&[&["run", "--limit", "300", "--ignore-preparation"], &network[..]].concat());
-    assert!(text(&people).contains("trained, on another preparation"), "{}", text(&people));
+    assert!(words(&people).contains("trained, on another preparation"), "{}", text(&people));
 }
 
 #[test]
@@ -208,9 +210,9 @@ fn classes_have_names_and_probabilities_and_lines_fit_in_80_columns() {
 
 #[test]
 fn weights_from_a_seed_are_said_to_mean_nothing() {
-    let people = text(&meissner(&["run", "--limit", "100"]));
+    let people = words(&meissner(&["run", "--limit", "100"]));
     assert!(people.contains("drawn from a seed: predictions mean nothing"), "{people}");
-    let digits = text(&meissner(&["run", "--limit", "100", "--network", "digits-past"]));
+    let digits = words(&meissner(&["run", "--limit", "100", "--network", "digits-past"]));
     assert!(
         digits.contains("weights trained, on every 2 events one") && !digits.contains("seed: predictions"),
         "{digits}"

@@ -70,8 +70,7 @@ fn two_halves_of_a_recording_print_what_one_run_prints() {
     for (cut, every) in [(1, "event"), (150, "7"), (151, "2500us"), (222, "90000us"), (399, "1000us")] {
         let folder = recordings(cut);
         for network in INCREMENTAL {
-            let own =
-                ["run", "INPUT", "--network", network, "--every", every, "--span-us", "20000", "--json"];
+            let own = ["run", "INPUT", "--network", network, "--every", every, "--span", "20ms", "--json"];
             for more in [&[][..], &["--tolerance", "0.05"]] {
                 let arguments: Vec<String> = own.iter().chain(more).map(ToString::to_string).collect();
                 let (parts, whole) = halves(folder.path(), &arguments);
@@ -141,7 +140,7 @@ fn a_state_is_written_as_time_passes() {
         let own = ["run", &path(input), "--network", "tactigraph-past", "--every", "event", "--json"];
         lines(&meissner(&[&own, more].concat())).0
     };
-    run("first", &["--save-state", &state, "--save-every", "5000"]);
+    run("first", &["--save-state", &state, "--save-every", "5ms"]);
     let first = std::fs::read(&state).expect("it was written");
     // Over the same events again all but those at the last time are late.
     assert!(run("first", &["--resume", &state, "--save-state", &state]).len() < 4);
@@ -193,11 +192,11 @@ fn a_state_of_what_has_none_is_bad_usage() {
     for more in [
         &["--save-state", "s", "--mode", "batch"][..],
         &["--resume", "s", "--stride", "2"],
-        &["--save-state", "s", "--stale-us", "100"],
+        &["--save-state", "s", "--stale-time", "100us"],
         &["--save-state", "s", "--network", "canf"],
         &["--resume", "s", "--network", "slip-lstm"],
-        &["--save-every", "100"],
-        &["--save-state", "s", "--save-every", "0"],
+        &["--save-every", "100us"],
+        &["--save-state", "s", "--save-every", "0us"],
     ] {
         let output = meissner(&[&["run"], more].concat());
         assert_eq!(output.status.code(), Some(2), "{more:?}");

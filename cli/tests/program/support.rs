@@ -38,14 +38,21 @@ pub(crate) fn meissner_reading(arguments: &[&str], input: &str) -> Output {
     child.wait_with_output().expect("the program ends")
 }
 
-/// Standard error as text.
+/// Standard error as text, without what a program that is built without optimisation says of itself.
 pub(crate) fn message(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    let text = String::from_utf8_lossy(&output.stderr);
+    let is_said = |line: &&str| !line.starts_with("note: this program was built without optimisation");
+    text.split_inclusive('\n').filter(is_said).collect()
 }
 
 /// Standard output as text.
 pub(crate) fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Standard output with one blank between words, however its lines are folded.
+pub(crate) fn words(output: &Output) -> String {
+    text(output).split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// The lines of a successful run with `--json`: the predictions, and the summary.

@@ -106,7 +106,11 @@ pub(super) fn kind(layer: &Layer) -> String {
     }
 }
 
-/// Writes headings and rows in columns as wide as they must be.
+/// Columns of a terminal that people can count on.
+const WIDTH: usize = 80;
+
+/// Writes headings and rows in columns as wide as they must be; where they are wider than a terminal, the columns stand in
+/// several tables, each with the first column, and with an empty line between them.
 pub(super) fn aligned<const N: usize>(
     headings: [&str; N],
     rows: impl Iterator<Item = [String; N]>,
@@ -116,10 +120,27 @@ pub(super) fn aligned<const N: usize>(
     let widths: [usize; N] = std::array::from_fn(|column| {
         lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
     });
-    for line in &lines {
-        let padded: Vec<String> =
-            line.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
-        writeln!(f, "{}", padded.join("  ").trim_end())?;
+    let mut blocks: Vec<Vec<usize>> = Vec::new();
+    let mut taken = 0;
+    for column in 1..N {
+        match blocks.last_mut() {
+            Some(block) if taken + 2 + widths[column] <= WIDTH => block.push(column),
+            _ => {
+                blocks.push(vec![column]);
+                taken = widths[0];
+            }
+        }
+        taken += 2 + widths[column];
+    }
+    for (number, block) in blocks.iter().enumerate() {
+        if number > 0 {
+            writeln!(f)?;
+        }
+        for line in &lines {
+            let cells = std::iter::once(&0).chain(block);
+            let padded: Vec<String> = cells.map(|&c| format!("{:<1$}", line[c], widths[c])).collect();
+            writeln!(f, "{}", padded.join("  ").trim_end())?;
+        }
     }
     Ok(())
 }

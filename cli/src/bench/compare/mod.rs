@@ -29,6 +29,7 @@ use crate::lost::Lost;
 use crate::model::Model;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
+use crate::text::Folded;
 use report::{Comparison, Ratios};
 use ways::{Predictions, Ways};
 
@@ -62,7 +63,7 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     }
     let counters = moments.counters;
     let ways = fastest.report(moments.stream_s());
-    let part = Part { from_us: args.from_s, for_us: args.for_s };
+    let part = Part { from_us: args.from_us, for_us: args.for_us };
     let lost = Lost { events: counters, sensor, outside_crop: fastest.outside, lines_refused };
     let report = Comparison {
         warnings: lost.warn(&recording),
@@ -93,7 +94,7 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
         predictions_that_differ: whole.that_differ(&skipping),
         peak_resident_bytes: memory::peak_resident_bytes(),
     };
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     if args.json {
         serde_json::to_writer(&mut out, &report).map_err(io::Error::from)?;
         writeln!(out)?;

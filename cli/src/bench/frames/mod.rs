@@ -29,6 +29,7 @@ use crate::error::CliError;
 use crate::lost::Lost;
 use crate::provenance::{Header, InputCard};
 use crate::source::Source;
+use crate::text::Folded;
 use report::{FrameReport, WayReport};
 
 /// Most frames of a warm-up: with a slow network they would take longer than they help.
@@ -78,7 +79,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let ((skipping, passed), (everything, _)) = (skipping?, everything?);
 
     let counters = moments.counters;
-    let part = Part { from_us: args.from_s, for_us: args.for_s };
+    let part = Part { from_us: args.from_us, for_us: args.for_us };
     let lost = Lost { events: counters, sensor, outside_crop: passed.outside, lines_refused };
     let report = FrameReport {
         warnings: lost.warn(&recording),
@@ -108,7 +109,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
         peak_resident_bytes: memory::peak_resident_bytes(),
         deadline: works.report(),
     };
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     if args.json {
         serde_json::to_writer(&mut out, &report).map_err(io::Error::from)?;
         writeln!(out)?;
@@ -123,10 +124,10 @@ fn check(args: &BenchArgs) -> Result<(), CliError> {
     let approximations = &args.input.approximations;
     let given = [
         ("--tolerance", approximations.tolerance.is_some()),
-        ("--span-us", args.input.span_us.is_some()),
+        ("--span", args.input.span_us.is_some()),
         ("--capacity", args.input.capacity.is_some()),
         ("--burst-rate", args.burst_rate.is_some()),
-        ("--period-us", args.period_us.is_some()),
+        ("--period", args.period_us.is_some()),
         ("--svg", args.svg.is_some()),
         ("--compare", args.compare.is_some()),
     ];

@@ -10,7 +10,7 @@ use meissner_models::description::frames::{CropPlace, SignedTiming};
 use meissner_models::{FrameDescription, FrameSource};
 
 use super::super::moments::End;
-use crate::args::Every;
+use crate::args::{Every, time};
 use crate::error::CliError;
 use crate::frame_feed::FrameFeed;
 use crate::layer_cost::LayerCost;
@@ -88,15 +88,12 @@ impl FrameModel {
             (Some(Every::StreamUs(asked_us)), Some(windows_us)) if asked_us == windows_us => asked_us,
             (Some(every), windows_us) => {
                 let expected = windows_us.map_or_else(
-                    || "microseconds from frame to frame, such as 10000us".to_owned(),
-                    |us| format!("{us}us, the length of the windows of {}", self.network.name()),
+                    || "the time from frame to frame, such as 10ms".to_owned(),
+                    |us| {
+                        format!("{}, the length of the windows of {}", time::display(us), self.network.name())
+                    },
                 );
-                let found = match every {
-                    Every::Events(1) => "event".to_owned(),
-                    Every::Events(events) => events.to_string(),
-                    Every::StreamUs(us) => format!("{us}us"),
-                    Every::End => "end".to_owned(),
-                };
+                let found = every.to_string();
                 return Err(CliError::Option { option: "--every", expected, found });
             }
         };

@@ -34,6 +34,7 @@ use crate::output;
 use crate::provenance::{Header, InputCard};
 use crate::source::is_stdin;
 use crate::tell::tell;
+use crate::text::Folded;
 use crate::threads;
 pub(super) use args::DigitsArgs;
 use judge::Judge;
@@ -110,7 +111,7 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
     if let Some(path) = &args.logits {
         output::write(path, logits_file(&data, &logits))?;
     }
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json.as_deref().is_some_and(is_stdin));
     match &args.json {
         Some(path) if is_stdin(path) => out.write_all(&output::json(&report)?)?,
         path => {

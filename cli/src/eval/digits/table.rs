@@ -39,7 +39,7 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
     against_time(out, report, &judged)?;
     for (name, judged) in &judged {
         writeln!(out, "\n{name}: true class by row, predicted by column, percent of the row")?;
-        confusion(out, &CLASSES, "recordings", &judged.confusion)?;
+        confusion(out, &CLASSES, "recordings", &judged.confusion, judged.trainings)?;
     }
     Ok(())
 }

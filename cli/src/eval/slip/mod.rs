@@ -26,6 +26,7 @@ use crate::provenance::{Header, InputCard};
 use crate::slip::{SlipData, candidates};
 use crate::source::is_stdin;
 use crate::tell::tell;
+use crate::text::Folded;
 use crate::threads::pool;
 pub(super) use args::SlipArgs;
 use judge::Judge;
@@ -72,7 +73,7 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     if let Some(path) = &args.logits {
         output::write(path, logits_file(&logits))?;
     }
-    let mut out = BufWriter::new(stdout().lock());
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json.as_deref().is_some_and(is_stdin));
     match &args.json {
         Some(path) if is_stdin(path) => out.write_all(&json(&report)?)?,
         path => {

@@ -111,7 +111,7 @@ fn confusions(out: &mut impl Write, report: &Report) -> io::Result<()> {
                 "\n{} on {}: true class by row, predicted by column, percent of the row",
                 network.network, on.set
             )?;
-            confusion(out, &CLASSES, "windows", &on.judged.confusion)?;
+            confusion(out, &CLASSES, "windows", &on.judged.confusion, on.judged.trainings)?;
         }
     }
     Ok(())

@@ -85,9 +85,9 @@ impl Axes {
         self.times(svg)?;
         let wrong_answers = || {
             let of = report.networks.iter().flat_map(|network| &network.exact().measurement.task).next();
-            format!("wrong answers, {} (%; bars: 95 % interval)", of.map_or("", |task| task.of.as_str()))
+            (report.error_name(), format!("{}; bars: 95 % interval", of.map_or("", |task| task.of.as_str())))
         };
-        let title = match self.y {
+        let (title, about) = match self.y {
             Scale::Linear(low, high) => {
                 self.shares(svg, low, high)?;
                 wrong_answers()
@@ -98,7 +98,7 @@ impl Axes {
             }
             Scale::Logarithmic(low, high) => {
                 self.powers(svg, low, high)?;
-                "RMS error, as a share of the exact outputs' RMS".to_owned()
+                (report.error_name(), "against the exact outputs, as a share of their RMS".to_owned())
             }
         };
         let (middle, centre) =
@@ -106,15 +106,18 @@ impl Axes {
         writeln!(
             svg,
             "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#777777\"/>\n\
-             <text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">time per {}, push + predict (microseconds)</text>\n\
-             <text transform=\"translate(26 {centre}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+             <text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n\
+             <text transform=\"translate(20 {centre}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n\
+             <text transform=\"translate(38 {centre}) rotate(-90)\" text-anchor=\"middle\" font-size=\"11\" \
+             fill=\"#555555\">{}</text>",
             FIELD.left,
             FIELD.top,
             FIELD.right - FIELD.left,
             FIELD.bottom - FIELD.top,
             FIELD.bottom + 44.0,
-            report.unit,
-            svg::escaped(&title)
+            report.time_name(),
+            svg::escaped(title),
+            svg::escaped(&about)
         )
     }
 

@@ -1,7 +1,7 @@
 //! Places for labels beside points, so that no label covers another.
 //!
 //! Enters: points with the widths of their labels, and what else should stay free. Leaves: a box for each label, as near to
-//! its point as there is room, in the order of the points; none where the field is full.
+//! its point as there is room, in the order of the points; none where no place is free.
 
 /// Height of a label.
 pub(super) const HEIGHT: f64 = 15.0;
@@ -57,7 +57,7 @@ impl Area {
     }
 }
 
-/// A box inside `field` for the label of each of `points` (place, width), free of `obstacles` where that can be.
+/// A box inside `field` for the label of each of `points` (place, width), free of `obstacles`.
 pub(super) fn place(points: &[((f64, f64), f64)], obstacles: &[Area], field: &Area) -> Vec<Option<Area>> {
     let mut placed: Vec<Option<Area>> = Vec::new();
     let mut lines: Vec<[(f64, f64); SAMPLES]> = Vec::new();
@@ -70,7 +70,7 @@ pub(super) fn place(points: &[((f64, f64), f64)], obstacles: &[Area], field: &Ar
                 && !lines.iter().flatten().any(|&at| area.holds(at))
         };
         let is_free = |area: &Area| fits(area) && !obstacles.iter().any(|obstacle| obstacle.overlaps(area));
-        let found = candidates(point, width).find(is_free).or_else(|| candidates(point, width).find(fits));
+        let found = candidates(point, width).find(is_free);
         lines.extend(found.map(|area| line(point, &area)));
         placed.push(found);
     }

@@ -1,17 +1,20 @@
 //! The results as a drawing: time against error, every setting a point, the front a line with its points named.
 //!
-//! A network has a colour and a shape. Points on the front are filled and named, and the exact ones are named wherever they
-//! are; others are hollow, and have their name as a title that a viewer shows.
+//! A network has a colour, a shape and a size. Points on the front are filled and named, and the exact ones are named
+//! wherever they are; others are hollow, and have their name as a title that a viewer shows. Networks are drawn from the
+//! largest shape to the smallest: where points meet, every colour is seen. Names keep off points, steps and error bars.
 
 mod axes;
 mod labels;
+#[cfg(test)]
+mod tests;
 
 use std::fmt::{self, Write};
 
 use super::measurement::EXACT;
 use super::report::{Compared, NetworkReport, Report, SettingReport};
 use crate::svg::{self, COLOURS};
-use crate::text::{grouped, percent};
+use crate::text::grouped;
 use axes::{Axes, FIELD};
 use labels::Area;
 
@@ -19,10 +22,16 @@ use labels::Area;
 const SIZE: (f64, f64) = (1180.0, 704.0);
 /// Width of a character of a label, with some room.
 const CHARACTER: f64 = 7.0;
-/// Reach of a point's shape, and of what labels stay away from.
-const REACH: f64 = 5.0;
+/// Reach of a point's shape: that of the first network, and that of the last of several.
+const REACH: (f64, f64) = (6.5, 3.5);
+/// Half of the width of an error bar.
+const CAP: f64 = 3.0;
 /// A label that is farther than this from its point has a line to it.
 const NEAR: f64 = 9.0;
+
+/// Height of a line of the key, and names beside each other in it.
+const KEY_LINE: f64 = 16.0;
+const KEY_COLUMNS: usize = 2;
 
 /// A setting in the drawing.
 struct Point<'a> {
@@ -51,24 +60,27 @@ fn draw(svg: &mut String, report: &Report) -> fmt::Result {
         report.repeats,
         report.isa
     );
-    svg::head(svg, SIZE, FIELD.left, &format!("Run time against error: {}", report.system), &about)?;
-    legend(svg, &report.networks)?;
     let axes = Axes::around(report);
-    axes.write(svg, report)?;
     let points = points(report, &axes);
     let fronts = fronts(report, &points);
+    let names = Names::new(report, &points, &fronts, &axes);
+    let size = (SIZE.0, SIZE.1 + names.key_height());
+    svg::head(svg, size, FIELD.left, &format!("Run time against error: {}", report.system), &about)?;
+    legend(svg, &report.networks)?;
+    axes.write(svg, report)?;
     for (places, colour) in &fronts {
         line(svg, places, colour)?;
     }
     for point in &points {
         interval(svg, point, &axes)?;
     }
-    for first in [false, true] {
-        for point in points.iter().filter(|point| point.setting.on_front == first) {
-            marker(svg, point, &report.networks[point.network].network)?;
+    for network in 0..report.networks.len() {
+        for on_front in [false, true] {
+            let of = |point: &&Point<'_>| point.network == network && point.setting.on_front == on_front;
+            points.iter().filter(of).try_for_each(|point| marker(svg, point, report))?;
         }
     }
-    names(svg, report, &points, &fronts)?;
+    names.write(svg)?;
     writeln!(svg, "</svg>")
 }
 
@@ -84,6 +96,15 @@ fn points<'a>(report: &'a Report, axes: &Axes) -> Vec<Point<'a>> {
     report.networks.iter().enumerate().flat_map(of).collect()
 }
 
+/// Reach of the shape of the network at this place among so many.
+fn reach(network: usize, networks: usize) -> f64 {
+    let (first, last) = REACH;
+    match networks {
+        0 | 1 => f64::midpoint(first, last),
+        _ => first - (first - last) * network as f64 / (networks - 1) as f64,
+    }
+}
+
 fn colour(network: usize) -> &'static str {
     COLOURS[network % COLOURS.len()]
 }
@@ -93,7 +114,7 @@ fn legend(svg: &mut String, networks: &[NetworkReport]) -> fmt::Result {
     let mut x = FIELD.left + 6.0;
     for (place, network) in networks.iter().enumerate() {
         let name = svg::escaped(&network.network);
-        shape(svg, place, (x, Y - 4.5), "", true)?;
+        shape(svg, place, reach(place, networks.len()), (x, Y - 4.5), "", true)?;
         writeln!(svg, "<text x=\"{:.1}\" y=\"{Y}\">{name}</text>", x + 11.0)?;
         x += 36.0 + 7.5 * network.network.chars().count() as f64;
     }
@@ -135,30 +156,47 @@ fn line(svg: &mut String, places: &[(f64, f64)], colour: &str) -> fmt::Result {
     )
 }
 
+/// What the error bar of a point covers.
+fn bar(point: &Point<'_>, axes: &Axes) -> Option<Area> {
+    let (low, high) = point.setting.interval_95?;
+    let x = point.at.0;
+    Some(Area { left: x - CAP, top: axes.y(high), right: x + CAP, bottom: axes.y(low) })
+}
+
 fn interval(svg: &mut String, point: &Point<'_>, axes: &Axes) -> fmt::Result {
-    let Some((low, high)) = point.setting.interval_95 else { return Ok(()) };
-    let (x, top, bottom) = (point.at.0, axes.y(high), axes.y(low));
+    let Some(Area { left, top, bottom, .. }) = bar(point, axes) else { return Ok(()) };
     let opacity = if point.setting.on_front { "0.7" } else { "0.2" };
     writeln!(
         svg,
-        "<path d=\"M{:.1} {top:.1}h6m-3 0V{bottom:.1}m-3 0h6\" fill=\"none\" stroke=\"{}\" stroke-opacity=\"{opacity}\"/>",
-        x - 3.0,
+        "<path d=\"M{left:.1} {top:.1}h6m-3 0V{bottom:.1}m-3 0h6\" fill=\"none\" stroke=\"{}\" stroke-opacity=\"{opacity}\"/>",
         colour(point.network)
     )
 }
 
-fn marker(svg: &mut String, point: &Point<'_>, network: &str) -> fmt::Result {
-    let setting = point.setting;
+fn marker(svg: &mut String, point: &Point<'_>, report: &Report) -> fmt::Result {
+    let (setting, networks) = (point.setting, &report.networks);
     let title = format!(
-        "{network}, {}: {:.2} us, {:.2} times as fast, error {:.2e}",
-        setting.setting, setting.us, setting.speed_up, setting.error
+        "{}, {}: {} {}, {:.2} times as fast, {} {}",
+        networks[point.network].network,
+        setting.setting,
+        report.time_name(),
+        setting.time_text(),
+        setting.speed_up,
+        report.error_name(),
+        setting.error_text(report.compared)
     );
-    shape(svg, point.network, point.at, &title, setting.on_front)
+    shape(svg, point.network, reach(point.network, networks.len()), point.at, &title, setting.on_front)
 }
 
 /// The shape of a network.
-fn shape(svg: &mut String, network: usize, (x, y): (f64, f64), title: &str, filled: bool) -> fmt::Result {
-    let r = REACH;
+fn shape(
+    svg: &mut String,
+    network: usize,
+    r: f64,
+    (x, y): (f64, f64),
+    title: &str,
+    filled: bool,
+) -> fmt::Result {
     let path = match network % 5 {
         0 => format!("M{:.1} {y:.1}a{r} {r} 0 1 0 {} 0a{r} {r} 0 1 0 {} 0z", x - r, 2.0 * r, -2.0 * r),
         1 => format!("M{:.1} {:.1}h{}v{}h{}z", x - r, y - r, 2.0 * r, 2.0 * r, -2.0 * r),
@@ -177,55 +215,103 @@ fn shape(svg: &mut String, network: usize, (x, y): (f64, f64), title: &str, fill
 }
 
 /// The names of the points on the front, and of the exact ones.
-fn names(svg: &mut String, report: &Report, points: &[Point<'_>], fronts: &[Front]) -> fmt::Result {
-    let mut named: Vec<&Point<'_>> =
-        points.iter().filter(|point| point.setting.on_front || point.setting.setting == EXACT).collect();
-    named.sort_by(|a, b| a.at.0.total_cmp(&b.at.0));
-    let text = |point: &Point<'_>| {
-        let setting = point.setting;
-        let mut text = setting.setting.clone();
-        if text == EXACT && report.networks.len() > 1 {
-            text = format!("{text} {}", report.networks[point.network].network);
+struct Names {
+    /// Of each name its point, its text, and the box of its label.
+    all: Vec<((f64, f64), String, Option<Area>)>,
+    /// Whether labels are numbers, and the names stand in a key below the field: there is no room for them in it.
+    numbered: bool,
+}
+
+impl Names {
+    fn new(report: &Report, points: &[Point<'_>], fronts: &[Front], axes: &Axes) -> Self {
+        let is_named = |point: &&Point<'_>| point.setting.on_front || point.setting.setting == EXACT;
+        let mut named: Vec<&Point<'_>> = points.iter().filter(is_named).collect();
+        named.sort_by(|a, b| a.at.0.total_cmp(&b.at.0));
+        let text = |point: &&Point<'_>| {
+            let setting = point.setting;
+            let mut text = setting.setting.clone();
+            if report.networks.len() > 1 {
+                text = format!("{}, {text}", report.networks[point.network].network);
+            }
+            if setting.interval_95.is_some() {
+                text = format!("{text}, {} %", setting.error_text(report.compared));
+            }
+            text
+        };
+        let texts: Vec<String> = named.iter().map(text).collect();
+        let count = report.networks.len();
+        let shapes = points.iter().map(|point| Area::around(point.at, reach(point.network, count) + 1.0));
+        let bars = points.iter().filter_map(|point| bar(point, axes));
+        let ends = fronts.iter().flat_map(|(places, _)| places.windows(2));
+        let steps = ends.map(|ends| Area::between(ends[0], ends[1]));
+        let obstacles: Vec<Area> = shapes.chain(bars).chain(steps).collect();
+        let place = |width: &dyn Fn(usize) -> f64| {
+            let wanted: Vec<_> = named.iter().enumerate().map(|(i, point)| (point.at, width(i))).collect();
+            labels::place(&wanted, &obstacles, &FIELD)
+        };
+        let width = |text: &str| CHARACTER * text.chars().count() as f64 + 4.0;
+        let mut placed = place(&|i| width(&texts[i]));
+        let numbered = placed.iter().any(Option::is_none);
+        if numbered {
+            placed = place(&|i| width(&(i + 1).to_string()));
         }
-        if setting.interval_95.is_some() {
-            text = format!("{text}, {} %", percent(setting.error));
+        let places = named.iter().map(|point| point.at);
+        Self {
+            all: places.zip(texts).zip(placed).map(|((at, text), area)| (at, text, area)).collect(),
+            numbered,
         }
-        text
-    };
-    let texts: Vec<String> = named.iter().map(|point| text(point)).collect();
-    let wanted: Vec<((f64, f64), f64)> = named
-        .iter()
-        .zip(&texts)
-        .map(|(point, text)| (point.at, CHARACTER * text.chars().count() as f64 + 4.0))
-        .collect();
-    let steps =
-        fronts.iter().flat_map(|(places, _)| places.windows(2).map(|ends| Area::between(ends[0], ends[1])));
-    let obstacles: Vec<Area> =
-        points.iter().map(|point| Area::around(point.at, REACH + 1.0)).chain(steps).collect();
-    let placed = labels::place(&wanted, &obstacles, &FIELD);
-    for ((point, text), area) in named.iter().zip(&texts).zip(placed) {
-        let Some(area) = area else { continue };
-        let ((x, y), (near_x, near_y)) = (point.at, area.nearest(point.at));
-        if (near_x - x).hypot(near_y - y) > NEAR {
-            writeln!(
-                svg,
-                "<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{near_x:.1}\" y2=\"{near_y:.1}\" stroke=\"#999999\" \
-                 stroke-width=\"0.8\"/>"
-            )?;
+    }
+
+    /// Height of the key.
+    fn key_height(&self) -> f64 {
+        if self.numbered { KEY_LINE * self.all.len().div_ceil(KEY_COLUMNS) as f64 + 8.0 } else { 0.0 }
+    }
+
+    fn write(&self, svg: &mut String) -> fmt::Result {
+        for (i, (at, text, area)) in self.all.iter().enumerate() {
+            let number = (i + 1).to_string();
+            if let Some(area) = area {
+                label(svg, *at, area, if self.numbered { &number } else { text })?;
+            }
+            if self.numbered {
+                let rows = self.all.len().div_ceil(KEY_COLUMNS);
+                let x = FIELD.left + (FIELD.right - FIELD.left) / KEY_COLUMNS as f64 * (i / rows) as f64;
+                let y = SIZE.1 + KEY_LINE * (i % rows) as f64;
+                writeln!(
+                    svg,
+                    "<text x=\"{:.1}\" y=\"{y:.1}\" font-size=\"11.5\" text-anchor=\"end\" font-weight=\"bold\">{number}</text>\
+                     <text x=\"{:.1}\" y=\"{y:.1}\" font-size=\"11.5\">{}</text>",
+                    x + 14.0,
+                    x + 22.0,
+                    svg::escaped(text)
+                )?;
+            }
         }
-        // Bars and lines may lie below a name, and must not be read with it.
+        Ok(())
+    }
+}
+
+/// A label in its box, with a line to its point where that is not beside it.
+fn label(svg: &mut String, (x, y): (f64, f64), area: &Area, text: &str) -> fmt::Result {
+    let (near_x, near_y) = area.nearest((x, y));
+    if (near_x - x).hypot(near_y - y) > NEAR {
         writeln!(
             svg,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"#ffffff\" fill-opacity=\"0.8\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\" text-anchor=\"middle\">{}</text>",
-            area.left,
-            area.top,
-            area.right - area.left,
-            area.bottom - area.top,
-            f64::midpoint(area.left, area.right),
-            area.bottom - 3.5,
-            svg::escaped(text)
+            "<line x1=\"{x:.1}\" y1=\"{y:.1}\" x2=\"{near_x:.1}\" y2=\"{near_y:.1}\" stroke=\"#999999\" \
+             stroke-width=\"0.8\"/>"
         )?;
     }
-    Ok(())
+    // Lines of the axes may lie below a name, and must not be read with it.
+    writeln!(
+        svg,
+        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"#ffffff\" fill-opacity=\"0.8\"/>\
+         <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\" text-anchor=\"middle\">{}</text>",
+        area.left,
+        area.top,
+        area.right - area.left,
+        area.bottom - area.top,
+        f64::midpoint(area.left, area.right),
+        area.bottom - 3.5,
+        svg::escaped(text)
+    )
 }

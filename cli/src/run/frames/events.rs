@@ -177,8 +177,7 @@ impl Predictions {
             (Some(Every::StreamUs(us)), Some(period_us)) if us % period_us == 0 => {
                 return Ok(Self::Frames { every: (us / period_us) as u64, since: 0 });
             }
-            (Some(Every::StreamUs(us)), Some(_)) => format!("{us}us"),
-            (Some(Every::Events(events)), Some(_)) => format!("every {events} events"),
+            (Some(every), Some(_)) => every.to_string(),
         };
         let (network, period_us) = (args.input.network.clone(), feed.period_us().unwrap_or_default());
         Err(CliError::BetweenFrames { network, period_us, found })

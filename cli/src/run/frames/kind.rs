@@ -53,7 +53,7 @@ impl Kind {
             ("--every", args.every.is_some(), events),
             ("--save-state", args.state.save_state.is_some(), events),
             ("--resume", args.state.resume.is_some(), events),
-            ("--span-us", input.span_us.is_some(), &[EventGraph]),
+            ("--span", input.span_us.is_some(), &[EventGraph]),
             ("--capacity", input.capacity.is_some(), &[EventGraph]),
             ("--mode batch", args.mode == Mode::Batch, &[EventGraph]),
             ("--no-skip", frames.no_skip, all_frames),

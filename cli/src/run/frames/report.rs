@@ -9,6 +9,7 @@ use crate::progress::Progress;
 use crate::provenance::Header;
 use crate::run::json::JsonLines;
 use crate::run::lines::Lines;
+use crate::text::Folded;
 
 /// Writes to standard output.
 pub(super) enum Report {
@@ -16,7 +17,7 @@ pub(super) enum Report {
     People(Lines<Out>),
 }
 
-pub(super) type Out = BufWriter<StdoutLock<'static>>;
+pub(super) type Out = Folded<BufWriter<StdoutLock<'static>>>;
 
 #[derive(Serialize)]
 struct Last<'a> {
@@ -34,7 +35,7 @@ impl Report {
         progress: Progress,
         begin: impl FnOnce(&mut Out) -> io::Result<()>,
     ) -> io::Result<Self> {
-        let mut out = BufWriter::new(io::stdout().lock());
+        let mut out = Folded::new(BufWriter::new(io::stdout().lock()), !json);
         if json {
             let mut lines = JsonLines::new(out, live);
             lines.header(header)?;

@@ -14,6 +14,12 @@ const LEFT: f64 = 62.0;
 const RIGHT: f64 = 580.0;
 const TOP: f64 = 66.0;
 const BOTTOM: f64 = 396.0;
+/// Baseline of the first names, and how many stand beside each other.
+const LEGEND: f64 = 48.0;
+const IN_A_ROW: usize = 4;
+/// Width of the line that is drawn last; each before it is this much wider, so that lines that meet are all seen.
+const NARROWEST: f64 = 1.8;
+const WIDER: f64 = 1.6;
 /// Most marks of time.
 const MOST_MARKS: f64 = 8.0;
 
@@ -27,7 +33,7 @@ pub(super) fn draw(
     writeln!(
         svg,
         "<text x=\"0\" y=\"14\" font-weight=\"bold\">Accuracy against time, {}</text>\n\
-         <text x=\"0\" y=\"31\" font-size=\"11.5\" fill=\"#555555\">bands: 95 % intervals; behind the end of a recording \
+         <text x=\"0\" y=\"31\" font-size=\"11.5\" fill=\"#555555\">bands: 95 % intervals; after the end of a recording \
          its last prediction stands</text>",
         escaped(title)
     )?;
@@ -45,11 +51,12 @@ pub(super) fn draw(
         let band = points(&mut times().zip(high).chain(times().zip(low).rev()));
         writeln!(svg, "<polygon points=\"{band}\" fill=\"{}\" fill-opacity=\"0.15\"/>", colour(place))?;
     }
-    for &(place, _, judged) in networks {
+    for (i, &(place, _, judged)) in networks.iter().enumerate() {
+        let width = NARROWEST + WIDER * (networks.len() - 1 - i) as f64;
         let line = points(&mut times().zip(judged.accuracy_at.iter().map(|at| at.mean)));
         writeln!(
             svg,
-            "<polyline points=\"{line}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"/>",
+            "<polyline points=\"{line}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width:.1}\"/>",
             colour(place)
         )?;
     }
@@ -100,21 +107,20 @@ fn axes(svg: &mut String, last_us: i64, x: impl Fn(i64) -> f64) -> fmt::Result {
     )
 }
 
-/// Names at the lower right, where lines are rare.
+/// Names above the field, so that they cover nothing in it.
 fn legend(svg: &mut String, networks: &[(usize, &NetworkReport, &Judged)]) -> fmt::Result {
-    const LINE: f64 = 20.0;
-    let left = RIGHT - 200.0;
-    let first = y(1.0 / CLASSES.len() as f64) - 14.0 - LINE * (networks.len() as f64 - 1.0);
-    for (line, (place, network, judged)) in networks.iter().enumerate() {
-        let y = first + LINE * line as f64;
+    for (i, (place, network, judged)) in networks.iter().enumerate() {
+        let (row, column) = (i / IN_A_ROW, i % IN_A_ROW);
+        let x = LEFT + (RIGHT - LEFT) / IN_A_ROW.min(networks.len()) as f64 * column as f64;
+        let y = LEGEND + 12.0 * row as f64;
         let colour = COLOURS[place % COLOURS.len()];
         let (name, percent) = (escaped(&network.network), 100.0 * judged.accuracy.mean);
         writeln!(
             svg,
-            "<rect x=\"{left}\" y=\"{:.1}\" width=\"24\" height=\"4\" fill=\"{colour}\"/>\
-             <text x=\"{}\" y=\"{y:.1}\">{name}, {percent:.1} %</text>",
-            y - 6.5,
-            left + 32.0
+            "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"16\" height=\"4\" fill=\"{colour}\"/>\
+             <text x=\"{:.1}\" y=\"{y:.1}\" font-size=\"11.5\">{name}, {percent:.1} %</text>",
+            y - 6.0,
+            x + 21.0
         )?;
     }
     Ok(())
@@ -129,10 +135,54 @@ fn step_us(last_us: i64) -> i64 {
 
 #[cfg(test)]
 mod tests {
-    use super::step_us;
+    use meissner_models::metrics::{Confusion, MeanStd};
+    use roxmltree::Document;
+
+    use super::{Judged, NetworkReport, TOP, draw, step_us};
+    use crate::provenance::ModelCard;
 
     #[test]
     fn marks_are_round_and_few() {
         assert_eq!([310_000, 160_000, 100, 8_388_608].map(step_us), [50_000, 20_000, 100, 2_000_000]);
+    }
+
+    #[test]
+    fn lines_that_meet_are_all_seen_and_names_stand_outside_the_field() {
+        let mean = MeanStd { mean: 0.5, std: None };
+        let judged = || Judged {
+            recordings: 10,
+            trainings: 1,
+            accuracy: mean,
+            interval_95: (0.4, 0.6),
+            settled_us: None,
+            confusion: Confusion::new(10),
+            accuracy_at: vec![mean; 2],
+            interval_95_at: vec![(0.4, 0.6); 2],
+            each: Vec::new(),
+        };
+        let network = |name: &str| NetworkReport {
+            card: ModelCard::default(),
+            network: name.to_owned(),
+            weights: String::new(),
+            stride: 1,
+            test: None,
+            cross_validation: None,
+        };
+        let (networks, judged) = (["a", "b", "c"].map(network), judged());
+        let networks: Vec<_> =
+            networks.iter().enumerate().map(|(i, network)| (i, network, &judged)).collect();
+        let mut svg = "<svg>".to_owned();
+        draw(&mut svg, "test split", &[1000, 2000], &networks).expect("a string takes everything");
+        svg += "</svg>";
+        let document = Document::parse(&svg).expect("it is well-formed XML");
+        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
+        let lines = document.descendants().filter(|node| node.has_tag_name("polyline"));
+        let widths: Vec<f64> = lines.map(|line| number(line.attribute("stroke-width"))).collect();
+        assert!(widths.len() == 3 && widths.windows(2).all(|two| two[0] > two[1] + 1.0), "{widths:?}");
+        let names = document.descendants().filter(|node| {
+            node.has_tag_name("text") && node.text().is_some_and(|text| text.ends_with(", 50.0 %"))
+        });
+        let heights: Vec<f64> = names.map(|name| number(name.attribute("y"))).collect();
+        assert!(heights.len() == 3 && heights.iter().all(|&y| y < TOP), "{heights:?}");
     }
 }

@@ -1,0 +1,194 @@
+//! `meissner networks`: the shipped networks, and the nearest of their names to one that is none.
+
+use std::io::{self, Write, stdout};
+
+use meissner_engine::frames::FrameShape;
+use meissner_models::systems::digits;
+use meissner_models::{AnyDescription, Card, FrameSource};
+use serde::Serialize;
+
+use crate::args::NetworksArgs;
+use crate::error::CliError;
+use crate::text::Table;
+
+/// The systems, in the order in which they are listed.
+const ANGLE: &str = "contact angle";
+const FORCE: &str = "contact force";
+const SLIP: &str = "direction of slip";
+const AREA: &str = "contact area and normal force";
+const DIGITS: &str = "digits (N-MNIST)";
+const SYSTEMS: [&str; 5] = [ANGLE, FORCE, SLIP, AREA, DIGITS];
+
+/// Name, system and purpose of each shipped network.
+const PURPOSES: &[(&str, &str, &str)] = &[
+    ("canf", AREA, "U-Net with squeeze-and-excitation, as published"),
+    ("canf-plain", AREA, "the same U-Net without squeeze-and-excitation"),
+    ("digits-all", DIGITS, "nodes read from all nodes of the window"),
+    ("digits-frozen", DIGITS, "nodes read from earlier nodes, chosen on arrival"),
+    ("digits-past", DIGITS, "nodes read from earlier nodes of the window"),
+    ("event-frame-cnn", ANGLE, "frame-based baseline of the event graphs"),
+    ("force-cnnlstm", FORCE, "CNN-LSTM with a prediction at every frame"),
+    ("force-convlstm", FORCE, "ConvLSTM with a prediction at every frame"),
+    ("force-lstm", FORCE, "LSTM with a prediction at every frame"),
+    ("force-tdnn", FORCE, "static baseline without memory"),
+    ("graphres", ANGLE, "the published 7 blocks with fixed scales: incremental"),
+    ("graphres-published", ANGLE, "the published network as published: batch mode only"),
+    ("slip-best", SLIP, "committee of small networks, for objects that were not trained on"),
+    ("slip-lstm", SLIP, "LSTM over the electrodes"),
+    ("slip-regularised", SLIP, "regularised ConvLSTM over the tactile image"),
+    ("slip-tuned", SLIP, "tuned ConvLSTM over the tactile image"),
+    ("tactigraph", ANGLE, "TactiGraph: 10 spline blocks over all nodes of the window"),
+    ("tactigraph-frozen", ANGLE, "TactiGraph over earlier nodes, chosen on arrival"),
+    ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
+];
+
+/// Names that are at least this similar are suggested, from 0 to 1: as much as clap asks of its own.
+const SIMILAR: f64 = 0.7;
+
+/// A shipped network.
+#[derive(Debug, Serialize)]
+struct Entry {
+    name: &'static str,
+    system: &'static str,
+    purpose: &'static str,
+    /// Whether its shipped weights are.
+    trained: bool,
+    /// Columns and rows in pixels of the sensor, or of the part of it that is read; none where any will do.
+    sensor: Option<[usize; 2]>,
+    input: &'static str,
+    outputs: Vec<String>,
+    unit: String,
+}
+
+/// Lists what there is.
+pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
+    let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
+    let mut out = stdout().lock();
+    if args.json {
+        serde_json::to_writer(&mut out, &entries).map_err(io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        write(&mut out, &entries)?;
+    }
+    Ok(out.flush()?)
+}
+
+/// What to do about `name`, which is no network: the rest of a message.
+pub(crate) fn hint(name: &str) -> String {
+    let similarity = |known: &&str| strsim::jaro_winkler(name, known);
+    let nearest = AnyDescription::shipped_names()
+        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
+        .filter(|known| similarity(known) > SIMILAR);
+    let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
+    format!("{nearest} (`meissner networks` lists the shipped ones)")
+}
+
+impl Entry {
+    fn of(name: &'static str) -> Option<Self> {
+        let description = AnyDescription::shipped(name)?;
+        let &(_, system, purpose) = PURPOSES.iter().find(|(known, ..)| *known == name)?;
+        let card = Card::shipped(name)?;
+        let (outputs, unit) = description.outputs();
+        let (input, sensor) = match &description {
+            AnyDescription::Events(_) => {
+                let of_digits = [digits::SENSOR.width, digits::SENSOR.height].map(usize::from);
+                ("events", (system == DIGITS).then_some(of_digits))
+            }
+            AnyDescription::Frames(frames) => {
+                let size = match frames.input() {
+                    FrameShape::Image { width, height, .. } => Some([width, height]),
+                    FrameShape::Vector(_) => None,
+                };
+                match frames.source() {
+                    FrameSource::EventCounts { .. } | FrameSource::Signed { .. } => {
+                        ("frames of events", size)
+                    }
+                    FrameSource::TactileImage(_) | FrameSource::Electrodes(_) => ("24 electrodes", None),
+                    FrameSource::Picture(_) => ("pictures", size),
+                    _ => ("frames", size),
+                }
+            }
+        };
+        Some(Self {
+            name,
+            system,
+            purpose,
+            trained: card.trained == Some(true),
+            sensor,
+            input,
+            outputs: outputs.to_vec(),
+            unit: unit.to_owned(),
+        })
+    }
+}
+
+/// A table for each system; below each network its purpose.
+fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
+    let mut table = Table::new(&["network", "weights", "sensor", "input", "outputs"]).left_aligned();
+    let ordered =
+        || SYSTEMS.iter().flat_map(|system| entries.iter().filter(move |entry| entry.system == *system));
+    for entry in ordered() {
+        let sensor = match entry.sensor {
+            Some([width, height]) => format!("{width}x{height}"),
+            None if entry.input == "24 electrodes" => "-".to_owned(),
+            None => "any".to_owned(),
+        };
+        let weights = if entry.trained { "trained" } else { "untrained" };
+        let outputs = match (&entry.outputs[..], entry.unit.as_str()) {
+            (classes, "logit") => format!("{} classes", classes.len()),
+            (names, unit) => format!("{} ({unit})", names.join(", ")),
+        };
+        table.row([entry.name.to_owned(), weights.to_owned(), sensor, entry.input.to_owned(), outputs]);
+    }
+    let mut lines = table.lines().into_iter();
+    lines.next().map_or(Ok(()), |headings| writeln!(out, "{headings}"))?;
+    let mut system = "";
+    for (line, entry) in lines.zip(ordered()) {
+        if entry.system != system {
+            system = entry.system;
+            writeln!(out, "\n{system}")?;
+        }
+        writeln!(out, "{line}\n      {}", entry.purpose)?;
+    }
+    writeln!(
+        out,
+        "\nUntrained weights are drawn from a seed: their predictions mean nothing.\n\
+         `meissner inspect NETWORK` shows the layers."
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Entry, PURPOSES, SYSTEMS, hint};
+    use meissner_models::AnyDescription;
+
+    #[test]
+    fn every_shipped_network_has_a_system_and_a_purpose() {
+        let mut names: Vec<&str> = AnyDescription::shipped_names().collect();
+        names.sort_unstable();
+        assert!(names.iter().eq(PURPOSES.iter().map(|(name, ..)| name)));
+        assert!(PURPOSES.iter().all(|(_, system, _)| SYSTEMS.contains(system)));
+    }
+
+    #[test]
+    fn a_name_that_is_nearly_right_is_answered_with_the_right_one() {
+        for (wrong, right) in [
+            ("graphress", "graphres"),
+            ("tactigraf", "tactigraph"),
+            ("tactigraph-pst", "tactigraph-past"),
+            ("slip_lstm", "slip-lstm"),
+            ("digit-past", "digits-past"),
+        ] {
+            assert!(hint(wrong).contains(&format!("did you mean {right}?")), "{}", hint(wrong));
+        }
+        assert!(!hint("xyz").contains("did you mean"), "{}", hint("xyz"));
+        assert!(hint("xyz").contains("meissner networks"));
+    }
+
+    #[test]
+    fn a_network_of_drawn_weights_is_called_untrained() {
+        let trained = |name: &'static str| Entry::of(name).map(|entry| entry.trained);
+        assert_eq!(["digits-past", "slip-best"].map(trained), [Some(true); 2]);
+        assert_eq!(["graphres", "tactigraph-frozen", "force-tdnn"].map(trained), [Some(false); 3]);
+    }
+}
