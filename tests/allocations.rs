@@ -30,14 +30,15 @@ use meissner_tests::snapshots::sealed;
 /// The system's allocator, counted.
 struct Counting;
 
+// Of each thread by itself: the harness allocates and frees in its own when a test beside this one ends.
 thread_local! {
-    /// Allocations of this thread: the harness allocates in its own when a test beside this one ends.
+    /// Allocations.
     static COUNT: Cell<u64> = const { Cell::new(0) };
+    /// Bytes allocated and not freed.
+    static HELD: Cell<i64> = const { Cell::new(0) };
+    /// Most of them at once.
+    static PEAK: Cell<i64> = const { Cell::new(0) };
 }
-/// Bytes allocated and not freed.
-static HELD: AtomicU64 = AtomicU64::new(0);
-/// Most of them at once.
-static PEAK: AtomicU64 = AtomicU64::new(0);
 /// Held by each test: what runs beside it would be counted too.
 static ALONE: Mutex<()> = Mutex::new(());
 
@@ -46,30 +47,43 @@ fn count_one() {
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 
-fn hold(bytes: usize) {
-    let held = HELD.fetch_add(bytes as u64, Ordering::Relaxed) + bytes as u64;
-    PEAK.fetch_max(held, Ordering::Relaxed);
+fn hold(bytes: i64) {
+    let _ = HELD.try_with(|held| held.set(held.get() + bytes));
+    let _ = PEAK.try_with(|peak| peak.set(peak.get().max(held_bytes())));
+}
+
+fn held_bytes() -> i64 {
+    HELD.try_with(Cell::get).unwrap_or(0)
+}
+
+/// What `run` gives, with the bytes that this thread then holds more than before, and the most that it held meanwhile.
+fn measured<T>(run: impl FnOnce() -> T) -> (T, [u64; 2]) {
+    let before = held_bytes();
+    PEAK.set(before);
+    let result = run();
+    let more = |bytes: i64| (bytes - before).max(0) as u64;
+    (result, [more(held_bytes()), more(PEAK.get())])
 }
 
 // SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_one();
-        hold(layout.size());
+        hold(layout.size() as i64);
         // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        hold(-(layout.size() as i64));
         // SAFETY: `pointer` came from `alloc` with this layout, that is, from the system's allocator.
         unsafe { System.dealloc(pointer, layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count_one();
-        hold(size);
-        HELD.fetch_sub(layout.size() as u64, Ordering::Relaxed);
+        hold(size as i64);
+        hold(-(layout.size() as i64));
         // SAFETY: as for `dealloc`, and the caller's promise about `size` is passed on.
         unsafe { System.realloc(pointer, layout, size) }
     }
@@ -245,19 +259,19 @@ fn a_hot_spot_over_40_cells_takes_no_more_memory_than_over_4() {
     for name in ["graphres", "tactigraph-past", "tactigraph-frozen"] {
         let network = shipped(name, Some(1_024));
         let [few, many] = [4, 40].map(|cells| {
-            let before = HELD.load(Ordering::Relaxed);
-            PEAK.store(before, Ordering::Relaxed);
-            let mut engine = Engine::new(Arc::clone(&network), Sensor::new(1_280, 720)).expect("exact");
-            for i in 0..cells * 200 {
-                let (cell, pixel) = (i / 200, i % 64);
-                let (x, y) = (cell % 20 * 8 + pixel % 8, cell / 20 * 8 + pixel / 8);
-                engine.push(Event::new(i.into(), x, y, i % 3 == 0));
-                if i % 500 == 0 {
-                    engine.predict().expect("finite");
+            let spot = measured(|| {
+                let mut engine = Engine::new(Arc::clone(&network), Sensor::new(1_280, 720)).expect("exact");
+                for i in 0..cells * 200 {
+                    let (cell, pixel) = (i / 200, i % 64);
+                    let (x, y) = (cell % 20 * 8 + pixel % 8, cell / 20 * 8 + pixel / 8);
+                    engine.push(Event::new(i.into(), x, y, i % 3 == 0));
+                    if i % 500 == 0 {
+                        engine.predict().expect("finite");
+                    }
                 }
-            }
-            let [held, peak] = [&HELD, &PEAK].map(|bytes| bytes.load(Ordering::Relaxed) - before);
-            [held, peak]
+                engine
+            });
+            spot.1
         });
         println!("{name}: {few:?} bytes held and at most over 4 cells, {many:?} over 40");
         assert_eq!(few, many, "{name}");
@@ -271,9 +285,9 @@ fn an_engine_takes_at_most_the_bytes_that_it_tells_and_at_least_four_fifths_of_t
     for name in incremental() {
         let network = shipped(name, None);
         for (width, height) in sensors {
-            let before = HELD.load(Ordering::Relaxed);
-            let engine = Engine::new(Arc::clone(&network), Sensor::new(width, height)).expect("exact");
-            let taken = u128::from(HELD.load(Ordering::Relaxed) - before);
+            let (engine, [taken, _]) =
+                measured(|| Engine::new(Arc::clone(&network), Sensor::new(width, height)).expect("exact"));
+            let taken = u128::from(taken);
             let told = engine.state_bytes();
             println!("{name} on {width} x {height}: {taken} bytes taken, {told} told");
             assert!(taken <= told && told * 4 <= taken * 5, "{name} on {width} x {height}");
@@ -432,14 +446,14 @@ fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
             let options = FrameOptions { skip, sparse, two_threads, ..FrameOptions::default() };
             let foreseen = network.engine_bytes(options);
             let frames = sequence(12, size, 2);
-            let before = HELD.load(Ordering::Relaxed);
-            PEAK.store(before, Ordering::Relaxed);
-            let mut engine = FrameEngine::new(network, options).expect("options in range");
-            for frame in &frames {
-                engine.push(frame).expect("a frame that fits");
-                engine.predict().expect("finite");
-            }
-            let peak = u128::from(PEAK.load(Ordering::Relaxed) - before);
+            let ((), [_, peak]) = measured(|| {
+                let mut engine = FrameEngine::new(network, options).expect("options in range");
+                for frame in &frames {
+                    engine.push(frame).expect("a frame that fits");
+                    engine.predict().expect("finite");
+                }
+            });
+            let peak = u128::from(peak);
             println!("{style:?}, {convolution:?}, {skip:?}: {peak} bytes at most, {foreseen} foreseen");
             assert!(peak <= foreseen && foreseen <= 2 * peak, "{style:?}, {convolution:?}, {skip:?}");
         }
@@ -502,14 +516,15 @@ fn a_full_window_of_32768_events_takes_less_than_64_mib() {
     let description = Description::shipped("tactigraph").expect("a shipped network");
     let network = description.network(&Weights::shipped("tactigraph").expect("shipped weights"));
     let network = network.expect("the weights fit");
-    let before = HELD.load(Ordering::Relaxed);
-    let mut engine = Engine::new(network, sensor).expect("exact");
-    // All at one instant: none expires, and the window fills up.
-    for event in events {
-        engine.push(Event { t_us: 0, ..event });
-    }
-    engine.predict().expect("finite");
-    let held = HELD.load(Ordering::Relaxed) - before;
+    let (engine, [held, _]) = measured(|| {
+        let mut engine = Engine::new(network, sensor).expect("exact");
+        // All at one instant: none expires, and the window fills up.
+        for event in events {
+            engine.push(Event { t_us: 0, ..event });
+        }
+        engine.predict().expect("finite");
+        engine
+    });
     println!("{held} bytes held, {} bytes of state foreseen", engine.state_bytes());
     assert_eq!(engine.nodes(), 32_768);
     assert!(held < 64 << 20, "{held} bytes");
@@ -534,10 +549,8 @@ fn lengths_that_were_made_up_take_no_more_than_one_more_engine() {
             let mut wrong = bytes.clone();
             wrong[at..at + 8].copy_from_slice(&(1u64 << 63).to_le_bytes());
             let wrong = sealed(wrong);
-            let before = HELD.load(Ordering::Relaxed);
-            PEAK.store(before, Ordering::Relaxed);
-            let refused = engine.restore_bytes(&wrong);
-            worst = worst.max(PEAK.load(Ordering::Relaxed) - before);
+            let (refused, [_, most]) = measured(|| engine.restore_bytes(&wrong));
+            worst = worst.max(most);
             if refused.is_ok() {
                 engine.restore_bytes(&bytes).expect("its own bytes");
             }
