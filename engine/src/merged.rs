@@ -274,82 +274,125 @@ impl Merged {
     }
 }
 
-/// Who reads each row: whichever is smaller.
+/// Who reads each row: bits where there are few rows and bits are smaller, else lists.
 #[derive(Clone, Debug)]
 enum ReadBy {
-    /// A bit for each pair of rows.
-    Bits {
-        words: usize,
-        bits: Vec<u64>,
-    },
+    Bits(Bits),
     Lists(Box<Readers>),
 }
 
 impl ReadBy {
-    /// Words of a row of bits, where bits are smaller.
+    /// Words of a row of bits, where there are bits.
     fn words(Extent { rows, edges, .. }: Extent) -> Option<usize> {
-        let words = rows.div_ceil(u64::BITS as usize);
-        let bytes = rows as u128 * words as u128 * size_of::<u64>() as u128;
-        (bytes <= Readers::bytes(rows, edges) as u128).then_some(words)
+        let words = rows.div_ceil(WORD);
+        (words <= WORD && Bits::bytes(rows, words) <= Readers::bytes(rows, edges)).then_some(words)
     }
 
     fn new(extent: Extent) -> Self {
         match Self::words(extent) {
-            Some(words) => Self::Bits { words, bits: vec![0; extent.rows * words] },
+            Some(words) => Self::Bits(Bits::new(extent.rows, words)),
             None => Self::Lists(Box::new(Readers::new(extent.rows, extent.edges))),
         }
     }
 
     fn bytes(extent: Extent) -> u128 {
-        match Self::words(extent) {
-            Some(words) => extent.rows as u128 * words as u128 * size_of::<u64>() as u128,
-            None => (Readers::bytes(extent.rows, extent.edges) + size_of::<Readers>()) as u128,
-        }
+        let bytes = match Self::words(extent) {
+            Some(words) => Bits::bytes(extent.rows, words),
+            None => Readers::bytes(extent.rows, extent.edges) + size_of::<Readers>(),
+        };
+        bytes as u128
     }
 
     fn clear(&mut self, extent: Extent) {
         match self {
-            Self::Bits { bits, .. } => bits.fill(0),
+            Self::Bits(bits) => bits.clear(),
             Self::Lists(lists) => (0..extent.rows as u32).for_each(|row| lists.clear(row)),
         }
     }
 
     fn push(&mut self, source: u32, reader: u32) {
         match self {
-            Self::Bits { words, bits } => {
-                bits[source as usize * *words + reader as usize / 64] |= 1 << (reader % 64);
-            }
+            Self::Bits(bits) => bits.set(source, reader),
             Self::Lists(lists) => lists.push(source, reader),
         }
     }
 
     fn remove(&mut self, source: u32, reader: u32) {
         match self {
-            Self::Bits { words, bits } => {
-                bits[source as usize * *words + reader as usize / 64] &= !(1 << (reader % 64));
-            }
+            Self::Bits(bits) => bits.unset(source, reader),
             Self::Lists(lists) => lists.remove(source, reader),
         }
     }
 
     #[inline]
-    fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
+    fn for_blocks(&self, source: u32, visit: impl FnMut(&[u32])) {
         match self {
-            Self::Bits { words, bits } => {
-                for (word, &bits) in bits[source as usize * words..][..*words].iter().enumerate() {
-                    let (mut bits, mut rows, mut count) = (bits, [0; u64::BITS as usize], 0);
-                    while bits != 0 {
-                        rows[count] = word as u32 * u64::BITS + bits.trailing_zeros();
-                        count += 1;
-                        bits &= bits - 1;
-                    }
-                    if count > 0 {
-                        visit(&rows[..count]);
-                    }
-                }
-            }
+            Self::Bits(bits) => bits.for_blocks(source, visit),
             Self::Lists(lists) => lists.for_blocks(source, visit),
         }
+    }
+}
+
+/// Bits of a word.
+const WORD: usize = u64::BITS as usize;
+
+/// A bit for each pair of rows, and for each row the words that are not zero.
+#[derive(Clone, Debug)]
+struct Bits {
+    words: usize,
+    bits: Vec<u64>,
+    filled: Vec<u64>,
+}
+
+impl Bits {
+    fn new(rows: usize, words: usize) -> Self {
+        Self { words, bits: vec![0; rows * words], filled: vec![0; rows] }
+    }
+
+    fn bytes(rows: usize, words: usize) -> usize {
+        rows * (words + 1) * size_of::<u64>()
+    }
+
+    fn clear(&mut self) {
+        self.bits.fill(0);
+        self.filled.fill(0);
+    }
+
+    fn set(&mut self, source: u32, reader: u32) {
+        let (source, word) = (source as usize, reader as usize / WORD);
+        self.bits[source * self.words + word] |= 1 << (reader as usize % WORD);
+        self.filled[source] |= 1 << word;
+    }
+
+    fn unset(&mut self, source: u32, reader: u32) {
+        let (source, word) = (source as usize, reader as usize / WORD);
+        let bits = &mut self.bits[source * self.words + word];
+        *bits &= !(1 << (reader as usize % WORD));
+        if *bits == 0 {
+            self.filled[source] &= !(1 << word);
+        }
+    }
+
+    #[inline]
+    fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
+        let of_source = &self.bits[source as usize * self.words..][..self.words];
+        let mut filled = self.filled[source as usize];
+        let (mut rows, mut count) = ([0; WORD], 0);
+        while filled != 0 {
+            let word = filled.trailing_zeros() as usize;
+            filled &= filled - 1;
+            let mut bits = of_source[word];
+            if count + bits.count_ones() as usize > WORD {
+                visit(&rows[..count]);
+                count = 0;
+            }
+            while bits != 0 {
+                rows[count] = (word * WORD) as u32 + bits.trailing_zeros();
+                count += 1;
+                bits &= bits - 1;
+            }
+        }
+        visit(&rows[..count]);
     }
 }
 
@@ -363,7 +406,7 @@ mod tests {
         #[test]
         fn merged_edges_are_those_of_plain_maps(
             // Beside five rows in use, so many that readers stand in lists.
-            more in prop_oneof![Just(0usize), Just(2_000)],
+            more in prop_oneof![Just(0usize), Just(200), Just(5_000)],
             below in 1usize..30,
             steps in proptest::collection::vec((0u32..5, 0u32..5, any::<bool>(), any::<bool>()), 0..400),
         ) {
