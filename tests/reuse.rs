@@ -1,9 +1,11 @@
 //! Which rows are recomputed, on graphs small enough to know the answer.
 
-use std::time::Duration;
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
 
 use meissner_engine::{
     Candidates, Counters, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
+    Stage,
 };
 use meissner_kernels::{SplineConv, SplineParts};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
@@ -445,17 +447,38 @@ fn every_stage_takes_time_and_none_of_it_between_the_calls() {
     let attempt = || {
         let shape = shape(near(Candidates::All), 2, vec![pool(2, 1, true)]);
         let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
+        let mut frozen = shape;
+        frozen.graph = near(Candidates::Past(Lifetime::Frozen));
+        let mut frozen = Engine::with_options(frozen.build(), SENSOR, options).expect("the network is exact");
+        let sum = |engine: &Engine| engine.stage_times().iter().map(|(_, time)| *time).sum::<Duration>();
+        let mut calls = Duration::ZERO;
         for t_us in [0, 500, SPAN_US + 100] {
-            engine.push(Event::new(t_us, 10, 50, true));
-            std::thread::sleep(pause);
-            engine.predict().expect("finite");
-            std::thread::sleep(pause);
-            engine.advance(t_us + 100);
+            for engine in [&mut engine, &mut frozen] {
+                let began = Instant::now();
+                engine.push(Event::new(t_us, 10, 50, true));
+                calls += began.elapsed();
+                std::thread::sleep(pause);
+                let began = Instant::now();
+                engine.predict().expect("finite");
+                calls += began.elapsed();
+                std::thread::sleep(pause);
+                let began = Instant::now();
+                engine.advance(t_us + 100);
+                calls += began.elapsed();
+            }
         }
-        let times = engine.stage_times().map(|(_, time)| time);
-        assert!(times.iter().all(|time| !time.is_zero()), "{times:?}");
-        times.iter().sum::<Duration>() < pause
+        assert!(sum(&engine) + sum(&frozen) <= calls);
+        for engine in [&mut engine, &mut frozen] {
+            let times = engine.stage_times();
+            assert!(times.iter().all(|(_, time)| !time.is_zero()), "{times:?}");
+            engine.restore_bytes(&engine.to_bytes()).expect("its own bytes");
+            assert!(engine.stage_times().iter().zip(&times).all(|(after, before)| after.1 >= before.1));
+        }
+        sum(&engine) + sum(&frozen) < pause
     };
+    let names: BTreeSet<&str> = Stage::ALL.into_iter().map(Stage::name).collect();
+    assert_eq!(names.len(), Stage::ALL.len());
+    assert!(names.iter().all(|name| !name.is_empty()));
     // Other programs may stop this one at any place, for as long as they like.
     assert!((0..10).any(|_| attempt()));
 }

@@ -196,7 +196,11 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
             "expected a time from the epoch on that fits 64 bits, found -1".into(),
         ),
         (CLOCK + 17, &2_000i64.to_le_bytes(), format!("newest event at byte {}", CLOCK + 17)),
-        (CLOCK + 17, &newest.to_le_bytes(), format!("time of event {}", events - 1)),
+        (
+            first + 13 * (events - 1),
+            &newest.to_le_bytes(),
+            format!("to {}, the last at its end, found {newest}", newest + 1),
+        ),
         (
             WINDOW,
             &huge,
@@ -384,6 +388,9 @@ fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
     refuse(engine(network(&weights), Sensor::new(20, 11), exact), "sensor");
     refuse(engine(network(&weights), SENSOR, Options { tolerance: 0.5, ..exact }), "tolerance");
     refuse(engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact }), "late policy");
+    let clamps = engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact });
+    let error = wanted.restore_bytes(&clamps.to_bytes()).expect_err("another policy").to_string();
+    assert!(error.contains("expected late policy drop, found clamp"), "{error}");
     let larger = Engine::new(Arc::clone(wanted.network()), Sensor::new(20, 11)).expect("admissible");
     let error = wanted.restore(&larger.snapshot()).expect_err("another sensor");
     assert!(matches!(error, EngineError::Snapshot { what: "sensor", .. }), "{error}");

@@ -18,7 +18,11 @@ fn shape(candidates: Candidates) -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
         span_us: SPAN_US,
         capacity: 8,
-        blocks: vec![block.clone(), BlockShape { input: 1, skip: Some(0), ..block.clone() }],
+        // The second one reads the stored basis of edges.
+        blocks: vec![
+            block.clone(),
+            BlockShape { input: 1, skip: Some(0), kernel: [2, 2, 1], ..block.clone() },
+        ],
         pooled: vec![PoolShape {
             from: 2,
             cell: [(1, 5), (1, 4)],
@@ -143,6 +147,20 @@ fn the_largest_sensor_takes_few_mib_and_gives_the_bits_of_the_batch() {
 }
 
 #[test]
+fn cells_of_a_pooling_without_time_lie_in_the_middle_of_the_span() {
+    let mut above = shape(ALL);
+    above.pooled[0].mean = false;
+    above.pooled.push(PoolShape { cell: [(1, 2), (1, 2)], ..above.pooled[0].clone() });
+    let mut stream = Watched::new(above.build(), SENSOR, Search::Exhaustive);
+    stream.push(Event::new(0, 1, 1, true));
+    stream.push(Event::new(900, 39, 29, true));
+    for level in &stream.trace().expect("numbers").levels[1..] {
+        assert!(level.cells.iter().all(|cell| cell[2] == 0), "{:?}", level.cells);
+        assert!(level.positions.iter().all(|position| position[2] == 0.5), "{:?}", level.positions);
+    }
+}
+
+#[test]
 fn a_time_jump_of_hours_empties_the_window_and_goes_on() {
     for candidates in EVERY {
         let mut stream = watched(candidates);
@@ -201,6 +219,47 @@ fn a_gate_gives_events_their_times_on_their_own_clock() {
     for (epoch, now) in [(100, 40), (i64::MIN, i64::MAX)] {
         resumed.resume(epoch, now);
         assert_eq!((resumed.epoch_us(), resumed.now_us()), (Some(epoch), Some(epoch)));
+    }
+}
+
+#[test]
+fn a_node_as_far_as_the_last_neighbour_is_found_beyond_the_cells_that_are_nearer() {
+    for candidates in EVERY {
+        let shape = NetworkShape {
+            capacity: 100,
+            graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates },
+            ..shape(candidates)
+        };
+        let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+        // Too many nodes to be compared one by one.
+        for i in 0..70 {
+            stream.push(Event::new(0, 40 + i % 20, 40 + i / 20, true));
+        }
+        // In the cell of the last event, and in the one left of it: one pixel away both.
+        for x in [9, 7, 8] {
+            stream.push(Event::new(0, x, 8, true));
+        }
+        assert_eq!(rows(&stream.engine, 72), [71], "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
+#[test]
+fn a_search_for_more_neighbours_than_there_are_nodes_ends_also_after_a_reset() {
+    for candidates in EVERY {
+        let shape = NetworkShape {
+            capacity: 100,
+            graph: GraphRule { reach: Reach::Knn { k: 90 }, candidates },
+            ..shape(candidates)
+        };
+        let mut stream = Watched::new(shape.build(), SENSOR, Search::Exhaustive);
+        for _ in 0..2 {
+            for i in 0..70 {
+                stream.push(Event::new(i, (i % 40) as u16, (i % 30) as u16, true));
+            }
+            assert_eq!(rows(&stream.engine, 69).len(), 69, "{candidates:?}");
+            stream.reset();
+        }
     }
 }
 

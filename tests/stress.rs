@@ -7,8 +7,8 @@ use meissner_engine::frames::{
     FrameShape, Skip,
 };
 use meissner_engine::{
-    Batch, Candidates, Engine, EngineError, Event, GraphRule, Network, NetworkParts, Options, Reach, Sensor,
-    Stream,
+    Batch, Block, Candidates, Engine, EngineError, Event, Fraction, GraphRule, Level, Network, NetworkParts,
+    Options, Pooling, Position, Reach, Sensor, Stream,
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_models::{Description, Weights};
@@ -220,6 +220,28 @@ fn rows_that_are_no_numbers_are_counted_in_the_first_layer_that_has_them_until_t
     assert_eq!(outcome(&mut engine), error(2));
     engine.reset();
     assert_eq!(outcome(&mut engine), Ok(()));
+}
+
+#[test]
+fn cells_that_are_no_numbers_are_counted_in_the_first_block_of_their_level() {
+    let mut parts = infinite_between_two(None, 1);
+    let conv = infinite_between_two(None, 2).events.blocks.remove(1).conv;
+    let level =
+        Level { scale: 1.0, blocks: vec![Block { name: "above".to_owned(), input: 0, skip: None, conv }] };
+    let tenth = Fraction::new(1, 10).expect("positive");
+    let pooling = Pooling {
+        name: "pool".to_owned(),
+        from: 1,
+        cell: [tenth; 2],
+        time: None,
+        position: Position::Centre,
+    };
+    parts.pooled = vec![(pooling, level)];
+    let network = Network::new(parts).expect("the parts fit");
+    let mut engine = Engine::new(network, Sensor::new(100, 100)).expect("the network is exact");
+    three(&mut engine);
+    let error = engine.predict().expect_err("infinity less infinity");
+    assert_eq!(error, EngineError::NotANumber { layer: "above".to_owned(), rows: 2 });
 }
 
 #[test]

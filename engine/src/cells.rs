@@ -92,7 +92,7 @@ impl CellGrid {
     }
 
     pub(crate) fn slot(&self, [x, y, t]: CellIndex) -> u32 {
-        let t = if self.times == 1 { 0 } else { t as usize % self.times };
+        let t = t as usize % self.times;
         ((t * self.rows + y as usize) * self.columns + x as usize) as u32
     }
 

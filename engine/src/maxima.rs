@@ -291,21 +291,22 @@ mod tests {
     fn a_maximum_of_negative_zeros_is_zero_however_it_is_taken() {
         for queues in [false, true] {
             let features = Matrix::from_rows(1, &[-0.0, -0.0, -1.0]);
-            let (mut maxima, mut values) = (Maxima::new(3, 1, 1, queues), Matrix::zeros(1, 1));
             let changed = RowSet::new(3);
-            let mut settle = |maxima: &mut Maxima| {
-                let mut log = LayerLog::default();
-                maxima.settle(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
+            let after = |steps: &[(u32, bool)]| {
+                let (mut maxima, mut values) = (Maxima::new(3, 1, 1, queues), Matrix::zeros(1, 1));
+                for &(row, again) in steps {
+                    maxima.enter(row, 0);
+                    if again {
+                        maxima.dirty.insert(0);
+                    }
+                    let mut log = LayerLog::default();
+                    maxima.settle(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
+                }
                 values.values(0).next().map(f32::to_bits)
             };
-            // Taken from all members, merged with a newcomer, taken again behind a loss.
-            maxima.enter(2, 0);
-            assert_eq!(settle(&mut maxima), Some((-1.0f32).to_bits()));
-            maxima.enter(0, 0);
-            assert_eq!(settle(&mut maxima), Some(0), "merged, {queues}");
-            maxima.enter(1, 0);
-            maxima.dirty.insert(0);
-            assert_eq!(settle(&mut maxima), Some(0), "taken again, {queues}");
+            assert_eq!(after(&[(0, false)]), Some(0), "taken from all members");
+            assert_eq!(after(&[(2, false), (0, false)]), Some(0), "merged with a newcomer");
+            assert_eq!(after(&[(2, false), (0, true)]), Some(0), "taken again");
         }
     }
 }
