@@ -10,6 +10,7 @@ use meissner_models::{Agreement, AnyDescription, Card, Weights};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::tell::tell;
 use crate::text::grouped;
 
 /// Raised whenever a key changes its meaning or goes.
@@ -107,7 +108,7 @@ impl Header {
 
     /// Writes the warnings to standard error.
     pub(crate) fn warn(&self) {
-        self.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        self.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
     }
 }
 

@@ -8,9 +8,10 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{CsvEvents, Format, IoError, Place, Recording};
 use serde::Serialize;
 
-use crate::args::ReadArgs;
+use crate::args::{Input, ReadArgs};
 use crate::error::{CliError, chain};
 use crate::interrupt;
+use crate::provenance::ModelCard;
 use crate::refusals::Refusals;
 use crate::tell::tell;
 use crate::text::grouped;
@@ -45,7 +46,7 @@ enum Events {
     Arriving {
         /// The first event, where it had to be waited for.
         first: Option<Event>,
-        lines: CsvEvents<interrupt::Input>,
+        lines: Box<CsvEvents<interrupt::Input>>,
     },
 }
 
@@ -142,6 +143,13 @@ fn arriving(args: ReadArgs) -> Result<CsvEvents<interrupt::Input>, CliError> {
 }
 
 impl Source {
+    /// Opens what `input` names, every how many events one as the weights of `card` say.
+    pub(crate) fn of_input(input: &Input, card: &ModelCard) -> Result<Self, CliError> {
+        let source =
+            Self::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
+        Ok(source.every(card.stride()))
+    }
+
     /// Opens `recording`, which is read as `args` say; `None` is the embedded one. With `strict`, a line of a text that is
     /// no event is an error: of a file at once, of standard input when it comes.
     ///
@@ -169,7 +177,7 @@ impl Source {
                     format: Format::Csv,
                     salvaged: None,
                     sensor: lines.sensor(),
-                    events: Events::Arriving { first, lines },
+                    events: Events::Arriving { first, lines: Box::new(lines) },
                     refusals,
                     stride: 1,
                     pass_over: 0,

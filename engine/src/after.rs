@@ -40,15 +40,12 @@ impl After {
     pub(crate) fn bytes(network: &Network) -> u128 {
         let parts = network.parts();
         let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
-        match &parts.head {
-            Some(head) => {
-                let values = head.input().values() * size_of::<f32>();
-                head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128
-            }
-            None => {
-                let layer = size_of::<Matrix>() as u128;
-                parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
-            }
+        if let Some(head) = &parts.head {
+            let values = head.input().values() * size_of::<f32>();
+            head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128
+        } else {
+            let layer = size_of::<Matrix>() as u128;
+            parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
         }
     }
 

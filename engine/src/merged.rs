@@ -340,13 +340,13 @@ const WORD: usize = u64::BITS as usize;
 #[derive(Clone, Debug)]
 struct Bits {
     words: usize,
-    bits: Vec<u64>,
+    pairs: Vec<u64>,
     filled: Vec<u64>,
 }
 
 impl Bits {
     fn new(rows: usize, words: usize) -> Self {
-        Self { words, bits: vec![0; rows * words], filled: vec![0; rows] }
+        Self { words, pairs: vec![0; rows * words], filled: vec![0; rows] }
     }
 
     fn bytes(rows: usize, words: usize) -> usize {
@@ -354,19 +354,19 @@ impl Bits {
     }
 
     fn clear(&mut self) {
-        self.bits.fill(0);
+        self.pairs.fill(0);
         self.filled.fill(0);
     }
 
     fn set(&mut self, source: u32, reader: u32) {
         let (source, word) = (source as usize, reader as usize / WORD);
-        self.bits[source * self.words + word] |= 1 << (reader as usize % WORD);
+        self.pairs[source * self.words + word] |= 1 << (reader as usize % WORD);
         self.filled[source] |= 1 << word;
     }
 
     fn unset(&mut self, source: u32, reader: u32) {
         let (source, word) = (source as usize, reader as usize / WORD);
-        let bits = &mut self.bits[source * self.words + word];
+        let bits = &mut self.pairs[source * self.words + word];
         *bits &= !(1 << (reader as usize % WORD));
         if *bits == 0 {
             self.filled[source] &= !(1 << word);
@@ -375,7 +375,7 @@ impl Bits {
 
     #[inline]
     fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
-        let of_source = &self.bits[source as usize * self.words..][..self.words];
+        let of_source = &self.pairs[source as usize * self.words..][..self.words];
         let mut filled = self.filled[source as usize];
         let (mut rows, mut count) = ([0; WORD], 0);
         while filled != 0 {

@@ -73,9 +73,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
     let model = Model::load(input)?;
-    let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
-            .every(model.card.stride());
+    let mut source = Source::of_input(input, &model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let provenance = Header::new("bench", described, model.card.clone());

@@ -61,9 +61,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let model = Model::load(input)?;
     let network = Arc::new(model.network.clone());
     check_stride(args, &model)?;
-    let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
-            .every(model.card.stride());
+    let mut source = Source::of_input(input, &model.card)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());

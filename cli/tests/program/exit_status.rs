@@ -201,7 +201,7 @@ fn no_message_says_a_thing_twice() {
     let (_folder, weights) = file("odd.weights", "these are none");
     let (_other, description) = file("odd.network", OWN_NETWORK.replace("spline", "spiral"));
     let (_third, recording) = file("odd.csv", "# sensor 8x8\nt,x,y,p\n1,2,three,1\n");
-    let (_fourth, picture) = file("odd.png", b"\x89PNG\r\n\x1a\n".to_vec());
+    let (_fourth, picture) = file("odd.png", b"\x89PNG\r\n\x1a\n");
     for (arguments, name) in [
         (&["run", "--weights", "missing.pth"][..], "missing.pth"),
         (&["run", "--weights", argument(&weights)], "odd.weights"),

@@ -40,9 +40,7 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let frame_model = FrameModel::load(name, args.compare_weights.as_deref(), input.ignore_preparation)
         .map_err(with_its_option)?;
     let period_us = frame_model.period_us(args.every)?;
-    let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
-            .every(model.card.stride());
+    let mut source = Source::of_input(input, &model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let header = Header::new("bench", described, model.card.clone());

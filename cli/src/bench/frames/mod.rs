@@ -41,9 +41,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     check(args)?;
     let model = FrameModel::load(&input.network, input.weights.as_deref(), input.ignore_preparation)?;
     let period_us = model.period_us(args.every)?;
-    let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
-            .every(model.card.stride());
+    let mut source = Source::of_input(input, &model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let header = Header::new("bench", described, model.card.clone());

@@ -44,9 +44,7 @@ struct Line<'a> {
 
 pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
     let input = &args.input;
-    let mut source =
-        Source::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?
-            .every(model.card.stride());
+    let mut source = Source::of_input(input, &model.card)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
@@ -132,9 +130,15 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         ending.then(finished);
     }
     progress.finish();
-    let counters = feed.counters();
     let warnings = watch.end(&source.name, lost(&feed, &source));
-    let counts = EventCounts {
+    let counts = counts(&steps, &feed, &source);
+    let summary = Summary::new(&steps.machine, InputCounts::Events(counts), warnings);
+    ending.sum_up(|| steps.report.summary(&summary))
+}
+
+fn counts(steps: &Steps, feed: &FrameFeed, source: &Source) -> EventCounts {
+    let counters = feed.counters();
+    EventCounts {
         salvaged: source.salvaged.clone(),
         events: counters.pushed,
         lines_refused: source.lines_refused(),
@@ -146,9 +150,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         empty_frames: steps.empty,
         empty_frames_left_out: steps.left_out,
         resets: steps.resets,
-    };
-    let summary = Summary::new(&steps.machine, InputCounts::Events(counts), warnings);
-    ending.sum_up(|| steps.report.summary(&summary))
+    }
 }
 
 fn headings(out: &mut impl std::io::Write, answers: &Answers) -> std::io::Result<()> {
