@@ -42,11 +42,10 @@ impl After {
         let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
         if let Some(head) = &parts.head {
             let values = head.input().values() * size_of::<f32>();
-            head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128
-        } else {
-            let layer = size_of::<Matrix>() as u128;
-            parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
+            return head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128;
         }
+        let layer = size_of::<Matrix>() as u128;
+        parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
     }
 
     /// Goes on with another instruction set.

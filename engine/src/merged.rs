@@ -377,19 +377,20 @@ impl Bits {
     fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
         let of_source = &self.pairs[source as usize * self.words..][..self.words];
         let mut filled = self.filled[source as usize];
-        let (mut rows, mut count) = ([0; WORD], 0);
+        // Few at a time: a larger array would cost more to make than to fill.
+        let (mut rows, mut count) = ([0; 8], 0);
         while filled != 0 {
             let word = filled.trailing_zeros() as usize;
             filled &= filled - 1;
             let mut bits = of_source[word];
-            if count + bits.count_ones() as usize > WORD {
-                visit(&rows[..count]);
-                count = 0;
-            }
             while bits != 0 {
                 rows[count] = (word * WORD) as u32 + bits.trailing_zeros();
-                count += 1;
                 bits &= bits - 1;
+                count += 1;
+                if count == rows.len() {
+                    visit(&rows);
+                    count = 0;
+                }
             }
         }
         visit(&rows[..count]);
