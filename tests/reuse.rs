@@ -441,6 +441,33 @@ fn a_prediction_counts_the_cells_of_the_readout_that_it_took_again() {
 }
 
 #[test]
+fn an_insertion_and_an_expiry_take_time_in_the_stages_that_they_run() {
+    let options = Options { stage_times: true, ..Options::default() };
+    let structure = vec![Stage::EventGraph, Stage::PooledGraphs];
+    let with_rows = vec![Stage::EventGraph, Stage::PooledGraphs, Stage::EventLayers];
+    for (candidates, inserting) in
+        [(Candidates::All, &structure), (Candidates::Past(Lifetime::Frozen), &with_rows)]
+    {
+        let shape = shape(near(candidates), 1, vec![pool(1, 1, true)]);
+        let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
+        let mut during = |step: &mut dyn FnMut(&mut Engine)| -> Vec<Stage> {
+            let before = engine.stage_times();
+            step(&mut engine);
+            let stages = engine.stage_times().into_iter().zip(before);
+            stages.filter(|((_, after), (_, before))| after > before).map(|((stage, _), _)| stage).collect()
+        };
+        let mut push = |t_us| {
+            during(&mut |engine| {
+                engine.push(Event::new(t_us, 50, 50, true));
+            })
+        };
+        assert_eq!(&push(0), inserting);
+        assert_eq!(&push(500), inserting);
+        assert_eq!(during(&mut |engine| engine.advance(SPAN_US + 1)), structure);
+    }
+}
+
+#[test]
 fn every_stage_takes_time_and_none_of_it_between_the_calls() {
     let options = Options { stage_times: true, ..Options::default() };
     let pause = Duration::from_millis(20);

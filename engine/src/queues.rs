@@ -46,7 +46,7 @@ const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: N
 pub(crate) struct Queues {
     chains: Vec<Chain>,
     blocks: Vec<Block>,
-    /// First free block.
+    /// First free block; the number of blocks where all are taken.
     free: u32,
 }
 
@@ -65,12 +65,8 @@ impl Queues {
     /// `queues` empty queues for at most `nodes` nodes in all.
     pub(crate) fn new(queues: usize, nodes: usize) -> Self {
         let count = Self::blocks(queues, nodes);
-        let block = |i: usize| {
-            let after = if i + 1 < count { i as u32 + 1 } else { NONE };
-            Block { entries: [Entry::default(); NODES], before: NONE, after }
-        };
-        let free = if count > 0 { 0 } else { NONE };
-        Self { chains: vec![EMPTY; queues], blocks: (0..count).map(block).collect(), free }
+        let block = |i: u32| Block { entries: [Entry::default(); NODES], before: NONE, after: i + 1 };
+        Self { chains: vec![EMPTY; queues], blocks: (0..count as u32).map(block).collect(), free: 0 }
     }
 
     /// Most blocks that `nodes` nodes take in `queues` queues. n nodes of one queue take at most 1 + ceil((n - 1) / `NODES`):
@@ -104,7 +100,7 @@ impl Queues {
         let chain = &mut self.chains[queue];
         if usize::from(chain.end) == NODES {
             let block = self.free;
-            assert_ne!(block, NONE, "queues hold as many nodes as they were made for");
+            assert!((block as usize) < self.blocks.len(), "queues hold as many nodes as they were made for");
             self.free = self.blocks[block as usize].after;
             if chain.nodes == 0 {
                 (chain.first, chain.start) = (block, 0);

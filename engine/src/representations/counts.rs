@@ -162,6 +162,9 @@ mod tests {
         let mut counts = small(Some(100));
         push(&mut counts, 99, 1, true);
         assert_eq!(counts.counters().late, 1);
+        let mut at_once = small(Some(100));
+        push(&mut at_once, 100, 1, true);
+        assert_eq!((at_once.counters().late, at_once.counters().accepted), (0, 1));
         assert_eq!(advance(&mut counts, 120), ["100: 2 empty, changed []"]);
         push(&mut counts, 119, 1, true);
         assert_eq!(counts.counters().late, 2);
