@@ -263,10 +263,12 @@ fn bytes_too_few_for_any_snapshot_are_refused_whatever_they_say() {
 }
 
 #[test]
-fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_a_head() {
+fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_one_with_a_tolerance_says_which() {
     let (_, bytes) = after_events(Candidates::All, 0.0);
     let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
     assert_eq!(bytes.len(), WINDOW + 8 + 13 * events + 16);
+    let (_, bytes) = after_events(Candidates::All, 0.1);
+    assert_eq!(bytes[SIZE + 4..SIZE + 8], 0.1f32.to_le_bytes());
 }
 
 #[test]

@@ -245,6 +245,44 @@ fn a_node_as_far_as_the_last_neighbour_is_found_beyond_the_cells_that_are_nearer
 }
 
 #[test]
+fn a_reader_whose_neighbour_was_replaced_by_a_farther_one_takes_a_newcomer_in_between() {
+    let shape =
+        NetworkShape { graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: ALL }, ..shape(ALL) };
+    let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+    for (t_us, x, y) in [(0, 5, 4), (10, 4, 4), (10, 60, 60), (SPAN_US + 1, 20, 4)] {
+        stream.push(Event::new(t_us, x, y, true));
+    }
+    assert_eq!(rows(&stream.engine, 0), [2]);
+    assert_eq!(stream.compare(), Ok(()));
+}
+
+#[test]
+fn an_expired_neighbour_is_replaced_by_no_later_node_where_only_the_past_is_read() {
+    for (candidates, later) in [(ALL, true), (Candidates::Past(Lifetime::Window), false)] {
+        let shape = NetworkShape {
+            capacity: 100,
+            graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates },
+            ..shape(candidates)
+        };
+        let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+        stream.push(Event::new(0, 5, 4, true));
+        // Too many nodes to be compared one by one.
+        for i in 0..70 {
+            stream.push(Event::new(10, 40 + i % 20, 40 + i / 20, true));
+        }
+        // The reader, one at its time and one later.
+        for (t_us, x) in [(10, 4), (10, 7), (11, 6)] {
+            stream.push(Event::new(t_us, x, 4, true));
+        }
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+        stream.advance(SPAN_US + 1);
+        assert_eq!(stream.engine.nodes(), 73);
+        assert_eq!(rows(&stream.engine, 70)[0] > 70, later, "{candidates:?}");
+        assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
+    }
+}
+
+#[test]
 fn a_search_for_more_neighbours_than_there_are_nodes_ends_also_after_a_reset() {
     for candidates in EVERY {
         let shape = NetworkShape {
