@@ -170,8 +170,11 @@ fn nodes_at_their_cells_centre_never_move() {
         head: None,
         seed: 5,
     };
-    let pool =
-        networks::PoolShape { from: 0, cell: [(1, 10), (1, 10)], time: None, mean: true, blocks: vec![] };
+    // Without a block that reads edges, cells keep none.
+    let block =
+        networks::BlockShape { channels: 2, kernel: [2; 3], input: 0, skip: None, extras: [false; 4] };
+    let cell = [(1, 10), (1, 10)];
+    let pool = networks::PoolShape { from: 0, cell, time: None, mean: true, blocks: vec![block] };
     shape.pooled = vec![pool];
     let checked = |network: Network| {
         let mut engine = Engine::new(network, Sensor::new(100, 100)).expect("exact");

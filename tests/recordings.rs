@@ -6,9 +6,10 @@ use meissner_tests::compare::Watched;
 use meissner_tests::shared::shared;
 
 const EVENTS: usize = 20_000;
+/// Events from one comparison of predictions to the next; the batch searches by its grid, which is fast and no oracle.
 const EVERY: usize = 50;
-/// Each of so many comparisons looks at every row, and lets the batch compare all pairs of events.
-const WHOLE: usize = 20;
+/// Each of so many comparisons looks at every row, with neighbours from a k-d tree, and every other one from all pairs.
+const WHOLE: usize = 10;
 
 /// Pushes the recording's first events and compares.
 fn compare(recording: &str, network: &str) {
@@ -18,12 +19,14 @@ fn compare(recording: &str, network: &str) {
     let description = Description::shipped(network).expect("a shipped network");
     let weights = Weights::shipped(network).expect("shipped weights");
     let network = std::sync::Arc::new(description.network(&weights).expect("the weights fit"));
-    let mut watched =
-        Watched::new(std::sync::Arc::clone(&network), sensor, Search::Proposed(meissner_reference::PROPOSE));
+    let mut watched = Watched::new(std::sync::Arc::clone(&network), sensor, Search::Grid);
     for (i, &event) in recording.events.iter().take(EVENTS).enumerate() {
         watched.push(event);
         if i % (EVERY * WHOLE) == 0 {
-            watched.compare_with(Search::Exhaustive).unwrap_or_else(|e| panic!("event {i}: {e}"));
+            let all_pairs = i % (2 * EVERY * WHOLE) == 0;
+            let oracle =
+                if all_pairs { Search::Exhaustive } else { Search::Proposed(meissner_reference::PROPOSE) };
+            watched.compare_with(oracle).unwrap_or_else(|e| panic!("event {i}: {e}"));
         } else if i % EVERY == 0 {
             watched.predict().unwrap_or_else(|e| panic!("event {i}: {e}"));
         }

@@ -175,11 +175,9 @@ impl Activations {
             dirty.clear();
             dirty.insert(rewired.as_slice());
         }
-        for &row in input.as_slice() {
-            if spread.is_none_or(|before| !changed[before.input].contains(row)) {
-                graph.for_readers(row, |readers| dirty.insert(readers));
-            }
-        }
+        let fresh = |row: &u32| spread.is_none_or(|before| !changed[before.input].contains(*row));
+        let rows = input.as_slice().iter().copied().filter(fresh);
+        graph.for_readers(rows, |readers| dirty.insert(readers));
         if block.conv.has_root() {
             dirty.insert(input.as_slice());
         }

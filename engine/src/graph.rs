@@ -27,8 +27,9 @@ pub(crate) trait Adjacency {
     fn neighbours(&self, row: u32) -> &[Neighbour];
     /// The basis of each in-edge, or nothing where it is not kept.
     fn basis(&self, row: u32) -> &[Lanes];
-    /// Calls `visit` with the rows that have an in-edge from `row`, some at a time and in any order.
-    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32]));
+    /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
+    /// its in-edges or once.
+    fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32]));
 }
 
 #[derive(Clone, Debug)]
@@ -392,7 +393,7 @@ impl Adjacency for EventGraph {
     }
 
     #[inline]
-    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
-        self.readers.for_blocks(row, visit);
+    fn for_readers(&self, rows: impl Iterator<Item = u32>, mut visit: impl FnMut(&[u32])) {
+        rows.for_each(|row| self.readers.for_blocks(row, &mut visit));
     }
 }

@@ -134,10 +134,11 @@ impl Merged {
         if len <= self.extent.bases() { self.basis.get(start..start + len).unwrap_or_default() } else { &[] }
     }
 
-    /// Calls `visit` with the rows that have an in-edge from `row`, some at a time and in any order.
+    /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
+    /// its in-edges or once.
     #[inline]
-    pub(crate) fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
-        self.readers.for_blocks(row, visit);
+    pub(crate) fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32])) {
+        self.readers.for_blocks(rows, visit);
     }
 
     /// One more edge below that stands for in-edge `at` of `row`.
@@ -325,10 +326,10 @@ impl ReadBy {
     }
 
     #[inline]
-    fn for_blocks(&self, source: u32, visit: impl FnMut(&[u32])) {
+    fn for_blocks(&self, sources: impl Iterator<Item = u32>, mut visit: impl FnMut(&[u32])) {
         match self {
-            Self::Bits(bits) => bits.for_blocks(source, visit),
-            Self::Lists(lists) => lists.for_blocks(source, visit),
+            Self::Bits(bits) => bits.for_blocks(sources, visit),
+            Self::Lists(lists) => sources.for_each(|source| lists.for_blocks(source, &mut visit)),
         }
     }
 }
@@ -336,64 +337,54 @@ impl ReadBy {
 /// Bits of a word.
 const WORD: usize = u64::BITS as usize;
 
-/// A bit for each pair of rows, and for each row the words that are not zero.
+/// A bit for each pair of rows.
 #[derive(Clone, Debug)]
 struct Bits {
     words: usize,
     pairs: Vec<u64>,
-    filled: Vec<u64>,
 }
 
 impl Bits {
     fn new(rows: usize, words: usize) -> Self {
-        Self { words, pairs: vec![0; rows * words], filled: vec![0; rows] }
+        Self { words, pairs: vec![0; rows * words] }
     }
 
     fn bytes(rows: usize, words: usize) -> usize {
-        rows * (words + 1) * size_of::<u64>()
+        rows * words * size_of::<u64>()
     }
 
     fn clear(&mut self) {
         self.pairs.fill(0);
-        self.filled.fill(0);
     }
 
     fn set(&mut self, source: u32, reader: u32) {
-        let (source, word) = (source as usize, reader as usize / WORD);
-        self.pairs[source * self.words + word] |= 1 << (reader as usize % WORD);
-        self.filled[source] |= 1 << word;
+        let word = reader as usize / WORD;
+        self.pairs[source as usize * self.words + word] |= 1 << (reader as usize % WORD);
     }
 
     fn unset(&mut self, source: u32, reader: u32) {
-        let (source, word) = (source as usize, reader as usize / WORD);
-        let bits = &mut self.pairs[source * self.words + word];
-        *bits &= !(1 << (reader as usize % WORD));
-        if *bits == 0 {
-            self.filled[source] &= !(1 << word);
-        }
+        let word = reader as usize / WORD;
+        self.pairs[source as usize * self.words + word] &= !(1 << (reader as usize % WORD));
     }
 
+    /// Each reader once: mostly, rows share most of their readers.
     #[inline]
-    fn for_blocks(&self, source: u32, mut visit: impl FnMut(&[u32])) {
-        let of_source = &self.pairs[source as usize * self.words..][..self.words];
-        let mut filled = self.filled[source as usize];
-        // Few at a time: a larger array would cost more to make than to fill.
-        let (mut rows, mut count) = ([0; 8], 0);
-        while filled != 0 {
-            let word = filled.trailing_zeros() as usize;
-            filled &= filled - 1;
-            let mut bits = of_source[word];
-            while bits != 0 {
-                rows[count] = (word * WORD) as u32 + bits.trailing_zeros();
-                bits &= bits - 1;
-                count += 1;
-                if count == rows.len() {
-                    visit(&rows);
-                    count = 0;
-                }
-            }
+    fn for_blocks(&self, sources: impl Iterator<Item = u32>, mut visit: impl FnMut(&[u32])) {
+        let mut readers = [0; WORD];
+        let readers = &mut readers[..self.words];
+        for source in sources {
+            let of_source = &self.pairs[source as usize * self.words..][..self.words];
+            readers.iter_mut().zip(of_source).for_each(|(readers, bits)| *readers |= bits);
         }
-        visit(&rows[..count]);
+        let (mut rows, mut count) = ([0; WORD], 0);
+        for (word, bits) in readers.iter_mut().enumerate() {
+            while *bits != 0 {
+                rows[count] = (word * WORD) as u32 + bits.trailing_zeros();
+                *bits &= *bits - 1;
+                count += 1;
+            }
+            visit(&rows[..std::mem::take(&mut count)]);
+        }
     }
 }
 
@@ -450,7 +441,7 @@ mod tests {
                 }
                 for source in 0..5 {
                     let mut readers = Vec::new();
-                    merged.for_readers(source, |rows| readers.extend_from_slice(rows));
+                    merged.for_readers(std::iter::once(source), |rows| readers.extend_from_slice(rows));
                     readers.sort_unstable();
                     let expected: Vec<u32> =
                         (0..5).filter(|&row| plain[row as usize].contains_key(&source)).collect();

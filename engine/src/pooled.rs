@@ -5,6 +5,8 @@
 //! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
 //! positions and attributes are those of the present members.
 
+use std::iter;
+
 use meissner_kernels::{Lanes, Matrix, Neighbour, attribute};
 
 use crate::Sensor;
@@ -322,7 +324,9 @@ impl PooledGraph {
                 self.shifted.insert(cell);
                 self.stale.insert(cell);
                 if let Some(edges) = &self.edges {
-                    edges.for_readers(cell, |rows| rows.iter().for_each(|&row| self.stale.insert(row)));
+                    edges.for_readers(iter::once(cell), |rows| {
+                        rows.iter().for_each(|&row| self.stale.insert(row));
+                    });
                 }
             }
         }
@@ -375,9 +379,9 @@ impl Adjacency for PooledGraph {
     }
 
     #[inline]
-    fn for_readers(&self, row: u32, visit: impl FnMut(&[u32])) {
+    fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32])) {
         if let Some(edges) = &self.edges {
-            edges.for_readers(row, visit);
+            edges.for_readers(rows, visit);
         }
     }
 }
