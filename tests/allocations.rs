@@ -528,7 +528,8 @@ fn a_full_window_of_32768_events_takes_less_than_64_mib() {
     println!("{held} bytes held, {} bytes of state foreseen", engine.state_bytes());
     assert_eq!(engine.nodes(), 32_768);
     assert!(held < 64 << 20, "{held} bytes");
-    assert!(u128::from(held) <= engine.state_bytes(), "{held} bytes");
+    let foreseen = engine.state_bytes();
+    assert!((foreseen * 4 / 5..=foreseen).contains(&held.into()), "{held} bytes");
 }
 
 #[test]
