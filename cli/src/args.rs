@@ -188,7 +188,7 @@ pub(crate) struct NetworksArgs {
     /// Print one JSON array.
     ///
     /// An object for each network: {"name", "system", "purpose", "trained" (whether the shipped weights are), "sensor":
-    /// [columns, rows] in pixels (null where any will do), "input", "outputs": [names], "unit"}.
+    /// [columns, rows] in pixels (null where any will do), "input", "outputs": list of names, "unit"}.
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
