@@ -53,7 +53,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! An unoptimised build is some 17 times slower, with the same bits: measure with `--release`.
+//! An unoptimised build is many times slower, with the same bits: measure with `--release`.
 #![forbid(unsafe_code)]
 
 mod activations;
