@@ -145,10 +145,19 @@ impl Model {
     pub(crate) fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, CliError> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
+        Self::of(&description, (&weights, label), ignore_preparation)
+    }
+
+    /// The network of `description` with `weights`, which `label` names.
+    pub(crate) fn of(
+        description: &Description,
+        (weights, label): (&Weights, String),
+        ignore_preparation: bool,
+    ) -> Result<Self, CliError> {
         let network = if ignore_preparation {
-            description.network_regardless(&weights)
+            description.network_regardless(weights)
         } else {
-            description.network(&weights)
+            description.network(weights)
         };
         let network = network.map_err(|source| refused(&label, source))?;
         // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.
@@ -158,7 +167,7 @@ impl Model {
             layer.map_or(0, |layer| layer.cost.multiply_adds as u64)
         };
         let multiply_adds = network.layers().into_iter().map(of_row).collect();
-        let card = card(&AnyDescription::Events(description), &weights, label)?;
+        let card = card(&AnyDescription::Events(description.clone()), weights, label)?;
         let card = card.running(network.fingerprint(), Some(window(&network)));
         Ok(Self { network, card, multiply_adds })
     }

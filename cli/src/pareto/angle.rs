@@ -69,7 +69,7 @@ pub(super) fn study<'a>(args: &AngleArgs, data: &'a AngleData) -> Result<Study<'
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, args.weights.as_deref())?;
         let Model { network, card, .. } =
-            Model::named(name, args.weights.as_deref(), args.ignore_preparation)?;
+            Model::of(&description, (&weights, label.clone()), args.ignore_preparation)?;
         if card.stride() > 1 {
             let expected = "weights of networks that take every event".to_owned();
             let found = format!("{name}, whose weights say \"stride\" {}", card.stride());

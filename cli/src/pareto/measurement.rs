@@ -41,6 +41,24 @@ pub(super) struct Measurement {
     pub(super) task: Vec<Task>,
 }
 
+#[cfg(test)]
+impl Measurement {
+    /// One event that took no time and had no error, with what a `task` was answered.
+    pub(super) fn of_nothing(task: Vec<Task>) -> Self {
+        use super::numerical::Differences;
+        use super::timing::Lap;
+        Self {
+            timed: 1,
+            entered: 1.0,
+            timing: Timing::of(&[(Lap::default(), Lap::default())]),
+            rows: 0.0,
+            multiply_adds: 0.0,
+            numerical: Differences::default().finish(),
+            task,
+        }
+    }
+}
+
 /// How often a class was wrong.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Task {

@@ -77,20 +77,10 @@ fn part(fastest: &Fastest, exact: &SettingReport, compared: Compared) -> String 
 mod tests {
     use super::{fastest, words};
     use crate::pareto::measurement::Measurement;
-    use crate::pareto::numerical::Differences;
     use crate::pareto::report::{Compared, NetworkReport, SettingReport};
-    use crate::pareto::timing::{Lap, Timing};
 
     fn setting(name: &str, speed_up: f64, error: f64) -> SettingReport {
-        let measurement = Measurement {
-            timed: 1,
-            entered: 1.0,
-            timing: Timing::of(&[(Lap::default(), Lap::default())]),
-            rows: 0.0,
-            multiply_adds: 0.0,
-            numerical: Differences::default().finish(),
-            task: Vec::new(),
-        };
+        let measurement = Measurement::of_nothing(Vec::new());
         let (setting, us) = (name.to_owned(), 10.0 / speed_up);
         SettingReport { setting, us, speed_up, error, interval_95: None, on_front: false, measurement }
     }

@@ -2,16 +2,12 @@
 //! there already.
 
 use std::fs;
-use std::io::Write;
-use std::process::{Output, Stdio};
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, encode};
 
 use crate::exit_status::fails;
-use crate::support::{
-    argument, command, default_recording, file, lines, meissner, meissner_reading, message, text,
-};
+use crate::support::{argument, default_recording, file, lines, meissner, meissner_reading, message, text};
 
 fn scene() -> Vec<Event> {
     (0..300_u16)
@@ -27,21 +23,6 @@ fn encoded(format: Format) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode(format, Some(Sensor::new(128, 128)), &scene(), &mut bytes).expect("the format holds them");
     bytes
-}
-
-/// The program with bytes on standard input.
-fn reading(arguments: &[&str], bytes: &[u8]) -> Output {
-    let mut child = command(arguments)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the program starts");
-    let mut stdin = child.stdin.take().expect("standard input is piped");
-    // The program may end before it has read everything.
-    let _ = stdin.write_all(bytes);
-    drop(stdin);
-    child.wait_with_output().expect("the program ends")
 }
 
 /// The predictions of a run with `more`, of `path` as text.
@@ -143,7 +124,7 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it_whatever_the_network
             );
         }
         fails(&meissner(&["info", argument(&path)]), 1, &[name, expected[0], expected[1]]);
-        fails(&reading(&["info", "-"], bytes), 1, &["standard input", expected[0], expected[1]]);
+        fails(&meissner_reading(&["info", "-"], bytes), 1, &["standard input", expected[0], expected[1]]);
     }
 }
 
@@ -155,7 +136,11 @@ fn a_binary_recording_on_standard_input_is_named_and_its_path_asked_for() {
             [&["info", "-"][..], &["convert", "-", "out.csv"], &["run", "-", "--network", "graphres"]]
         {
             let name = format.to_string();
-            fails(&reading(arguments, &bytes), 1, &["standard input", &name, "its path in place of -"]);
+            fails(
+                &meissner_reading(arguments, &bytes),
+                1,
+                &["standard input", &name, "its path in place of -"],
+            );
         }
     }
 }

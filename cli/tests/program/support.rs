@@ -24,7 +24,7 @@ pub(crate) fn meissner<S: AsRef<OsStr>>(arguments: &[S]) -> Output {
 }
 
 /// The program's output for `arguments`, with `input` on standard input.
-pub(crate) fn meissner_reading(arguments: &[&str], input: &str) -> Output {
+pub(crate) fn meissner_reading(arguments: &[&str], input: &(impl AsRef<[u8]> + ?Sized)) -> Output {
     let mut child = command(arguments)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -33,7 +33,7 @@ pub(crate) fn meissner_reading(arguments: &[&str], input: &str) -> Output {
         .expect("the program starts");
     let mut stdin = child.stdin.take().expect("standard input is piped");
     // The program may end before it has read everything.
-    let _ = stdin.write_all(input.as_bytes());
+    let _ = stdin.write_all(input.as_ref());
     drop(stdin);
     child.wait_with_output().expect("the program ends")
 }

@@ -5,9 +5,7 @@ use roxmltree::{Document, Node};
 use super::labels::Area;
 use super::svg;
 use crate::pareto::measurement::{Measurement, Task};
-use crate::pareto::numerical::Differences;
 use crate::pareto::report::{Compared, DataReport, NetworkReport, Report, SettingReport};
-use crate::pareto::timing::{Lap, Timing};
 use crate::provenance::Header;
 
 /// network, setting, us, error, low, high, on front
@@ -20,15 +18,8 @@ fn report() -> Report {
         let number = |i: usize| fields[i].parse::<f64>().expect("a number");
         let (error, interval_95) = (number(3), (number(4), number(5)));
         let of = "cross-validation".to_owned();
-        let measurement = Measurement {
-            timed: 1,
-            entered: 1.0,
-            timing: Timing::of(&[(Lap::default(), Lap::default())]),
-            rows: 0.0,
-            multiply_adds: 0.0,
-            numerical: Differences::default().finish(),
-            task: vec![Task { of, error, interval_95, trials: 1100, trainings: 1 }],
-        };
+        let measurement =
+            Measurement::of_nothing(vec![Task { of, error, interval_95, trials: 1100, trainings: 1 }]);
         let setting = SettingReport {
             setting: fields[1].to_owned(),
             us: number(2),
