@@ -4,8 +4,8 @@ use meissner_kernels::softmax;
 use meissner_models::metrics::largest;
 use serde::Serialize;
 
-use crate::provenance::ModelCard;
 use crate::run::json::Values;
+use meissner_pipeline::provenance::ModelCard;
 
 /// Most columns of values that a line of 80 characters has room for beside counts and times.
 const MOST_COLUMNS: usize = 2;

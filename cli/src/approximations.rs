@@ -5,16 +5,15 @@
 
 use std::io::{self, Write};
 
-use meissner_engine::filters::{
-    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
-};
-use meissner_engine::{Counters, EngineError, Network, Sensor, Staleness};
-use serde::Serialize;
+use meissner_engine::EngineError;
+use meissner_engine::filters::RateLimit;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::approximations::{ApproximationReport, Approximations, FilteredEvents};
+use meissner_pipeline::text::grouped;
+use meissner_pipeline::time::span_us;
 
 use crate::args::APPROXIMATIONS;
-use crate::args::time::span_us;
 use crate::error::CliError;
-use crate::text::grouped;
 
 /// What makes results cheaper and less exact.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -82,115 +81,55 @@ impl ApproximationArgs {
         remembering.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 
-    /// `network` as it is to run.
-    pub(crate) fn adapt(&self, mut network: Network) -> Result<Network, CliError> {
-        if let Some(neighbours) = self.neighbours {
-            network = network.with_neighbours(neighbours.into()).map_err(|error| match error {
-                EngineError::Option { expected, found, .. } => {
-                    CliError::Option { option: "--neighbours", expected, found }
-                }
-                error => error.into(),
-            })?;
+    /// Them, without the command line.
+    pub(crate) fn values(&self) -> Approximations {
+        let Self { tolerance, neighbours, activity_filter_us, refractory_us, .. } = *self;
+        let Self { rate_limit, stride, stale_events, stale_us, .. } = *self;
+        Approximations {
+            tolerance,
+            neighbours,
+            activity_filter_us,
+            refractory_us,
+            rate_limit,
+            stride,
+            stale_events,
+            stale_us,
         }
-        Ok(network)
-    }
-
-    /// The filters in front of the engine.
-    pub(crate) fn chain(&self, sensor: Sensor) -> Result<Chain, EngineError> {
-        let mut filters = Vec::new();
-        if let Some(us) = self.activity_filter_us {
-            filters.push(Filter::BackgroundActivity(BackgroundActivity::new(sensor, us)?));
-        }
-        if let Some(us) = self.refractory_us {
-            filters.push(Filter::Refractory(Refractory::new(sensor, us)?));
-        }
-        if let Some(rate) = self.rate_limit {
-            filters.push(Filter::RateLimit(RateLimit::new(rate)?));
-        }
-        if let Some(n) = self.stride {
-            filters.push(Filter::Stride(Stride::new(n)?));
-        }
-        Ok(Chain::new(filters))
-    }
-
-    /// How old a prediction may be.
-    pub(crate) fn staleness(&self) -> Staleness {
-        Staleness { events: self.stale_events, us: self.stale_us }
-    }
-
-    /// What the reports say, where any was asked for.
-    pub(crate) fn report(&self, chain: &Chain, counters: &Counters, stale: u64) -> Option<Approximations> {
-        let given = self.tolerance.is_some() || self.given().iter().any(|(_, given)| *given);
-        let of_filter = |filter: &Filter| {
-            let FilterCounters { passed, dropped } = filter.counters();
-            Filtered { name: filter.name(), passed, dropped }
-        };
-        let within = || counters.layers.iter().map(|layer| layer.within_tolerance).sum();
-        given.then(|| Approximations {
-            filters: chain.filters().iter().map(of_filter).collect(),
-            neighbours: self.neighbours,
-            tolerance: self.tolerance,
-            rows_within_tolerance: self.tolerance.map(|_| within()),
-            stale_events: self.stale_events,
-            stale_us: self.stale_us,
-            stale_predictions: (self.staleness() != Staleness::default()).then_some(stale),
-        })
     }
 }
 
-/// The approximations that ran. What was not asked for is missing.
-#[derive(Debug, Serialize)]
-pub(crate) struct Approximations {
-    /// In the order in which events came to them.
-    filters: Vec<Filtered>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    neighbours: Option<u8>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    tolerance: Option<f32>,
-    /// Recomputed rows that kept what they had.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rows_within_tolerance: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    stale_events: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    stale_us: Option<i64>,
-    /// Predictions that stood, and were not computed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    stale_predictions: Option<u64>,
-}
-
-/// What a filter did.
-#[derive(Debug, Serialize)]
-struct Filtered {
-    name: &'static str,
-    passed: u64,
-    dropped: u64,
-}
-
-impl Approximations {
-    /// Writes a line for each.
-    pub(crate) fn write(&self, out: &mut impl Write) -> io::Result<()> {
-        let mut lines = Vec::new();
-        for Filtered { name, passed, dropped } in &self.filters {
-            let all = passed + dropped;
-            let (name, dropped, all) = (name.replace('_', " "), grouped(*dropped), grouped(all));
-            lines.push(format!("{name} dropped {dropped} of {all} events"));
-        }
-        if let Some(neighbours) = self.neighbours {
-            lines.push(format!("at most {neighbours} neighbours an event"));
-        }
-        if let Some((tolerance, rows)) = self.tolerance.zip(self.rows_within_tolerance) {
-            lines.push(format!("{} recomputed rows within {tolerance} kept their values", grouped(rows)));
-        }
-        if let Some(stale) = self.stale_predictions {
-            lines.push(format!("{} predictions stood and were not computed", grouped(stale)));
-        }
-        lines.iter().try_for_each(|line| writeln!(out, "approximate  {line}"))
+/// Writes a line for each approximation of `report`.
+pub(crate) fn write(report: &ApproximationReport, out: &mut impl Write) -> io::Result<()> {
+    let mut lines = Vec::new();
+    for FilteredEvents { name, passed, dropped } in &report.filters {
+        let all = passed + dropped;
+        let (name, dropped, all) = (name.replace('_', " "), grouped(*dropped), grouped(all));
+        lines.push(format!("{name} dropped {dropped} of {all} events"));
     }
+    if let Some(neighbours) = report.neighbours {
+        lines.push(format!("at most {neighbours} neighbours an event"));
+    }
+    if let Some((tolerance, rows)) = report.tolerance.zip(report.rows_within_tolerance) {
+        lines.push(format!("{} recomputed rows within {tolerance} kept their values", grouped(rows)));
+    }
+    if let Some(stale) = report.stale_predictions {
+        lines.push(format!("{} predictions stood and were not computed", grouped(stale)));
+    }
+    lines.iter().try_for_each(|line| writeln!(out, "approximate  {line}"))
 }
 
 /// Reads a finite number of at least 0.
 pub(crate) fn number(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
+}
+
+/// `error`, with the option that the engine's error is about.
+pub(crate) fn with_option(error: PipelineError) -> CliError {
+    match error {
+        PipelineError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {
+            CliError::Option { option: "--neighbours", expected, found }
+        }
+        error => error.into(),
+    }
 }

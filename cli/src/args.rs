@@ -5,15 +5,15 @@
 mod heading;
 #[cfg(test)]
 mod tests;
-pub(crate) mod time;
 
-use std::fmt;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::{ColumnOrder, Format, ReadOptions, TextOptions, TimeUnit};
+
+pub(crate) use meissner_pipeline::schedule::Every;
+use meissner_pipeline::time;
 
 pub(crate) use crate::approximations::ApproximationArgs;
 pub(crate) use crate::bench::BenchArgs;
@@ -155,7 +155,7 @@ pub(crate) struct Input {
     /// Name of a shipped network, or a description file (.toml).
     ///
     /// `meissner networks` lists the shipped networks. A description file needs --weights.
-    #[arg(long, value_name = "NETWORK", default_value = crate::model::DEFAULT_NETWORK, help_heading = NETWORK)]
+    #[arg(long, value_name = "NETWORK", default_value = meissner_pipeline::model::DEFAULT_NETWORK, help_heading = NETWORK)]
     pub(crate) network: String,
     /// Weights [default: those shipped with the network].
     ///
@@ -264,6 +264,15 @@ pub(crate) enum Mode {
     Batch,
 }
 
+impl From<Mode> for meissner_pipeline::predictor::Mode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Incremental => Self::Incremental,
+            Mode::Batch => Self::Batch,
+        }
+    }
+}
+
 /// What becomes of late events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Late {
@@ -302,45 +311,6 @@ impl From<To> for Format {
             To::Npy => Self::Npy,
             To::Dat => Self::Dat,
             To::Evt3 => Self::Evt3,
-        }
-    }
-}
-
-/// When a prediction is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Every {
-    /// Once, at the end.
-    End,
-    /// After so many accepted events.
-    Events(u64),
-    /// After so many microseconds of stream time.
-    StreamUs(i64),
-}
-
-impl FromStr for Every {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "event" => Ok(Self::Events(1)),
-            "end" => Ok(Self::End),
-            _ => match text.parse() {
-                Ok(events @ 1..) => Ok(Self::Events(events)),
-                _ => time::span_us(text).map(Self::StreamUs).map_err(|_| {
-                    format!("expected `event`, `end`, a number of events such as 100, or {}", time::FORMS)
-                }),
-            },
-        }
-    }
-}
-
-impl fmt::Display for Every {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::End => f.write_str("end"),
-            Self::Events(1) => f.write_str("event"),
-            Self::Events(events) => write!(f, "{events}"),
-            Self::StreamUs(us) => f.write_str(&time::display(us)),
         }
     }
 }

@@ -8,9 +8,9 @@ use meissner_io::{Format, IoError};
 
 use crate::args::ConvertArgs;
 use crate::error::CliError;
-use crate::source;
 use crate::tell::tell;
-use crate::text::grouped;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::text::grouped;
 
 /// Reads, writes, and says what did not come along.
 pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
@@ -26,14 +26,14 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     if !to_stdout && !args.force && args.output.is_file() {
         return Err(CliError::Exists { path: args.output.clone() });
     }
-    let recording = source::read(&args.input, args.read)?;
+    let recording = args.read.read(&args.input)?;
     let sensor = args.sensor.or(recording.sensor);
     let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
     if to_stdout {
         print(format, sensor, &recording.events, &output)?;
     } else {
         meissner_io::write(&args.output, format, sensor, &recording.events)
-            .map_err(|e| CliError::recording(&output, e))?;
+            .map_err(|e| PipelineError::recording(&output, e))?;
     }
     for stream in &recording.other_streams {
         tell(format_args!("note: {}: {} {} left out", stream.name, grouped(stream.elements), stream.kind));
@@ -56,7 +56,7 @@ fn print(format: Format, sensor: Option<Sensor>, events: &[Event], name: &str) -
     let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
     meissner_io::encode(format, sensor, events, &mut out).map_err(|error| match error {
         IoError::Stream { source, .. } => CliError::Output(source),
-        error => CliError::recording(name, error),
+        error => PipelineError::recording(name, error).into(),
     })?;
     Ok(out.flush()?)
 }

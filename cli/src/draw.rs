@@ -8,8 +8,8 @@ use meissner_models::drawn_file;
 
 use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
-use crate::model::describe_any;
 use crate::tell::tell;
+use meissner_pipeline::model::describe_any;
 
 /// At the end of the long help.
 const EXAMPLES: &str = "\

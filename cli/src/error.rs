@@ -1,12 +1,10 @@
 //! What can go wrong, in one message, and the exit status that says whose fault it is.
 
-use std::error::Error;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use meissner_engine::EngineError;
-use meissner_engine::representations::RepresentationError;
 use meissner_io::datasets::DatasetError;
 use meissner_io::{Format, ImageError, IoError, Kind};
 use meissner_live::LiveError;
@@ -14,86 +12,28 @@ use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
+use meissner_pipeline::source::STDIN_NAME;
+use meissner_pipeline::{PipelineError, time};
 
-use crate::args::time;
-use crate::networks;
 use crate::prepare::StreamsError;
 use crate::run;
-use crate::source::{STDIN_NAME, Salvaged};
 use crate::trainings::TrainingError;
 
 /// A subcommand gives up.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
-    /// Nobody said how large the sensor is.
-    #[error(
-        "{recording}: this {format} recording does not name its geometry; add --sensor WxH, such as --sensor 346x260"
-    )]
-    NoGeometry {
-        /// The recording.
-        recording: String,
-        /// Its format.
-        format: Format,
-    },
-    /// A description file has no shipped weights.
-    #[error(
-        "network {0}: a description file comes without weights; add --weights FILE (`meissner draw` writes untrained ones)"
-    )]
-    NoWeights(String),
+    /// A source cannot be read, or a network cannot run.
+    #[error(transparent)]
+    Pipeline(Box<PipelineError>),
     /// A format that cannot be written was asked for, by name or by extension.
     #[error("{0}; choose one with --to csv|npy|dat|evt3")]
     NotWritable(String),
-    /// A recording cannot be read.
-    #[error("{recording}")]
-    Recording {
-        /// The recording.
-        recording: String,
-        /// Why.
-        source: IoError,
-    },
-    /// A line of a text is not what it should be, and is not to be passed over.
-    #[error("{recording}: {problem}")]
-    Line {
-        /// The text.
-        recording: String,
-        /// Which line, and why.
-        problem: String,
-    },
-    /// Most lines of a text are not what they should be.
-    #[error("{recording}: {problem}")]
-    Lines {
-        /// The text.
-        recording: String,
-        /// How many of how many, which line is the first, and why.
-        problem: String,
-    },
-    /// A recording was cut short.
-    #[error("{recording}")]
-    Cut {
-        /// The recording.
-        recording: Box<str>,
-        /// Where it ends.
-        source: IoError,
-        /// What could be read all the same.
-        salvaged: Box<Salvaged>,
-    },
     /// An output is there already.
     #[error("{}: expected no such file, found one: --force replaces it", path.display())]
     Exists {
         /// The file.
         path: PathBuf,
     },
-    /// A file cannot be read or written; the reason names it.
-    #[error(transparent)]
-    File(IoError),
-    /// A name that is neither a shipped network nor a file.
-    #[error("network {name}: found no shipped network and no file of this name{hint}", name = .0, hint = networks::hint(.0))]
-    UnknownNetwork(String),
-    /// A frame network stands where a network over events should.
-    #[error(
-        "network {0}: expected a network over events, found a frame network: `meissner inspect` shows it"
-    )]
-    IsFrameNetwork(String),
     /// An option that means nothing to the kind of network.
     #[error("{option} is for {fits}: network {network} is {kind}")]
     Misfit {
@@ -162,9 +102,6 @@ pub(crate) enum CliError {
         /// What it would replace.
         other: String,
     },
-    /// A network over events stands where a frame network should.
-    #[error("network {0}: expected a frame network, found a network over events")]
-    IsEventNetwork(String),
     /// A frame network whose frames are not made of events.
     #[error(
         "network {network}: bench expects a frame network whose frames are made of events (event-counts, signed), \
@@ -185,14 +122,6 @@ pub(crate) enum CliError {
         expected: String,
         /// What was given.
         found: String,
-    },
-    /// Frames cannot be made of the input; the reason names both.
-    #[error("network {network}")]
-    Frames {
-        /// The network.
-        network: String,
-        /// Why.
-        source: RepresentationError,
     },
     /// An image cannot be read or written; the reason names it.
     #[error(transparent)]
@@ -273,38 +202,6 @@ pub(crate) enum CliError {
         /// Why.
         source: SlipError,
     },
-    /// A recording stands where a network should.
-    #[error(
-        "network {network}: expected a description file, found a recording ({format}): `meissner info` shows it"
-    )]
-    IsRecording {
-        /// The file.
-        network: String,
-        /// The recording's format.
-        format: Format,
-    },
-    /// A description cannot be read.
-    #[error("network {network}")]
-    Description {
-        /// The name or the file.
-        network: String,
-        /// Why.
-        source: ModelError,
-    },
-    /// A description or weights cannot be read; the reason names the file.
-    #[error(transparent)]
-    ModelFile(ModelError),
-    /// Weights cannot be read, or do not fit.
-    #[error("weights {weights}")]
-    Weights {
-        /// The file.
-        weights: String,
-        /// Why.
-        source: ModelError,
-    },
-    /// The engine refuses, or found that a result is not a number.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
     /// The engine's thread cannot start, or has ended.
     #[error(transparent)]
     Live(LiveError),
@@ -325,14 +222,6 @@ pub(crate) enum CliError {
     /// Results are not what is promised; they say how.
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
-    /// A file cannot be opened.
-    #[error("cannot open {}", path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
     /// A file cannot be written.
     #[error("cannot write {}", path.display())]
     Write {
@@ -346,90 +235,40 @@ pub(crate) enum CliError {
     Output(#[from] io::Error),
 }
 
-/// Whether an error of a model names the file that it is about.
-fn names_file(error: &ModelError) -> bool {
-    matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
+impl From<PipelineError> for CliError {
+    fn from(error: PipelineError) -> Self {
+        Self::Pipeline(Box::new(error))
+    }
 }
 
-/// An error and its sources in one line, from what failed to the first cause.
-pub(crate) fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut inner = error.source();
-    while let Some(source) = inner {
-        text = format!("{text}: {source}");
-        inner = source.source();
+impl From<EngineError> for CliError {
+    fn from(error: EngineError) -> Self {
+        PipelineError::Engine(error).into()
     }
-    text
 }
 
 impl From<LiveError> for CliError {
     fn from(error: LiveError) -> Self {
         match error {
-            LiveError::Engine(error) => Self::Engine(error),
+            LiveError::Engine(error) => error.into(),
             error => Self::Live(error),
         }
     }
 }
 
 impl CliError {
-    /// The error `source` of reading `recording`.
-    pub(crate) fn recording(recording: &str, source: IoError) -> Self {
-        match source {
-            // It names the file itself.
-            IoError::File { .. } => Self::File(source),
-            _ => Self::Recording { recording: recording.to_owned(), source },
-        }
-    }
-
-    /// What to do about it, where that is more than the message says.
+    /// The remedy, if there is one beyond the message.
     pub(crate) fn hint(&self) -> Option<String> {
         match self {
-            Self::Cut { salvaged, .. } => Some(format!("with --salvage it is read as far as it is whole: {}", salvaged.words())),
-            Self::Recording { source: IoError::Undecided { .. }, .. } => Some(
-                "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
-                 of time with --time-unit s, ms, us or ns"
-                    .to_owned(),
-            ),
-            Self::Recording { source: IoError::UnknownFormat { start, length }, .. }
-                if *length > 0 && !start.contains("\\x") =>
-            {
-                Some("if it is a text of events, say the order of its columns, such as --columns xytp".to_owned())
-            }
-            Self::Recording { source: IoError::Malformed { format: Format::Csv, what, .. }, .. }
-                if !matches!(*what, "header" | "row" | "field") =>
-            {
-                Some(
-                    "if the columns stand in another order or the times have another unit, say so: --columns, such as \
-                     --columns xytp, and --time-unit s, ms, us or ns"
-                        .to_owned(),
-                )
-            }
-            Self::Recording { recording, source: IoError::OtherKind { found: Kind::Events(format), expected } }
-                if recording == STDIN_NAME && *expected != "readings of electrodes" =>
-            {
-                Some(format!("{format} is read from a file: give its path in place of -"))
-            }
-            Self::Weights { source: ModelError::Preparation { published, .. }, .. } => {
-                let instead = published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));
-                Some(format!(
-                    "use {instead}weights of this network; --ignore-preparation gives predictions that the weights were not \
-                     trained for"
-                ))
-            }
-            Self::Recording { source: IoError::OtherKind { found, .. }, .. }
-            | Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
+            Self::Pipeline(error) => hint(error),
+            Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
             _ => None,
         }
     }
 
-    /// The error `source` of the description of `network`.
-    pub(crate) fn description(network: String, source: ModelError) -> Self {
-        if names_file(&source) { Self::ModelFile(source) } else { Self::Description { network, source } }
-    }
-
-    /// The error `source` of `weights`.
-    pub(crate) fn weights(weights: String, source: ModelError) -> Self {
-        if names_file(&source) { Self::ModelFile(source) } else { Self::Weights { weights, source } }
+    /// The error of the pipeline, if it is one.
+    pub(crate) fn pipeline(&self) -> Option<&PipelineError> {
+        if let Self::Pipeline(error) = self { Some(error) } else { None }
     }
 
     /// Whether the reader of standard output went away.
@@ -440,12 +279,16 @@ impl CliError {
     /// 2 where other arguments would help, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::NoGeometry { .. }
-            | Self::NoWeights(_)
-            | Self::NeedsTrainings(_)
+            Self::Pipeline(error) => match error.as_ref() {
+                PipelineError::NoGeometry { .. } | PipelineError::NoWeights(_) => ExitCode::from(2),
+                PipelineError::Recording { source, .. } if matches!(**source, IoError::Undecided { .. }) => {
+                    ExitCode::from(2)
+                }
+                _ => ExitCode::from(1),
+            },
+            Self::NeedsTrainings(_)
             | Self::NotWritable(_)
             | Self::Exists { .. }
-            | Self::Recording { source: IoError::Undecided { .. }, .. }
             | Self::Misfit { .. }
             | Self::Option { .. }
             | Self::BetweenFrames { .. }
@@ -458,6 +301,59 @@ impl CliError {
     }
 }
 
+/// The remedy for `error` in the program's options.
+fn hint(error: &PipelineError) -> Option<String> {
+    let text = match error {
+        PipelineError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
+        PipelineError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
+        PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
+        PipelineError::IsFrameNetwork(_) => "`meissner inspect` shows the network",
+        PipelineError::IsRecording { .. } => "`meissner info` shows a recording",
+        PipelineError::Cut { salvaged, .. } => {
+            return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
+        }
+        PipelineError::Recording { recording, source } => return hint_of_recording(recording, source),
+        PipelineError::Weights { source, .. } => {
+            let ModelError::Preparation { published, .. } = **source else { return None };
+            let instead =
+                published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));
+            return Some(format!(
+                "use {instead}weights of this network; --ignore-preparation gives predictions that the weights were not \
+                 trained for"
+            ));
+        }
+        _ => return None,
+    };
+    Some(text.to_owned())
+}
+
+/// The remedy for the error `source` of reading `recording`.
+fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
+    let text = match source {
+        IoError::Undecided { .. } => {
+            "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
+             of time with --time-unit s, ms, us or ns"
+        }
+        IoError::UnknownFormat { start, length } if *length > 0 && !start.contains("\\x") => {
+            "if it is a text of events, say the order of its columns, such as --columns xytp"
+        }
+        IoError::Malformed { format: Format::Csv, what, .. }
+            if !matches!(*what, "header" | "row" | "field") =>
+        {
+            "if the columns stand in another order or the times have another unit, say so: --columns, such as \
+             --columns xytp, and --time-unit s, ms, us or ns"
+        }
+        IoError::OtherKind { found: Kind::Events(format), expected }
+            if recording == STDIN_NAME && *expected != "readings of electrodes" =>
+        {
+            return Some(format!("{format} is read from a file: give its path in place of -"));
+        }
+        IoError::OtherKind { found, .. } => return run::readers(*found),
+        _ => return None,
+    };
+    Some(text.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use std::error::Error;
@@ -465,33 +361,22 @@ mod tests {
     use std::path::PathBuf;
 
     use meissner_engine::{EngineError, Sensor};
-    use meissner_io::IoError;
-    use meissner_models::ModelError;
 
-    use super::{CliError, chain};
+    use super::CliError;
     use crate::prepare::StreamsError;
-
-    fn denied() -> io::Error {
-        io::Error::new(io::ErrorKind::PermissionDenied, "denied")
-    }
 
     #[test]
     fn an_error_of_the_program_does_not_repeat_its_source() {
+        let denied = || io::Error::new(io::ErrorKind::PermissionDenied, "denied");
         let path = PathBuf::from("some.file");
         let line = serde_json::from_str::<u8>("x").expect_err("not a number");
-        let format = IoError::UnknownFormat { length: 3, start: "abc".to_owned() };
         let engine = || EngineError::Sensor(Sensor::new(0, 1));
         let tensors = safetensors::SafeTensorError::HeaderTooSmall;
         for error in [
-            CliError::Recording { recording: "some.file".to_owned(), source: format },
-            CliError::File(IoError::File { action: "open", path: path.clone(), source: denied() }),
             CliError::Streams { path: path.clone(), source: StreamsError::Format(tensors) },
             CliError::State { path: path.clone(), line: 2, source: line },
-            CliError::description("some".to_owned(), ModelError::Engine(engine())),
-            CliError::weights("some".to_owned(), ModelError::Read { path: path.clone(), source: denied() }),
-            CliError::Engine(engine()),
+            engine().into(),
             CliError::Resume { path: path.clone(), source: engine() },
-            CliError::Open { path: path.clone(), source: denied() },
             CliError::Write { path, source: denied() },
             CliError::Output(denied()),
         ] {
@@ -501,12 +386,5 @@ mod tests {
                 outer = source;
             }
         }
-    }
-
-    #[test]
-    fn the_program_prints_an_error_with_all_its_sources() {
-        let path = PathBuf::from("some.pth");
-        let error = CliError::weights("some.pth".to_owned(), ModelError::Read { path, source: denied() });
-        assert_eq!(chain(&error), "cannot read some.pth: denied");
     }
 }

@@ -3,10 +3,11 @@
 use std::io::{self, Write};
 
 use meissner_engine::Sensor;
+use meissner_pipeline::provenance::ModelCard;
 
-use crate::model::Model;
-use crate::source::Source;
-use crate::text::grouped;
+use meissner_pipeline::model::Model;
+use meissner_pipeline::source::Source;
+use meissner_pipeline::text::grouped;
 
 /// Writes recording, network with its `mode`, weights and window.
 pub(crate) fn header(
@@ -19,6 +20,24 @@ pub(crate) fn header(
     let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
     writeln!(out, "recording    {}", source.name)?;
     writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
-    model.card.write(out, mode, Some([sensor.width, sensor.height]))?;
+    write_model(out, &model.card, mode, Some([sensor.width, sensor.height]))?;
     writeln!(out)
+}
+
+/// Writes the lines of network and weights: the first says what runs on which sensor and whether the weights are trained.
+pub(crate) fn write_model(
+    out: &mut impl Write,
+    card: &ModelCard,
+    mode: &str,
+    sensor: Option<[u16; 2]>,
+) -> io::Result<()> {
+    let on = sensor.map_or_else(String::new, |[width, height]| format!(" on {width}x{height} pixels"));
+    writeln!(out, "network      {}{on}, weights {}", card.network.name, card.trust())?;
+    writeln!(out, "             {mode}")?;
+    writeln!(out, "weights      {}", card.source())?;
+    if let (Some(span_us), Some(capacity)) = (card.network.span_us, card.network.capacity) {
+        let capacity = grouped(capacity as u64);
+        writeln!(out, "window       {} ms, at most {capacity} events", span_us as f64 / 1e3)?;
+    }
+    Ok(())
 }

@@ -8,8 +8,9 @@ use serde::Serialize;
 
 use crate::args::InfoArgs;
 use crate::error::CliError;
-use crate::source::{self, Salvaged};
-use crate::text::{Folded, grouped};
+use crate::text::Folded;
+use meissner_pipeline::salvage::Salvaged;
+use meissner_pipeline::text::grouped;
 
 const PEAK_US: i64 = 1_000;
 
@@ -49,7 +50,7 @@ struct OtherStream {
 
 /// Prints what `args` ask for.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
-    let info = Info::of(&source::read(&args.recording, args.read)?);
+    let info = Info::of(&args.read.read(&args.recording)?);
     let mut out = Folded::new(stdout().lock(), !args.json);
     if args.json {
         serde_json::to_writer(&mut out, &info).map_err(io::Error::from)?;
@@ -128,7 +129,7 @@ impl Info {
             )?;
         }
         if let Some(salvaged) = &self.salvaged {
-            writeln!(out, "salvaged    {}", salvaged.words())?;
+            writeln!(out, "salvaged    {salvaged}")?;
         }
         Ok(())
     }

@@ -4,8 +4,8 @@ use std::io::{Write, stderr, stdout};
 
 use crate::args::InspectArgs;
 use crate::error::CliError;
-use crate::model::describe_any;
 use crate::text::Folded;
+use meissner_pipeline::model::describe_any;
 
 /// Prints what `args` ask for.
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {

@@ -3,14 +3,8 @@
 //! | file | job |
 //! |---|---|
 //! | `args` | what can be asked for on the command line |
-//! | `refusals`, `lost` | lines that are passed over, and whatever else is lost of an input |
-//! | `source` | where events come from: a file, standard input, the embedded recording |
-//! | `model` | which network runs: description, weights, span, capacity |
-//! | `provenance` | where results come from: network, weights, input, in every output |
 //! | `answer` | predictions in the words of their network: classes, names, units |
 //! | `approximations` | what makes results cheaper and less exact, where it is asked for |
-//! | `front` | an engine with filters before it and a stale readout behind it |
-//! | `frame_feed` | events into the frames that a network reads |
 //! | `run/` | `meissner run` |
 //! | `play/` | `meissner play` |
 //! | `bench/` | `meissner bench` |
@@ -20,13 +14,10 @@
 //! | `stress/` | `meissner stress` |
 //! | `soak/` | `meissner soak` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
-//! | `schedule` | when predictions are read |
-//! | `latency`, `skips`, `layer_cost` | what several measure |
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
 //! | `output` | files that are written |
 //! | `tell` | messages on standard error |
-//! | `interrupt` | signals that ask the program to end |
 //! | `networks`, `inspect`, `draw`, `info`, `convert` | the other subcommands |
 //! | `error` | what can go wrong, and the exit status that says so |
 //!
@@ -44,30 +35,20 @@ mod digits;
 mod draw;
 mod error;
 mod eval;
-mod frame_feed;
-mod front;
 mod header;
 mod info;
+mod input;
 mod inspect;
-mod interrupt;
-mod latency;
-mod layer_cost;
-mod lost;
-mod model;
 mod networks;
 mod output;
 mod pareto;
 mod play;
 mod prepare;
 mod progress;
-mod provenance;
-mod refusals;
 mod run;
-mod schedule;
 mod skips;
 mod slip;
 mod soak;
-mod source;
 mod stress;
 mod svg;
 mod tell;
@@ -79,9 +60,11 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+use meissner_pipeline::interrupt;
+
 use crate::args::{Args, Command};
 use crate::error::CliError;
-use crate::tell::tell;
+use crate::tell::{tell, tell_warnings};
 
 /// What a program whose times mean nothing says before it runs.
 const UNOPTIMISED: &str = "note: this program was built without optimisation and is many times slower than one from \
@@ -89,13 +72,14 @@ const UNOPTIMISED: &str = "note: this program was built without optimisation and
 
 fn main() -> ExitCode {
     interrupt::install();
+    tell_warnings();
     let command = Args::parse().command;
     if cfg!(debug_assertions) && takes_long(&command) {
         tell(format_args!("{UNOPTIMISED}"));
     }
     match perform(&command) {
         Err(error) if !error.is_broken_pipe() => {
-            tell(format_args!("error: {}", error::chain(&error)));
+            tell(format_args!("error: {}", meissner_pipeline::error::chain(&error)));
             if let Some(hint) = error.hint() {
                 tell(format_args!("hint: {hint}"));
             }

@@ -1,4 +1,4 @@
-//! `meissner networks`: the shipped networks, and the nearest of their names to one that is none.
+//! `meissner networks`: the shipped networks.
 
 use std::io::{self, Write, stdout};
 
@@ -42,9 +42,6 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
 ];
 
-/// Names that are at least this similar are suggested, from 0 to 1: as much as clap asks of its own.
-const SIMILAR: f64 = 0.7;
-
 /// A shipped network.
 #[derive(Debug, Serialize)]
 struct Entry {
@@ -71,16 +68,6 @@ pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
         write(&mut out, &entries)?;
     }
     Ok(out.flush()?)
-}
-
-/// What to do about `name`, which is no network: the rest of a message.
-pub(crate) fn hint(name: &str) -> String {
-    let similarity = |known: &&str| strsim::jaro_winkler(name, known);
-    let nearest = AnyDescription::shipped_names()
-        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
-        .filter(|known| similarity(known) > SIMILAR);
-    let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
-    format!("{nearest} (`meissner networks` lists the shipped ones)")
 }
 
 impl Entry {
@@ -159,7 +146,7 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Entry, PURPOSES, SYSTEMS, hint};
+    use super::{Entry, PURPOSES, SYSTEMS};
     use meissner_models::AnyDescription;
 
     #[test]
@@ -168,21 +155,6 @@ mod tests {
         names.sort_unstable();
         assert!(names.iter().eq(PURPOSES.iter().map(|(name, ..)| name)));
         assert!(PURPOSES.iter().all(|(_, system, _)| SYSTEMS.contains(system)));
-    }
-
-    #[test]
-    fn a_name_that_is_nearly_right_is_answered_with_the_right_one() {
-        for (wrong, right) in [
-            ("graphress", "graphres"),
-            ("tactigraf", "tactigraph"),
-            ("tactigraph-pst", "tactigraph-past"),
-            ("slip_lstm", "slip-lstm"),
-            ("digit-past", "digits-past"),
-        ] {
-            assert!(hint(wrong).contains(&format!("did you mean {right}?")), "{}", hint(wrong));
-        }
-        assert!(!hint("xyz").contains("did you mean"), "{}", hint("xyz"));
-        assert!(hint("xyz").contains("meissner networks"));
     }
 
     #[test]

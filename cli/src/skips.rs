@@ -6,7 +6,8 @@ use std::io::{self, Write};
 use meissner_engine::{Counters, EventCounters};
 use serde::Serialize;
 
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::text::grouped;
 
 /// The engine's counters.
 #[derive(Debug, Default, Serialize)]

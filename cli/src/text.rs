@@ -9,19 +9,6 @@ pub(crate) use folded::Folded;
 /// Columns of a terminal that people can count on.
 pub(crate) const WIDTH: usize = 80;
 
-/// `value` with its digits in groups of three: 1234567 as 1,234,567.
-pub(crate) fn grouped(value: u64) -> String {
-    let digits = value.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 /// Microseconds with the decimals that tell: none from 1,000 on, two below 100.
 pub(crate) fn duration(us: f64) -> String {
     let decimals = match us {
@@ -109,13 +96,7 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
-    use super::{Table, grouped};
-
-    #[test]
-    fn digits_come_in_groups_of_three() {
-        let texts = [0, 12, 999, 1000, 12_345, 1_234_567].map(grouped);
-        assert_eq!(texts, ["0", "12", "999", "1,000", "12,345", "1,234,567"]);
-    }
+    use super::Table;
 
     #[test]
     fn a_table_that_is_wider_than_a_terminal_becomes_several_with_the_same_first_column() {

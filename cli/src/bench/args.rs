@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::args::time::{self, length_us, span_us};
 use crate::args::{Every, INPUT, Input, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, STATUS};
+use meissner_pipeline::time::{self, length_us, span_us};
 
 /// What is measured and how, at the end of the long help.
 const METHOD: &str = "\

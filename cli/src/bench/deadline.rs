@@ -20,9 +20,9 @@ use super::pass::Passes;
 use super::report::{DeadlineBin, DeadlineReport, Distribution, Sustained};
 use crate::args::Every;
 use crate::error::CliError;
-use crate::front::Front;
-use crate::latency::{Latency, microseconds};
-use crate::schedule::{Last, Schedule};
+use meissner_pipeline::filtered::FilteredEngine;
+use meissner_pipeline::latency::{Latency, microseconds};
+use meissner_pipeline::schedule::{Last, Schedule};
 
 /// Periods from which on a p99.9 is not just the slowest of them: a bin with fewer is judged together with those below
 /// it, so that a single interruption by the system does not decide on a rate.
@@ -98,7 +98,12 @@ impl Deadline {
         }
     }
 
-    fn period(&mut self, front: &mut Front, waiting: &mut Vec<Event>, end_us: i64) -> Result<(), CliError> {
+    fn period(
+        &mut self,
+        front: &mut FilteredEngine,
+        waiting: &mut Vec<Event>,
+        end_us: i64,
+    ) -> Result<(), CliError> {
         let before = front.engine().counters().events;
         let start = Instant::now();
         front.push_slice(waiting);

@@ -39,15 +39,15 @@ pub(crate) use memory::{peak_resident_bytes, resident_bytes};
 use crate::args::Every;
 use crate::error::CliError;
 use crate::header::header;
-use crate::latency::{Latency, microseconds};
-use crate::lost::Lost;
-use crate::model::{Model, describe_any};
 use crate::output;
 use crate::progress::Progress;
-use crate::provenance::{Header, InputCard};
-use crate::source::Source;
 use crate::text::Folded;
 use deadline::Deadline;
+use meissner_pipeline::latency::{Latency, microseconds};
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::model::describe_any;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::source::Source;
 use part::Part;
 use pass::{Measured, Passes};
 use phases::Phases;
@@ -72,8 +72,8 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 /// A network over events.
 fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let input = &args.input;
-    let model = Model::load(input)?;
-    let mut source = Source::of_input(input, &model.card)?;
+    let model = input.model()?;
+    let mut source = input.source(&model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let provenance = Header::new("bench", described, model.card.clone());
@@ -127,7 +127,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
         warmup_events: warmup as u64,
         clock_us,
         deadline: deadline.report(),
-        approximations: input.approximations.report(
+        approximations: input.approximations.values().report(
             &front.chain,
             &front.engine().counters(),
             front.readout.stale(),
@@ -158,7 +158,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 /// The events of the part of `source` that `args` ask for.
 fn taken(source: &mut Source, args: &BenchArgs) -> Result<Vec<Event>, CliError> {
     let limit = args.input.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
-    Part { from_us: args.from_us, for_us: args.for_us }.take(source, limit)
+    Part { from_us: args.from_us, for_us: args.for_us }.take(source, limit).map_err(CliError::from)
 }
 
 /// What measuring nothing takes, in microseconds: the least mean of several runs, since an interruption can only add.

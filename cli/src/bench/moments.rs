@@ -9,7 +9,7 @@ use std::ops::Range;
 use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Sensor};
 
 use crate::error::CliError;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// Most moments of a benchmark: nobody waits for the frames of more.
 const MOST: i128 = 1_000_000;

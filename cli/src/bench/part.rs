@@ -5,7 +5,7 @@
 
 use meissner_engine::Event;
 
-use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// A part of a recording, in microseconds from its first event on.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,11 +23,11 @@ impl Part {
     /// The events of this part, at most `limit`.
     pub(super) fn take(
         self,
-        events: impl Iterator<Item = Result<Event, CliError>>,
+        events: impl Iterator<Item = Result<Event, PipelineError>>,
         limit: usize,
-    ) -> Result<Vec<Event>, CliError> {
+    ) -> Result<Vec<Event>, PipelineError> {
         let mut first_us = None;
-        let inside = |event: &Result<Event, CliError>| {
+        let inside = |event: &Result<Event, PipelineError>| {
             let Ok(event) = event else { return true };
             self.holds(*first_us.get_or_insert(event.t_us), event.t_us)
         };

@@ -12,10 +12,10 @@ use meissner_engine::{Event, LatePolicy, Network, Options, Outcome, Sensor};
 use super::phases::{Phase, Phases};
 use crate::args::{ApproximationArgs, Every};
 use crate::error::CliError;
-use crate::front::Front;
-use crate::latency::Latency;
 use crate::progress::Progress;
-use crate::schedule::{Last, Schedule};
+use meissner_pipeline::filtered::FilteredEngine;
+use meissner_pipeline::latency::Latency;
+use meissner_pipeline::schedule::{Last, Schedule};
 
 /// What all passes have in common.
 pub(super) struct Passes {
@@ -57,7 +57,7 @@ impl Latencies {
     /// Reads a prediction, at `due_us` where that is given; the number of events in its window.
     fn read(
         &mut self,
-        front: &mut Front,
+        front: &mut FilteredEngine,
         due_us: Option<i64>,
         both: &mut Duration,
     ) -> Result<usize, CliError> {
@@ -89,9 +89,14 @@ impl Measured {
 
 impl Passes {
     /// A new engine.
-    pub(super) fn front(&self, stage_times: bool) -> Result<Front, CliError> {
+    pub(super) fn front(&self, stage_times: bool) -> Result<FilteredEngine, CliError> {
         let options = Options { late: self.late, stage_times, ..Options::default() };
-        Ok(Front::new(Arc::clone(&self.network), self.sensor, &self.approximations, options)?)
+        Ok(FilteredEngine::new(
+            Arc::clone(&self.network),
+            self.sensor,
+            &self.approximations.values(),
+            options,
+        )?)
     }
 
     /// The next event has been taken.
@@ -107,7 +112,7 @@ impl Passes {
         phases: &Phases,
         stage_times: bool,
         into: &mut Measured,
-    ) -> Result<Front, CliError> {
+    ) -> Result<FilteredEngine, CliError> {
         let mut front = self.front(stage_times)?;
         let mut schedule = Schedule::new(self.every, self.sensor, self.late);
         for (index, &event) in events.iter().enumerate() {

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use super::pass::Measured;
 use super::report::{Report, whole};
 use crate::svg;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// Size of the drawing, and of the field of the curves in it.
 const WIDTH: f64 = 1080.0;
@@ -57,7 +57,8 @@ fn curves(measured: &Measured) -> Vec<Curve> {
     let (idle, burst) = (&measured.idle.push_predict, &measured.burst.push_predict);
     // Where there is one phase only, its curve is that of all.
     let by_phase = idle.count() > 0 && burst.count() > 0;
-    let phase = |latency: &crate::latency::Latency| if by_phase { latency.longer() } else { Vec::new() };
+    let phase =
+        |latency: &meissner_pipeline::latency::Latency| if by_phase { latency.longer() } else { Vec::new() };
     // Colours that stay apart for those who do not see red and green apart.
     [
         ("push", "#0072b2", "", push.longer()),

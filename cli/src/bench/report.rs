@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::pass::{Latencies, Measured};
 use super::phases::{Phase, Phases, WINDOW_US};
 use super::sum;
-use crate::approximations::Approximations;
-use crate::front::Front;
-use crate::latency::{Latency, Quantiles, microseconds};
-use crate::lost::Warning;
-use crate::model::Model;
-use crate::provenance::Header;
 use crate::skips::{Skips, dropped};
+use meissner_pipeline::approximations::ApproximationReport;
+use meissner_pipeline::filtered::FilteredEngine;
+use meissner_pipeline::latency::{Latency, Quantiles, microseconds};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::model::Model;
+use meissner_pipeline::provenance::Header;
 
 /// The whole benchmark. Counts are of one pass, except those of distributions.
 #[derive(Debug, Default, Serialize)]
@@ -49,7 +49,7 @@ pub(super) struct Report {
     pub(super) skips: Skips,
     /// What was approximated, in one pass; none where everything was exact.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) approximations: Option<Approximations>,
+    pub(super) approximations: Option<ApproximationReport>,
     pub(super) work: Work,
     /// Where the time of a separate pass went; empty where no time was spent.
     pub(super) stages: Vec<StageReport>,
@@ -176,7 +176,7 @@ impl Report {
     /// What the passes measured; the rest is left for the caller to fill in.
     pub(super) fn measured(
         model: &Model,
-        front: &Front,
+        front: &FilteredEngine,
         staged: &Engine,
         measured: &Measured,
         phases: &Phases,

@@ -3,8 +3,9 @@
 use std::io::{self, Write};
 
 use super::report::{DeadlineReport, Distribution, PhaseReport, PhasesReport, Report, Work};
-use crate::latency::Quantiles;
-use crate::text::{Table, duration, grouped};
+use crate::text::{Table, duration};
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::text::grouped;
 
 /// Writes everything but the headings that say what ran on what.
 pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
@@ -34,7 +35,7 @@ fn counts(out: &mut impl Write, report: &Report) -> io::Result<()> {
         grouped(report.nodes_max as u64)
     )?;
     if let Some(approximations) = &report.approximations {
-        approximations.write(out)?;
+        crate::approximations::write(approximations, out)?;
     }
     let passes = if report.passes == 1 { "pass" } else { "passes" };
     writeln!(

@@ -6,7 +6,7 @@ use meissner_engine::Event;
 use meissner_io::datasets::{NmnistDataset, NmnistRecording, Split};
 
 use crate::error::CliError;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// The recordings of a data set.
 pub(crate) struct DigitsData {

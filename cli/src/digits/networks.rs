@@ -8,8 +8,8 @@ use meissner_models::{Description, Weights};
 
 use super::training::{Training, seed_name};
 use crate::error::CliError;
-use crate::model::describe;
 use crate::trainings::{TrainingError, files};
+use meissner_pipeline::model::describe;
 
 /// How the shipped networks of this system are called.
 const PREFIX: &str = "digits-";

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use meissner_models::Weights;
 
 use crate::error::CliError;
-use crate::model::labelled;
 use crate::trainings::{Remarks, TrainingError};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::labelled;
 
 /// Weights, and how they came about.
 #[derive(Clone)]
@@ -90,8 +91,8 @@ pub(crate) fn seed_name(seed: Option<i64>) -> String {
 }
 
 fn read(path: &Path) -> Result<Weights, CliError> {
-    let failed = |source| CliError::weights(path.display().to_string(), source);
-    Weights::load(path).map_err(failed)
+    let failed = |source| PipelineError::weights(path.display().to_string(), source);
+    Ok(Weights::load(path).map_err(failed)?)
 }
 
 /// What a fold held out; a whole training must have left out the split test.
@@ -107,6 +108,6 @@ fn held_out(remarks: &Remarks<'_>) -> Result<Option<Vec<String>>, TrainingError>
 }
 
 fn stride(weights: &Weights, label: &str) -> Result<usize, CliError> {
-    let failed = |source| CliError::Weights { weights: label.to_owned(), source };
+    let failed = |source| PipelineError::Weights { weights: label.into(), source: Box::new(source) };
     Ok(weights.card().map_err(failed)?.stride)
 }

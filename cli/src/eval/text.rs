@@ -4,7 +4,8 @@ use std::io::{self, Write};
 
 use meissner_models::metrics::{Confusion, MeanStd};
 
-use crate::text::{Table, grouped, percent};
+use crate::text::{Table, percent};
+use meissner_pipeline::text::grouped;
 
 /// Stands where there is no figure.
 pub(super) const NONE: &str = "-";

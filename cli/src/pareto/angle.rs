@@ -9,9 +9,8 @@ use super::measurement::Subject;
 use super::settings::{check, mean_rate, settings};
 use super::study::{Data, Study};
 use crate::error::CliError;
-use crate::lost::Lost;
-use crate::model::{Model, describe, labelled, weights};
-use crate::source::Source;
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::model::{Model, describe, labelled, weights};
 
 /// The network where none is named.
 const NETWORK: &str = "graphres";
@@ -32,7 +31,7 @@ pub(super) struct AngleData {
 impl AngleData {
     /// The part of the recording that `args` ask for.
     pub(super) fn read(args: &AngleArgs) -> Result<Self, CliError> {
-        let source = Source::open(Some(&args.recording), args.read, args.sensor.is_some(), true)?;
+        let source = args.read.open(Some(&args.recording), args.sensor.is_some(), true)?;
         let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
         let all = source.collect::<Result<Vec<Event>, _>>()?;
         let first_us = all.first().map_or(0, |event| event.t_us);

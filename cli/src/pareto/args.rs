@@ -7,9 +7,9 @@ use clap::Subcommand;
 use meissner_engine::Sensor;
 use meissner_kernels::Isa;
 
-use crate::args::time::length_us;
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
-use crate::source::is_stdin;
+use meissner_pipeline::source::is_stdin;
+use meissner_pipeline::time::length_us;
 
 /// How it measures, at the end of the long help.
 const METHOD: &str = "\
@@ -21,7 +21,7 @@ How it measures:
   Work: rows of events and cells (pixels of frame networks) that were computed, and multiply-adds at full neighbourhoods as `meissner inspect` has them; by Winograd as if directly.
   Numerical error: of everything predicted at the same moments, after each event, in the order of time, and for each tenth of the streams. max and RMS error are in the outputs' units; relative RMS error is RMS error as a share of the RMS of the exact outputs. A stale readout is compared with the exact network's prediction at that moment.
   Wrong answers: with 95 % Wilson intervals, over several trainings the mean of their errors and bounds. Windows of one recording depend on each other: for them the intervals are too narrow. Of networks whose predictions depend on when others were read (tolerance, stale readout), answers are read with a prediction after each event.
-  Front: the settings that no other beats in time and error; of equal ones all. Where there are labels, there is one front over all networks; otherwise one for each network, whose errors are of its own outputs. The last paragraph names the fastest setting within some error of the exact one. A setting that is less than 1.02 times as fast counts as no faster.
+  FilteredEngine: the settings that no other beats in time and error; of equal ones all. Where there are labels, there is one front over all networks; otherwise one for each network, whose errors are of its own outputs. The last paragraph names the fastest setting within some error of the exact one. A setting that is less than 1.02 times as fast counts as no faster.
 
 Settings:
   Networks over events: tolerance; neighbours below the network's; span as a share of the network's; every Nth event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250us; a stale readout.

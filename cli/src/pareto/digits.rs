@@ -20,6 +20,7 @@ use super::study::{Data, Study};
 use super::wrong::{Judge, Judged};
 use crate::digits::{Asked, Candidate, DigitsData, Training, candidates, validations};
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// Events that are timed where nothing else is asked for.
 const TIMED: usize = 20_000;
@@ -72,7 +73,10 @@ pub(super) fn study<'a>(
         let streams = spread(chosen, events, args.common.timed_events(TIMED));
         timed = timed.max(streams.iter().map(|events| events.len() as u64).sum());
         let description = &candidate.description;
-        let failed = |source| CliError::Weights { weights: first.label.clone(), source };
+        let failed = |source| PipelineError::Weights {
+            weights: first.label.as_str().into(),
+            source: Box::new(source),
+        };
         let network = description.network(&first.weights).map_err(failed)?;
         let settings = settings(&network, mean_rate(&streams));
         check(&network, &settings)?;

@@ -15,9 +15,9 @@ use super::numerical::Differences;
 use super::settings::{Setting, row_costs};
 use super::timing::{Lap, Timing};
 use super::wrong::Judge;
-use crate::approximations::ApproximationArgs;
 use crate::error::CliError;
-use crate::front::Front;
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::filtered::FilteredEngine;
 
 /// Events from one turn to the next.
 const TURN: usize = 1000;
@@ -41,7 +41,7 @@ pub(super) struct EventSubject<'a> {
 
 /// An engine that runs, and what it has said last.
 struct Machine {
-    front: Front,
+    front: FilteredEngine,
     last: Vec<f32>,
     lap: Lap,
 }
@@ -68,7 +68,7 @@ impl Subject for EventSubject<'_> {
         let adapted = Arc::new(setting.network(&self.network)?);
         let exact = Arc::new(self.network.clone());
         let mut own = Machine::new(Arc::clone(&adapted), self.sensor, &setting.approximations)?;
-        let mut exact = Machine::new(exact, self.sensor, &ApproximationArgs::default())?;
+        let mut exact = Machine::new(exact, self.sensor, &Approximations::default())?;
         let mut differences = Differences::default();
         let mut counters = None;
         let mut laps = Vec::new();
@@ -132,12 +132,8 @@ impl EventSubject<'_> {
 }
 
 impl Machine {
-    fn new(
-        network: Arc<Network>,
-        sensor: Sensor,
-        approximations: &ApproximationArgs,
-    ) -> Result<Self, CliError> {
-        let front = Front::new(network, sensor, approximations, Options::default())?;
+    fn new(network: Arc<Network>, sensor: Sensor, approximations: &Approximations) -> Result<Self, CliError> {
+        let front = FilteredEngine::new(network, sensor, approximations, Options::default())?;
         Ok(Self { front, last: Vec::new(), lap: Lap::default() })
     }
 

@@ -7,8 +7,8 @@ use super::front::front;
 use super::measurement::{EXACT, Measurement};
 use super::study::{Measured, Study};
 use super::words;
-use crate::provenance::{Header, InputCard};
 use crate::text::percent;
+use meissner_pipeline::provenance::{Header, InputCard};
 
 /// Everything.
 #[derive(Debug, Serialize)]

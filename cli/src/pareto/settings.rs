@@ -6,15 +6,15 @@
 use meissner_engine::{Event, Network};
 
 use super::measurement::EXACT;
-use crate::approximations::ApproximationArgs;
 use crate::error::CliError;
+use meissner_pipeline::approximations::Approximations;
 
 /// A network with some approximations.
 #[derive(Clone, Debug)]
 pub(super) struct Setting {
     pub(super) name: String,
     /// But for the span.
-    pub(super) approximations: ApproximationArgs,
+    pub(super) approximations: Approximations,
     /// Share of the network's span.
     span: Option<(i64, i64)>,
 }
@@ -85,7 +85,7 @@ impl Setting {
     fn of(changes: &[Change], rate: f64) -> Self {
         let names: Vec<String> = changes.iter().map(|change| change.name()).collect();
         let name = if names.is_empty() { EXACT.to_owned() } else { names.join(" + ") };
-        let mut setting = Self { name, approximations: ApproximationArgs::default(), span: None };
+        let mut setting = Self { name, approximations: Approximations::default(), span: None };
         changes.iter().for_each(|change| change.apply(&mut setting, rate));
         setting
     }
@@ -97,7 +97,7 @@ impl Setting {
             let span_us = network.parts().span_us * part / whole;
             network = network.with_span_us(span_us.max(1))?;
         }
-        self.approximations.adapt(network)
+        Ok(self.approximations.adapt(network)?)
     }
 
     /// Whether a prediction depends on when others were read before it.

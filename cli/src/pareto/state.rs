@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::measurement::Measurement;
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// What a measurement is of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +48,7 @@ impl State {
         let Some(path) = path else { return Ok(Self::default()) };
         let failed = |source| CliError::Write { path: path.to_owned(), source };
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-        let bytes = fs::read(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+        let bytes = fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
         let (lines, keep) = parse(&bytes).map_err(|(line, source)| CliError::State {
             path: path.to_owned(),
             line,

@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use super::report::{Compared, NetworkReport, Report, SettingReport};
-use crate::text::{Table, grouped, percent};
+use crate::text::{Table, percent};
+use meissner_pipeline::text::grouped;
 
 /// Writes everything.
 pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {

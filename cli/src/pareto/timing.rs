@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::latency::{Latency, microseconds};
+use meissner_pipeline::latency::{Latency, microseconds};
 
 /// What one of the two took in a repeat.
 #[derive(Clone, Debug, Default)]

@@ -16,7 +16,8 @@ use rayon::prelude::*;
 use super::measurement::Task;
 use super::settings::Setting;
 use crate::error::CliError;
-use crate::front::Front;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::filtered::FilteredEngine;
 
 /// A network's trainings and what each is judged on.
 pub(super) struct Judge<'a> {
@@ -54,14 +55,17 @@ impl Judge<'_> {
     }
 
     fn wrong(&self, judged: &Judged<'_>, setting: &Setting) -> Result<u64, CliError> {
-        let failed = |source| CliError::Weights { weights: judged.label.clone(), source };
+        let failed = |source| PipelineError::Weights {
+            weights: judged.label.as_str().into(),
+            source: Box::new(source),
+        };
         let network = self.description.network(&judged.weights).map_err(failed)?;
         let network = Arc::new(setting.network(&network)?);
-        let front = Front::new(network, self.sensor, &setting.approximations, Options::default())?;
+        let front = FilteredEngine::new(network, self.sensor, &setting.approximations, Options::default())?;
         let each = setting.reads_matter();
         let answers = || {
             let recordings = judged.recordings.par_iter();
-            let answer = |front: &mut Front, &(events, truth): &(&[Event], usize)| {
+            let answer = |front: &mut FilteredEngine, &(events, truth): &(&[Event], usize)| {
                 answer(front, events, each).map(|class| class != truth)
             };
             recordings.map_init(|| front.clone(), answer).collect::<Vec<_>>()
@@ -72,7 +76,7 @@ impl Judge<'_> {
 }
 
 /// The class at the end of `events`, of which a prediction is read after each or only at the end.
-fn answer(front: &mut Front, events: &[Event], each: bool) -> Result<usize, EngineError> {
+fn answer(front: &mut FilteredEngine, events: &[Event], each: bool) -> Result<usize, EngineError> {
     front.reset();
     for &event in events {
         let (passes, _) = front.admit(event);

@@ -7,7 +7,8 @@ use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Ref
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions};
 
-use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS, time};
+use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS};
+use meissner_pipeline::time;
 
 /// At the end of the long help.
 const EXAMPLES: &str = "\

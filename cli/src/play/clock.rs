@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::interrupt;
+use meissner_pipeline::interrupt;
 
 /// Longest distance on the wall clock that is told: ten years.
 const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);

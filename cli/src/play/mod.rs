@@ -32,17 +32,16 @@ use crate::answer::Answers;
 use crate::bench::peak_resident_bytes;
 use crate::error::CliError;
 use crate::header::header;
-use crate::interrupt;
-use crate::latency::microseconds;
-use crate::lost::Lost;
-use crate::model::Model;
-use crate::provenance::{Header, InputCard};
 use crate::run::json::Values;
 use crate::skips::dropped;
-use crate::source::{self, Source};
 use crate::text::Folded;
 pub(crate) use args::PlayArgs;
 use clock::Clock;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::latency::microseconds;
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::source::{self, Source};
 use reader::Reader;
 use report::{Due, Report};
 use summary::{Last, Latencies, Queue, Summary, Verified};
@@ -52,8 +51,8 @@ use tally::Tally;
 pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
     let input = &args.input;
-    let model = Model::load(input)?;
-    let mut source = Source::of_input(input, &model.card)?;
+    let model = input.model()?;
+    let mut source = input.source(&model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let provenance = Header::new("play", described, model.card.clone());
@@ -63,7 +62,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let tolerance = approximations.tolerance.unwrap_or(0.0);
     let options = Options { late: input.late.into(), tolerance, ..Options::default() };
     let engine = Engine::with_options(Arc::clone(&network), sensor, options)?;
-    let readout = StaleReadout::new(engine, approximations.staleness())?;
+    let readout = StaleReadout::new(engine, approximations.values().staleness())?;
 
     let mut out = Folded::new(BufWriter::new(stdout().lock()), !args.json);
     if !args.json {
@@ -176,7 +175,7 @@ impl<W: Write> Stage<'_, W> {
         let (args, plan) = (self.args, self.plan);
         let overload = args.overload.overload(self.sensor)?;
         let options = QueueOptions { capacity: args.queue as usize, overload, ..QueueOptions::default() };
-        let chain = args.input.approximations.chain(self.sensor)?;
+        let chain = args.input.approximations.values().chain(self.sensor)?;
         thread::scope(|threads| {
             // Inside, so that whatever happens here ends the reader before it is waited for.
             let (input, mut live) = Live::spawn(predictor, options)?;
@@ -252,7 +251,7 @@ impl<W: Write> Stage<'_, W> {
             last: Last { t_us: played.t_us, value: Values(&played.values), nodes: played.nodes },
             verified,
             peak_resident_bytes: peak_resident_bytes(),
-            approximations: approximations.report(&played.chain, &counters, readout.stale()),
+            approximations: approximations.values().report(&played.chain, &counters, readout.stale()),
         })?)
     }
 }

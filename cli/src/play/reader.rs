@@ -11,7 +11,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
 use super::clock::Clock;
-use crate::interrupt;
+use meissner_pipeline::interrupt;
 
 /// A sleep is at least so long, so that events come in handfuls as a camera's do, and at most so long, so that time
 /// moves on in a gap.

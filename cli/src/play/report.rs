@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::summary::Summary;
 use super::tally::State;
 use crate::answer::{Answer, Answers};
-use crate::latency::microseconds;
 use crate::progress::Progress;
-use crate::provenance::Header;
 use crate::run::json::{JsonLines, Values};
 use crate::run::lines::Lines;
 use crate::run::table::quantiles;
-use crate::text::grouped;
+use meissner_pipeline::latency::microseconds;
+use meissner_pipeline::provenance::Header;
+use meissner_pipeline::text::grouped;
 
 /// Reasons for which the queue drops events; all others are the engine's.
 const QUEUE_REASONS: [&str; 4] = ["oldest", "newest", "thinned", "filtered"];
@@ -175,6 +175,9 @@ fn table(out: &mut impl Write, summary: &Summary<'_>) -> io::Result<()> {
             "verified     the last prediction {verdict} the batch over {events} accepted events ({ms:.0} ms)"
         )?;
     }
-    summary.approximations.as_ref().map_or(Ok(()), |approximations| approximations.write(out))?;
+    summary
+        .approximations
+        .as_ref()
+        .map_or(Ok(()), |approximations| crate::approximations::write(approximations, out))?;
     quantiles(out, &[("waited", latency_us.waited), ("age", latency_us.age), ("behind", latency_us.behind)])
 }

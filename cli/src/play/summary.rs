@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::tally::Reports;
-use crate::approximations::Approximations;
-use crate::latency::Quantiles;
-use crate::lost::Warning;
 use crate::run::json::Values;
+use meissner_pipeline::approximations::ApproximationReport;
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::lost::Warning;
 
 /// The whole play.
 #[derive(Serialize)]
@@ -37,7 +37,7 @@ pub(super) struct Summary<'a> {
     pub(super) verified: Option<Verified>,
     pub(super) peak_resident_bytes: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) approximations: Option<Approximations>,
+    pub(super) approximations: Option<ApproximationReport>,
 }
 
 /// How long reports took; none where there was none.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use meissner_live::Timely;
 use serde::Serialize;
 
-use crate::latency::{Latency, microseconds};
+use meissner_pipeline::latency::{Latency, microseconds};
 
 /// How a report came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -15,7 +15,7 @@ use crate::digits::DigitsData;
 use crate::error::CliError;
 use crate::output;
 use crate::tell::tell;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// What the file holds.
 const TENSORS: &str = "\

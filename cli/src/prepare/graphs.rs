@@ -11,9 +11,10 @@ use rayon::prelude::*;
 
 use super::GraphsArgs;
 use crate::error::CliError;
-use crate::model::describe;
 use crate::output;
-use crate::text::grouped;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::describe;
+use meissner_pipeline::text::grouped;
 use streams::Streams;
 pub(crate) use streams::StreamsError;
 
@@ -33,8 +34,10 @@ pub(super) fn prepare(args: &GraphsArgs) -> Result<(), CliError> {
     let (description, _) = describe(&args.network)?;
     let weights = draw(&description, 0);
     let network = description.network(&weights);
-    let network =
-        network.map_err(|source| CliError::Weights { weights: "drawn weights".to_owned(), source })?;
+    let network = network.map_err(|source| PipelineError::Weights {
+        weights: "drawn weights".into(),
+        source: Box::new(source),
+    })?;
     let streams = Streams::read(&args.events)?;
     let batch = Batch::new(network, streams.sensor)?.with_search(Search::Grid);
     let graphs: Result<Vec<Graph>, _> =

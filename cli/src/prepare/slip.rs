@@ -10,11 +10,11 @@ use serde::Serialize;
 
 use super::SlipArgs;
 use crate::error::CliError;
-use crate::model::describe_frames;
 use crate::output;
 use crate::slip::SlipData;
 use crate::tell::tell;
-use crate::text::grouped;
+use meissner_pipeline::model::describe_frames;
+use meissner_pipeline::text::grouped;
 
 /// The windows of all recordings.
 #[derive(Default)]

@@ -10,6 +10,7 @@
 //! | standard output that cannot be written | written | nothing | nothing | 1, or 0 where its reader went away |
 
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// How a stream has ended: the first error, where there is any.
 #[derive(Debug)]
@@ -22,12 +23,17 @@ impl Ending {
 
     /// Whether the state is worth to be kept.
     pub(super) fn saves(&self) -> bool {
-        !matches!(self.0, Err(CliError::Engine(_) | CliError::Lines { .. }))
+        !matches!(self.pipeline(), Some(PipelineError::Engine(_) | PipelineError::Lines { .. }))
     }
 
     /// Whether predictions can still be read and shown.
     pub(super) fn predicts(&self) -> bool {
-        !matches!(self.0, Err(CliError::Engine(_) | CliError::Output(_)))
+        !matches!(self.pipeline(), Some(PipelineError::Engine(_)))
+            && !matches!(self.0, Err(CliError::Output(_)))
+    }
+
+    fn pipeline(&self) -> Option<&PipelineError> {
+        self.0.as_ref().err().and_then(CliError::pipeline)
     }
 
     /// Notes how one more thing went.

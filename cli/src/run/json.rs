@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::report::{Reading, Report};
 use super::summary::Summary;
 use crate::answer::{Answer, Answers};
-use crate::latency::microseconds;
-use crate::provenance::Header;
+use meissner_pipeline::latency::microseconds;
+use meissner_pipeline::provenance::Header;
 
 /// Writes JSON lines.
 pub(crate) struct JsonLines<W> {

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use crate::progress::Progress;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// About so many predictions of a file are shown.
 const SHOWN: u64 = 40;

@@ -9,7 +9,6 @@ mod ending;
 mod frames;
 pub(crate) mod json;
 pub(crate) mod lines;
-mod machine;
 mod report;
 mod state;
 mod summary;
@@ -24,24 +23,25 @@ use meissner_engine::{Engine, Event, Outcome};
 use meissner_models::AnyDescription;
 
 use crate::answer::Answers;
-use crate::args::{ApproximationArgs, Every, Mode};
+use crate::args::{Every, Mode};
 use crate::error::CliError;
 use crate::header::header;
-use crate::interrupt;
-use crate::latency::Latency;
-use crate::lost::{Lost, Watch};
-use crate::model::{Model, describe_any};
 use crate::progress::Progress;
-use crate::provenance::{Header, InputCard};
-use crate::schedule::{Last, Schedule};
-use crate::source::{self, Source};
 use crate::text::Folded;
 pub(crate) use args::RunArgs;
 use ending::Ending;
 use frames::Kind;
 pub(crate) use frames::readers;
 use json::{JsonLines, Predictions};
-use machine::Machine;
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::latency::Latency;
+use meissner_pipeline::lost::{Lost, Watch};
+use meissner_pipeline::model::{Model, describe_any};
+use meissner_pipeline::predictor::Predictor;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::schedule::{Last, Schedule};
+use meissner_pipeline::source;
 use report::{Reading, Report};
 use state::Saver;
 use summary::Summary;
@@ -58,17 +58,18 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     }
     Kind::EventGraph.check(args)?;
     check_mode(args)?;
-    let model = Model::load(input)?;
+    let model = input.model()?;
     let network = Arc::new(model.network.clone());
     check_stride(args, &model)?;
-    let mut source = Source::of_input(input, &model.card)?;
+    let mut source = input.source(&model.card)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let provenance = Header::new("run", described, model.card.clone());
     provenance.warn();
     let late = input.late.into();
-    let mut machine = Machine::new(args.mode, Arc::clone(&network), sensor, late, &input.approximations)?;
+    let mut machine =
+        Predictor::new(args.mode.into(), Arc::clone(&network), sensor, late, &input.approximations.values())?;
     let mut schedule = Schedule::new(args.every.unwrap_or(EVERY), sensor, late);
     if let Some(resumed) = args.state.read()? {
         machine = machine.resume(&resumed.bytes).map_err(|source| resumed.refused(source))?;
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut runner = Runner {
         schedule,
         saver: args.state.saver(),
-        chain: input.approximations.chain(sensor)?,
+        chain: input.approximations.values().chain(sensor)?,
         epoch_us: machine.engine().and_then(Engine::epoch_us),
         machine,
         report: &mut *report,
@@ -113,7 +114,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut ended = Ok(());
     while ended.is_ok() && runner.taken < limit && !interrupt::requested() {
         let Some(event) = source.next() else { break };
-        ended = event.and_then(|event| runner.take(event));
+        ended = event.map_err(CliError::from).and_then(|event| runner.take(event));
         progress.set(runner.taken);
         watch.look(runner.taken, &source.name, || Lost {
             events: runner.machine.counters().events,
@@ -123,7 +124,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         });
     }
     let mut ending = Ending::new(ended);
-    let mut summary = runner.end(&mut ending, &network.layers(), &input.approximations);
+    let mut summary = runner.end(&mut ending, &network.layers(), &input.approximations.values());
     progress.finish();
     summary.lines_refused = source.lines_refused();
     summary.salvaged = source.salvaged.take();
@@ -176,7 +177,7 @@ struct Runner<'a> {
     saver: Option<Saver>,
     /// Stands before schedule and machine: what it drops moves no time on.
     chain: Chain,
-    machine: Machine,
+    machine: Predictor,
     report: &'a mut dyn Report,
     push: Latency,
     predict: Latency,
@@ -262,7 +263,7 @@ impl Runner<'_> {
     }
 
     /// Writes the state, reads what is due at the end, and sums up.
-    fn end(mut self, ending: &mut Ending, layers: &[&str], approximations: &ApproximationArgs) -> Summary {
+    fn end(mut self, ending: &mut Ending, layers: &[&str], approximations: &Approximations) -> Summary {
         if ending.saves() {
             ending.then(self.save());
         }

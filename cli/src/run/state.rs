@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 use meissner_engine::EngineError;
 
 use crate::args::STATE;
-use crate::args::time::span_us;
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::time::span_us;
 
 /// What can be asked for where a run goes on later.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -49,7 +50,7 @@ impl StateArgs {
     /// The bytes to go on from.
     pub(crate) fn read(&self) -> Result<Option<Resumed<'_>>, CliError> {
         let Some(path) = self.resume.as_deref() else { return Ok(None) };
-        let bytes = fs::read(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+        let bytes = fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
         Ok(Some(Resumed { path, bytes }))
     }
 
@@ -97,7 +98,8 @@ impl Saver {
     }
 
     pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), CliError> {
-        meissner_io::replace_file(&self.path, |out| out.write_all(bytes)).map_err(CliError::File)
+        let written = meissner_io::replace_file(&self.path, |out| out.write_all(bytes));
+        Ok(written.map_err(PipelineError::File)?)
     }
 }
 

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use meissner_engine::{Counters, EventCounters};
 use serde::Serialize;
 
-use crate::approximations::Approximations;
-use crate::latency::{Latency, Quantiles};
-use crate::lost::Warning;
 use crate::skips::{Skips, dropped};
-use crate::source::Salvaged;
+use meissner_pipeline::approximations::ApproximationReport;
+use meissner_pipeline::latency::{Latency, Quantiles};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::salvage::Salvaged;
 
 /// The whole run.
 #[derive(Debug, Serialize)]
@@ -39,7 +39,7 @@ pub(crate) struct Summary {
     pub(crate) gate: EventCounters,
     /// What was approximated; none where everything was exact.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) approximations: Option<Approximations>,
+    pub(crate) approximations: Option<ApproximationReport>,
     /// What was left out of the recording; none where it is whole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) salvaged: Option<Salvaged>,

@@ -6,10 +6,11 @@ use super::lines::Lines;
 use super::report::{Reading, Report};
 use super::summary::Summary;
 use crate::answer::Answers;
-use crate::latency::{Quantiles, microseconds};
 use crate::progress::Progress;
 use crate::skips::Skips;
-use crate::text::{Table, duration, grouped};
+use crate::text::{Table, duration};
+use meissner_pipeline::latency::{Quantiles, microseconds};
+use meissner_pipeline::text::grouped;
 
 /// Writes for people.
 pub(crate) struct People<W> {
@@ -86,7 +87,10 @@ fn counts(out: &mut impl Write, summary: &Summary) -> io::Result<()> {
         grouped(events_evicted)
     )?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
-    summary.approximations.as_ref().map_or(Ok(()), |approximations| approximations.write(out))
+    summary
+        .approximations
+        .as_ref()
+        .map_or(Ok(()), |approximations| crate::approximations::write(approximations, out))
 }
 
 fn latencies(out: &mut impl Write, summary: &Summary) -> io::Result<()> {

@@ -7,7 +7,7 @@ use meissner_io::datasets::{BadRows, SlipDataset, SlipRecording};
 use meissner_models::systems::slip::{CLASSES, Object, SlipError, SlipWindows};
 
 use crate::error::CliError;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// The recordings of a data set, and what slipped in each.
 pub(crate) struct SlipData {

@@ -7,8 +7,8 @@ use meissner_models::{FrameDescription, Weights};
 
 use super::training::Training;
 use crate::error::CliError;
-use crate::model::describe_frames;
 use crate::trainings::{TrainingError, files};
+use meissner_pipeline::model::describe_frames;
 
 /// How the shipped networks of this system are called.
 const PREFIX: &str = "slip-";

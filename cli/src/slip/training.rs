@@ -10,8 +10,9 @@ use meissner_models::systems::slip::ObjectSet;
 use serde::Serialize;
 
 use crate::error::CliError;
-use crate::model::labelled;
 use crate::trainings::{Remarks, TrainingError};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::labelled;
 
 /// How a cross-validation splits its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -74,7 +75,7 @@ impl Training {
     /// The training in the file at `path`.
     pub(crate) fn load(path: &Path) -> Result<Self, CliError> {
         let label = path.display().to_string();
-        let weights = Weights::load(path).map_err(|source| CliError::weights(label.clone(), source))?;
+        let weights = Weights::load(path).map_err(|source| PipelineError::weights(label.clone(), source))?;
         let failed = |source| CliError::Training { path: path.to_owned(), source };
         let remarks = Remarks(weights.metadata());
         let network = remarks.required("network", "with a network's name").map_err(failed)?;

@@ -11,8 +11,8 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::CliError;
-use crate::model::frame_network;
 use crate::slip::SlipData;
+use meissner_pipeline::model::frame_network;
 
 /// The windows of every recording.
 pub(crate) struct Windows {

@@ -31,18 +31,17 @@ pub(crate) use args::SoakArgs;
 
 use crate::bench::{peak_resident_bytes, resident_bytes};
 use crate::error::CliError;
-use crate::interrupt;
-use crate::lost::Lost;
-use crate::model::Model;
 use crate::output;
 use crate::progress::Progress;
-use crate::provenance::{Header, InputCard};
-use crate::source::Source;
 use crate::tell::tell;
 use crate::text::Folded;
 use disturbance::Deck;
 use endless::{Endless, Tape};
 use meissner_models::random::Random;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::model::Model;
+use meissner_pipeline::provenance::{Header, InputCard};
 use report::{Checkpoint, Part, Report};
 use subject::{Subject, Timed};
 
@@ -76,7 +75,7 @@ fn tapes(args: &SoakArgs, stride: usize) -> Result<(Vec<Tape>, Sensor), CliError
     let mut extent = Sensor::new(0, 0);
     let mut tapes = Vec::with_capacity(named.len());
     for recording in named {
-        let source = Source::open(recording, args.read, args.sensor.is_some(), true)?.every(stride);
+        let source = args.read.open(recording, args.sensor.is_some(), true)?.every(stride);
         let sensor = source.sensor(args.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();

@@ -5,9 +5,9 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::subject::{Checked, Timed};
-use crate::latency::{Latency, Quantiles};
-use crate::lost::Warning;
-use crate::provenance::{Header, ModelCard};
+use meissner_pipeline::latency::{Latency, Quantiles};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::provenance::{Header, ModelCard};
 
 /// Something for both calls.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -13,7 +13,7 @@ use super::disturbance::Disturbance;
 use super::endless::Endless;
 use super::report::{Calls, Disturbances};
 use crate::error::CliError;
-use crate::latency::Latency;
+use meissner_pipeline::latency::Latency;
 
 /// Latencies of every call.
 pub(super) type Timed = Calls<Latency>;

@@ -3,8 +3,9 @@
 use std::io::{self, Write};
 
 use super::report::{Checkpoint, PartReport, Report};
-use crate::latency::Quantiles;
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::text::grouped;
 
 /// What was measured at a checkpoint, in one line.
 pub(super) fn line(row: &Checkpoint) -> String {
@@ -26,7 +27,12 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
     let [width, height] = report.sensor;
     writeln!(out, "recordings   {}", report.recordings.join(", "))?;
     writeln!(out, "             {width}x{height} pixels, {} more rounds", grouped(report.rounds))?;
-    report.card.write(out, &format!("incremental, {}", report.isa), Some(report.sensor))?;
+    crate::header::write_model(
+        out,
+        &report.card,
+        &format!("incremental, {}", report.isa),
+        Some(report.sensor),
+    )?;
     let (events, accepted) = (grouped(report.events), grouped(report.accepted));
     writeln!(
         out,

@@ -3,8 +3,8 @@
 //! Enters: what was measured. Leaves: the same with ratios, memory after warm-up, and a sentence for each broken promise.
 
 use super::report::{Calls, Checkpoint, Memory, PartReport, Ratio, Report, median};
-use crate::latency::Quantiles;
-use crate::text::grouped;
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::text::grouped;
 
 /// With fewer checkpoints, warm-up and end are not told apart.
 const FEWEST: usize = 20;
@@ -70,9 +70,9 @@ mod tests {
     use std::time::Duration;
 
     use super::judged;
-    use crate::provenance::{Header, ModelCard};
     use crate::soak::report::{Checkpoint, Disturbances, Part, Report};
     use crate::soak::subject::{Checked, Timed};
+    use meissner_pipeline::provenance::{Header, ModelCard};
 
     /// A run of `count` checkpoints that keeps every promise.
     fn report(count: u64) -> Report {

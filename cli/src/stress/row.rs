@@ -4,7 +4,7 @@ use meissner_engine::EngineError;
 use meissner_reference::Difference;
 use serde::Serialize;
 
-use crate::error::chain;
+use meissner_pipeline::error::chain;
 
 /// What a case is meant to end in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

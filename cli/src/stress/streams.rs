@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use meissner_engine::{Event, Network, Sensor};
-use meissner_models::{Description, Weights};
+use meissner_models::Weights;
 
 use super::Size;
 use super::events::{EventCase, Subject};
 use super::row::Expect;
 use crate::error::CliError;
 use meissner_models::random::Random;
+use meissner_pipeline::PipelineError;
 
 /// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
 /// past, with poolings and without.
@@ -120,14 +121,14 @@ fn events(shape: &Shape, count: usize) -> Vec<Event> {
 
 /// The shipped network `name`, with room for [`CAPACITY`] events.
 pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, CliError> {
-    let wrong = |source| CliError::Weights { weights: name.to_owned(), source };
-    let description = Description::shipped(name).ok_or_else(|| CliError::UnknownNetwork(name.to_owned()))?;
+    let wrong = |source| PipelineError::Weights { weights: name.into(), source: Box::new(source) };
+    let (description, _) = meissner_pipeline::model::describe(name)?;
     Ok(description.network(weights).map_err(wrong)?.with_capacity(CAPACITY)?)
 }
 
 /// The shipped weights of `name`.
 pub(super) fn weights(name: &str) -> Result<Weights, CliError> {
-    Weights::shipped(name).ok_or_else(|| CliError::NoWeights(name.to_owned()))
+    Ok(meissner_pipeline::model::weights(name, true, None)?.0)
 }
 
 /// The ordinary stream through `network`.

@@ -4,7 +4,8 @@ use std::io::{self, Write};
 
 use super::functions::FunctionRow;
 use super::row::Row;
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::text::grouped;
 
 const CASES: [&str; 11] = [
     "case",

@@ -7,6 +7,7 @@ use serde::de::DeserializeOwned;
 
 use super::TrainingError;
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// The metadata of a file.
 pub(crate) struct Remarks<'a>(pub(crate) &'a BTreeMap<String, String>);
@@ -46,7 +47,7 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     let list = || -> std::io::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
     };
-    let mut files = list().map_err(|source| CliError::Open { path: folder.to_owned(), source })?;
+    let mut files = list().map_err(|source| PipelineError::Open { path: folder.to_owned(), source })?;
     files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
     files.sort();
     Ok(files)

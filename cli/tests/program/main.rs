@@ -5,7 +5,6 @@ mod approximations;
 mod bench;
 mod bench_frames;
 mod broken_input;
-mod default_recording;
 mod digits_data;
 mod draw;
 mod equality;

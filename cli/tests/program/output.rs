@@ -2,7 +2,7 @@
 
 use meissner_models::{AnyDescription, Description, FrameDescription};
 
-use crate::support::{lines, meissner, text};
+use crate::support::{lines, meissner, text, words};
 
 #[test]
 fn a_json_line_has_the_documented_keys_and_no_others() {
@@ -119,4 +119,23 @@ fn inspect_draws_to_a_file_and_says_so() {
     assert!(output.status.success() && output.stdout.is_empty());
     assert_eq!(crate::support::message(&output), format!("wrote {}\n", path.display()));
     assert!(std::fs::read_to_string(&path).expect("it was written").starts_with("<svg"));
+}
+
+#[test]
+fn without_arguments_it_runs_is_labelled_synthetic_and_the_weights_say_what_they_are() {
+    let output = meissner(&["run"]);
+    assert!(output.status.success());
+    let text = words(&output);
+    for expected in [
+        "synthetic",
+        "EVT3, 240x180 pixels",
+        "network graphres on 240x180 pixels, weights drawn from a seed: predictions mean nothing",
+        "weights shipped with the network",
+        "roll (rad)",
+        "latency (us)",
+        "p99.9",
+        "kept",
+    ] {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
 }

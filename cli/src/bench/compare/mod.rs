@@ -25,22 +25,21 @@ use super::moments::Moments;
 use super::part::Part;
 use super::{memory, taken};
 use crate::error::CliError;
-use crate::lost::Lost;
-use crate::model::Model;
-use crate::provenance::{Header, InputCard};
-use crate::source::Source;
 use crate::text::Folded;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::provenance::{Header, InputCard};
 use report::{Comparison, Ratios};
 use ways::{Predictions, Ways};
 
 /// Compares the network that `args` ask for with the frame network `name`, and reports to standard output.
 pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let input = &args.input;
-    let model = Model::load(input)?;
+    let model = input.model()?;
     let frame_model = FrameModel::load(name, args.compare_weights.as_deref(), input.ignore_preparation)
         .map_err(with_its_option)?;
     let period_us = frame_model.period_us(args.every)?;
-    let mut source = Source::of_input(input, &model.card)?;
+    let mut source = input.source(&model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let header = Header::new("bench", described, model.card.clone());
@@ -104,12 +103,12 @@ pub(super) fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
 
 /// A frame network to compare with has an option of its own for its weights.
 fn with_its_option(error: CliError) -> CliError {
-    match error {
-        CliError::NoWeights(network) => CliError::Option {
+    match error.pipeline() {
+        Some(PipelineError::NoWeights(network)) => CliError::Option {
             option: "--compare-weights",
             expected: format!("a file of weights: the description file {network} comes without"),
             found: "none".to_owned(),
         },
-        error => error,
+        _ => error,
     }
 }

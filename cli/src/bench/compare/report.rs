@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::report::Distribution;
-use crate::lost::Warning;
-use crate::provenance::{Header, ModelCard};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::provenance::{Header, ModelCard};
 
 /// The whole comparison.
 #[derive(Debug, Serialize)]

@@ -6,7 +6,8 @@ use meissner_io::Format;
 
 use super::super::table::{cells, headings, mebibytes};
 use super::report::{Comparison, Ratios, WayReport};
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::text::grouped;
 
 /// Writes everything; the recording is of `format`.
 pub(super) fn write(out: &mut impl Write, report: &Comparison, format: Format) -> io::Result<()> {
@@ -36,7 +37,7 @@ fn heading(out: &mut impl Write, report: &Comparison, format: Format) -> io::Res
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    report.card.write(out, "incremental", Some(report.sensor))?;
+    crate::header::write_model(out, &report.card, "incremental", Some(report.sensor))?;
     writeln!(out, "against      {}, weights {}", report.against.network.name, report.against.trust())?;
     writeln!(out, "             {}", report.against.source())?;
     writeln!(out, "             {}", report.frames_of)?;

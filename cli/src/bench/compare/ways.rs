@@ -12,8 +12,8 @@ use meissner_engine::{Engine, Sensor};
 use super::super::frames::{FrameLatencies, FramePasses, Passed, Taken, WARMUP_FRAMES};
 use super::report::{WayReport, WaysReport};
 use crate::error::CliError;
-use crate::latency::Latency;
-use crate::model::Model;
+use meissner_pipeline::latency::Latency;
+use meissner_pipeline::model::Model;
 
 /// What all passes have in common.
 pub(super) struct Ways<'a> {

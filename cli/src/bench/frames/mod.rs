@@ -26,10 +26,9 @@ use super::moments::Moments;
 use super::part::Part;
 use super::{clock_us, memory, taken};
 use crate::error::CliError;
-use crate::lost::Lost;
-use crate::provenance::{Header, InputCard};
-use crate::source::Source;
 use crate::text::Folded;
+use meissner_pipeline::lost::Lost;
+use meissner_pipeline::provenance::{Header, InputCard};
 use report::{FrameReport, WayReport};
 
 /// Most frames of a warm-up: with a slow network they would take longer than they help.
@@ -41,7 +40,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     check(args)?;
     let model = FrameModel::load(&input.network, input.weights.as_deref(), input.ignore_preparation)?;
     let period_us = model.period_us(args.every)?;
-    let mut source = Source::of_input(input, &model.card)?;
+    let mut source = input.source(&model.card)?;
     let sensor = source.sensor(input.sensor)?;
     let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let header = Header::new("bench", described, model.card.clone());

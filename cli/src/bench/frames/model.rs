@@ -10,12 +10,14 @@ use meissner_models::description::frames::{CropPlace, SignedTiming};
 use meissner_models::{FrameDescription, FrameSource};
 
 use super::super::moments::End;
-use crate::args::{Every, time};
+use crate::args::Every;
 use crate::error::CliError;
-use crate::frame_feed::FrameFeed;
-use crate::layer_cost::LayerCost;
-use crate::model::{describe_frames, frame_network, weights};
-use crate::provenance::ModelCard;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::frame_feed::FrameFeed;
+use meissner_pipeline::layer_cost::LayerCost;
+use meissner_pipeline::model::{describe_frames, frame_network, weights};
+use meissner_pipeline::provenance::ModelCard;
+use meissner_pipeline::time;
 
 /// From one frame to the next, where neither the network nor the command line says: 10 ms, as in the force networks.
 const PERIOD_US: i64 = 10_000;
@@ -119,7 +121,7 @@ impl FrameModel {
     pub(in super::super) fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, CliError> {
         let every = Every::StreamUs(period_us);
         let feed = FrameFeed::new(&self.description, field.around(), LatePolicy::Drop, every)
-            .map_err(|source| CliError::Frames { network: self.network.name().to_owned(), source })?;
+            .map_err(|source| PipelineError::Frames { network: self.network.name().to_owned(), source })?;
         feed.ok_or_else(|| frames_of_other(self.network.name(), *self.source()))
     }
 

@@ -10,8 +10,8 @@ use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use super::super::moments::Moments;
 use super::model::{Field, FrameModel};
 use crate::error::CliError;
-use crate::frame_feed::Fed;
-use crate::latency::Latency;
+use meissner_pipeline::frame_feed::FeedOutput;
+use meissner_pipeline::latency::Latency;
 
 /// What all passes have in common.
 pub(in super::super) struct FramePasses<'a> {
@@ -104,10 +104,10 @@ where
     L: FnMut(Taken<'_>) -> Result<(), CliError>,
 {
     /// Takes the frames that are complete.
-    fn fed(&mut self, fed: Fed<'_>) -> Result<(), CliError> {
+    fn fed(&mut self, fed: FeedOutput<'_>) -> Result<(), CliError> {
         match fed {
-            Fed::Frame { values, t_us, .. } => self.frame(Some(values), t_us)?,
-            Fed::Empty { count, t_us, period_us } => {
+            FeedOutput::Frame { values, t_us, .. } => self.frame(Some(values), t_us)?,
+            FeedOutput::Empty { count, t_us, period_us } => {
                 for (_, number) in (0..count.min(self.left)).zip(0..) {
                     self.frame(None, t_us + number * period_us)?;
                 }
@@ -142,17 +142,17 @@ where
 mod tests {
     use meissner_engine::{Event, LatePolicy, Sensor};
 
-    use super::{Fed, FrameModel, Moments};
+    use super::{FeedOutput, FrameModel, Moments};
     use crate::error::CliError;
 
     /// Times of the frames that the feed delivers for `moments`.
     fn times(model: &FrameModel, moments: &Moments, sensor: Sensor) -> Vec<i64> {
         let mut feed = model.feed(model.field(sensor), moments.period_us).expect("the field fits");
         let mut times = Vec::new();
-        let mut note = |fed: Fed<'_>| {
+        let mut note = |fed: FeedOutput<'_>| {
             match fed {
-                Fed::Frame { t_us, .. } => times.push(t_us),
-                Fed::Empty { count, t_us, period_us } => {
+                FeedOutput::Frame { t_us, .. } => times.push(t_us),
+                FeedOutput::Empty { count, t_us, period_us } => {
                     times.extend((0..count as i64).map(|number| t_us + number * period_us));
                 }
             }

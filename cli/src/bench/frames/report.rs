@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::super::report::{DeadlineReport, Distribution};
 use super::model::FrameModel;
 use super::pass::FrameLatencies;
-use crate::lost::Warning;
-use crate::provenance::{Header, ModelCard};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::provenance::{Header, ModelCard};
 
 /// The whole benchmark. Counts are of one pass, except those of distributions.
 #[derive(Debug, Serialize)]

@@ -6,7 +6,8 @@ use meissner_io::Format;
 
 use super::super::table::{cells, deadline, headings, mebibytes};
 use super::report::{FrameReport, WayReport};
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::text::grouped;
 
 /// Writes everything; the recording is of `format`.
 pub(super) fn write(out: &mut impl Write, report: &FrameReport, format: Format) -> io::Result<()> {
@@ -39,7 +40,7 @@ fn heading(out: &mut impl Write, report: &FrameReport, format: Format) -> io::Re
     if let Some(part) = &report.part {
         writeln!(out, "             {part}")?;
     }
-    report.card.write(out, "with skipping and without", Some(report.sensor))?;
+    crate::header::write_model(out, &report.card, "with skipping and without", Some(report.sensor))?;
     writeln!(out, "frames       {}", report.frames_of)?;
     writeln!(
         out,

@@ -3,7 +3,8 @@
 
 use std::path::PathBuf;
 
-use crate::args::{MEASUREMENT, Mode, NETWORK, OUTPUT, PREDICTIONS, STATUS, time};
+use crate::args::{MEASUREMENT, Mode, NETWORK, OUTPUT, PREDICTIONS, STATUS};
+use meissner_pipeline::time;
 
 /// How it judges, and examples, at the end of the long help.
 const METHOD: &str = "\

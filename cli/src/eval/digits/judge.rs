@@ -16,7 +16,8 @@ use super::runs::{Outcome, Settings, outcomes};
 use crate::args::Mode;
 use crate::digits::{Candidate, DigitsData, Training, Validation, seed_name, validations};
 use crate::error::CliError;
-use crate::model::card;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::card;
 
 /// Judges networks on one data set.
 pub(super) struct Judge<'a> {
@@ -103,13 +104,16 @@ impl Judge<'_> {
         training: &Training,
         chosen: &[usize],
     ) -> Result<Vec<Outcome>, CliError> {
-        let failed = |source| CliError::Weights { weights: training.label.clone(), source };
+        let failed = |source| PipelineError::Weights {
+            weights: training.label.as_str().into(),
+            source: Box::new(source),
+        };
         let network = candidate.description.network(&training.weights).map_err(failed)?;
         let recordings: Vec<&[Event]> =
             chosen.iter().map(|&recording| &self.data.recordings[recording].events[..]).collect();
         let settings = Settings { mode: self.mode, every_us: self.every_us, stride: candidate.stride };
         let outcomes = outcomes(self.pool, network, settings, &recordings);
-        outcomes.map_err(|source| failed(ModelError::Engine(source)))
+        Ok(outcomes.map_err(|source| failed(ModelError::Engine(source)))?)
     }
 
     fn one(&self, seed: Option<i64>, files: Vec<String>, outcomes: &[(usize, &Outcome)]) -> Option<One> {

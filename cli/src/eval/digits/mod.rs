@@ -29,15 +29,15 @@ use serde_json::json;
 use crate::args::Mode;
 use crate::digits::{Asked, DigitsData, candidates};
 use crate::error::CliError;
-use crate::lost::{Lost, Warning};
 use crate::output;
-use crate::provenance::{Header, InputCard};
-use crate::source::is_stdin;
 use crate::tell::tell;
 use crate::text::Folded;
 use crate::threads;
 pub(super) use args::DigitsArgs;
 use judge::Judge;
+use meissner_pipeline::lost::{Lost, Warning};
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::source::is_stdin;
 use report::{DataReport, Report};
 
 /// Judges what `args` ask for, and reports to standard output.

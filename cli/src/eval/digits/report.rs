@@ -4,8 +4,8 @@ use meissner_models::metrics::{Confusion, MeanStd};
 use meissner_models::systems::digits::CLASSES;
 use serde::Serialize;
 
-use crate::lost::Warning;
-use crate::provenance::{Header, ModelCard};
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::provenance::{Header, ModelCard};
 
 /// Everything.
 #[derive(Serialize)]

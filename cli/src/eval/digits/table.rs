@@ -7,7 +7,8 @@ use meissner_models::systems::digits::CLASSES;
 use super::report::{Judged, Report, Way};
 use crate::digits::seed_name;
 use crate::eval::text::{NONE, confusion, spread};
-use crate::text::{Table, grouped, percent};
+use crate::text::{Table, percent};
+use meissner_pipeline::text::grouped;
 
 /// Most rows of the table of accuracies against time; the report as JSON has all times.
 const MOST_TIMES: usize = 40;

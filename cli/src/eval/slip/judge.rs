@@ -15,10 +15,11 @@ use serde_json::Value;
 
 use super::report::{Judged, NetworkReport, One, SetReport, ValidationReport};
 use crate::error::CliError;
-use crate::model::card;
 use crate::slip::{Candidate, HeldOut, Scheme, SlipData, Training, Windows, engine};
-use crate::text::grouped;
 use crate::trainings::TrainingError;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::card;
+use meissner_pipeline::text::grouped;
 
 /// Judges networks on one data set.
 pub(super) struct Judge<'a> {
@@ -65,7 +66,10 @@ impl Judge<'_> {
             let engine = engine(description, &training.weights, &training.label)?;
             let outputs = |chosen: &[Vec<usize>]| {
                 windows.logits(self.pool, &engine, chosen, windows.steps()).map_err(|source| {
-                    CliError::Weights { weights: training.label.clone(), source: ModelError::Engine(source) }
+                    PipelineError::Weights {
+                        weights: training.label.as_str().into(),
+                        source: Box::new(ModelError::Engine(source)),
+                    }
                 })
             };
             match &training.held_out {

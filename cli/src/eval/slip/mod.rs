@@ -22,14 +22,14 @@ use meissner_models::systems::slip::CLASSES;
 
 use crate::error::CliError;
 use crate::output::{self, json};
-use crate::provenance::{Header, InputCard};
 use crate::slip::{SlipData, candidates};
-use crate::source::is_stdin;
 use crate::tell::tell;
 use crate::text::Folded;
 use crate::threads::pool;
 pub(super) use args::SlipArgs;
 use judge::Judge;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::source::is_stdin;
 use report::{DataReport, ReferenceReport, Report};
 
 /// Judges what `args` ask for, and reports to standard output.

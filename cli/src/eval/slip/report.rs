@@ -7,8 +7,8 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::provenance::{Header, ModelCard};
 use crate::slip::{Scheme, SlipData};
+use meissner_pipeline::provenance::{Header, ModelCard};
 
 /// Everything.
 #[derive(Serialize)]

@@ -7,7 +7,8 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use super::report::{Judged, NetworkReport, Report};
 use crate::eval::text::{NONE, confusion, spread};
 use crate::slip::Scheme;
-use crate::text::{Table, grouped, percent};
+use crate::text::{Table, percent};
+use meissner_pipeline::text::grouped;
 
 /// Why the two schemes of cross-validation differ.
 const WHY: [&str; 3] = [

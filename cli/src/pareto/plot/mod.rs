@@ -14,9 +14,9 @@ use std::fmt::{self, Write};
 use super::measurement::EXACT;
 use super::report::{Compared, NetworkReport, Report, SettingReport};
 use crate::svg::{self, COLOURS};
-use crate::text::grouped;
 use axes::{Axes, FIELD};
 use labels::Area;
+use meissner_pipeline::text::grouped;
 
 /// Size of the drawing.
 const SIZE: (f64, f64) = (1180.0, 704.0);
@@ -127,11 +127,11 @@ fn legend(svg: &mut String, networks: &[NetworkReport]) -> fmt::Result {
 }
 
 /// Corners of a step line, and its colour.
-type Front = (Vec<(f64, f64)>, &'static str);
+type FilteredEngine = (Vec<(f64, f64)>, &'static str);
 
 /// The step lines through the points on the fronts: until the next one is affordable, the one before it is the best. The
 /// front of one network has its colour, one over all is grey.
-fn fronts(report: &Report, points: &[Point<'_>]) -> Vec<Front> {
+fn fronts(report: &Report, points: &[Point<'_>]) -> Vec<FilteredEngine> {
     let corners = |of: &dyn Fn(&Point<'_>) -> bool| {
         let on_front = points.iter().filter(|point| point.setting.on_front && of(point));
         let mut places: Vec<(f64, f64)> = on_front.map(|point| point.at).collect();
@@ -223,7 +223,7 @@ struct Names {
 }
 
 impl Names {
-    fn new(report: &Report, points: &[Point<'_>], fronts: &[Front], axes: &Axes) -> Self {
+    fn new(report: &Report, points: &[Point<'_>], fronts: &[FilteredEngine], axes: &Axes) -> Self {
         let is_named = |point: &&Point<'_>| point.setting.on_front || point.setting.setting == EXACT;
         let mut named: Vec<&Point<'_>> = points.iter().filter(is_named).collect();
         named.sort_by(|a, b| a.at.0.total_cmp(&b.at.0));

@@ -6,7 +6,7 @@ use super::labels::Area;
 use super::svg;
 use crate::pareto::measurement::{Measurement, Task};
 use crate::pareto::report::{Compared, DataReport, NetworkReport, Report, SettingReport};
-use crate::provenance::Header;
+use meissner_pipeline::provenance::Header;
 
 /// network, setting, us, error, low, high, on front
 const CROWDED: &str = include_str!("crowded.csv");

@@ -19,8 +19,9 @@ use super::fingerprint::Fingerprint;
 use super::measurement::Subject;
 use super::study::{Data, Study};
 use crate::error::CliError;
-use crate::layer_cost::LayerCost;
 use crate::slip::{Candidate, SlipData, Windows, candidates};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::layer_cost::LayerCost;
 use settings::{has_convolutions, has_pixels_to_keep, settings};
 use subject::SlipSubject;
 
@@ -116,7 +117,10 @@ fn subject<'a>(
     let mut parts = Vec::new();
     for training in &whole {
         fingerprint.weights(&training.weights);
-        let failed = |source| CliError::Weights { weights: training.label.clone(), source };
+        let failed = |source| PipelineError::Weights {
+            weights: training.label.as_str().into(),
+            source: Box::new(source),
+        };
         parts.push(description.network_parts(&training.weights).map_err(failed)?);
     }
     Ok(SlipSubject {

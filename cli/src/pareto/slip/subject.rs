@@ -13,11 +13,11 @@ use rayon::ThreadPool;
 
 use super::settings::Setting;
 use crate::error::CliError;
-use crate::layer_cost::LayerCost;
 use crate::pareto::measurement::{Measurement, Subject, Task};
 use crate::pareto::numerical::Differences;
 use crate::pareto::timing::{Lap, Timing};
 use crate::slip::{SlipData, Windows};
+use meissner_pipeline::layer_cost::LayerCost;
 
 /// Windows from one turn to the next.
 const TURN: usize = 10;

@@ -9,6 +9,7 @@ use safetensors::tensor::{Dtype, SafeTensors};
 use thiserror::Error;
 
 use crate::error::CliError;
+use meissner_pipeline::PipelineError;
 
 /// Events, stream after stream.
 pub(super) struct Streams {
@@ -54,7 +55,8 @@ pub(crate) enum StreamsError {
 impl Streams {
     /// Reads the file at `path`.
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
-        let bytes = std::fs::read(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+        let bytes =
+            std::fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
         Self::from_bytes(&bytes).map_err(|source| CliError::Streams { path: path.to_owned(), source })
     }
 

@@ -7,25 +7,26 @@ use serde::Serialize;
 
 use super::FrameModel;
 use super::header::header;
-use super::machine::Machine;
 use super::report::Report;
 use super::state::{Note, made};
 use super::summary::{EventCounts, InputCounts, Summary};
 use crate::answer::{Answer, Answers};
 use crate::args::Every;
 use crate::error::CliError;
-use crate::frame_feed::{Fed, FrameFeed};
-use crate::interrupt;
-use crate::latency::microseconds;
-use crate::lost::{Lost, Watch};
 use crate::progress::Progress;
-use crate::provenance::InputCard;
 use crate::run::ending::Ending;
 use crate::run::json::Values;
 use crate::run::{EVERY, RunArgs};
 use crate::skips::dropped_of;
-use crate::source::{self, Source};
-use crate::text::grouped;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::frame_feed::{FeedOutput, FrameFeed};
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::latency::microseconds;
+use meissner_pipeline::lost::{Lost, Watch};
+use meissner_pipeline::provenance::InputCard;
+use meissner_pipeline::source::{self, Source};
+use meissner_pipeline::text::grouped;
 
 /// Empty frames in a row that are pushed where nothing else is asked for.
 const LONGEST_SILENCE: u64 = 6000;
@@ -42,9 +43,9 @@ struct Line<'a> {
     update_us: f64,
 }
 
-pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> Result<(), CliError> {
+pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: FramePredictor) -> Result<(), CliError> {
     let input = &args.input;
-    let mut source = Source::of_input(input, &model.card)?;
+    let mut source = input.source(&model.card)?;
     interrupt::listen();
     let sensor = source.sensor(input.sensor)?;
     let (every, late) = (args.every.unwrap_or(EVERY), input.late.into());
@@ -59,8 +60,8 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
         None => FrameFeed::new(&model.description, sensor, late, every),
     };
     let mut feed = feed
-        .map_err(|source| CliError::Frames { network: input.network.clone(), source })?
-        .ok_or_else(|| CliError::IsFrameNetwork(input.network.clone()))?;
+        .map_err(|source| PipelineError::Frames { network: input.network.clone(), source })?
+        .ok_or_else(|| PipelineError::IsFrameNetwork(input.network.clone()))?;
     let mut predictions = Predictions::new(args, &feed)?;
     if let (Predictions::Frames { every, since }, Some(note)) = (&mut predictions, &note) {
         *since = note.since % *every;
@@ -110,7 +111,7 @@ pub(super) fn run(args: &RunArgs, model: &FrameModel, mut machine: Machine) -> R
     let mut watch = Watch::new(live);
     while ended.is_ok() && steps.taken < limit && !interrupt::requested() {
         let Some(event) = source.next() else { break };
-        ended = event.and_then(|event| steps.event(&mut feed, event));
+        ended = event.map_err(CliError::from).and_then(|event| steps.event(&mut feed, event));
         progress.set(steps.taken);
         if let Some((saver, now_us)) = saver.as_mut().zip(feed.now_us())
             && ended.is_ok()
@@ -199,7 +200,7 @@ impl Predictions {
 
 /// Pushes frames and reads predictions when they are due.
 struct Steps {
-    machine: Machine,
+    machine: FramePredictor,
     report: Report,
     predictions: Predictions,
     longest_silence: u64,
@@ -253,14 +254,14 @@ impl Steps {
         self.unshown.take().map_or(Ok(()), |error| Err(error.into()))
     }
 
-    fn take(&mut self, fed: Fed<'_>) -> Result<(), CliError> {
+    fn take(&mut self, fed: FeedOutput<'_>) -> Result<(), CliError> {
         match fed {
-            Fed::Frame { values, t_us, events } => {
+            FeedOutput::Frame { values, t_us, events } => {
                 self.silence = 0;
                 self.machine.push(values)?;
                 self.pushed(t_us, events)
             }
-            Fed::Empty { count, t_us, period_us } => self.silence(count, t_us, period_us),
+            FeedOutput::Empty { count, t_us, period_us } => self.silence(count, t_us, period_us),
         }
     }
 

@@ -31,6 +31,6 @@ pub(super) fn header(
         Way::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
     };
     let threads = if options.two_threads { ", two threads" } else { "" };
-    model.card.write(out, &format!("{skip}{way}{threads}"), None)?;
+    crate::header::write_model(out, &model.card, &format!("{skip}{way}{threads}"), None)?;
     writeln!(out, "frames       {}: {}\n", model.description.input(), model.source)
 }

@@ -7,7 +7,6 @@ mod electrodes;
 mod events;
 mod header;
 mod kind;
-mod machine;
 mod overlay;
 mod pictures;
 mod report;
@@ -22,11 +21,11 @@ use meissner_models::{FrameDescription, FrameSource};
 
 use super::args::{RunArgs, Way};
 use crate::error::CliError;
-use crate::model::{frame_network, weights};
-use crate::provenance::{Header, InputCard, ModelCard};
 pub(super) use kind::Kind;
 pub(crate) use kind::readers;
-use machine::Machine;
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::model::{frame_network, weights};
+use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 
 /// A frame network that can run, and what to say about it.
 struct FrameModel {
@@ -53,7 +52,7 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
         two_threads: args.frames.threads == Some(2),
         ..FrameOptions::default()
     };
-    let machine = Machine::new(Arc::clone(&model.network), options)?;
+    let machine = FramePredictor::new(Arc::clone(&model.network), options)?;
     match model.source {
         FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) => {
             electrodes::run(args, &model, machine, readings)

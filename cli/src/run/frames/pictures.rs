@@ -15,19 +15,20 @@ use serde::Serialize;
 
 use super::FrameModel;
 use super::header::header;
-use super::machine::Machine;
 use super::overlay::Overlays;
 use super::report::Report;
 use super::summary::{InputCounts, Summary};
 use crate::error::CliError;
-use crate::interrupt;
-use crate::latency::microseconds;
 use crate::progress::Progress;
-use crate::provenance::InputCard;
 use crate::run::RunArgs;
 use crate::run::ending::Ending;
-use crate::source;
-use crate::text::grouped;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::latency::microseconds;
+use meissner_pipeline::provenance::InputCard;
+use meissner_pipeline::source;
+use meissner_pipeline::text::grouped;
 
 /// Difference to the reference above which a pixel is in contact, in levels.
 const DIFFERENCE: f32 = 10.0;
@@ -76,7 +77,7 @@ impl From<DifferenceReport> for Baseline {
 pub(super) fn run(
     args: &RunArgs,
     model: &FrameModel,
-    machine: Machine,
+    machine: FramePredictor,
     settings: PictureSettings,
 ) -> Result<(), CliError> {
     let no_input = |found| CliError::NoInput {
@@ -122,7 +123,7 @@ pub(super) fn run(
     Ending::new(ended).sum_up(|| report.summary(&summary))
 }
 
-fn open_report(args: &RunArgs, model: &FrameModel, machine: &Machine, all: u64) -> io::Result<Report> {
+fn open_report(args: &RunArgs, model: &FrameModel, machine: &FramePredictor, all: u64) -> io::Result<Report> {
     // Every picture is shown as soon as it is measured, whether it is one of thousands or not.
     let name = args.input.recording.as_deref().map(|path| path.display().to_string()).unwrap_or_default();
     let about = format!("{} pictures", grouped(all));
@@ -165,7 +166,7 @@ impl Measure {
         let (input, output) = (model.description.input(), model.description.output());
         let network = args.input.network.clone();
         let FrameShape::Image { height, width, .. } = input else {
-            return Err(CliError::IsFrameNetwork(network));
+            return Err(PipelineError::IsFrameNetwork(network).into());
         };
         let expected = FrameShape::Image { channels: 1, height, width };
         if output != expected {
@@ -210,7 +211,7 @@ impl Measure {
     /// Measures a picture and reports it; the picture is the `taken`th.
     fn take(
         &mut self,
-        machine: &mut Machine,
+        machine: &mut FramePredictor,
         report: &mut Report,
         taken: u64,
         path: &Path,

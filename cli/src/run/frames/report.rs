@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::summary::Summary;
 use crate::progress::Progress;
-use crate::provenance::Header;
 use crate::run::json::JsonLines;
 use crate::run::lines::Lines;
 use crate::text::Folded;
+use meissner_pipeline::provenance::Header;
 
 /// Writes to standard output.
 pub(super) enum Report {

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::FrameModel;
 use crate::args::Every;
 use crate::error::CliError;
-use crate::frame_feed::{FeedState, FrameFeed};
 use crate::run::state::Resumed;
+use meissner_pipeline::frame_feed::{FeedState, FrameFeed};
 
 /// The note of a snapshot.
 #[derive(Debug, Serialize, Deserialize)]

@@ -7,12 +7,13 @@ use meissner_engine::frames::FrameLayerCounters;
 use serde::Serialize;
 
 use super::electrodes::ElectrodeCounts;
-use super::machine::Machine;
-use crate::latency::Quantiles;
-use crate::lost::Warning;
 use crate::run::table::quantiles;
-use crate::source::Salvaged;
-use crate::text::{Table, grouped};
+use crate::text::Table;
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::lost::Warning;
+use meissner_pipeline::salvage::Salvaged;
+use meissner_pipeline::text::grouped;
 
 /// The whole run.
 #[derive(Debug, Serialize)]
@@ -101,7 +102,7 @@ struct LayerPixels {
 }
 
 impl Summary {
-    pub(super) fn new(machine: &Machine, input: InputCounts, warnings: Vec<Warning>) -> Self {
+    pub(super) fn new(machine: &FramePredictor, input: InputCounts, warnings: Vec<Warning>) -> Self {
         let counters = machine.counters();
         let layers: Vec<LayerPixels> = machine
             .layers()

@@ -139,7 +139,7 @@ mod tests {
     use roxmltree::Document;
 
     use super::{Judged, NetworkReport, TOP, draw, step_us};
-    use crate::provenance::ModelCard;
+    use meissner_pipeline::provenance::ModelCard;
 
     #[test]
     fn marks_are_round_and_few() {

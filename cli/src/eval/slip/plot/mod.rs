@@ -10,7 +10,7 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use super::report::{NetworkReport, Report, SetReport};
 use crate::eval::matrix;
 use crate::svg;
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 /// Left border of everything.
 const LEFT: f64 = 40.0;

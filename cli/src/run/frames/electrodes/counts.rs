@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use crate::text::grouped;
+use meissner_pipeline::text::grouped;
 
 #[derive(Debug, Serialize)]
 pub(in crate::run::frames) struct ElectrodeCounts {

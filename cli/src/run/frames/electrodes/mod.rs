@@ -25,27 +25,29 @@ use meissner_models::systems::slip::DecisionFilter;
 
 use super::FrameModel;
 use super::header::header;
-use super::machine::Machine;
 use super::report::Report;
 use super::summary::{InputCounts, Summary};
-use crate::error::{CliError, chain};
-use crate::interrupt;
-use crate::lost;
+use crate::error::CliError;
 use crate::progress::Progress;
-use crate::provenance::InputCard;
-use crate::refusals::{self, Refusals};
 use crate::run::RunArgs;
 use crate::run::ending::Ending;
-use crate::source;
 use crate::tell::tell;
 pub(super) use counts::ElectrodeCounts;
 use line::Outputs;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::error::chain;
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::lost;
+use meissner_pipeline::provenance::InputCard;
+use meissner_pipeline::refusals::{self, Refusals};
+use meissner_pipeline::source;
 use windows::Windows;
 
 pub(super) fn run(
     args: &RunArgs,
     model: &FrameModel,
-    machine: Machine,
+    machine: FramePredictor,
     readings: Readings,
 ) -> Result<(), CliError> {
     let network = &args.input.network;
@@ -70,7 +72,7 @@ pub(super) fn run(
         _ => TactileForm::Reading,
     };
     let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
-        .map_err(|source| CliError::Frames { network: network.clone(), source })?;
+        .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
     let about = "CSV of 24 electrodes, 100 readings a second";
     let provenance = model.header(InputCard::other(&name, about));
     let report = Report::new(args.json, live, &provenance, None, Progress::new(None, args.json), |out| {
@@ -84,7 +86,7 @@ pub(super) fn run(
     let mut all = || {
         while refusals.taken() + refusals.count() < limit {
             let Some(row) = first.take() else {
-                return if interrupt::requested() { Ok(()) } else { refusals.end() };
+                return if interrupt::requested() { Ok(()) } else { Ok(refusals.end()?) };
             };
             let problem = match row {
                 Ok(reading) => {
@@ -107,7 +109,7 @@ pub(super) fn run(
                 first = next(&mut rows, &name)?;
             }
         }
-        Ok(())
+        Ok::<_, CliError>(())
     };
     let ending = Ending::new(all());
     let (taken, refused) = (refusals.taken(), refusals.count());
@@ -163,9 +165,9 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, CliError> {
         && found != Kind::Electrodes
     {
         let source = IoError::OtherKind { expected: "readings of electrodes", found };
-        return Err(CliError::recording(&path.display().to_string(), source));
+        return Err(PipelineError::recording(&path.display().to_string(), source).into());
     }
-    let file = File::open(path).map_err(|source| CliError::Open { path: path.to_owned(), source })?;
+    let file = File::open(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
     Ok(Box::new(interrupt::awaited(file)))
 }
 
@@ -180,7 +182,7 @@ fn next<R: BufRead>(
     match rows.next() {
         Some(Err(_)) if interrupt::requested() => Ok(None),
         Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {
-            Err(CliError::recording(name, error))
+            Err(PipelineError::recording(name, error).into())
         }
         row => Ok(row),
     }

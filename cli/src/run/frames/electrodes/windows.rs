@@ -14,12 +14,12 @@ use meissner_models::systems::slip::DecisionFilter;
 
 use super::line::{Line, Outputs};
 use crate::error::CliError;
-use crate::latency::microseconds;
-use crate::run::frames::machine::Machine;
 use crate::run::frames::report::Report;
+use meissner_pipeline::frame_predictor::FramePredictor;
+use meissner_pipeline::latency::microseconds;
 
 pub(super) struct Windows<'a> {
-    pub(super) machine: Machine,
+    pub(super) machine: FramePredictor,
     pub(super) report: Report,
     outputs: Outputs<'a>,
     window: TactileWindow,
@@ -32,7 +32,7 @@ pub(super) struct Windows<'a> {
 
 impl<'a> Windows<'a> {
     pub(super) fn new(
-        machine: Machine,
+        machine: FramePredictor,
         report: Report,
         outputs: Outputs<'a>,
         window: TactileWindow,

@@ -12,7 +12,7 @@ const DIGITS: u8 = 3;
 
 /// A histogram of durations, to the nanosecond and three digits.
 #[derive(Debug)]
-pub(crate) struct Latency {
+pub struct Latency {
     histogram: Histogram<u64>,
     /// Exact, where the histogram rounds.
     max_ns: u64,
@@ -21,28 +21,40 @@ pub(crate) struct Latency {
 
 /// Quantiles in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Quantiles {
-    pub(crate) p50: f64,
-    pub(crate) p90: f64,
-    pub(crate) p99: f64,
-    pub(crate) p999: f64,
-    pub(crate) max: f64,
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// Longest.
+    pub max: f64,
 }
 
 /// `duration` in microseconds.
-pub(crate) fn microseconds(duration: Duration) -> f64 {
+pub fn microseconds(duration: Duration) -> f64 {
     duration.as_nanos() as f64 / 1e3
 }
 
-impl Latency {
-    /// An empty histogram; recording into it allocates nothing.
-    pub(crate) fn new() -> Self {
+impl Default for Latency {
+    fn default() -> Self {
         let histogram =
             Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are constants that fit");
         Self { histogram, max_ns: 0, total: Duration::ZERO }
     }
+}
 
-    pub(crate) fn record(&mut self, taken: Duration) {
+impl Latency {
+    /// An empty histogram; recording into it allocates nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Records one duration.
+    pub fn record(&mut self, taken: Duration) {
         let ns = u64::try_from(taken.as_nanos()).unwrap_or(u64::MAX);
         self.histogram.saturating_record(ns);
         self.max_ns = self.max_ns.max(ns);
@@ -50,25 +62,27 @@ impl Latency {
     }
 
     /// Records all that `other` recorded.
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.histogram.add(&other.histogram).expect("all histograms have the same bounds");
+    pub fn add(&mut self, other: &Self) {
+        // All histograms have the same bounds.
+        let added = self.histogram.add(&other.histogram);
+        debug_assert!(added.is_ok(), "{added:?}");
         self.max_ns = self.max_ns.max(other.max_ns);
         self.total += other.total;
     }
 
     /// Sum of all that was recorded.
-    pub(crate) fn total(&self) -> Duration {
+    pub fn total(&self) -> Duration {
         self.total
     }
 
     /// How many durations were recorded.
-    pub(crate) fn count(&self) -> u64 {
+    pub fn count(&self) -> u64 {
         self.histogram.len()
     }
 
     /// Points (duration in microseconds, share of the recorded durations that were longer), by ascending duration:
     /// one for each value of the histogram that occurred. The last share is 0.
-    pub(crate) fn longer(&self) -> Vec<(f64, f64)> {
+    pub fn longer(&self) -> Vec<(f64, f64)> {
         let mut left = self.count();
         let point = |bucket: hdrhistogram::iterators::IterationValue<u64>| {
             left -= bucket.count_at_value();
@@ -79,7 +93,7 @@ impl Latency {
     }
 
     /// None where nothing was recorded.
-    pub(crate) fn quantiles(&self) -> Option<Quantiles> {
+    pub fn quantiles(&self) -> Option<Quantiles> {
         let us = |ns: u64| ns as f64 / 1e3;
         let at = |quantile| us(self.histogram.value_at_quantile(quantile).min(self.max_ns));
         (!self.histogram.is_empty()).then(|| Quantiles {

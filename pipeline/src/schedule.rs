@@ -4,13 +4,55 @@
 //! `--every N` whether one is due after it. Both modes of running follow one schedule, and so does
 //! every pass of a benchmark, so that they predict at the same moments.
 
+use std::fmt;
+use std::str::FromStr;
+
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
-use crate::args::Every;
+use crate::time;
+
+/// When a prediction is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Every {
+    /// Once, at the end.
+    End,
+    /// After so many accepted events.
+    Events(u64),
+    /// After so many microseconds of stream time.
+    StreamUs(i64),
+}
+
+impl FromStr for Every {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "event" => Ok(Self::Events(1)),
+            "end" => Ok(Self::End),
+            _ => match text.parse() {
+                Ok(events @ 1..) => Ok(Self::Events(events)),
+                _ => time::span_us(text).map(Self::StreamUs).map_err(|_| {
+                    format!("expected `event`, `end`, a number of events such as 100, or {}", time::FORMS)
+                }),
+            },
+        }
+    }
+}
+
+impl fmt::Display for Every {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::End => f.write_str("end"),
+            Self::Events(1) => f.write_str("event"),
+            Self::Events(events) => write!(f, "{events}"),
+            Self::StreamUs(us) => f.write_str(&time::display(us)),
+        }
+    }
+}
 
 /// Decides when a prediction is read.
 #[derive(Debug)]
-pub(crate) struct Schedule {
+pub struct Schedule {
     every: Every,
     /// Accepted events since the last prediction, for [`Every::Events`].
     accepted: u64,
@@ -21,13 +63,14 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    pub(crate) fn new(every: Every, sensor: Sensor, late: LatePolicy) -> Self {
+    /// The schedule of predictions `every` so often, for events of `sensor`.
+    pub fn new(every: Every, sensor: Sensor, late: LatePolicy) -> Self {
         Self { every, accepted: 0, gate: Admission::new(sensor, late), due_us: None }
     }
 
     /// Goes on where another schedule was that had seen so many accepted events, from the time of the first to `now_us`:
     /// periods count from the first event, whatever was asked for then.
-    pub(crate) fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
+    pub fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
         self.gate.resume(first_us, now_us);
         match self.every {
             Every::End => {}
@@ -41,7 +84,7 @@ impl Schedule {
 
     /// Looks at the next event, before it is pushed: the time at which it will enter, where stream time matters and the
     /// event will be accepted.
-    pub(crate) fn arrival_us(&mut self, event: Event) -> Option<i64> {
+    pub fn arrival_us(&mut self, event: Event) -> Option<i64> {
         let Every::StreamUs(period) = self.every else { return None };
         let first = self.gate.epoch_us().is_none();
         let t_us = self.gate.admit(event).ok()?.t_us;
@@ -52,7 +95,7 @@ impl Schedule {
     }
 
     /// The next time due before `t_us`, which is then done. An event at the due time belongs to its window.
-    pub(crate) fn due_before(&mut self, t_us: i64) -> Option<i64> {
+    pub fn due_before(&mut self, t_us: i64) -> Option<i64> {
         let Every::StreamUs(period) = self.every else { return None };
         let due = self.due_us.filter(|&due| due < t_us)?;
         self.due_us = due.checked_add(period);
@@ -60,7 +103,7 @@ impl Schedule {
     }
 
     /// Leaves out the times before `t_us`: the window is empty until then.
-    pub(crate) fn skip_to(&mut self, t_us: i64) {
+    pub fn skip_to(&mut self, t_us: i64) {
         if let (Every::StreamUs(period), Some(due)) = (self.every, self.due_us)
             && due < t_us
         {
@@ -73,7 +116,7 @@ impl Schedule {
     }
 
     /// An event has been accepted; whether a prediction is due.
-    pub(crate) fn is_due_after_event(&mut self) -> bool {
+    pub fn is_due_after_event(&mut self) -> bool {
         let Every::Events(events) = self.every else { return false };
         self.accepted += 1;
         if self.accepted == events {
@@ -83,7 +126,7 @@ impl Schedule {
     }
 
     /// What is due after the last event.
-    pub(crate) fn last(&self) -> Last {
+    pub fn last(&self) -> Last {
         match self.every {
             Every::End => Last::Now,
             Every::Events(_) => Last::Nothing,
@@ -95,7 +138,8 @@ impl Schedule {
 
 /// What is due after the last event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Last {
+pub enum Last {
+    /// No prediction.
     Nothing,
     /// A prediction for the window as it is.
     Now,
@@ -105,8 +149,7 @@ pub(crate) enum Last {
 
 #[cfg(test)]
 mod tests {
-    use super::{Last, Schedule};
-    use crate::args::Every;
+    use super::{Every, Last, Schedule};
     use meissner_engine::{Event, LatePolicy, Sensor};
 
     fn schedule(every: Every) -> Schedule {

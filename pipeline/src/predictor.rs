@@ -7,109 +7,132 @@ use meissner_engine::{
     Outcome, Prediction, Search, Sensor, StaleReadout, Staleness, Stream,
 };
 
-use crate::args::{ApproximationArgs, Mode};
+use crate::approximations::Approximations;
 
 /// Forgotten events that are kept before the list is moved up.
 const MOST_FORGOTTEN: usize = 1 << 14;
 
 /// Takes events and predicts.
-pub(crate) struct Machine {
-    way: Way,
+pub struct Predictor {
+    backend: Backend,
     /// What was counted before this run.
     before: Counters,
 }
 
 /// How predictions are computed.
-enum Way {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Recompute the rows that an event changes.
+    #[default]
+    Incremental,
+    /// Recompute every row, at every prediction.
+    Batch,
+}
+
+/// The engine of a mode.
+enum Backend {
     /// What an event changes, behind a readout that may be stale.
     Incremental(Box<StaleReadout>),
     /// Every row, at every prediction.
     Batch(Box<FromScratch>),
 }
 
-impl Machine {
-    pub(crate) fn new(
+impl Predictor {
+    /// A predictor over an empty window.
+    ///
+    /// # Errors
+    /// The engine refuses the sensor or an approximation.
+    pub fn new(
         mode: Mode,
         network: Arc<Network>,
         sensor: Sensor,
         late: LatePolicy,
-        approximations: &ApproximationArgs,
+        approximations: &Approximations,
     ) -> Result<Self, EngineError> {
-        let way = match mode {
+        let backend = match mode {
             Mode::Incremental => {
                 let tolerance = approximations.tolerance.unwrap_or(0.0);
                 let options = Options { late, tolerance, ..Options::default() };
                 let engine = Engine::with_options(network, sensor, options)?;
-                Way::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
+                Backend::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
             }
-            Mode::Batch => Way::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
+            Mode::Batch => Backend::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
         };
-        let before = Counters { layers: way.counters().layers, ..Counters::default() };
-        Ok(Self { way, before })
+        let before = Counters { layers: backend.counters().layers, ..Counters::default() };
+        Ok(Self { backend, before })
     }
 
     /// Goes on from the state in `bytes`. Only for [`Mode::Incremental`], whose readout is not stale.
-    pub(super) fn resume(self, bytes: &[u8]) -> Result<Self, EngineError> {
-        let Way::Incremental(readout) = self.way else { return Ok(self) };
+    ///
+    /// # Errors
+    /// As [`Engine::restore_bytes`].
+    pub fn resume(self, bytes: &[u8]) -> Result<Self, EngineError> {
+        let Backend::Incremental(readout) = self.backend else { return Ok(self) };
         let mut engine = readout.into_engine();
         engine.restore_bytes(bytes)?;
         let before = engine.counters();
-        let way = Way::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
-        Ok(Self { way, before })
+        let backend = Backend::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
+        Ok(Self { backend, before })
     }
 
     /// The engine, in [`Mode::Incremental`].
-    pub(super) fn engine(&self) -> Option<&Engine> {
-        match &self.way {
-            Way::Incremental(readout) => Some(readout.engine()),
-            Way::Batch(_) => None,
+    pub fn engine(&self) -> Option<&Engine> {
+        match &self.backend {
+            Backend::Incremental(readout) => Some(readout.engine()),
+            Backend::Batch(_) => None,
         }
     }
 
-    pub(crate) fn push(&mut self, event: Event) -> Outcome {
-        match &mut self.way {
-            Way::Incremental(engine) => engine.push(event),
-            Way::Batch(batch) => batch.push(event),
+    /// Takes `event`.
+    pub fn push(&mut self, event: Event) -> Outcome {
+        match &mut self.backend {
+            Backend::Incremental(engine) => engine.push(event),
+            Backend::Batch(batch) => batch.push(event),
         }
     }
 
-    pub(crate) fn advance(&mut self, t_us: i64) {
-        match &mut self.way {
-            Way::Incremental(engine) => engine.advance(t_us),
-            Way::Batch(batch) => batch.advance(t_us),
+    /// Moves the clock to `t_us`.
+    pub fn advance(&mut self, t_us: i64) {
+        match &mut self.backend {
+            Backend::Incremental(engine) => engine.advance(t_us),
+            Backend::Batch(batch) => batch.advance(t_us),
         }
     }
 
-    pub(crate) fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        match &mut self.way {
-            Way::Incremental(engine) => engine.predict(),
-            Way::Batch(batch) => batch.predict(),
+    /// Predicts from the window.
+    ///
+    /// # Errors
+    /// As [`Engine::predict`].
+    pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        match &mut self.backend {
+            Backend::Incremental(engine) => engine.predict(),
+            Backend::Batch(batch) => batch.predict(),
         }
     }
 
     /// Events in the window.
-    pub(crate) fn nodes(&self) -> usize {
-        match &self.way {
-            Way::Incremental(readout) => readout.engine().nodes(),
-            Way::Batch(batch) => batch.nodes(),
+    pub fn nodes(&self) -> usize {
+        match &self.backend {
+            Backend::Incremental(readout) => readout.engine().nodes(),
+            Backend::Batch(batch) => batch.nodes(),
         }
     }
 
     /// Predictions that stood and were not computed.
-    pub(crate) fn stale(&self) -> u64 {
-        match &self.way {
-            Way::Incremental(readout) => readout.stale(),
-            Way::Batch(_) => 0,
+    pub fn stale(&self) -> u64 {
+        match &self.backend {
+            Backend::Incremental(readout) => readout.stale(),
+            Backend::Batch(_) => 0,
         }
     }
 
     /// Counts of what the engine did in this run; predictions that stood are not among them.
-    pub(crate) fn counters(&self) -> Counters {
-        self.way.counters().since(&self.before)
+    pub fn counters(&self) -> Counters {
+        self.backend.counters().since(&self.before)
     }
 }
 
-impl Way {
+impl Backend {
     fn counters(&self) -> Counters {
         match self {
             Self::Incremental(readout) => readout.engine().counters(),
@@ -120,7 +143,7 @@ impl Way {
 
 /// A batch with the engine's verbs: the same gate, the same window, every row at every prediction. It searches by the grid,
 /// for speed.
-pub(crate) struct FromScratch {
+pub struct FromScratch {
     batch: Batch,
     gate: Admission,
     /// Accepted events: with `frozen` in-edges all of them, else at least the window.

@@ -8,7 +8,6 @@ use meissner_engine::{EventCounters, Sensor};
 use serde::Serialize;
 
 use crate::refusals;
-use crate::tell::tell;
 use crate::text::grouped;
 
 /// Share of the input that may be lost without a warning.
@@ -16,19 +15,20 @@ const PERCENT: u64 = 1;
 
 /// Lost input, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub(crate) struct Warning {
+pub struct Warning {
     /// As in the counts of the summary.
-    pub(crate) reason: &'static str,
-    pub(crate) count: u64,
+    pub reason: &'static str,
+    /// How many.
+    pub count: u64,
     /// Of so many.
-    pub(crate) of: u64,
+    pub of: u64,
     /// The same as a sentence, with what is likely to help.
-    pub(crate) message: String,
+    pub message: String,
 }
 
 /// Tells what is lost, each reason once.
 #[derive(Debug)]
-pub(crate) struct Watch {
+pub struct Watch {
     /// Events before the next look, while the stream goes on.
     next: u64,
     told: Vec<&'static str>,
@@ -36,12 +36,12 @@ pub(crate) struct Watch {
 
 impl Watch {
     /// A watch over a stream, looking while it goes on where it is `live`.
-    pub(crate) fn new(live: bool) -> Self {
+    pub fn new(live: bool) -> Self {
         Self { next: if live { 1000 } else { u64::MAX }, told: Vec::new() }
     }
 
     /// So many events have been taken: tells what is `lost`, with the name of what is read, where it is time to look.
-    pub(crate) fn look(&mut self, taken: u64, recording: &str, lost: impl FnOnce() -> Lost) {
+    pub fn look(&mut self, taken: u64, recording: &str, lost: impl FnOnce() -> Lost) {
         if taken >= self.next {
             self.next = self.next.saturating_mul(10);
             self.end(recording, lost());
@@ -49,13 +49,13 @@ impl Watch {
     }
 
     /// The stream has ended: tells what has not been told, and gives all warnings.
-    pub(crate) fn end(&mut self, recording: &str, lost: Lost) -> Vec<Warning> {
+    pub fn end(&mut self, recording: &str, lost: Lost) -> Vec<Warning> {
         let warnings = lost.warnings();
         for Warning { reason, count, message, .. } in &warnings {
             // Of few lines, each has been told.
             let is_known = *reason == LINES && *count <= refusals::TOLD;
             if !is_known && !self.told.contains(reason) {
-                tell(format_args!("warning: {recording}: {message}"));
+                log::warn!("{recording}: {message}");
                 self.told.push(reason);
             }
         }
@@ -65,19 +65,20 @@ impl Watch {
 
 /// What may have been lost of a stream of events.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lost {
+pub struct Lost {
     /// What became of the events that reached the network.
-    pub(crate) events: EventCounters,
-    pub(crate) sensor: Sensor,
+    pub events: EventCounters,
+    /// The sensor.
+    pub sensor: Sensor,
     /// Accepted events that no frame shows.
-    pub(crate) outside_crop: u64,
+    pub outside_crop: u64,
     /// Lines that were no events.
-    pub(crate) lines_refused: u64,
+    pub lines_refused: u64,
 }
 
 impl Lost {
     /// The warnings, each also told on standard error, with the name of what was read.
-    pub(crate) fn warn(self, recording: &str) -> Vec<Warning> {
+    pub fn warn(self, recording: &str) -> Vec<Warning> {
         Watch::new(false).end(recording, self)
     }
 
@@ -109,7 +110,7 @@ impl Lost {
 const LINES: &str = "lines_refused";
 
 /// The warning of lines that were refused, beside others that were `taken`.
-pub(crate) fn lines(refused: u64, taken: u64) -> Option<Warning> {
+pub fn lines(refused: u64, taken: u64) -> Option<Warning> {
     let why = "lines are refused: the first are named above; --strict makes the first an error";
     warning(LINES, refused, taken + refused, why)
 }

@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::{Fed, FrameFeed};
-use crate::args::Every;
+use super::{FeedOutput, FrameFeed};
+use crate::schedule::Every;
 use meissner_engine::{Event, LatePolicy, Sensor};
 use meissner_models::FrameDescription;
 
@@ -22,10 +22,10 @@ fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
 /// What comes out for events at (time, column), in words.
 fn told(feed: &mut FrameFeed, events: &[(i64, u16)]) -> Vec<String> {
     let mut out = vec![];
-    let mut tell = |fed: Fed<'_>| {
-        out.push(match fed {
-            Fed::Frame { values, t_us, events } => format!("{t_us}: {values:?} {events}"),
-            Fed::Empty { count, t_us, period_us } => format!("{t_us}: {count} of {period_us}"),
+    let mut tell = |output: FeedOutput<'_>| {
+        out.push(match output {
+            FeedOutput::Frame { values, t_us, events } => format!("{t_us}: {values:?} {events}"),
+            FeedOutput::Empty { count, t_us, period_us } => format!("{t_us}: {count} of {period_us}"),
         });
         Ok::<_, ()>(())
     };
@@ -86,10 +86,10 @@ fn nothing_has_no_frames() {
 /// Times of frames with their values, every empty one by itself.
 fn expanded(feed: &mut FrameFeed, events: &[(i64, u16, bool)], values: usize) -> Vec<(i64, Vec<f32>)> {
     let mut out = vec![];
-    let mut tell = |fed: Fed<'_>| {
-        match fed {
-            Fed::Frame { values, t_us, .. } => out.push((t_us, values.to_vec())),
-            Fed::Empty { count, t_us, period_us } => {
+    let mut tell = |output: FeedOutput<'_>| {
+        match output {
+            FeedOutput::Frame { values, t_us, .. } => out.push((t_us, values.to_vec())),
+            FeedOutput::Empty { count, t_us, period_us } => {
                 out.extend((0..count as i64).map(|i| (t_us + i * period_us, vec![0.0; values])));
             }
         }

@@ -1,4 +1,4 @@
-//! An engine with what stands before and behind it: filters and a readout that may be stale.
+//! An engine with event filters before it and a readout that may be stale.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -6,22 +6,27 @@ use std::time::{Duration, Instant};
 use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{Counters, Engine, EngineError, Event, Network, Options, Sensor, StaleReadout};
 
-use crate::approximations::ApproximationArgs;
+use crate::approximations::Approximations;
 
-/// An engine with the filters in front of it and the readout behind it that were asked for.
+/// An engine with event filters and a readout that may be stale.
 #[derive(Clone, Debug)]
-pub(crate) struct Front {
-    pub(crate) chain: Chain,
-    pub(crate) readout: StaleReadout,
+pub struct FilteredEngine {
+    /// Filters, in the order in which events come to them.
+    pub chain: Chain,
+    /// The engine with its readout.
+    pub readout: StaleReadout,
 }
 
-impl Front {
+impl FilteredEngine {
     /// An engine for `network`, which `approximations` have changed already, with what else of them there is; `options`
     /// but for their tolerance.
-    pub(crate) fn new(
+    ///
+    /// # Errors
+    /// The engine refuses the sensor, an option or an approximation.
+    pub fn new(
         network: Arc<Network>,
         sensor: Sensor,
-        approximations: &ApproximationArgs,
+        approximations: &Approximations,
         options: Options,
     ) -> Result<Self, EngineError> {
         let tolerance = approximations.tolerance.unwrap_or(0.0);
@@ -31,13 +36,13 @@ impl Front {
     }
 
     /// Forgets all events; counters go on.
-    pub(crate) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         self.chain.reset();
         self.readout.reset();
     }
 
     /// Whether `event` passes the filters, and how long that took; no time where there are none.
-    pub(crate) fn admit(&mut self, event: Event) -> (bool, Duration) {
+    pub fn admit(&mut self, event: Event) -> (bool, Duration) {
         if self.chain.filters().is_empty() {
             return (true, Duration::ZERO);
         }
@@ -47,7 +52,7 @@ impl Front {
     }
 
     /// Hands `events` to the engine, but for those that a filter drops.
-    pub(crate) fn push_slice(&mut self, events: &[Event]) {
+    pub fn push_slice(&mut self, events: &[Event]) {
         for &event in events {
             if self.chain.admit(event) {
                 self.readout.push(event);
@@ -55,17 +60,18 @@ impl Front {
         }
     }
 
-    pub(crate) fn engine(&self) -> &Engine {
+    /// The engine.
+    pub fn engine(&self) -> &Engine {
         self.readout.engine()
     }
 
     /// Events that no filter has dropped.
-    pub(crate) fn passed(&self) -> u64 {
+    pub fn passed(&self) -> u64 {
         self.engine().counters().events.pushed
     }
 
     /// The engine's counters, with events that a filter dropped and predictions that stood among those that came.
-    pub(crate) fn counters(&self) -> Counters {
+    pub fn counters(&self) -> Counters {
         let mut counters = self.engine().counters();
         counters.events.pushed += self.chain.counters().dropped;
         counters.predictions.read += self.readout.stale();

@@ -17,17 +17,17 @@ use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Outcome, Sens
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
-use crate::args::Every;
-pub(crate) use state::FeedState;
-use state::Kept;
+use crate::schedule::Every;
+pub use state::FeedState;
+use state::KeptEvents;
 
 /// Makes the frames of one stream of events.
-pub(crate) struct FrameFeed {
+pub struct FrameFeed {
     /// Stands before the frames, whose own gates know no policy but to drop; what it lets through, they do too.
     gate: Admission,
     frames: Frames,
     /// Events that frames to come will show, where someone will ask for the state.
-    kept: Option<Kept>,
+    kept: Option<KeptEvents>,
     /// Events that were accepted before this input.
     before: u64,
     /// Events beside the frame, and evicted ones, that were so before this input.
@@ -42,7 +42,7 @@ enum Frames {
 
 /// What a feed delivers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Fed<'a> {
+pub enum FeedOutput<'a> {
     /// A frame with at least one event.
     Frame {
         /// (channels, rows, columns), row-major.
@@ -69,7 +69,7 @@ impl FrameFeed {
     ///
     /// # Errors
     /// Where the sensor does not have the pixels that a frame shows.
-    pub(crate) fn new(
+    pub fn new(
         description: &FrameDescription,
         sensor: Sensor,
         late: LatePolicy,
@@ -113,7 +113,7 @@ impl FrameFeed {
     }
 
     /// Length of the windows in microseconds, where they are consecutive.
-    pub(crate) fn period_us(&self) -> Option<i64> {
+    pub fn period_us(&self) -> Option<i64> {
         match self.frames {
             Frames::Counts { period_us, .. } | Frames::Signed { period_us, .. } => Some(period_us),
             Frames::Sliding(_) => None,
@@ -125,10 +125,10 @@ impl FrameFeed {
     ///
     /// # Errors
     /// The first error of `sink`, which is not called again then.
-    pub(crate) fn push<E>(
+    pub fn push<E>(
         &mut self,
         event: Event,
-        mut sink: impl FnMut(Fed<'_>) -> Result<(), E>,
+        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<Outcome, E> {
         let event = match self.gate.admit(event) {
             Ok(event) => event,
@@ -136,9 +136,9 @@ impl FrameFeed {
         };
         let mut done = Ok(());
         let mut completed = false;
-        let mut sink = |fed: Fed<'_>| {
+        let mut sink = |output: FeedOutput<'_>| {
             completed = true;
-            sink(fed)
+            sink(output)
         };
         match &mut self.frames {
             Frames::Counts { counts, period_us } => {
@@ -163,27 +163,29 @@ impl FrameFeed {
     ///
     /// # Errors
     /// Those of `sink`.
-    pub(crate) fn finish<E>(&mut self, mut sink: impl FnMut(Fed<'_>) -> Result<(), E>) -> Result<(), E> {
+    pub fn finish<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
         let (open, period_us) = match &mut self.frames {
             Frames::Counts { counts, period_us } => (counts.open(), *period_us),
             Frames::Signed { windows, period_us } => (windows.open(), *period_us),
             Frames::Sliding(sliding) => return sliding.finish(self.gate.now_us(), &mut sink),
         };
-        open.map_or(Ok(()), |frame| sink(fed(&frame, frame.start_us.saturating_add(period_us), period_us)))
+        open.map_or(Ok(()), |frame| {
+            sink(feed_output(&frame, frame.start_us.saturating_add(period_us), period_us))
+        })
     }
 
     /// The newest time; none before the first event.
-    pub(crate) fn now_us(&self) -> Option<i64> {
+    pub fn now_us(&self) -> Option<i64> {
         self.gate.now_us()
     }
 
     /// What became of the events so far.
-    pub(crate) fn counters(&self) -> &EventCounters {
+    pub fn counters(&self) -> &EventCounters {
         self.gate.counters()
     }
 
     /// Accepted events that no frame shows because they lie outside its part of the sensor.
-    pub(crate) fn outside_crop(&self) -> u64 {
+    pub fn outside_crop(&self) -> u64 {
         let outside_crop = match &self.frames {
             Frames::Counts { counts, .. } => counts.outside_crop(),
             Frames::Signed { windows, .. } => windows.outside_crop(),
@@ -193,7 +195,7 @@ impl FrameFeed {
     }
 
     /// Events that left a sliding window before their time because it was full.
-    pub(crate) fn evicted(&self) -> u64 {
+    pub fn evicted(&self) -> u64 {
         match &self.frames {
             Frames::Counts { .. } | Frames::Signed { .. } => 0,
             Frames::Sliding(sliding) => sliding.window.counters().evicted - self.shown_before[1],
@@ -231,7 +233,7 @@ impl Sliding {
         &mut self,
         event: Event,
         epoch_us: Option<i64>,
-        sink: &mut impl FnMut(Fed<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Every::StreamUs(period_us) = self.every {
             let is_first = self.window.counters().pushed == 0;
@@ -245,10 +247,10 @@ impl Sliding {
                 if frame.is_empty() {
                     let count = times(due_us, event.t_us, period_us);
                     self.due_us = later(due_us, count, period_us);
-                    sink(Fed::Empty { count, t_us: due_us, period_us })?;
+                    sink(FeedOutput::Empty { count, t_us: due_us, period_us })?;
                 } else {
                     self.due_us = due_us.checked_add(period_us);
-                    sink(fed(&frame, due_us, period_us))?;
+                    sink(feed_output(&frame, due_us, period_us))?;
                 }
             }
         }
@@ -257,7 +259,7 @@ impl Sliding {
             self.accepted += 1;
             if self.accepted == events {
                 self.accepted = 0;
-                sink(fed(&self.window.frame(), event.t_us, 0))?;
+                sink(feed_output(&self.window.frame(), event.t_us, 0))?;
             }
         }
         Ok(())
@@ -266,7 +268,7 @@ impl Sliding {
     fn finish<E>(
         &mut self,
         now_us: Option<i64>,
-        sink: &mut impl FnMut(Fed<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let (t_us, period_us) = match self.every {
             Every::End => (now_us, 0),
@@ -276,16 +278,16 @@ impl Sliding {
         };
         let Some(t_us) = t_us else { return Ok(()) };
         self.window.advance(t_us);
-        sink(fed(&self.window.frame(), t_us, period_us))
+        sink(feed_output(&self.window.frame(), t_us, period_us))
     }
 }
 
 /// A frame as it is delivered.
-fn fed<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> Fed<'a> {
+fn feed_output<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> FeedOutput<'a> {
     if frame.is_empty() {
-        Fed::Empty { count: 1, t_us, period_us }
+        FeedOutput::Empty { count: 1, t_us, period_us }
     } else {
-        Fed::Frame { values: frame.values, t_us, events: frame.events[0] + frame.events[1] }
+        FeedOutput::Frame { values: frame.values, t_us, events: frame.events[0] + frame.events[1] }
     }
 }
 
@@ -294,14 +296,16 @@ fn deliver<E>(
     completed: Completed<'_>,
     period_us: i64,
     done: &mut Result<(), E>,
-    sink: &mut impl FnMut(Fed<'_>) -> Result<(), E>,
+    sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
 ) {
     if done.is_ok() {
         *done = match completed {
-            Completed::Frame(frame) => sink(fed(&frame, frame.start_us.saturating_add(period_us), period_us)),
+            Completed::Frame(frame) => {
+                sink(feed_output(&frame, frame.start_us.saturating_add(period_us), period_us))
+            }
             Completed::Empty(run) => {
                 let t_us = run.start_us.saturating_add(period_us);
-                sink(Fed::Empty { count: run.count, t_us, period_us })
+                sink(FeedOutput::Empty { count: run.count, t_us, period_us })
             }
         };
     }

@@ -7,12 +7,12 @@
 //! On platforms other than Unix, nothing is requested, and a signal does what it does there.
 
 /// Exit status of a program that a signal has ended.
-pub(crate) const STATUS: u8 = 130;
+pub const STATUS: u8 = 130;
 
 #[cfg(not(unix))]
-pub(crate) use other::{Input, awaited, input, install, listen, requested, sleep};
+pub use other::{Input, awaited, input, install, listen, requested, sleep};
 #[cfg(unix)]
-pub(crate) use unix::{Input, awaited, input, install, listen, requested, sleep};
+pub use unix::{Input, awaited, input, install, listen, requested, sleep};
 
 #[cfg(unix)]
 mod unix {
@@ -42,14 +42,14 @@ mod unix {
     }
 
     /// Standard input, which a request ends with an error.
-    pub(crate) type Input = BufReader<Awaited>;
+    pub type Input = BufReader<Awaited>;
 
     /// A file that is waited for together with signals: reading it alone would go on waiting after a signal.
     #[derive(Debug)]
-    pub(crate) struct Awaited(File);
+    pub struct Awaited(File);
 
     /// Makes signals end the program with [`STATUS`]. Where that fails, they end it as they always do.
-    pub(crate) fn install() {
+    pub fn install() {
         let signals = || {
             let at_once = Arc::new(AtomicBool::new(true));
             let (woken, wake) = UnixStream::pair()?;
@@ -67,7 +67,7 @@ mod unix {
     }
 
     /// From now on the first signal is a request.
-    pub(crate) fn listen() {
+    pub fn listen() {
         if let Some(signals) = SIGNALS.get() {
             signals.at_once.store(false, Ordering::SeqCst);
             signals.listens.store(true, Ordering::SeqCst);
@@ -75,14 +75,14 @@ mod unix {
     }
 
     /// Whether a signal has asked the program to end.
-    pub(crate) fn requested() -> bool {
+    pub fn requested() -> bool {
         SIGNALS.get().is_some_and(|signals| {
             signals.listens.load(Ordering::Relaxed) && signals.at_once.load(Ordering::Relaxed)
         })
     }
 
     /// Waits so long, or shorter where the program is asked to end.
-    pub(crate) fn sleep(time: Duration) {
+    pub fn sleep(time: Duration) {
         let (Some(signals), Ok(timeout)) = (SIGNALS.get(), Timespec::try_from(time)) else {
             std::thread::sleep(time);
             return;
@@ -92,12 +92,15 @@ mod unix {
     }
 
     /// Standard input.
-    pub(crate) fn input() -> io::Result<Input> {
+    ///
+    /// # Errors
+    /// Its handle cannot be duplicated.
+    pub fn input() -> io::Result<Input> {
         Ok(awaited(File::from(stdin().as_fd().try_clone_to_owned()?)))
     }
 
     /// `file`, which may be a pipe or a serial port.
-    pub(crate) fn awaited(file: File) -> BufReader<Awaited> {
+    pub fn awaited(file: File) -> BufReader<Awaited> {
         BufReader::new(Awaited(file))
     }
 
@@ -137,31 +140,34 @@ mod other {
     use std::time::Duration;
 
     /// Standard input.
-    pub(crate) type Input = StdinLock<'static>;
+    pub type Input = StdinLock<'static>;
 
     /// Does nothing.
-    pub(crate) fn install() {}
+    pub fn install() {}
 
     /// Does nothing.
-    pub(crate) fn listen() {}
+    pub fn listen() {}
 
     /// Never.
-    pub(crate) fn requested() -> bool {
+    pub fn requested() -> bool {
         false
     }
 
     /// Waits so long.
-    pub(crate) fn sleep(time: Duration) {
+    pub fn sleep(time: Duration) {
         std::thread::sleep(time);
     }
 
     /// Standard input.
-    pub(crate) fn input() -> io::Result<Input> {
+    ///
+    /// # Errors
+    /// Its handle cannot be duplicated.
+    pub fn input() -> io::Result<Input> {
         Ok(stdin().lock())
     }
 
     /// `file`.
-    pub(crate) fn awaited(file: File) -> BufReader<File> {
+    pub fn awaited(file: File) -> BufReader<File> {
         BufReader::new(file)
     }
 }

@@ -3,18 +3,17 @@
 //! Enters: what is wrong with each. Leaves: a warning for each of the first [`TOLD`], the number of all, and an error where
 //! they are not to be passed over: any with `--strict`, else where they are most of the lines.
 
-use crate::error::CliError;
-use crate::tell::tell;
+use crate::error::PipelineError;
 use crate::text::grouped;
 
 /// So many are told, each with its reason.
-pub(crate) const TOLD: u64 = 5;
+pub const TOLD: u64 = 5;
 /// Where more than half of so many first lines are refused, or more than half of a shorter text, the text is another.
 const FIRST: u64 = 100;
 
 /// What has been refused of a text so far, and what has been taken.
 #[derive(Debug)]
-pub(crate) struct Refusals {
+pub struct Refusals {
     /// Of the text, for messages.
     name: String,
     strict: bool,
@@ -28,27 +27,27 @@ pub(crate) struct Refusals {
 
 impl Refusals {
     /// Nothing yet, of the text `name`; with `strict` the first one will be an error.
-    pub(crate) fn new(name: &str, strict: bool) -> Self {
+    pub fn new(name: &str, strict: bool) -> Self {
         Self { name: name.to_owned(), strict, taken: 0, count: 0, held: Vec::new(), first: String::new() }
     }
 
     /// The name of the text.
-    pub(crate) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         &self.name
     }
 
     /// How many lines were refused.
-    pub(crate) fn count(&self) -> u64 {
+    pub fn count(&self) -> u64 {
         self.count
     }
 
     /// How many were not.
-    pub(crate) fn taken(&self) -> u64 {
+    pub fn taken(&self) -> u64 {
         self.taken
     }
 
     /// The next line is as it should be.
-    pub(crate) fn take(&mut self) {
+    pub fn take(&mut self) {
         self.taken += 1;
         for held in std::mem::take(&mut self.held) {
             self.warn(&held);
@@ -59,9 +58,9 @@ impl Refusals {
     ///
     /// # Errors
     /// It is not to be passed over.
-    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), CliError> {
+    pub fn refuse(&mut self, problem: String) -> Result<(), PipelineError> {
         if self.strict {
-            return Err(CliError::Line { recording: self.name.clone(), problem });
+            return Err(PipelineError::Line { recording: self.name.clone(), problem });
         }
         self.count += 1;
         if self.count == 1 {
@@ -90,26 +89,26 @@ impl Refusals {
     ///
     /// # Errors
     /// Most of it was refused.
-    pub(crate) fn end(&self) -> Result<(), CliError> {
+    pub fn end(&self) -> Result<(), PipelineError> {
         let lines = self.taken + self.count;
         if self.count > self.taken && lines < FIRST { Err(self.most(lines)) } else { Ok(()) }
     }
 
     fn warn(&self, problem: &str) {
-        tell(format_args!("warning: {}: {problem}", self.name));
+        log::warn!("{}: {problem}", self.name);
     }
 
-    fn most(&self, lines: u64) -> CliError {
+    fn most(&self, lines: u64) -> PipelineError {
         let counts = format!("{} of the first {} lines are refused", grouped(self.count), grouped(lines));
         let problem = if lines == 1 { self.first.clone() } else { format!("{counts}; {}", self.first) };
-        CliError::Lines { recording: self.name.clone(), problem }
+        PipelineError::Lines { recording: self.name.clone(), problem }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::{FIRST, Refusals};
-    use crate::error::CliError;
+    use crate::error::PipelineError;
 
     /// So many lines have been taken.
     fn refusals(strict: bool, taken: u64) -> Refusals {
@@ -121,7 +120,7 @@ mod tests {
     #[test]
     fn with_strict_the_first_refused_line_is_an_error() {
         let refused = refusals(true, 7).refuse("line 8: bad".to_owned());
-        assert!(matches!(refused, Err(CliError::Line { .. })));
+        assert!(matches!(refused, Err(PipelineError::Line { .. })));
     }
 
     #[test]
@@ -130,7 +129,7 @@ mod tests {
         for _ in 0..FIRST / 2 {
             assert!(refusals.refuse(String::new()).is_ok());
         }
-        assert!(matches!(refusals.refuse(String::new()), Err(CliError::Lines { .. })));
+        assert!(matches!(refusals.refuse(String::new()), Err(PipelineError::Lines { .. })));
     }
 
     #[test]

@@ -3,22 +3,17 @@
 //! Every JSON output of a network has a [`Header`]: `{"header": {...}}` as the first of several lines, the field `header`
 //! of a single object.
 
-use std::io::{self, Write};
-
 use meissner_engine::Sensor;
 use meissner_models::{Agreement, AnyDescription, Card, Weights};
 use serde::Serialize;
 use serde_json::Value;
-
-use crate::tell::tell;
-use crate::text::grouped;
 
 /// Raised whenever a key changes its meaning or goes.
 const SCHEMA: u32 = 1;
 
 /// Where the results of a command come from.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct Header {
+pub struct Header {
     /// Version of the program.
     meissner: &'static str,
     schema: u32,
@@ -33,52 +28,59 @@ pub(crate) struct Header {
 
 /// What was read.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct InputCard {
-    pub(crate) name: String,
-    pub(crate) format: String,
+pub struct InputCard {
+    /// Its name.
+    pub name: String,
+    /// Its format.
+    pub format: String,
     /// Columns and rows; `None` where there are no pixels of events.
-    pub(crate) sensor: Option<[u16; 2]>,
+    pub sensor: Option<[u16; 2]>,
     /// Events in the input, where that is known beforehand.
-    pub(crate) events: Option<u64>,
+    pub events: Option<u64>,
 }
 
 /// A network with its weights.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct ModelCard {
-    pub(crate) network: NetworkCard,
-    pub(crate) weights: WeightsCard,
+pub struct ModelCard {
+    /// The network.
+    pub network: NetworkCard,
+    /// Its weights.
+    pub weights: WeightsCard,
     /// What it predicts, value after value.
     outputs: Vec<Output>,
     /// Names of the classes, where the values are their logits.
-    pub(crate) classes: Option<Vec<String>>,
+    pub classes: Option<Vec<String>>,
 }
 
+/// A network as it runs.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct NetworkCard {
-    pub(crate) name: String,
+pub struct NetworkCard {
+    /// Its name.
+    pub name: String,
     /// "events" or "frames".
     kind: &'static str,
     /// Of the network as it runs: what it computes and the values of its weights.
     fingerprint: Option<String>,
     /// Length of the window as it runs.
-    span_us: Option<i64>,
+    pub span_us: Option<i64>,
     /// Most events of the window as it runs.
-    capacity: Option<usize>,
+    pub capacity: Option<usize>,
     /// It takes every `stride`-th event.
     stride: usize,
     /// What the description says of how its input is prepared.
     preparation: Value,
 }
 
+/// Weights, and what is known about them.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct WeightsCard {
+pub struct WeightsCard {
     /// Where they come from.
     source: String,
     about: Option<String>,
     /// Whether they were trained; `None` where they do not say.
-    pub(crate) trained: Option<bool>,
+    pub trained: Option<bool>,
     /// What they say about the preparation of their training's input: "same" as the network, "other", "drawn", "unstated".
-    pub(crate) preparation: &'static str,
+    pub preparation: &'static str,
     /// Every how many events one was taken in the training.
     stride: usize,
     /// Sensor of the recordings of the training, where they say.
@@ -93,7 +95,7 @@ struct Output {
 
 impl Header {
     /// Of results of one network.
-    pub(crate) fn new(command: &'static str, input: InputCard, model: ModelCard) -> Self {
+    pub fn new(command: &'static str, input: InputCard, model: ModelCard) -> Self {
         let mut header = Self::of_many(command, input);
         header.warnings = model.warnings(header.input.sensor);
         header.model = Some(model);
@@ -101,20 +103,20 @@ impl Header {
     }
 
     /// Of results of several networks, each of which says its own.
-    pub(crate) fn of_many(command: &'static str, input: InputCard) -> Self {
+    pub fn of_many(command: &'static str, input: InputCard) -> Self {
         let (meissner, model, warnings) = (env!("CARGO_PKG_VERSION"), None, Vec::new());
         Self { meissner, schema: SCHEMA, command, input, model, warnings }
     }
 
-    /// Writes the warnings to standard error.
-    pub(crate) fn warn(&self) {
-        self.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
+    /// Logs the warnings.
+    pub fn warn(&self) {
+        self.warnings.iter().for_each(|warning| log::warn!("{warning}"));
     }
 }
 
 impl ModelCard {
     /// That of `description` with `weights` from `source`, which say so much on their `card`.
-    pub(crate) fn new(description: &AnyDescription, weights: &Weights, card: &Card, source: String) -> Self {
+    pub fn new(description: &AnyDescription, weights: &Weights, card: &Card, source: String) -> Self {
         let (names, unit) = description.outputs();
         let (kind, agreement) = match description {
             AnyDescription::Events(description) => ("events", description.agreement(weights)),
@@ -153,18 +155,20 @@ impl ModelCard {
     }
 
     /// The same for a run that takes every so many events one, whatever the weights say.
-    pub(crate) fn taking_every(mut self, stride: usize) -> Self {
+    #[must_use]
+    pub fn taking_every(mut self, stride: usize) -> Self {
         self.network.stride = stride;
         self
     }
 
     /// The network takes every so many events one.
-    pub(crate) fn stride(&self) -> usize {
+    pub fn stride(&self) -> usize {
         self.network.stride
     }
 
     /// The same of a network as it runs: its `fingerprint` and, over events, the length and the capacity of its window.
-    pub(crate) fn running(mut self, fingerprint: u64, window: Option<(i64, usize)>) -> Self {
+    #[must_use]
+    pub fn running(mut self, fingerprint: u64, window: Option<(i64, usize)>) -> Self {
         self.network.fingerprint = Some(format!("{fingerprint:016x}"));
         if let Some((span_us, capacity)) = window {
             (self.network.span_us, self.network.capacity) = (Some(span_us), Some(capacity));
@@ -173,7 +177,7 @@ impl ModelCard {
     }
 
     /// What a person should know before believing a prediction for events of `sensor`.
-    pub(crate) fn warnings(&self, sensor: Option<[u16; 2]>) -> Vec<String> {
+    pub fn warnings(&self, sensor: Option<[u16; 2]>) -> Vec<String> {
         let Self { network, weights, .. } = self;
         let name = &network.name;
         let mut warnings = Vec::new();
@@ -213,7 +217,7 @@ impl ModelCard {
     }
 
     /// Network and weights in few words, for people.
-    pub(crate) fn trust(&self) -> String {
+    pub fn trust(&self) -> String {
         let weights = &self.weights;
         let trained = match weights.trained {
             Some(true) => "trained",
@@ -233,38 +237,25 @@ impl ModelCard {
     }
 
     /// Where the weights come from, with what they say about themselves.
-    pub(crate) fn source(&self) -> String {
+    pub fn source(&self) -> String {
         let about = self.weights.about.as_ref().map(|about| format!(" ({about})"));
         self.weights.source.clone() + &about.unwrap_or_default()
     }
 
-    /// Writes the lines of network and weights, for people: in the first, what runs on which sensor and whether to believe it.
-    pub(crate) fn write(&self, out: &mut impl Write, mode: &str, sensor: Option<[u16; 2]>) -> io::Result<()> {
-        let on = sensor.map_or_else(String::new, |[width, height]| format!(" on {width}x{height} pixels"));
-        writeln!(out, "network      {}{on}, weights {}", self.network.name, self.trust())?;
-        writeln!(out, "             {mode}")?;
-        writeln!(out, "weights      {}", self.source())?;
-        if let (Some(span_us), Some(capacity)) = (self.network.span_us, self.network.capacity) {
-            let capacity = grouped(capacity as u64);
-            writeln!(out, "window       {} ms, at most {capacity} events", span_us as f64 / 1e3)?;
-        }
-        Ok(())
-    }
-
     /// Headings of the values: names with their unit.
-    pub(crate) fn headings(&self) -> Vec<String> {
+    pub fn headings(&self) -> Vec<String> {
         self.outputs.iter().map(|Output { name, unit }| format!("{name} ({unit})")).collect()
     }
 }
 
 impl InputCard {
     /// Events from a sensor.
-    pub(crate) fn events(name: &str, format: &impl ToString, sensor: Sensor, events: Option<u64>) -> Self {
+    pub fn events(name: &str, format: &impl ToString, sensor: Sensor, events: Option<u64>) -> Self {
         Self { name: name.to_owned(), format: format.to_string(), sensor: Some(sides(sensor)), events }
     }
 
     /// Something without pixels of events.
-    pub(crate) fn other(name: &str, format: &str) -> Self {
+    pub fn other(name: &str, format: &str) -> Self {
         Self { name: name.to_owned(), format: format.to_owned(), sensor: None, events: None }
     }
 }

@@ -2,55 +2,94 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use meissner_engine::Network;
 use meissner_engine::frames::{Convolution, FrameNetwork};
+use meissner_engine::{EngineError, Network};
 use meissner_io::Format;
 use meissner_models::{AnyDescription, Description, FrameDescription, ModelError, Weights};
 
-use crate::args::Input;
-use crate::error::CliError;
+use crate::approximations::Approximations;
+use crate::error::PipelineError;
 use crate::provenance::ModelCard;
 
 /// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
-pub(crate) const DEFAULT_NETWORK: &str = "graphres";
+pub const DEFAULT_NETWORK: &str = "graphres";
+
+/// Which network runs, and what is changed about it.
+#[derive(Clone, Debug, Default)]
+pub struct ModelOptions {
+    /// Name of a shipped network, or path of a description file.
+    pub network: String,
+    /// File of weights; `None` takes those shipped with the network.
+    pub weights: Option<PathBuf>,
+    /// Runs weights that were trained on another preparation of the input.
+    pub ignore_preparation: bool,
+    /// Length of the window in microseconds, in place of the description's.
+    pub span_us: Option<i64>,
+    /// Most events in the window, in place of the description's.
+    pub capacity: Option<usize>,
+    /// Approximations, of which the network itself knows the number of neighbours.
+    pub approximations: Approximations,
+}
+
+impl ModelOptions {
+    /// `network` with this span, capacity and number of neighbours.
+    fn adapt(&self, mut network: Network) -> Result<Network, EngineError> {
+        if let Some(span_us) = self.span_us {
+            network = network.with_span_us(span_us)?;
+        }
+        if let Some(capacity) = self.capacity {
+            network = network.with_capacity(capacity)?;
+        }
+        self.approximations.adapt(network)
+    }
+}
 
 /// A network that can run, and what to say about it.
-pub(crate) struct Model {
+pub struct Model {
     /// The network.
-    pub(crate) network: Network,
+    pub network: Network,
     /// What it is, with which weights.
-    pub(crate) card: ModelCard,
+    pub card: ModelCard,
     /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
-    pub(crate) multiply_adds: Vec<u64>,
+    pub multiply_adds: Vec<u64>,
 }
 
 /// The description of a network over events, shipped or in a file; whether it is shipped.
-pub(crate) fn describe(network: &str) -> Result<(Description, bool), CliError> {
+///
+/// # Errors
+/// The network is unknown or a frame network, or its description cannot be read.
+pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Frames(_), _) => Err(CliError::IsFrameNetwork(network.to_owned())),
+        (AnyDescription::Frames(_), _) => Err(PipelineError::IsFrameNetwork(network.to_owned())),
     }
 }
 
 /// The description of a frame network, shipped or in a file; whether it is shipped.
-pub(crate) fn describe_frames(network: &str) -> Result<(FrameDescription, bool), CliError> {
+///
+/// # Errors
+/// The network is unknown or over events, or its description cannot be read.
+pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Events(_), _) => Err(CliError::IsEventNetwork(network.to_owned())),
+        (AnyDescription::Events(_), _) => Err(PipelineError::IsEventNetwork(network.to_owned())),
     }
 }
 
 /// The network of `description` with `weights`, which `label` names, and what they are. Weights of another preparation are
 /// refused, unless that is to be ignored.
-pub(crate) fn frame_network(
+///
+/// # Errors
+/// The weights do not fit.
+pub fn frame_network(
     description: &FrameDescription,
     (weights, label): (&Weights, String),
     convolution: Convolution,
     ignore_preparation: bool,
-) -> Result<(Arc<FrameNetwork>, ModelCard), CliError> {
+) -> Result<(Arc<FrameNetwork>, ModelCard), PipelineError> {
     let parts = if ignore_preparation {
         description.network_parts_regardless(weights)
     } else {
@@ -64,59 +103,68 @@ pub(crate) fn frame_network(
 }
 
 /// What a network of `description` is with `weights` from `label`.
-pub(crate) fn card(
+///
+/// # Errors
+/// The card cannot be read.
+pub fn card(
     description: &AnyDescription,
     weights: &Weights,
     label: String,
-) -> Result<ModelCard, CliError> {
+) -> Result<ModelCard, PipelineError> {
     let card = weights.card().map_err(|source| refused(&label, source))?;
     Ok(ModelCard::new(description, weights, &card, label))
 }
 
 /// Weights that do not fit.
-fn refused(weights: &str, source: ModelError) -> CliError {
-    CliError::Weights { weights: weights.to_owned(), source }
+fn refused(weights: &str, source: ModelError) -> PipelineError {
+    PipelineError::Weights { weights: weights.into(), source: Box::new(source) }
 }
 
 /// The description of a network of either kind, shipped or in a file; whether it is shipped.
-pub(crate) fn describe_any(network: &str) -> Result<(AnyDescription, bool), CliError> {
+///
+/// # Errors
+/// The network is unknown, or its description cannot be read.
+pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), PipelineError> {
     if let Some(description) = AnyDescription::shipped(network) {
         return Ok((description, true));
     }
     if !Path::new(network).exists() {
-        return Err(CliError::UnknownNetwork(network.to_owned()));
+        return Err(PipelineError::UnknownNetwork { name: network.to_owned(), nearest: nearest(network) });
     }
     let network = network.to_owned();
     match AnyDescription::load(&network) {
         Ok(description) => Ok((description, false)),
         Err(source) => Err(match recording_format(&network) {
-            Some(format) => CliError::IsRecording { network, format },
-            None => CliError::description(network, source),
+            Some(format) => PipelineError::IsRecording { network, format },
+            None => PipelineError::description(network, source),
         }),
     }
 }
 
 /// The weights in the file at `path`, or those shipped for `network`; where they come from.
-pub(crate) fn weights(
+///
+/// # Errors
+/// There are none, or they cannot be read.
+pub fn weights(
     network: &str,
     shipped: bool,
     path: Option<&Path>,
-) -> Result<(Weights, String), CliError> {
+) -> Result<(Weights, String), PipelineError> {
     let Some(path) = path else {
         return match Weights::shipped(network).filter(|_| shipped) {
             Some(weights) => Ok((weights, "shipped with the network".to_owned())),
-            None => Err(CliError::NoWeights(network.to_owned())),
+            None => Err(PipelineError::NoWeights(network.to_owned())),
         };
     };
     let label = path.display().to_string();
     match Weights::load(path) {
         Ok(weights) => Ok((weights, label)),
-        Err(source) => Err(CliError::weights(label, source)),
+        Err(source) => Err(PipelineError::weights(label, source)),
     }
 }
 
 /// Where `weights` come from, with what they say about themselves.
-pub(crate) fn labelled(label: String, weights: &Weights) -> String {
+pub fn labelled(label: String, weights: &Weights) -> String {
     let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
     label + &about.unwrap_or_default()
 }
@@ -131,29 +179,38 @@ fn recording_format(path: &str) -> Option<Format> {
 }
 
 impl Model {
-    /// The network that `args` ask for.
-    pub(crate) fn load(args: &Input) -> Result<Self, CliError> {
-        let model = Self::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
-        let network = adapted(model.network, args)?;
+    /// The network that `options` ask for.
+    ///
+    /// # Errors
+    /// The network is unknown, its weights do not fit, or it cannot be adapted.
+    pub fn load(options: &ModelOptions) -> Result<Self, PipelineError> {
+        let model = Self::named(&options.network, options.weights.as_deref(), options.ignore_preparation)?;
+        let network = options.adapt(model.network)?;
         let card = model.card.running(network.fingerprint(), Some(window(&network)));
-        let card = if args.approximations.stride.is_some() { card.taking_every(1) } else { card };
+        let card = if options.approximations.stride.is_some() { card.taking_every(1) } else { card };
         Ok(Self { network, card, ..model })
     }
 
     /// The network called `name` as it is described, with the weights in the file at `path` or those shipped for it.
     /// Weights of another preparation are refused, unless that is to be ignored.
-    pub(crate) fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, CliError> {
+    ///
+    /// # Errors
+    /// The network is unknown, or the weights do not fit.
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, PipelineError> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
         Self::of(&description, (&weights, label), ignore_preparation)
     }
 
     /// The network of `description` with `weights`, which `label` names.
-    pub(crate) fn of(
+    ///
+    /// # Errors
+    /// The weights do not fit.
+    pub fn of(
         description: &Description,
         (weights, label): (&Weights, String),
         ignore_preparation: bool,
-    ) -> Result<Self, CliError> {
+    ) -> Result<Self, PipelineError> {
         let network = if ignore_preparation {
             description.network_regardless(weights)
         } else {
@@ -178,13 +235,32 @@ fn window(network: &Network) -> (i64, usize) {
     (network.parts().span_us, network.parts().capacity)
 }
 
-/// `network` with the span, the capacity and the approximations that `args` ask for.
-fn adapted(mut network: Network, args: &Input) -> Result<Network, CliError> {
-    if let Some(span_us) = args.span_us {
-        network = network.with_span_us(span_us)?;
+/// Shipped names that are at least this similar to a wrong one are suggested, from 0 to 1.
+const SIMILAR: f64 = 0.7;
+
+/// The shipped network whose name is most similar to `name`, if one is similar.
+fn nearest(name: &str) -> Option<&'static str> {
+    let similarity = |known: &&str| strsim::jaro_winkler(name, known);
+    AnyDescription::shipped_names()
+        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
+        .filter(|known| similarity(known) > SIMILAR)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nearest;
+
+    #[test]
+    fn a_name_that_is_nearly_right_is_answered_with_the_right_one() {
+        for (wrong, right) in [
+            ("graphress", "graphres"),
+            ("tactigraf", "tactigraph"),
+            ("tactigraph-pst", "tactigraph-past"),
+            ("slip_lstm", "slip-lstm"),
+            ("digit-past", "digits-past"),
+        ] {
+            assert_eq!(nearest(wrong), Some(right));
+        }
+        assert_eq!(nearest("xyz"), None);
     }
-    if let Some(capacity) = args.capacity {
-        network = network.with_capacity(capacity as usize)?;
-    }
-    args.approximations.adapt(network)
 }

@@ -5,32 +5,29 @@ use std::io::BufRead;
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{CsvEvents, Format, IoError, Place, Recording};
-use serde::Serialize;
+use meissner_io::{CsvEvents, Format, IoError, Place, ReadOptions, Recording};
 
-use crate::args::{Input, ReadArgs};
-use crate::error::{CliError, chain};
+use crate::error::{PipelineError, chain};
 use crate::interrupt;
-use crate::provenance::ModelCard;
 use crate::refusals::Refusals;
-use crate::tell::tell;
-use crate::text::grouped;
+use crate::salvage::Salvaged;
 
-/// A synthetic press and release; see `cli/assets/README.md`.
+/// A synthetic press and release; see `pipeline/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/press_release_synthetic.evt3");
 const EMBEDDED_NAME: &str = "press_release_synthetic.evt3 (embedded; synthetic, not a real sensor)";
-pub(crate) const STDIN_NAME: &str = "standard input";
+/// Name of standard input, for messages.
+pub const STDIN_NAME: &str = "standard input";
 
 /// A stream of events, and what is known about it.
 ///
 /// Lines of a text that are no events are passed over ([`Refusals`]), unless it is to be strict.
-pub(crate) struct Source {
+pub struct Source {
     /// For messages and reports.
-    pub(crate) name: String,
+    pub name: String,
     /// Its format.
-    pub(crate) format: Format,
+    pub format: Format,
     /// What was left out of a recording that was cut short.
-    pub(crate) salvaged: Option<Salvaged>,
+    pub salvaged: Option<Salvaged>,
     /// The geometry that it names.
     sensor: Option<Sensor>,
     events: Events,
@@ -50,126 +47,85 @@ enum Events {
     },
 }
 
-/// What `--salvage` kept and left out.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Salvaged {
-    /// Events kept.
-    events: usize,
-    /// What is not whole.
-    what: &'static str,
-    /// Where it starts: a byte of the file, or a line of a text.
-    place: String,
-    bytes_not_read: u64,
-}
-
-impl Salvaged {
-    pub(crate) fn of(recording: &Recording) -> Option<Self> {
-        let salvage = recording.salvaged?;
-        let events = recording.events.len();
-        let (what, place) = (salvage.what, salvage.place.to_string());
-        Some(Self { events, what, place, bytes_not_read: salvage.bytes_not_read })
-    }
-
-    /// What was left out, in words.
-    pub(crate) fn words(&self) -> String {
-        let Self { events, what, place, bytes_not_read } = self;
-        let (events, bytes) = (grouped(*events as u64), grouped(*bytes_not_read));
-        format!("{events} events kept; {what}, from {place} on, is not whole: {bytes} bytes not read")
-    }
-}
-
 /// Whether `path` means standard input.
-pub(crate) fn is_stdin(path: &Path) -> bool {
+pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
 /// Standard input, which ends with an error where the program is asked to end.
-pub(crate) fn stdin() -> Result<interrupt::Input, CliError> {
-    interrupt::input().map_err(|source| CliError::Open { path: STDIN_NAME.into(), source })
-}
-
-/// The recording in the file at `path`, or all of standard input where it is `-`, read as `args` say.
 ///
 /// # Errors
-/// Also where a line of a text is no event.
-pub(crate) fn read(path: &Path, args: ReadArgs) -> Result<Recording, CliError> {
+/// Standard input cannot be duplicated.
+pub fn stdin() -> Result<interrupt::Input, PipelineError> {
+    interrupt::input().map_err(|source| PipelineError::Open { path: STDIN_NAME.into(), source })
+}
+
+/// The recording in the file at `path`, or all of standard input if it is `-`.
+///
+/// # Errors
+/// The recording cannot be read, or a line of a text is malformed.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
     if is_stdin(path) {
-        let mut lines = arriving(args)?;
+        let mut lines = arriving(options)?;
         let events = lines.by_ref().collect::<Result<_, _>>();
-        let events = events.map_err(|e| CliError::recording(STDIN_NAME, e))?;
+        let events = events.map_err(|e| PipelineError::recording(STDIN_NAME, e))?;
         return Ok(text(lines.sensor(), events));
     }
-    let name = path.display().to_string();
-    let recording =
-        meissner_io::read_with(path, &args.options()).map_err(|source| refused(path, args, source))?;
-    let of_text = args.given().into_iter().find(|&(option, given)| given && option != "--salvage");
-    if let (Some((option, _)), true) = (of_text, recording.format != Format::Csv) {
-        let (expected, found) =
-            ("a text of events".to_owned(), format!("{name}, which is {}", recording.format));
-        return Err(CliError::Option { option, expected, found });
-    }
+    let recording = meissner_io::read_with(path, options).map_err(|source| refused(path, options, source))?;
     if let Some(salvaged) = Salvaged::of(&recording) {
-        tell(format_args!("warning: {name}: salvaged: {}", salvaged.words()));
+        log::warn!("{}: salvaged: {salvaged}", path.display());
     }
     Ok(recording)
 }
 
-/// The error `source` of reading the file at `path`, with what could be salvaged.
-fn refused(path: &Path, args: ReadArgs, source: meissner_io::IoError) -> CliError {
-    use meissner_io::IoError::{Malformed, Truncated};
+/// The error `source` of reading the file at `path`, with the part that can be salvaged.
+fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError {
+    use IoError::{Malformed, Truncated};
     let name = path.display().to_string();
     let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
-    let salvage = ReadArgs { salvage: true, ..args };
     if may_be_cut
-        && !args.salvage
-        && let Ok(recording) = meissner_io::read_with(path, &salvage.options())
+        && !options.salvage
+        && let Ok(recording) = meissner_io::read_with(path, &ReadOptions { salvage: true, ..*options })
         && let Some(salvaged) = Salvaged::of(&recording)
     {
-        return CliError::Cut { recording: name.into(), source, salvaged: Box::new(salvaged) };
+        return PipelineError::Cut {
+            recording: name.into(),
+            source: Box::new(source),
+            salvaged: Box::new(salvaged),
+        };
     }
-    CliError::recording(&name, source)
+    PipelineError::recording(&name, source)
 }
 
 /// The lines of standard input.
-fn arriving(args: ReadArgs) -> Result<CsvEvents<interrupt::Input>, CliError> {
-    if args.salvage {
-        return Err(CliError::Option {
-            option: "--salvage",
-            expected: "a file".to_owned(),
-            found: STDIN_NAME.to_owned(),
-        });
-    }
-    Ok(CsvEvents::with_options(stdin()?, args.options().text))
+fn arriving(options: &ReadOptions) -> Result<CsvEvents<interrupt::Input>, PipelineError> {
+    Ok(CsvEvents::with_options(stdin()?, options.text))
 }
 
 impl Source {
-    /// Opens what `input` names, every how many events one as the weights of `card` say.
-    pub(crate) fn of_input(input: &Input, card: &ModelCard) -> Result<Self, CliError> {
-        let source =
-            Self::open(input.recording.as_deref(), input.read, input.sensor.is_some(), input.strict)?;
-        Ok(source.every(card.stride()))
-    }
-
-    /// Opens `recording`, which is read as `args` say; `None` is the embedded one. With `strict`, a line of a text that is
+    /// Opens `recording`; `None` is the embedded one. With `strict`, a line of a text that is
     /// no event is an error: of a file at once, of standard input when it comes.
     ///
     /// With `sensor_known`, standard input is not waited for; else its first event, since a comment before it may name
     /// the geometry.
-    pub(crate) fn open(
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn open(
         recording: Option<&Path>,
-        args: ReadArgs,
+        options: &ReadOptions,
         sensor_known: bool,
         strict: bool,
-    ) -> Result<Self, CliError> {
+    ) -> Result<Self, PipelineError> {
         match recording {
             None => {
                 let recording =
-                    meissner_io::decode(EMBEDDED).map_err(|e| CliError::recording(EMBEDDED_NAME, e))?;
+                    meissner_io::decode(EMBEDDED).map_err(|e| PipelineError::recording(EMBEDDED_NAME, e))?;
                 Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if is_stdin(path) => {
                 let mut refusals = Refusals::new(STDIN_NAME, strict);
-                let mut lines = arriving(args)?;
+                let mut lines = arriving(options)?;
                 let first = if sensor_known { None } else { next(&mut lines, &mut refusals) };
                 let first = first.transpose()?;
                 Ok(Self {
@@ -185,9 +141,9 @@ impl Source {
             }
             Some(path) => {
                 let mut refusals = Refusals::new(&path.display().to_string(), strict);
-                let recording = match read(path, args) {
-                    Err(error) if !strict && !args.salvage && is_of_a_line(&error) => {
-                        passing_over(path, args, &mut refusals)?
+                let recording = match read(path, options) {
+                    Err(error) if !strict && !options.salvage && is_of_a_line(&error) => {
+                        passing_over(path, options, &mut refusals)?
                     }
                     read => read?,
                 };
@@ -205,19 +161,23 @@ impl Source {
     }
 
     /// The geometry: `asked`, or what the recording names.
-    pub(crate) fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, CliError> {
+    ///
+    /// # Errors
+    /// Neither names it.
+    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, PipelineError> {
         asked
             .or(self.sensor)
-            .ok_or_else(|| CliError::NoGeometry { recording: self.name.clone(), format: self.format })
+            .ok_or_else(|| PipelineError::NoGeometry { recording: self.name.clone(), format: self.format })
     }
 
     /// The same with every `stride`-th event alone, the first of all among them.
-    pub(crate) fn every(self, stride: usize) -> Self {
+    #[must_use]
+    pub fn every(self, stride: usize) -> Self {
         Self { stride: stride.max(1), ..self }
     }
 
     /// How many events the recording has, where that is known.
-    pub(crate) fn recorded(&self) -> Option<u64> {
+    pub fn recorded(&self) -> Option<u64> {
         match &self.events {
             Events::Read(events) => Some(events.len() as u64),
             Events::Arriving { .. } => None,
@@ -225,17 +185,17 @@ impl Source {
     }
 
     /// How many lines were no events so far.
-    pub(crate) fn lines_refused(&self) -> u64 {
+    pub fn lines_refused(&self) -> u64 {
         self.refusals.count()
     }
 
     /// How many events are to be taken, where that is known.
-    pub(crate) fn remaining(&self) -> Option<u64> {
+    pub fn remaining(&self) -> Option<u64> {
         let rest = self.recorded()?.saturating_sub(self.pass_over as u64);
         Some(rest.div_ceil(self.stride as u64))
     }
 
-    fn next_recorded(&mut self) -> Option<Result<Event, CliError>> {
+    fn next_recorded(&mut self) -> Option<Result<Event, PipelineError>> {
         match &mut self.events {
             Events::Read(events) => events.next().map(Ok),
             Events::Arriving { first, lines } => {
@@ -249,7 +209,7 @@ impl Source {
 }
 
 impl Iterator for Source {
-    type Item = Result<Event, CliError>;
+    type Item = Result<Event, PipelineError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.pass_over > 0 {
@@ -268,7 +228,10 @@ impl Iterator for Source {
 ///
 /// # Errors
 /// What ends the lines, and those of [`Refusals`].
-fn next<R: BufRead>(lines: &mut CsvEvents<R>, refusals: &mut Refusals) -> Option<Result<Event, CliError>> {
+fn next<R: BufRead>(
+    lines: &mut CsvEvents<R>,
+    refusals: &mut Refusals,
+) -> Option<Result<Event, PipelineError>> {
     loop {
         let refused = match lines.next() {
             None => refusals.end(),
@@ -283,28 +246,34 @@ fn next<R: BufRead>(lines: &mut CsvEvents<R>, refusals: &mut Refusals) -> Option
                     refused => refused,
                 }
             }
-            Some(Err(error)) => Err(CliError::recording(refusals.name(), error)),
+            Some(Err(error)) => Err(PipelineError::recording(refusals.name(), error)),
         };
         return refused.err().map(Err);
     }
 }
 
 /// Whether `error` is about one line of a text.
-fn is_of_a_line(error: &CliError) -> bool {
-    let (CliError::Recording { source, .. } | CliError::Cut { source, .. }) = error else { return false };
+fn is_of_a_line(error: &PipelineError) -> bool {
+    let (PipelineError::Recording { source, .. } | PipelineError::Cut { source, .. }) = error else {
+        return false;
+    };
     matches!(
-        source,
+        **source,
         IoError::Malformed { place: Place::Line(_), .. }
             | IoError::OutsideSensor { place: Place::Line(_), .. }
     )
 }
 
 /// The recording in the text at `path`, without its lines that are no events.
-fn passing_over(path: &Path, args: ReadArgs, refusals: &mut Refusals) -> Result<Recording, CliError> {
-    let file = |source| CliError::File(IoError::File { action: "read", path: path.to_owned(), source });
+fn passing_over(
+    path: &Path,
+    options: &ReadOptions,
+    refusals: &mut Refusals,
+) -> Result<Recording, PipelineError> {
+    let file = |source| PipelineError::File(IoError::File { action: "read", path: path.to_owned(), source });
     let bytes = fs::read(path).map_err(file)?;
-    let lines = CsvEvents::of_text(&bytes, args.options().text);
-    let mut lines = lines.map_err(|e| CliError::recording(refusals.name(), e))?;
+    let lines = CsvEvents::of_text(&bytes, options.text);
+    let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let mut events = Vec::new();
     while let Some(event) = next(&mut lines, refusals) {
         events.push(event?);
@@ -319,15 +288,14 @@ fn text(sensor: Option<Sensor>, events: Vec<Event>) -> Recording {
 #[cfg(test)]
 mod tests {
     use super::Source;
-    use crate::args::ReadArgs;
-
-    const READ: ReadArgs = ReadArgs { columns: None, time_unit: None, salvage: false };
+    use meissner_io::ReadOptions;
 
     #[test]
     fn every_so_many_events_are_those_of_step_by_and_are_counted_beforehand() {
-        let all: Vec<_> = Source::open(None, READ, false, true).unwrap().map(Result::unwrap).collect();
+        let all: Vec<_> =
+            Source::open(None, &ReadOptions::default(), false, true).unwrap().map(Result::unwrap).collect();
         for stride in [1, 2, 7, all.len(), all.len() + 1] {
-            let source = Source::open(None, READ, false, true).unwrap().every(stride);
+            let source = Source::open(None, &ReadOptions::default(), false, true).unwrap().every(stride);
             assert_eq!(source.recorded(), Some(all.len() as u64));
             let expected: Vec<_> = all.iter().copied().step_by(stride).collect();
             assert_eq!(source.remaining(), Some(expected.len() as u64));

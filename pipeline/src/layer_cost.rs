@@ -5,9 +5,11 @@ use meissner_models::{FrameKind, FrameLayer};
 
 /// What a layer's pixels cost; a layer over vectors has one.
 #[derive(Clone, Debug)]
-pub(crate) struct LayerCost {
-    pub(crate) name: String,
-    pub(crate) pixels: u64,
+pub struct LayerCost {
+    /// Name of the layer.
+    pub name: String,
+    /// Pixels of its output.
+    pub pixels: u64,
     /// Of all its pixels.
     multiply_adds: u64,
     /// Of one pixel that is absorbed: where the frame has nothing, a convolutional LSTM still reads its hidden state.
@@ -15,7 +17,8 @@ pub(crate) struct LayerCost {
 }
 
 impl LayerCost {
-    pub(crate) fn new(layer: &FrameLayer) -> Self {
+    /// The cost of `layer`.
+    pub fn new(layer: &FrameLayer) -> Self {
         let pixels = match layer.output {
             FrameShape::Image { height, width, .. } => (height * width) as u64,
             FrameShape::Vector(_) => 1,
@@ -30,7 +33,7 @@ impl LayerCost {
     }
 
     /// Multiply-adds of the pixels that `counters` counted.
-    pub(crate) fn of(&self, counters: &FrameLayerCounters) -> u64 {
+    pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
         // In u128: a recording's pixels times a layer's products can exceed a u64.
         let computed =
             u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);

@@ -3,22 +3,28 @@
 use meissner_engine::Network;
 
 /// What is accepted, for messages.
-pub(crate) const FORMS: &str = "a time with its unit, such as 500us, 1.5ms or 2s";
+pub const FORMS: &str = "a time with its unit, such as 500us, 1.5ms or 2s";
 /// Units with their microseconds. `s` ends the others: it comes last.
 const UNITS: [(&str, i64); 3] = [("us", 1), ("ms", 1_000), ("s", 1_000_000)];
 
 /// Reads a time from 1 microsecond to the longest span of a window.
-pub(crate) fn span_us(text: &str) -> Result<i64, String> {
+///
+/// # Errors
+/// The text is another; the message says what is expected.
+pub fn span_us(text: &str) -> Result<i64, String> {
     within(text, 1)
 }
 
 /// Reads a time from 0 to the longest span of a window.
-pub(crate) fn length_us(text: &str) -> Result<i64, String> {
+///
+/// # Errors
+/// As [`span_us`].
+pub fn length_us(text: &str) -> Result<i64, String> {
     within(text, 0)
 }
 
 /// `us` as [`span_us`] reads it, in the largest unit that needs no decimals.
-pub(crate) fn display(us: i64) -> String {
+pub fn display(us: i64) -> String {
     let whole = UNITS.iter().rev().find(|(_, scale)| us % scale == 0);
     whole.map_or_else(String::new, |(unit, scale)| format!("{}{unit}", us / scale))
 }

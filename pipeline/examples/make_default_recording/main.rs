@@ -1,7 +1,7 @@
 //! Writes the recording that `meissner run` takes when it is given none: see [`scene`].
 //!
 //! ```text
-//! cargo run --release -p meissner-cli --example make_default_recording -- cli/assets/press_release_synthetic.evt3
+//! cargo run --release -p meissner-pipeline --example make_default_recording -- pipeline/assets/press_release_synthetic.evt3
 //! ```
 #![forbid(unsafe_code)]
 

@@ -11,15 +11,15 @@ use meissner_models::FrameDescription;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameFeed, Frames};
-use crate::args::Every;
+use crate::schedule::Every;
 
 /// What a feed holds between two inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct FeedState {
+pub struct FeedState {
     /// Time of the first accepted event.
-    pub(crate) epoch_us: i64,
+    pub epoch_us: i64,
     /// The newest time.
-    pub(crate) now_us: i64,
+    pub now_us: i64,
     /// Accepted events so far.
     accepted: u64,
     /// When the open window begins, where windows are consecutive.
@@ -30,7 +30,7 @@ pub(crate) struct FeedState {
 
 impl FeedState {
     /// What cannot be in a state that a feed on `sensor` has written: which part, what it should be, and what it is.
-    pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
+    pub fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
             let expected = format!("from {epoch_us} to 2^63 behind it");
@@ -58,11 +58,11 @@ impl FeedState {
 
 /// Events that frames to come will show.
 #[derive(Debug, Default)]
-pub(super) struct Kept {
+pub(super) struct KeptEvents {
     events: VecDeque<Event>,
 }
 
-impl Kept {
+impl KeptEvents {
     /// Notes an accepted event; before it, windows were completed or not.
     pub(super) fn note(&mut self, event: Event, completed: bool, span_us: Option<i64>) {
         if completed {
@@ -79,12 +79,12 @@ impl Kept {
 
 impl FrameFeed {
     /// Keeps from now on what [`Self::state`] needs.
-    pub(crate) fn keep(&mut self) {
+    pub fn keep(&mut self) {
         self.kept.get_or_insert_default();
     }
 
     /// What the feed holds; none before the first event, and where it was not told to keep it.
-    pub(crate) fn state(&mut self) -> Option<FeedState> {
+    pub fn state(&mut self) -> Option<FeedState> {
         let kept = self.kept.as_ref()?;
         let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
         let open_us = match &mut self.frames {
@@ -105,7 +105,7 @@ impl FrameFeed {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(crate) fn resume(
+    pub fn resume(
         description: &FrameDescription,
         sensor: Sensor,
         late: LatePolicy,

@@ -1,0 +1,82 @@
+//! The input and the network that the options ask for.
+
+use std::path::Path;
+
+use meissner_io::{Format, Recording};
+use meissner_pipeline::model::{Model, ModelOptions};
+use meissner_pipeline::provenance::ModelCard;
+use meissner_pipeline::source::{self, STDIN_NAME, Source, is_stdin};
+
+use crate::args::{Input, ReadArgs};
+use crate::error::CliError;
+
+impl ReadArgs {
+    /// The recording in the file at `path`, or all of standard input if it is `-`.
+    ///
+    /// # Errors
+    /// It cannot be read, or options do not fit its format.
+    pub(crate) fn read(self, path: &Path) -> Result<Recording, CliError> {
+        self.check(path)?;
+        let recording = source::read(path, &self.options())?;
+        self.fits(&path.display().to_string(), recording.format)?;
+        Ok(recording)
+    }
+
+    /// Opens `recording`; `None` is the embedded one. See [`Source::open`].
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub(crate) fn open(
+        self,
+        recording: Option<&Path>,
+        sensor_known: bool,
+        strict: bool,
+    ) -> Result<Source, CliError> {
+        recording.map_or(Ok(()), |path| self.check(path))?;
+        let source = Source::open(recording, &self.options(), sensor_known, strict)?;
+        recording.map_or(Ok(()), |_| self.fits(&source.name, source.format))?;
+        Ok(source)
+    }
+
+    /// Refuses `--salvage` for standard input.
+    fn check(self, path: &Path) -> Result<(), CliError> {
+        if self.salvage && is_stdin(path) {
+            let (expected, found) = ("a file".to_owned(), STDIN_NAME.to_owned());
+            return Err(CliError::Option { option: "--salvage", expected, found });
+        }
+        Ok(())
+    }
+
+    /// Refuses options for texts if `name` has another `format`.
+    fn fits(self, name: &str, format: Format) -> Result<(), CliError> {
+        let of_text = self.given().into_iter().find(|&(option, given)| given && option != "--salvage");
+        match of_text {
+            Some((option, _)) if format != Format::Csv => {
+                let (expected, found) = ("a text of events".to_owned(), format!("{name}, which is {format}"));
+                Err(CliError::Option { option, expected, found })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Input {
+    /// The network with its weights.
+    pub(crate) fn model(&self) -> Result<Model, CliError> {
+        let options = ModelOptions {
+            network: self.network.clone(),
+            weights: self.weights.clone(),
+            ignore_preparation: self.ignore_preparation,
+            span_us: self.span_us,
+            capacity: self.capacity.map(|capacity| capacity as usize),
+            approximations: self.approximations.values(),
+        };
+        Model::load(&options).map_err(crate::approximations::with_option)
+    }
+
+    /// The source, of which every `stride`-th event is taken as the weights of `card` say.
+    pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
+        let source = self.read.open(self.recording.as_deref(), self.sensor.is_some(), self.strict)?;
+        Ok(source.every(card.stride()))
+    }
+}

@@ -1,0 +1,129 @@
+//! Approximations: which there are, where each takes effect, and what a run reports of them.
+//!
+//! Filters drop events before the engine; fewer neighbours change the network before it runs; the tolerance is an option of
+//! the engine; a stale readout repeats its last prediction. Without any of them, results are exact.
+
+use meissner_engine::filters::{
+    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
+};
+use meissner_engine::{Counters, EngineError, Network, Sensor, Staleness};
+use serde::Serialize;
+
+/// Approximations that make results cheaper and less exact. `Default` has none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Approximations {
+    /// A recomputed row or pixel within this of the stored one in every channel keeps the stored values.
+    pub tolerance: Option<f32>,
+    /// Most neighbours that a node reads from.
+    pub neighbours: Option<u8>,
+    /// Background-activity filter: support time in microseconds.
+    pub activity_filter_us: Option<i64>,
+    /// Refractory filter: time in microseconds.
+    pub refractory_us: Option<i64>,
+    /// Rate limit in events per second.
+    pub rate_limit: Option<u64>,
+    /// Every `stride`-th event enters.
+    pub stride: Option<u32>,
+    /// A prediction is recomputed after this many accepted events.
+    pub stale_events: Option<u64>,
+    /// A prediction is recomputed after this much stream time, in microseconds.
+    pub stale_us: Option<i64>,
+}
+
+impl Approximations {
+    /// Whether there is none: results are exact.
+    pub fn is_exact(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// `network` with at most [`Self::neighbours`] neighbours.
+    ///
+    /// # Errors
+    /// The number of neighbours is not possible.
+    pub fn adapt(&self, network: Network) -> Result<Network, EngineError> {
+        match self.neighbours {
+            Some(neighbours) => network.with_neighbours(neighbours.into()),
+            None => Ok(network),
+        }
+    }
+
+    /// The filters in front of the engine.
+    ///
+    /// # Errors
+    /// A filter refuses its setting.
+    pub fn chain(&self, sensor: Sensor) -> Result<Chain, EngineError> {
+        let mut filters = Vec::new();
+        if let Some(us) = self.activity_filter_us {
+            filters.push(Filter::BackgroundActivity(BackgroundActivity::new(sensor, us)?));
+        }
+        if let Some(us) = self.refractory_us {
+            filters.push(Filter::Refractory(Refractory::new(sensor, us)?));
+        }
+        if let Some(rate) = self.rate_limit {
+            filters.push(Filter::RateLimit(RateLimit::new(rate)?));
+        }
+        if let Some(n) = self.stride {
+            filters.push(Filter::Stride(Stride::new(n)?));
+        }
+        Ok(Chain::new(filters))
+    }
+
+    /// How old a prediction may be.
+    pub fn staleness(&self) -> Staleness {
+        Staleness { events: self.stale_events, us: self.stale_us }
+    }
+
+    /// What the reports say, where any was asked for.
+    pub fn report(&self, chain: &Chain, counters: &Counters, stale: u64) -> Option<ApproximationReport> {
+        let of_filter = |filter: &Filter| {
+            let FilterCounters { passed, dropped } = filter.counters();
+            FilteredEvents { name: filter.name(), passed, dropped }
+        };
+        let within = || counters.layers.iter().map(|layer| layer.within_tolerance).sum();
+        (!self.is_exact()).then(|| ApproximationReport {
+            filters: chain.filters().iter().map(of_filter).collect(),
+            neighbours: self.neighbours,
+            tolerance: self.tolerance,
+            rows_within_tolerance: self.tolerance.map(|_| within()),
+            stale_events: self.stale_events,
+            stale_us: self.stale_us,
+            stale_predictions: (self.staleness() != Staleness::default()).then_some(stale),
+        })
+    }
+}
+
+/// The approximations that ran. What was not asked for is missing.
+#[derive(Debug, Serialize)]
+pub struct ApproximationReport {
+    /// In the order in which events came to them.
+    pub filters: Vec<FilteredEvents>,
+    /// Most neighbours of a node.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neighbours: Option<u8>,
+    /// Tolerance of a row or pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f32>,
+    /// Recomputed rows that kept what they had.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows_within_tolerance: Option<u64>,
+    /// Accepted events after which a prediction is recomputed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stale_events: Option<u64>,
+    /// Stream time after which a prediction is recomputed, in microseconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stale_us: Option<i64>,
+    /// Predictions that stood, and were not computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stale_predictions: Option<u64>,
+}
+
+/// What a filter did.
+#[derive(Debug, Serialize)]
+pub struct FilteredEvents {
+    /// Name of the filter.
+    pub name: &'static str,
+    /// Events that passed it.
+    pub passed: u64,
+    /// Events that it dropped.
+    pub dropped: u64,
+}
