@@ -323,11 +323,9 @@ fn behind_a_queue_a_second_pass_allocates_nothing_on_either_side() {
     let theirs = Arc::new(AtomicU64::new(0));
     let filter = BackgroundActivity::new(sensor, 1_250).expect("admissible");
     // Room for all of a pass, so that what enters does not depend on how fast the worker is.
-    let options = QueueOptions {
-        capacity: 1 << 16,
-        overload: Overload::Filter(Chain::new(vec![Filter::BackgroundActivity(filter)])),
-        ..QueueOptions::default()
-    };
+    let options = QueueOptions::new()
+        .with_capacity(1 << 16)
+        .with_overload(Overload::Filter(Chain::new(vec![Filter::BackgroundActivity(filter)])));
     let (mut input, mut live) = Live::spawn(Watched(engine, Arc::clone(&theirs)), options).expect("a thread");
     // The first prediction is computed in this thread; from here on the worker counts.
     live.predict(Duration::MAX).expect("finite");
@@ -354,9 +352,9 @@ fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothin
     let (sensor, events) = synthetic();
     let description = Description::shipped("graphres").expect("a shipped network");
     let network = description.network(&Weights::shipped("graphres").expect("shipped weights"));
-    let options = Options { tolerance: 1e-3, ..Options::default() };
+    let options = Options::new().with_tolerance(1e-3);
     let engine = Engine::with_options(network.expect("the weights fit"), sensor, options).expect("exact");
-    let bound = Staleness { events: Some(300), us: Some(20_000) };
+    let bound = Staleness::new().with_events(300).with_us(20_000);
     let mut readout = StaleReadout::new(engine, bound).expect("admissible");
     let us = BackgroundActivity::DEFAULT_US;
     let mut chain = Chain::new(vec![
@@ -411,7 +409,7 @@ fn frames_after_the_first_few_allocate_nothing() {
         for sparse in [false, true] {
             let network =
                 FrameNetwork::new(network(style, size, 16, 1), convolution).expect("parts that fit");
-            let options = FrameOptions { sparse, ..FrameOptions::default() };
+            let options = FrameOptions::new().with_sparse(sparse);
             let mut engine = FrameEngine::new(Arc::new(network), options).expect("options in range");
             let frames = sequence(40, size, 2);
             let mut pass = || {
@@ -443,7 +441,8 @@ fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
             let network =
                 FrameNetwork::new(network(style, size, 24, 1), convolution).expect("parts that fit");
             let network = Arc::new(network);
-            let options = FrameOptions { skip, sparse, two_threads, ..FrameOptions::default() };
+            let options =
+                FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads);
             let foreseen = network.engine_bytes(options);
             let frames = sequence(12, size, 2);
             let ((), [_, peak]) = measured(|| {
@@ -539,7 +538,7 @@ fn lengths_that_were_made_up_take_no_more_than_one_more_engine() {
     for name in ["tactigraph-past", "tactigraph-frozen"] {
         let description = Description::shipped(name).expect("a shipped network");
         let network = description.network(&Weights::shipped(name).expect("shipped weights"));
-        let options = Options { tolerance: 0.01, ..Options::default() };
+        let options = Options::new().with_tolerance(0.01);
         let mut engine =
             Engine::with_options(network.expect("the weights fit"), sensor, options).expect("admissible");
         engine.push_slice(&events[..500]);

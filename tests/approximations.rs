@@ -44,7 +44,7 @@ fn adaptation() -> impl Strategy<Value = Adaptation> {
 
 fn staleness() -> impl Strategy<Value = Staleness> {
     (proptest::option::of(1u64..20), proptest::option::of(1i64..300))
-        .prop_map(|(events, us)| Staleness { events, us })
+        .prop_map(|(events, us)| Staleness::new().with_events(events).with_us(us))
 }
 
 /// A prediction as it was when it was computed.
@@ -197,10 +197,10 @@ fn nodes_at_their_cells_centre_never_move() {
 fn a_bound_below_one_is_refused() {
     let engine = Engine::new(graphres(), Sensor::new(8, 8)).expect("exact");
     for bound in [
-        Staleness { events: Some(0), us: None },
-        Staleness { events: None, us: Some(0) },
-        Staleness { events: Some(3), us: Some(-1) },
-        Staleness { events: None, us: Some(i64::MAX) },
+        Staleness::new().with_events(0),
+        Staleness::new().with_us(0),
+        Staleness::new().with_events(3).with_us(-1),
+        Staleness::new().with_us(i64::MAX),
     ] {
         let refused = StaleReadout::new(engine.clone(), bound);
         assert!(matches!(refused, Err(EngineError::Option { .. })), "{bound:?}");

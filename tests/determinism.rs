@@ -59,7 +59,7 @@ fn every_instruction_set_computes_the_same_bits() {
     let events = events();
     for candidates in EVERY {
         let predict = |isa| {
-            let options = Options { isa, ..Options::default() };
+            let options = Options::new().with_isa(isa);
             let mut engine = Engine::with_options(shape(candidates).build(), SENSOR, options).expect("exact");
             let mut out = Vec::new();
             for chunk in events.chunks(500) {

@@ -73,9 +73,9 @@ proptest! {
     fn an_engine_takes_or_drops_any_event_at_any_time(
         shape in networks::network(), steps in steps(), late in late(), stale in 1i64..5_000,
     ) {
-        let options = Options { late, ..Options::default() };
+        let options = Options::new().with_late(late);
         let engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
-        let mut engine = StaleReadout::new(engine, Staleness { events: None, us: Some(stale) }).expect("in range");
+        let mut engine = StaleReadout::new(engine, Staleness::new().with_us(stale)).expect("in range");
         for (event, advance) in steps {
             engine.push(event);
             if let Some(t_us) = advance {
@@ -110,7 +110,7 @@ proptest! {
                 return Ok(());
             }
         };
-        let options = Options { memory_limit: 1 << 26, ..Options::default() };
+        let options = Options::new().with_memory_limit(1 << 26);
         let batch = Batch::new(Arc::clone(&network), SENSOR).expect("the sensor has pixels");
         match Engine::with_options(network, SENSOR, options) {
             Ok(mut engine) => {

@@ -58,10 +58,10 @@ proptest! {
     ) {
         let size = [channels, height, width];
         let parts = network(style, size, wide, seed);
-        let all = FrameOptions { skip: Skip::Nothing, ..FrameOptions::default() };
+        let all = FrameOptions::new().with_skip(Skip::Nothing);
         let mut whole = engine(&parts, convolution, all);
         let mut skipping =
-            engine(&parts, convolution, FrameOptions { sparse, two_threads: seed % 2 == 0, ..FrameOptions::default() });
+            engine(&parts, convolution, FrameOptions::new().with_sparse(sparse).with_two_threads(seed % 2 == 0));
         prop_assert_eq!(predict(&mut whole), predict(&mut skipping), "before the first frame");
         let mut middle = None;
         for (n, frame) in sequence(12, size, seed ^ 1).iter().enumerate() {
@@ -89,7 +89,7 @@ proptest! {
         let size = [2, 12, 20];
         let parts = network(style, size, 8, seed);
         let run = |isa| {
-            let mut engine = engine(&parts, Convolution::Direct, FrameOptions { isa, ..FrameOptions::default() });
+            let mut engine = engine(&parts, Convolution::Direct, FrameOptions::new().with_isa(isa));
             for frame in sequence(4, size, seed) {
                 engine.push(&frame).expect("a frame that fits");
             }
@@ -105,7 +105,7 @@ proptest! {
     fn a_reset_engine_is_as_new(style in style(), seed in any::<u64>(), sparse in any::<bool>()) {
         let size = [2, 8, 12];
         let parts = network(style, size, 8, seed);
-        let options = FrameOptions { sparse, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_sparse(sparse);
         let (mut used, mut new) =
             (engine(&parts, Convolution::Direct, options), engine(&parts, Convolution::Direct, options));
         for frame in sequence(5, size, seed) {
@@ -142,7 +142,7 @@ fn a_concatenation_of_vectors_is_the_values_of_one_and_then_of_the_other() {
     // Both read the frame; the frame stands behind them.
     let parts = over_a_vector(vec![(0, lstm.clone()), (0, delay.clone()), (1, join(2)), (3, join(0))]);
     for skip in [Skip::Exact, Skip::Nothing, Skip::Tolerance(0.0)] {
-        let options = FrameOptions { skip, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_skip(skip);
         let make = |parts| engine(&parts, Convolution::Direct, options);
         let mut joined = make(parts.clone());
         let mut alone = [&lstm, &delay].map(|kind| make(over_a_vector(vec![(0, kind.clone())])));
@@ -190,8 +190,7 @@ fn before_the_first_frame_what_a_state_reads_is_that_of_zeros() {
     let parts = over_a_vector(vec![(0, dense), (1, lstm_of_6()), (1, FrameLayerKind::Concat { with: 2 })]);
     let expected = bits(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     for skip in [Skip::Exact, Skip::Nothing] {
-        let mut engine =
-            engine(&parts, Convolution::Direct, FrameOptions { skip, ..FrameOptions::default() });
+        let mut engine = engine(&parts, Convolution::Direct, FrameOptions::new().with_skip(skip));
         assert_eq!(predict(&mut engine), expected, "a new engine");
         engine.push(&[0.5; 6]).expect("a frame that fits");
         assert_ne!(predict(&mut engine), expected);
@@ -261,7 +260,7 @@ fn an_equal_frame_computes_nothing() {
 #[test]
 fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
     let size = [1, 64, 128];
-    let options = FrameOptions { sparse: true, ..FrameOptions::default() };
+    let options = FrameOptions::new().with_sparse(true);
     let mut engine = engine(&network(Style::Classifier, size, 8, 1), Convolution::Direct, options);
     let mut frame = vec![0.0; 64 * 128];
     frame[20 * 128 + 70] = 1.0;
@@ -281,7 +280,7 @@ fn a_tolerance_stops_small_changes_and_bounds_what_is_lost() {
     let size = [1, 32, 64];
     let parts = network(Style::UNet { squeeze: false }, size, 8, 3);
     let mut exact = engine(&parts, Convolution::Direct, FrameOptions::default());
-    let options = FrameOptions { skip: Skip::Tolerance(1e-3), ..FrameOptions::default() };
+    let options = FrameOptions::new().with_skip(Skip::Tolerance(1e-3));
     let mut near = engine(&parts, Convolution::Direct, options);
     let mut computed = 0;
     for (n, frame) in sequence(40, size, 5).iter().enumerate() {

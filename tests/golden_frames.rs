@@ -19,11 +19,11 @@ fn check(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
     let (x, y) = (golden.floats("x"), golden.floats("y"));
     let sequences = golden.shape("x")[0];
     let frame = description.input().values();
-    let whole = FrameOptions { skip: Skip::Nothing, ..FrameOptions::default() };
+    let whole = FrameOptions::new().with_skip(Skip::Nothing);
     let ways = [
         (Convolution::Direct, whole),
         (Convolution::Direct, FrameOptions::default()),
-        (Convolution::Direct, FrameOptions { sparse: true, ..FrameOptions::default() }),
+        (Convolution::Direct, FrameOptions::new().with_sparse(true)),
         (Convolution::Winograd(WinogradTile::Two), whole),
         (Convolution::Winograd(WinogradTile::Four), whole),
     ];

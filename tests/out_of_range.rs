@@ -104,10 +104,10 @@ fn options_that_are_no_numbers_or_beyond_all_bounds_are_refused() {
     let network = Arc::new(small());
     let frames = Arc::new(copies(1, FrameShape::Vector(2)));
     for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -f32::MIN_POSITIVE] {
-        let options = Options { tolerance: wrong, ..Options::default() };
+        let options = Options::new().with_tolerance(wrong);
         let engine = Engine::with_options(Arc::clone(&network), SENSOR, options);
         assert!(matches!(engine, Err(EngineError::Option { what: "tolerance", .. })), "{wrong}");
-        let options = FrameOptions { skip: Skip::Tolerance(wrong), ..FrameOptions::default() };
+        let options = FrameOptions::new().with_skip(Skip::Tolerance(wrong));
         let engine = FrameEngine::new(Arc::clone(&frames), options);
         assert!(matches!(engine, Err(EngineError::Option { what: "tolerance", .. })), "{wrong}");
         let whole = Crop::whole(SENSOR);
@@ -124,7 +124,7 @@ fn options_that_are_no_numbers_or_beyond_all_bounds_are_refused() {
     for us in [i64::MIN, -1, 0, i64::MAX] {
         assert!(BackgroundActivity::new(SENSOR, us).is_err() && Refractory::new(SENSOR, us).is_err(), "{us}");
         let engine = Engine::new(Arc::clone(&network), SENSOR).expect("admissible");
-        assert!(StaleReadout::new(engine, Staleness { events: None, us: Some(us) }).is_err(), "{us}");
+        assert!(StaleReadout::new(engine, Staleness::new().with_us(us)).is_err(), "{us}");
     }
     assert!(Stride::new(0).is_err() && RateLimit::new(0).is_err() && RateLimit::new(u64::MAX).is_err());
     for capacity in [0, usize::MAX] {
@@ -138,7 +138,7 @@ fn a_frame_network_of_a_terabyte_is_refused_before_anything_is_taken() {
     let gibibyte = FrameShape::Image { channels: 1, height: 1 << 14, width: 1 << 14 };
     let network = Arc::new(copies(1_023, gibibyte));
     for sparse in [false, true] {
-        let options = FrameOptions { sparse, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_sparse(sparse);
         match FrameEngine::new(Arc::clone(&network), options) {
             Err(EngineError::FrameMemory { bytes, limit: 4_294_967_296, .. }) => {
                 assert!(bytes > 1 << if sparse { 41 } else { 40 }, "{bytes} bytes");
@@ -151,10 +151,10 @@ fn a_frame_network_of_a_terabyte_is_refused_before_anything_is_taken() {
 #[test]
 fn a_frame_engine_may_take_exactly_what_is_foreseen() {
     let network = Arc::new(copies(3, FrameShape::Image { channels: 2, height: 9, width: 70 }));
-    let options = FrameOptions { sparse: true, ..FrameOptions::default() };
+    let options = FrameOptions::new().with_sparse(true);
     let memory_limit = network.engine_bytes(options);
-    assert!(FrameEngine::new(Arc::clone(&network), FrameOptions { memory_limit, ..options }).is_ok());
-    let less = FrameOptions { memory_limit: memory_limit - 1, ..options };
+    assert!(FrameEngine::new(Arc::clone(&network), options.with_memory_limit(memory_limit)).is_ok());
+    let less = options.with_memory_limit(memory_limit - 1);
     let error = FrameEngine::new(network, less).expect_err("a byte is missing").to_string();
     let expected =
         format!("expected at most {} bytes of activations and state, found {memory_limit}", memory_limit - 1);
@@ -166,7 +166,7 @@ fn an_engine_may_take_exactly_what_is_foreseen() {
     let network = Arc::new(small());
     let bytes = Engine::new(Arc::clone(&network), SENSOR).expect("admissible").state_bytes();
     let with = |memory_limit| {
-        let options = Options { memory_limit, ..Options::default() };
+        let options = Options::new().with_memory_limit(memory_limit);
         Engine::with_options(Arc::clone(&network), SENSOR, options).map(|_| ())
     };
     assert_eq!(with(bytes), Ok(()));
@@ -185,7 +185,7 @@ fn what_a_head_takes_counts_against_the_memory_of_its_engine() {
     let network = headed.build();
     let head = network.parts().head.as_ref().expect("a head").engine_bytes(FrameOptions::default());
     assert!(bytes(&headed) > bytes(&plain) + head / 2, "two dense layers instead take next to nothing");
-    let options = Options { memory_limit: bytes(&plain) + head / 2, ..Options::default() };
+    let options = Options::new().with_memory_limit(bytes(&plain) + head / 2);
     assert!(matches!(Engine::with_options(network, SENSOR, options), Err(EngineError::Memory { .. })));
 }
 

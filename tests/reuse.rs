@@ -45,7 +45,7 @@ fn pool(from: usize, blocks: usize, mean: bool) -> PoolShape {
 }
 
 fn engine(network: Network) -> Engine {
-    let options = Options { poison: true, record_rows: true, ..Options::default() };
+    let options = Options::new().with_poison(true).with_record_rows(true);
     Engine::with_options(network, SENSOR, options).expect("the network is exact")
 }
 
@@ -320,7 +320,7 @@ fn what_expires_together_is_not_repaired() {
 fn a_reset_leaves_nothing_to_recompute() {
     let shape = shape(near(Candidates::All), 2, vec![pool(2, 1, true)]);
     for (poison, predicts) in [(false, false), (false, true), (true, false), (true, true)] {
-        let options = Options { poison, ..Options::default() };
+        let options = Options::new().with_poison(poison);
         let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
         for i in 0..5 {
             engine.push(Event::new(10 * i64::from(i), 10 * i, 50, true));
@@ -442,7 +442,7 @@ fn a_prediction_counts_the_cells_of_the_readout_that_it_took_again() {
 
 #[test]
 fn an_insertion_and_an_expiry_take_time_in_the_stages_that_they_run() {
-    let options = Options { stage_times: true, ..Options::default() };
+    let options = Options::new().with_stage_times(true);
     let structure = vec![Stage::EventGraph, Stage::PooledGraphs];
     let with_rows = vec![Stage::EventGraph, Stage::PooledGraphs, Stage::EventLayers];
     for (candidates, inserting) in
@@ -469,7 +469,7 @@ fn an_insertion_and_an_expiry_take_time_in_the_stages_that_they_run() {
 
 #[test]
 fn every_stage_takes_time_and_none_of_it_between_the_calls() {
-    let options = Options { stage_times: true, ..Options::default() };
+    let options = Options::new().with_stage_times(true);
     let pause = Duration::from_millis(20);
     let attempt = || {
         let shape = shape(near(Candidates::All), 2, vec![pool(2, 1, true)]);

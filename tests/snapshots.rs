@@ -18,11 +18,11 @@ fn config() -> ProptestConfig {
 
 fn options() -> impl Strategy<Value = Options> {
     (prop_oneof![Just(0.0f32), Just(0.02), Just(0.3)], any::<bool>()).prop_map(|(tolerance, clamps)| {
-        Options {
-            tolerance,
-            late: if clamps { LatePolicy::Clamp } else { LatePolicy::Drop },
-            ..Options::default()
-        }
+        Options::new().with_tolerance(tolerance).with_late(if clamps {
+            LatePolicy::Clamp
+        } else {
+            LatePolicy::Drop
+        })
     })
 }
 

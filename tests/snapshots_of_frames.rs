@@ -36,7 +36,7 @@ fn style() -> impl Strategy<Value = Style> {
 
 fn options() -> impl Strategy<Value = FrameOptions> {
     let skip = prop_oneof![Just(Skip::Nothing), Just(Skip::Exact), Just(Skip::Tolerance(0.1))];
-    (skip, any::<bool>()).prop_map(|(skip, sparse)| FrameOptions { skip, sparse, ..FrameOptions::default() })
+    (skip, any::<bool>()).prop_map(|(skip, sparse)| FrameOptions::new().with_skip(skip).with_sparse(sparse))
 }
 
 fn cases() -> u32 {
@@ -189,9 +189,9 @@ fn a_frame_snapshot_of_another_network_or_way_to_skip_is_refused() {
     refuse(&mut wanted, &engine(&other, Convolution::Direct, exact), "network");
     let winograd = Convolution::Winograd(WinogradTile::Two);
     refuse(&mut wanted, &engine(&parts, winograd, exact), "network");
-    let tolerance = FrameOptions { skip: Skip::Tolerance(0.5), ..exact };
+    let tolerance = exact.with_skip(Skip::Tolerance(0.5));
     refuse(&mut wanted, &engine(&parts, Convolution::Direct, tolerance), "skip");
-    let sparse = FrameOptions { sparse: true, ..exact };
+    let sparse = exact.with_sparse(true);
     refuse(&mut wanted, &engine(&parts, Convolution::Direct, sparse), "sparse");
 }
 
@@ -199,7 +199,7 @@ fn a_frame_snapshot_of_another_network_or_way_to_skip_is_refused() {
 fn options_that_reach_no_result_are_no_reason_to_refuse_a_frame_snapshot() {
     let parts = network(Style::ConvolutionsThenLstm, SIZE, 3, 1);
     let own = FrameOptions::default();
-    let other = FrameOptions { isa: Isa::portable(), two_threads: true, memory_limit: u128::MAX, ..own };
+    let other = own.with_isa(Isa::portable()).with_two_threads(true).with_memory_limit(u128::MAX);
     let mut found = engine(&parts, Convolution::Direct, other);
     sequence(5, SIZE, 1).iter().for_each(|frame| found.push(frame).expect("a frame that fits"));
     let (mut restored, mut read) =

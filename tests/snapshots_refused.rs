@@ -77,7 +77,7 @@ fn candidates() -> impl Strategy<Value = Candidates> {
 
 /// An engine that has seen a few events, and the bytes of one that has seen more.
 fn after_events(candidates: Candidates, tolerance: f32) -> (Engine, Vec<u8>) {
-    let options = Options { tolerance, ..Options::default() };
+    let options = Options::new().with_tolerance(tolerance);
     let new = || engine(shape(candidates).build(), SENSOR, options);
     let (mut few, mut many) = (new(), new());
     run(&mut few, 0, 12, 1);
@@ -275,7 +275,7 @@ fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_one_with_a_toler
 fn a_tolerance_of_negative_zero_is_written_and_read_as_zero() {
     let network = Arc::new(shape(Candidates::All).build());
     let with = |tolerance| {
-        let options = Options { tolerance, ..Options::default() };
+        let options = Options::new().with_tolerance(tolerance);
         Engine::with_options(Arc::clone(&network), SENSOR, options).expect("admissible")
     };
     assert_eq!(with(0.0).restore_bytes(&with(-0.0).to_bytes()), Ok(()));
@@ -388,9 +388,9 @@ fn a_snapshot_of_another_network_sensor_tolerance_or_late_policy_is_refused() {
     refuse(engine(network(&other), SENSOR, exact), "network");
     refuse(engine(network(&weights).with_capacity(41).expect("in range"), SENSOR, exact), "network");
     refuse(engine(network(&weights), Sensor::new(20, 11), exact), "sensor");
-    refuse(engine(network(&weights), SENSOR, Options { tolerance: 0.5, ..exact }), "tolerance");
-    refuse(engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact }), "late policy");
-    let clamps = engine(network(&weights), SENSOR, Options { late: LatePolicy::Clamp, ..exact });
+    refuse(engine(network(&weights), SENSOR, exact.with_tolerance(0.5)), "tolerance");
+    refuse(engine(network(&weights), SENSOR, exact.with_late(LatePolicy::Clamp)), "late policy");
+    let clamps = engine(network(&weights), SENSOR, exact.with_late(LatePolicy::Clamp));
     let error = wanted.restore_bytes(&clamps.to_bytes()).expect_err("another policy").to_string();
     assert!(error.contains("expected late policy drop, found clamp"), "{error}");
     let larger = Engine::new(Arc::clone(wanted.network()), Sensor::new(20, 11)).expect("admissible");
@@ -408,8 +408,8 @@ fn a_snapshot_of_the_same_network_with_another_late_policy_or_tolerance_is_refus
     let new = |options| Engine::with_options(Arc::clone(&network), SENSOR, options).expect("admissible");
     let mut wanted = new(Options::default());
     for (options, name) in [
-        (Options { late: LatePolicy::Clamp, ..Options::default() }, "late policy"),
-        (Options { tolerance: 0.5, ..Options::default() }, "tolerance"),
+        (Options::new().with_late(LatePolicy::Clamp), "late policy"),
+        (Options::new().with_tolerance(0.5), "tolerance"),
     ] {
         let error = wanted.restore(&new(options).snapshot()).expect_err(name);
         assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
@@ -423,7 +423,8 @@ fn a_snapshot_of_the_same_network_with_another_late_policy_or_tolerance_is_refus
 #[test]
 fn options_that_reach_no_result_stay_the_engines_own_over_a_restore() {
     let plain = Options::default();
-    let told = Options { isa: Isa::portable(), poison: true, record_rows: true, stage_times: true, ..plain };
+    let told =
+        plain.with_isa(Isa::portable()).with_poison(true).with_record_rows(true).with_stage_times(true);
     let new = |options| engine(shape(Candidates::All).build(), SENSOR, options);
     let taken = |options| {
         let mut engine = new(options);

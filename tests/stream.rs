@@ -62,7 +62,7 @@ fn a_late_event_is_dropped_and_counted() {
 
 #[test]
 fn a_late_event_enters_at_the_newest_time_where_the_policy_says_so() {
-    let options = Options { late: LatePolicy::Clamp, ..Options::default() };
+    let options = Options::new().with_late(LatePolicy::Clamp);
     let mut engine = Engine::with_options(shape(ALL).build(), SENSOR, options).expect("the network is exact");
     engine.push(Event::new(100, 1, 1, true));
     assert_eq!(engine.push(Event::new(40, 2, 2, true)), Outcome::Accepted);

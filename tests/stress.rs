@@ -52,7 +52,7 @@ fn nan_in_one_pixel_of_a_pooled_window_is_an_error_wherever_it_is() {
     let network =
         Arc::new(FrameNetwork::new(nan_of_infinity(), Convolution::Direct).expect("the layers fit"));
     for skip in [Skip::Exact, Skip::Nothing] {
-        let options = FrameOptions { skip, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_skip(skip);
         let mut engine = FrameEngine::new(Arc::clone(&network), options).expect("options in range");
         for pixel in 0..16 {
             let mut frame = vec![1.0; 8 * 16];
@@ -246,7 +246,7 @@ fn cells_that_are_no_numbers_are_counted_in_the_first_block_of_their_level() {
 
 #[test]
 fn a_row_that_is_partly_no_number_is_refused_from_a_snapshot() {
-    let options = Options { tolerance: 0.1, ..Options::default() };
+    let options = Options::new().with_tolerance(0.1);
     let network = Network::new(infinite_between_two(None, 2)).expect("the parts fit");
     let mut engine = Engine::with_options(network, Sensor::new(100, 100), options).expect("admissible");
     three(&mut engine);

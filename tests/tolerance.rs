@@ -28,14 +28,14 @@ proptest! {
         tolerance in prop_oneof![Just(0.0f32), Just(1e-6), Just(1e-3), Just(0.05), Just(1.0), Just(f32::MAX)],
         poison in any::<bool>(),
     ) {
-        let options = Options { tolerance, poison, ..Options::default() };
+        let options = Options::new().with_tolerance(tolerance).with_poison(poison);
         let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
         prop_assert_eq!(watched.run_with(&script, stored::check), Ok(()));
     }
 
     #[test]
     fn a_tolerance_of_zero_equals_batch_in_bits(shape in networks::network(), script in streams::script(120)) {
-        let options = Options { tolerance: 0.0, ..Options::default() };
+        let options = Options::new().with_tolerance(0.0);
         let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
         prop_assert_eq!(watched.run(&script), Ok(()));
         let counters = watched.engine.counters();
@@ -69,7 +69,7 @@ fn chain(candidates: Candidates, capacity: usize) -> NetworkShape {
 }
 
 fn engine(shape: &NetworkShape, tolerance: f32) -> Engine {
-    let options = Options { tolerance, record_rows: true, ..Options::default() };
+    let options = Options::new().with_tolerance(tolerance).with_record_rows(true);
     Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact")
 }
 
@@ -151,11 +151,11 @@ fn a_reset_engine_with_a_tolerance_predicts_what_a_new_one_does() {
 #[test]
 fn a_tolerance_that_is_negative_or_not_finite_is_refused() {
     for tolerance in [-1e-9, f32::NAN, f32::INFINITY] {
-        let options = Options { tolerance, ..Options::default() };
+        let options = Options::new().with_tolerance(tolerance);
         let refused = Engine::with_options(chain(Candidates::All, 8).build(), SENSOR, options);
         assert!(matches!(refused, Err(EngineError::Option { what: "tolerance", .. })), "{tolerance}");
     }
-    let options = Options { tolerance: -0.0, ..Options::default() };
+    let options = Options::new().with_tolerance(-0.0);
     assert!(Engine::with_options(chain(Candidates::All, 8).build(), SENSOR, options).is_ok());
 }
 
@@ -163,7 +163,7 @@ fn a_tolerance_that_is_negative_or_not_finite_is_refused() {
 fn a_snapshot_of_another_tolerance_is_refused() {
     let network = std::sync::Arc::new(chain(Candidates::All, 8).build());
     let with = |tolerance| {
-        let options = Options { tolerance, ..Options::default() };
+        let options = Options::new().with_tolerance(tolerance);
         Engine::with_options(std::sync::Arc::clone(&network), SENSOR, options).expect("admissible")
     };
     let (mut engine, other) = (with(0.0), with(0.5));
@@ -195,7 +195,7 @@ fn drift(network: &str, tolerance: f32) -> ([[f64; 2]; 10], f64) {
     let weights = Weights::shipped(network).expect("shipped weights");
     let network = std::sync::Arc::new(description.network(&weights).expect("the weights fit"));
     let with = |tolerance| {
-        let options = Options { tolerance, ..Options::default() };
+        let options = Options::new().with_tolerance(tolerance);
         Engine::with_options(std::sync::Arc::clone(&network), Sensor::new(240, 180), options).expect("exact")
     };
     let (mut exact, mut kept) = (with(0.0), with(tolerance));

@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ways.push(("direct, two threads", Convolution::Direct, true));
         }
         for (way, convolution, two_threads) in ways {
-            let options = FrameOptions { skip: Skip::Nothing, two_threads, ..FrameOptions::default() };
+            let options = FrameOptions::new().with_skip(Skip::Nothing).with_two_threads(two_threads);
             let (median, worst) = case.whole(case.engine(convolution, options)?, runs)?;
             ms.insert(way.to_owned(), median);
             error.insert(way.to_owned(), worst);
@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     for path in recordings {
         let frames = signed_frames(Path::new(path), description.input())?;
-        let options = FrameOptions { sparse: true, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_sparse(true);
         let name = Path::new(path).file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = name.unwrap_or_default();
         ms.insert(format!("direct, {name}"), case.sequence(&frames, options)?);
@@ -140,7 +140,7 @@ impl<'a> Case<'a> {
         frames: &[Vec<f32>],
         options: FrameOptions,
     ) -> Result<f64, Box<dyn std::error::Error>> {
-        let all = FrameOptions { skip: Skip::Nothing, sparse: false, ..options };
+        let all = options.with_skip(Skip::Nothing).with_sparse(false);
         let mut whole = self.engine(Convolution::Direct, all)?;
         let mut engine = self.engine(Convolution::Direct, options)?;
         let mut seconds = 0.0;

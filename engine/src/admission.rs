@@ -1,9 +1,11 @@
 //! Which events enter, and at what time: the sensor's bounds, the clock, the epoch.
 
+use std::fmt;
+
 use crate::metric::Node;
 use crate::{DropReason, Event, EventCounters, Sensor};
 
-/// What becomes of an event that is earlier than the newest time.
+/// What happens to an event that is earlier than the newest time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LatePolicy {
     /// It is dropped and counted.
@@ -11,6 +13,22 @@ pub enum LatePolicy {
     Drop,
     /// It enters as if it had happened at the newest time, and is counted.
     Clamp,
+}
+
+impl LatePolicy {
+    /// A short name, as in the program's reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Drop => "drop",
+            Self::Clamp => "clamp",
+        }
+    }
+}
+
+impl fmt::Display for LatePolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// What became of a pushed event.

@@ -1,5 +1,7 @@
 //! What the engine did and what it did not need to do.
 
+use std::fmt;
+
 /// Why an event did not enter the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -20,6 +22,12 @@ impl DropReason {
             Self::Late => "late",
             Self::TimeOutOfRange => "time_out_of_range",
         }
+    }
+}
+
+impl fmt::Display for DropReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -6,55 +6,17 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use meissner_kernels::{Isa, Neighbour};
+use meissner_kernels::Neighbour;
 
-use crate::admission::{Admission, LatePolicy, Outcome};
+use crate::admission::{Admission, Outcome};
 use crate::counters::{Counters, LayerLog, Log};
 use crate::graph::Adjacency;
 use crate::network::{Network, Normalisation, option};
+use crate::options::Options;
 use crate::stages::Stage;
 use crate::step::Step;
 use crate::{EngineError, Event, Sensor};
 pub use stored::Snapshot;
-
-/// What a user may choose about an engine beside network and sensor.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// What becomes of late events.
-    pub late: LatePolicy,
-    /// Instruction set of the kernels; results do not depend on it.
-    pub isa: Isa,
-    /// Fill what leaves with NaN, so that a stale read shows as [`EngineError::NotANumber`]: a check for tests.
-    pub poison: bool,
-    /// Remember which rows were computed, for [`Engine::recomputed`].
-    pub record_rows: bool,
-    /// Measure how long each stage takes, for [`Engine::stage_times`]; costs some tens of nanoseconds a stage.
-    pub stage_times: bool,
-    /// Most bytes of state.
-    pub memory_limit: u128,
-    /// Largest change of a row's values that does not propagate, in the units of the layer: an approximation. A
-    /// recomputed row of a spline block that is within it of the stored row in every channel keeps what is stored; a row
-    /// that has just entered is always stored. Every stored row is then within the tolerance of what its stored inputs
-    /// give, at any time. Pooled maxima and the readout are exact over stored rows, and so are the event rows of
-    /// `frozen` networks, which are computed once. 0 is exact.
-    pub tolerance: f32,
-}
-
-impl Default for Options {
-    /// Late events are dropped, the best instruction set is used, nothing is poisoned or recorded, state is below
-    /// 4 GiB, every change propagates.
-    fn default() -> Self {
-        Self {
-            late: LatePolicy::default(),
-            isa: Isa::best(),
-            poison: false,
-            record_rows: false,
-            stage_times: false,
-            memory_limit: 1 << 32,
-            tolerance: 0.0,
-        }
-    }
-}
 
 /// A prediction, and what it cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +70,7 @@ impl Engine {
     }
 
     /// An engine for `network` over the events of `sensor`. It takes all its memory now: events, predictions, expiries and
-    /// resets allocate nothing, whatever the scene. (Errors, [`Options::record_rows`], snapshots and what returns a `Vec` do.)
+    /// resets allocate nothing, whatever the scene. (Errors, snapshots and methods that return a `Vec` do.)
     ///
     /// # Errors
     /// [`EngineError::NotIncremental`] for a network that is normalised per graph, [`EngineError::Sensor`] for a
@@ -145,7 +107,10 @@ impl Engine {
             admission: Admission::new(sensor, options.late),
             log: Log {
                 layers: vec![
-                    LayerLog { rows: options.record_rows.then(Vec::new), ..LayerLog::default() };
+                    LayerLog {
+                        rows: options.hooks.record_rows.then(Vec::new),
+                        ..LayerLog::default()
+                    };
                     layers
                 ],
                 ..Log::default()
@@ -319,7 +284,8 @@ impl Engine {
     }
 
     /// Rows of each layer that were computed for the last prediction, or since then, and are still there: ascending
-    /// places as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without [`Options::record_rows`].
+    /// places as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without `Options::with_record_rows`.
+    #[doc(hidden)]
     pub fn recomputed(&self) -> Vec<Vec<usize>> {
         let mut layers = self.log.layers.iter();
         let mut out = Vec::new();

@@ -78,6 +78,7 @@ mod members;
 mod merged;
 mod metric;
 mod network;
+mod options;
 mod pooled;
 mod queues;
 mod readers;
@@ -94,7 +95,7 @@ mod window;
 pub use admission::{Admission, LatePolicy, Outcome};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
-pub use engine::{Engine, Options, Prediction, Snapshot};
+pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};
 pub use fraction::Fraction;
@@ -102,6 +103,7 @@ pub use network::{
     Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts, Normalisation, Pooling,
     Position, Reach, Readout,
 };
+pub use options::Options;
 pub use snapshot::snapshot_note;
 pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};

@@ -1,5 +1,6 @@
 //! Where an engine's time goes, stage by stage, for those who ask.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// A stage of the engine, in the order in which they run.
@@ -48,6 +49,12 @@ impl Stage {
             Self::Readout => "readout",
             Self::Dense => "dense",
         }
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

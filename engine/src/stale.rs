@@ -8,14 +8,38 @@
 use crate::network::in_range;
 use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
 
-/// How old a prediction may be: it stands while it is younger than each bound that is given. Without any, every
+/// How old a prediction may be: it stands while it is younger than each bound that is given. Without a bound, every
 /// prediction is computed.
+///
+/// ```
+/// let bound = meissner_engine::Staleness::new().with_events(300).with_us(20_000);
+/// assert_eq!((bound.events, bound.us), (Some(300), Some(20_000)));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+#[must_use]
 pub struct Staleness {
-    /// Accepted events since it was computed, from which on it is computed again; at least 1.
+    /// A prediction is computed again after this many accepted events; at least 1.
     pub events: Option<u64>,
-    /// Microseconds of stream time, by events and by `advance`, from which on it is computed again; at least 1.
+    /// A prediction is computed again after this many microseconds of stream time, by events and by `advance`; at least 1.
     pub us: Option<i64>,
+}
+
+impl Staleness {
+    /// No bound.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets [`Self::events`].
+    pub fn with_events(self, events: impl Into<Option<u64>>) -> Self {
+        Self { events: events.into(), ..self }
+    }
+
+    /// Sets [`Self::us`].
+    pub fn with_us(self, us: impl Into<Option<i64>>) -> Self {
+        Self { us: us.into(), ..self }
+    }
 }
 
 /// An engine whose predictions may be stale.

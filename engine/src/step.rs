@@ -13,10 +13,10 @@ use meissner_kernels::{Isa, Lanes};
 use crate::activations::Activations;
 use crate::counters::Log;
 use crate::delta::{Delta, PART};
-use crate::engine::Options;
 use crate::graph::{Adjacency, EventGraph};
 use crate::metric::Node;
 use crate::network::Network;
+use crate::options::Options;
 use crate::pooled::{Below, PooledGraph, Shape};
 use crate::readout::{Head, Top};
 use crate::stages::{Stage, Stopwatch};
@@ -69,7 +69,7 @@ impl Step {
             pooled,
             activations,
             isa: options.isa,
-            poison: options.poison,
+            poison: options.hooks.poison,
             downstream: delta.clone(),
             delta,
             stopwatch: Stopwatch::new(options.stage_times),

@@ -25,7 +25,7 @@
 //! let weights = Weights::shipped("tactigraph-past").expect("its weights");
 //! let engine = Engine::new(description.network(&weights)?, Sensor::new(240, 180))?;
 //!
-//! let options = QueueOptions { capacity: 8192, overload: Overload::DropOldest, ..QueueOptions::default() };
+//! let options = QueueOptions::new().with_capacity(8192).with_overload(Overload::DropOldest);
 //! let (mut input, mut live) = Live::spawn(engine, options)?;
 //! let sensor = std::thread::spawn(move || input.push_slice(&[Event::new(0, 120, 90, true); 100]));
 //! sensor.join().expect("the sensor's thread does not panic")?;

@@ -1,5 +1,6 @@
 //! What becomes of events that come faster than they are taken, and the counts of it.
 
+use std::fmt;
 use std::time::Duration;
 
 use meissner_engine::filters::Chain;
@@ -41,19 +42,34 @@ impl Overload {
     }
 }
 
-/// The queue between the threads, and how the worker takes from it.
+impl fmt::Display for Overload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The queue between the threads, and how the worker takes events from it.
+///
+/// ```
+/// use meissner_live::{Overload, QueueOptions};
+///
+/// let options = QueueOptions::new().with_capacity(8192).with_overload(Overload::Block);
+/// assert_eq!(options.batch, 64);
+/// ```
 #[derive(Clone, Debug)]
+#[non_exhaustive]
+#[must_use]
 pub struct QueueOptions {
-    /// Most events that wait, 1 to [`Self::LARGEST`]; 16 bytes each, taken at the start.
+    /// Most events that wait, 1 to [`Self::LARGEST`]: by default 65,536. Each takes 16 bytes, allocated at the start.
     pub capacity: usize,
-    /// What happens when they come faster.
+    /// What happens to events that come faster than they are taken. By default the oldest make room.
     pub overload: Overload,
-    /// Most events that the worker pushes before it looks whether a prediction is due, 1 to [`Self::LARGEST`].
+    /// Most events that the worker pushes before it checks whether a prediction is due, 1 to [`Self::LARGEST`]: by
+    /// default 64.
     pub batch: usize,
 }
 
 impl Default for QueueOptions {
-    /// 65,536 events, of which the oldest make room; 64 at a time.
     fn default() -> Self {
         Self { capacity: 1 << 16, overload: Overload::DropOldest, batch: 64 }
     }
@@ -62,6 +78,26 @@ impl Default for QueueOptions {
 impl QueueOptions {
     /// Largest capacity and batch.
     pub const LARGEST: usize = 1 << 28;
+
+    /// The defaults.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets [`Self::capacity`].
+    pub fn with_capacity(self, capacity: usize) -> Self {
+        Self { capacity, ..self }
+    }
+
+    /// Sets [`Self::overload`].
+    pub fn with_overload(self, overload: Overload) -> Self {
+        Self { overload, ..self }
+    }
+
+    /// Sets [`Self::batch`].
+    pub fn with_batch(self, batch: usize) -> Self {
+        Self { batch, ..self }
+    }
 
     pub(crate) fn check(&self) -> Result<(), LiveError> {
         let range = |what, value: usize, largest: usize| {

@@ -70,7 +70,7 @@ impl Approximations {
 
     /// How old a prediction may be.
     pub fn staleness(&self) -> Staleness {
-        Staleness { events: self.stale_events, us: self.stale_us }
+        Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
     }
 
     /// What the reports say, where any was asked for.

@@ -30,7 +30,7 @@ impl FilteredEngine {
         options: Options,
     ) -> Result<Self, EngineError> {
         let tolerance = approximations.tolerance.unwrap_or(0.0);
-        let engine = Engine::with_options(network, sensor, Options { tolerance, ..options })?;
+        let engine = Engine::with_options(network, sensor, options.with_tolerance(tolerance))?;
         let readout = StaleReadout::new(engine, approximations.staleness())?;
         Ok(Self { chain: approximations.chain(sensor)?, readout })
     }

@@ -52,7 +52,7 @@ impl Predictor {
         let backend = match mode {
             Mode::Incremental => {
                 let tolerance = approximations.tolerance.unwrap_or(0.0);
-                let options = Options { late, tolerance, ..Options::default() };
+                let options = Options::new().with_late(late).with_tolerance(tolerance);
                 let engine = Engine::with_options(network, sensor, options)?;
                 Backend::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
             }

@@ -23,7 +23,7 @@ impl Watched {
     /// # Panics
     /// If the engine refuses the network.
     pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor, search: Search) -> Self {
-        Self::with_options(network, sensor, search, Options { poison: true, ..Options::default() })
+        Self::with_options(network, sensor, search, Options::new().with_poison(true))
     }
 
     /// An engine with these options.

@@ -70,7 +70,7 @@ pub fn of_events(mode: Mode) -> u64 {
         let network = network.expect("the weights fit");
         match mode {
             Mode::Incremental(isa) => {
-                let options = Options { isa, ..Options::default() };
+                let options = Options::new().with_isa(isa);
                 let mut engine = Engine::with_options(network, SENSOR, options).expect("exact");
                 for chunk in events.chunks(EVERY) {
                     engine.push_slice(chunk);
@@ -116,7 +116,7 @@ pub fn of_frames(isa: Isa, two_threads: bool) -> u64 {
     for (style, convolution) in styles.into_iter().flat_map(|style| tiles.map(|tile| (style, tile))) {
         let parts = frame_networks::network(style, image, 16, 7);
         let network = Arc::new(FrameNetwork::new(parts, convolution).expect("consistent"));
-        let options = FrameOptions { isa, two_threads, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_isa(isa).with_two_threads(two_threads);
         let mut engine = FrameEngine::new(network, options).expect("an engine");
         for frame in &frames {
             engine.push(frame).expect("a frame");

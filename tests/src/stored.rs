@@ -167,7 +167,7 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
             .flat_map(|(age, c)| (0..plane).map(move |cell| (age * plane + cell, c)))
             .map(|(row, c)| values.slice(row)[c])
             .collect();
-        let options = FrameOptions { skip: Skip::Nothing, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_skip(Skip::Nothing);
         let mut engine = FrameEngine::new(std::sync::Arc::clone(head), options).expect("the network runs");
         engine.push(&image).expect("finite values");
         return engine.predict().expect("a frame was pushed").values.to_vec();

@@ -90,7 +90,7 @@ impl Measured {
 impl Passes {
     /// A new engine.
     pub(super) fn front(&self, stage_times: bool) -> Result<FilteredEngine, CliError> {
-        let options = Options { late: self.late, stage_times, ..Options::default() };
+        let options = Options::new().with_late(self.late).with_stage_times(stage_times);
         Ok(FilteredEngine::new(
             Arc::clone(&self.network),
             self.sensor,

@@ -60,7 +60,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let network = Arc::new(model.network.clone());
     let approximations = &input.approximations;
     let tolerance = approximations.tolerance.unwrap_or(0.0);
-    let options = Options { late: input.late.into(), tolerance, ..Options::default() };
+    let options = Options::new().with_late(input.late.into()).with_tolerance(tolerance);
     let engine = Engine::with_options(Arc::clone(&network), sensor, options)?;
     let readout = StaleReadout::new(engine, approximations.values().staleness())?;
 
@@ -174,7 +174,7 @@ impl<W: Write> Stage<'_, W> {
     fn play<P: Predictor + Send + 'static>(&mut self, predictor: P) -> Result<(Played, P), CliError> {
         let (args, plan) = (self.args, self.plan);
         let overload = args.overload.overload(self.sensor)?;
-        let options = QueueOptions { capacity: args.queue as usize, overload, ..QueueOptions::default() };
+        let options = QueueOptions::new().with_capacity(args.queue as usize).with_overload(overload);
         let chain = args.input.approximations.values().chain(self.sensor)?;
         thread::scope(|threads| {
             // Inside, so that whatever happens here ends the reader before it is waited for.

@@ -45,7 +45,7 @@ impl EventCase {
     pub(super) fn run(&self, passes: usize) -> Result<Row, CliError> {
         let Subject { network, sensor, events } = &self.subject;
         let mut row = Row::new(self.group, self.name, network.name());
-        let options = Options { poison: true, ..Options::default() };
+        let options = Options::new().with_poison(true);
         let mut engine = Engine::with_options(Arc::clone(network), *sensor, options)?;
         let search = Search::Proposed(meissner_reference::PROPOSE);
         let batch = Batch::new(Arc::clone(network), *sensor)?.with_search(search);

@@ -112,7 +112,7 @@ fn the_exact_setting_has_no_error_and_others_are_compared_with_it_at_every_event
     let mut exact = engine.clone();
     let mut filter = Stride::new(4).expect("above 0");
     let mut thinned = engine.clone();
-    let bound = Staleness { us: Some(5000), ..Staleness::default() };
+    let bound = Staleness::new().with_us(5000);
     let mut stale = StaleReadout::new(engine, bound).expect("in range");
     let mut said = [vec![], vec![], vec![]];
     let mut last = thinned.predict().expect("numbers").values.to_vec();

@@ -68,7 +68,7 @@ fn a_stale_answer_is_the_one_that_stood_at_the_end() {
     let (data, runs, description, weights) = measured(&[]);
     let report = run(&data, &runs, &["--only", "stale 10 ms"]);
     let network = std::sync::Arc::new(description.network(&weights).expect("they fit"));
-    let bound = Staleness { us: Some(10_000), ..Staleness::default() };
+    let bound = Staleness::new().with_us(10_000);
     let mut wrong = [0_u64; 2];
     for digit in digits().iter().skip(RECORDINGS - 10 * TEST) {
         let engine = Engine::new(network.clone(), Sensor::new(34, 34)).expect("it fits");

@@ -232,7 +232,7 @@ impl Batch {
 
     /// What `head` makes of the readout.
     fn over_image(&self, head: &Arc<FrameNetwork>, readout: &Matrix) -> Result<Vec<f32>, EngineError> {
-        let options = FrameOptions { isa: self.isa, skip: Skip::Nothing, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_isa(self.isa).with_skip(Skip::Nothing);
         let cells = readout.rows() / self.network.readout_times();
         let value = |age: usize, c: usize, cell: usize| readout.values(age * cells + cell).nth(c);
         let image: Option<Vec<f32>> = (0..self.network.readout_times() * readout.columns() * cells)

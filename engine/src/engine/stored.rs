@@ -73,7 +73,7 @@ impl Engine {
         let mut restored = other.clone();
         restored.step.run_as(&self.step);
         for log in &mut restored.log.layers {
-            log.rows = self.options.record_rows.then(|| log.rows.take().unwrap_or_default());
+            log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
         }
         *self = Self { network: Arc::clone(&self.network), options: self.options, ..restored };
         Ok(())
@@ -169,7 +169,9 @@ impl Engine {
             return Err(differs("tolerance", own.tolerance, found.tolerance));
         }
         if found.late != own.late {
-            let name = |code| ["drop", "clamp"].get(usize::from(code)).copied().unwrap_or("none of both");
+            let name = |code| {
+                [LatePolicy::Drop, LatePolicy::Clamp].get(usize::from(code)).map_or("unknown", |p| p.name())
+            };
             return Err(differs("late policy", name(own.late), name(found.late)));
         }
         Ok(())

@@ -9,9 +9,9 @@ use super::buffer::Buffer;
 use super::changes::Changes;
 use super::compile::{FrameNetwork, Kernel, Unit};
 use super::counters::FrameLayerCounters;
-use super::engine::{FrameOptions, Skip};
 use super::layers::{Memory, TILE};
 use super::network::FrameShape;
+use super::options::{FrameOptions, Skip};
 use super::step::Pending;
 
 /// What a vector that grows may hold for what is asked of it.

@@ -7,56 +7,10 @@ use meissner_kernels::Isa;
 
 use super::compile::FrameNetwork;
 use super::counters::FrameCounters;
+use super::options::{FrameOptions, Skip};
 use super::step::State;
 use crate::EngineError;
 use crate::snapshot::{Kind, Reader, Writer, differs};
-
-/// What need not be computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Skip {
-    /// Everything is computed: the oracle.
-    Nothing,
-    /// What no change reaches keeps its values; the same bits as [`Self::Nothing`].
-    #[default]
-    Exact,
-    /// The same, and a pixel that moved by no more than this in any channel counts as unchanged and keeps its values: an
-    /// approximation.
-    Tolerance(f32),
-}
-
-/// How a frame engine runs.
-#[derive(Clone, Copy, Debug)]
-pub struct FrameOptions {
-    /// Instructions.
-    pub isa: Isa,
-    /// What need not be computed.
-    pub skip: Skip,
-    /// Whether frames are mostly zero, as those of events: what a layer makes of zeros is kept, and taken where nothing else
-    /// reaches. The same bits; twice the memory.
-    pub sparse: bool,
-    /// Whether the rows of large maps are shared by two threads; the same bits.
-    pub two_threads: bool,
-    /// Most bytes that the engine may take, as [`FrameNetwork::engine_bytes`] foresees them.
-    pub memory_limit: u128,
-}
-
-impl FrameOptions {
-    /// The default of [`Self::memory_limit`], as that of the event engine's: 4 GiB.
-    pub const MEMORY_LIMIT: u128 = 1 << 32;
-}
-
-impl Default for FrameOptions {
-    /// The best instruction set, exact skipping, no expectation about frames, one thread, below 4 GiB.
-    fn default() -> Self {
-        Self {
-            isa: Isa::best(),
-            skip: Skip::Exact,
-            sparse: false,
-            two_threads: false,
-            memory_limit: Self::MEMORY_LIMIT,
-        }
-    }
-}
 
 /// A prediction of a frame network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -247,7 +201,7 @@ impl FrameEngine {
 
     fn check_skip(&self, skip: Skip, sparse: bool) -> Result<(), EngineError> {
         if skip != self.options.skip {
-            return Err(differs("skip", format!("{:?}", self.options.skip), format!("{skip:?}")));
+            return Err(differs("skip", self.options.skip, skip));
         }
         if sparse != self.options.sparse {
             return Err(differs("sparse", self.options.sparse, sparse));

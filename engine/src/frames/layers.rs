@@ -10,8 +10,8 @@ use super::buffer::Buffer;
 use super::changes::Changes;
 use super::compile::{ConvLstm, FrameNetwork, Kernel, Unit, Value};
 use super::counters::FrameLayerCounters;
-use super::engine::{FrameOptions, Skip};
 use super::network::FrameShape;
+use super::options::{FrameOptions, Skip};
 use super::patch::{MapPixels, Patch, PatchScratch};
 use super::step::{Pending, spread};
 

@@ -9,9 +9,9 @@ use super::buffer::Buffer;
 use super::changes::Changes;
 use super::compile::{FrameNetwork, Kernel};
 use super::counters::{FrameCounters, FrameLayerCounters};
-use super::engine::{FrameOptions, Skip};
 use super::layers::{Memory, Run, Scratch};
 use super::network::FrameShape;
+use super::options::{FrameOptions, Skip};
 use crate::EngineError;
 
 /// Everything that a frame engine remembers.
@@ -55,7 +55,7 @@ impl Background {
     /// Runs every layer on a frame of zeros; of the state that did it, only the values stay.
     fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
         let mut state = State::without_background(network, options)?;
-        let whole = FrameOptions { skip: Skip::Nothing, ..options };
+        let whole = options.with_skip(Skip::Nothing);
         state.push(network, whole, &vec![0.0; network.input().values()]);
         state.predict(network, whole);
         let mut stateful = vec![false; network.values.len()];

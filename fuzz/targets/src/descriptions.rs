@@ -48,7 +48,7 @@ fn events(description: &Description) {
     }
     let network = description.network(&draw(description, 1));
     let network = Arc::new(network.unwrap_or_else(|e| panic!("a checked description: {e}")));
-    let options = Options { memory_limit: STATE_BYTES, ..Options::default() };
+    let options = Options::new().with_memory_limit(STATE_BYTES);
     match Engine::with_options(network, Sensor::new(24, 16), options) {
         Ok(mut engine) => {
             for i in 0..8 {

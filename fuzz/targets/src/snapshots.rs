@@ -30,7 +30,7 @@ static ENGINES: LazyLock<Vec<Engine>> = LazyLock::new(|| {
 
 static FRAME_ENGINES: LazyLock<Vec<FrameEngine>> = LazyLock::new(|| {
     let state = Style::ConvLstm { hidden: 2, peepholes: true };
-    let tolerant = FrameOptions { skip: Skip::Tolerance(0.1), sparse: true, ..FrameOptions::default() };
+    let tolerant = FrameOptions::new().with_skip(Skip::Tolerance(0.1)).with_sparse(true);
     [
         (Style::Classifier, FrameOptions::default()),
         (state, FrameOptions::default()),
@@ -61,7 +61,7 @@ fn engine(candidates: Candidates, tolerance: f32) -> Engine {
         head: None,
         seed: 5,
     };
-    let options = Options { tolerance, ..Options::default() };
+    let options = Options::new().with_tolerance(tolerance);
     let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("admissible");
     engine.go_on();
     engine

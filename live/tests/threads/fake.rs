@@ -81,7 +81,7 @@ pub(crate) fn event(t_us: i64, x: u16) -> Event {
 }
 
 pub(crate) fn options(capacity: usize, overload: Overload) -> QueueOptions {
-    QueueOptions { capacity, overload, batch: 16 }
+    QueueOptions::new().with_capacity(capacity).with_overload(overload).with_batch(16)
 }
 
 /// Waits until the counters are as `is_so` wants them.

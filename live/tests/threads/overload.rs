@@ -139,7 +139,7 @@ fn options_out_of_range_are_refused() {
     let zero = [
         options(0, Overload::Block),
         options(1, Overload::Thin { stride: 0 }),
-        meissner_live::QueueOptions { batch: 0, ..options(1, Overload::Block) },
+        options(1, Overload::Block).with_batch(0),
     ];
     for (options, what) in zero.into_iter().zip(["capacity of the queue", "stride", "batch"]) {
         let error = Live::spawn(Fake::default(), options).expect_err("0 is out of range").to_string();

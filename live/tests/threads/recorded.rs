@@ -21,7 +21,7 @@ fn network(name: &str, capacity: usize) -> Arc<Network> {
 }
 
 fn recorded(network: &Arc<Network>, late: LatePolicy) -> Recorded<Engine> {
-    let options = Options { late, ..Options::default() };
+    let options = Options::new().with_late(late);
     let engine = Engine::with_options(Arc::clone(network), SENSOR, options).expect("the sensor has pixels");
     Recorded::new(engine, Arc::clone(network), SENSOR, late).expect("the sensor has pixels")
 }
@@ -59,7 +59,7 @@ fn under_every_policy_the_last_prediction_equals_batch_over_the_accepted_events(
     let events = stream(6000, 1);
     for overload in policies {
         let name = overload.name();
-        let options = QueueOptions { capacity: 256, overload, batch: 16 };
+        let options = QueueOptions::new().with_capacity(256).with_overload(overload).with_batch(16);
         let (mut input, mut live) =
             Live::spawn(recorded(&network, LatePolicy::Drop), options).expect("options are fine");
         for events in events.chunks(500) {

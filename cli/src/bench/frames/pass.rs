@@ -82,7 +82,7 @@ impl FramePasses<'_> {
     where
         L: FnMut(Taken<'_>) -> Result<(), CliError>,
     {
-        let options = FrameOptions { skip, sparse: true, two_threads: false, ..FrameOptions::default() };
+        let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
         let engine = FrameEngine::new(self.model.network.clone(), options)?;
         let zeros = vec![0.0; self.model.network.input().values()];
         let mut feed = self.model.feed(self.field, self.moments.period_us)?;

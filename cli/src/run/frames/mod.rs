@@ -42,16 +42,14 @@ pub(super) fn run(args: &RunArgs, description: FrameDescription, shipped: bool) 
     let kind = Kind::of(&description);
     kind.check(args)?;
     let model = FrameModel::load(args, description, shipped)?;
-    let options = FrameOptions {
-        skip: match args.input.approximations.tolerance {
+    let options = FrameOptions::new()
+        .with_skip(match args.input.approximations.tolerance {
             Some(tolerance) => Skip::Tolerance(tolerance),
             None if args.frames.no_skip => Skip::Nothing,
             None => Skip::Exact,
-        },
-        sparse: kind == Kind::EventFrames,
-        two_threads: args.frames.threads == Some(2),
-        ..FrameOptions::default()
-    };
+        })
+        .with_sparse(kind == Kind::EventFrames)
+        .with_two_threads(args.frames.threads == Some(2));
     let machine = FramePredictor::new(Arc::clone(&model.network), options)?;
     match model.source {
         FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) => {

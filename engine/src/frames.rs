@@ -13,11 +13,13 @@ mod engine;
 mod fingerprint;
 mod layers;
 mod network;
+mod options;
 mod patch;
 mod shapes;
 mod step;
 
 pub use compile::{Convolution, FrameNetwork};
 pub use counters::{FrameCounters, FrameLayerCounters};
-pub use engine::{FrameEngine, FrameOptions, FramePrediction, FrameSnapshot, Skip};
+pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
 pub use network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+pub use options::{FrameOptions, Skip};

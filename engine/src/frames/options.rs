@@ -1,0 +1,101 @@
+//! How a frame engine runs.
+
+use std::fmt;
+
+use meissner_kernels::Isa;
+
+/// Which computations are skipped.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Skip {
+    /// Everything is computed: the oracle.
+    Nothing,
+    /// Values that no change reaches are kept. The bits are those of [`Self::Nothing`].
+    #[default]
+    Exact,
+    /// As [`Self::Exact`], and a pixel that moved by no more than this in any channel counts as unchanged and keeps its
+    /// values: an approximation.
+    Tolerance(f32),
+}
+
+impl fmt::Display for Skip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => f.write_str("nothing"),
+            Self::Exact => f.write_str("exact"),
+            Self::Tolerance(tolerance) => write!(f, "tolerance {tolerance}"),
+        }
+    }
+}
+
+/// What a user may choose about a [`FrameEngine`](super::FrameEngine) beside the network.
+///
+/// ```
+/// use meissner_engine::frames::{FrameOptions, Skip};
+///
+/// let options = FrameOptions::new().with_skip(Skip::Tolerance(1e-3)).with_two_threads(true);
+/// assert_eq!((options.sparse, options.memory_limit), (false, 4 << 30));
+/// ```
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+#[must_use]
+pub struct FrameOptions {
+    /// Instruction set of the kernels: by default the best one of this processor. Results do not depend on it.
+    pub isa: Isa,
+    /// Which computations are skipped. The default is [`Skip::Exact`].
+    pub skip: Skip,
+    /// Whether frames are mostly zero, as those of events are. Each layer's values for a frame of zeros are then kept, and
+    /// reused wherever only zeros reach. The bits are the same; the memory doubles. Off by default.
+    pub sparse: bool,
+    /// Whether two threads share the rows of large maps. The bits are the same. Off by default.
+    pub two_threads: bool,
+    /// Most bytes that the engine may take, as foreseen by [`FrameNetwork::engine_bytes`](super::FrameNetwork::engine_bytes).
+    /// The default is [`Self::MEMORY_LIMIT`].
+    pub memory_limit: u128,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        Self {
+            isa: Isa::best(),
+            skip: Skip::Exact,
+            sparse: false,
+            two_threads: false,
+            memory_limit: Self::MEMORY_LIMIT,
+        }
+    }
+}
+
+impl FrameOptions {
+    /// The default of [`Self::memory_limit`], the same as that of the engine over events: 4 GiB.
+    pub const MEMORY_LIMIT: u128 = 1 << 32;
+
+    /// The defaults.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets [`Self::isa`].
+    pub fn with_isa(self, isa: Isa) -> Self {
+        Self { isa, ..self }
+    }
+
+    /// Sets [`Self::skip`].
+    pub fn with_skip(self, skip: Skip) -> Self {
+        Self { skip, ..self }
+    }
+
+    /// Sets [`Self::sparse`].
+    pub fn with_sparse(self, sparse: bool) -> Self {
+        Self { sparse, ..self }
+    }
+
+    /// Sets [`Self::two_threads`].
+    pub fn with_two_threads(self, two_threads: bool) -> Self {
+        Self { two_threads, ..self }
+    }
+
+    /// Sets [`Self::memory_limit`].
+    pub fn with_memory_limit(self, memory_limit: u128) -> Self {
+        Self { memory_limit, ..self }
+    }
+}
