@@ -410,7 +410,7 @@ fn frames_after_the_first_few_allocate_nothing() {
             let network =
                 FrameNetwork::new(network(style, size, 16, 1), convolution).expect("parts that fit");
             let options = FrameOptions::new().with_sparse(sparse);
-            let mut engine = FrameEngine::new(Arc::new(network), options).expect("options in range");
+            let mut engine = FrameEngine::with_options(network, options).expect("options in range");
             let frames = sequence(40, size, 2);
             let mut pass = || {
                 let before = COUNT.get();
@@ -446,7 +446,7 @@ fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
             let foreseen = network.engine_bytes(options);
             let frames = sequence(12, size, 2);
             let ((), [_, peak]) = measured(|| {
-                let mut engine = FrameEngine::new(network, options).expect("options in range");
+                let mut engine = FrameEngine::with_options(network, options).expect("options in range");
                 for frame in &frames {
                     engine.push(frame).expect("a frame that fits");
                     engine.predict().expect("finite");

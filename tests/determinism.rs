@@ -1,7 +1,9 @@
 //! The same bits at any number of threads, on every instruction set, in every build, and as they were.
 
+use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{
-    Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor, Stream,
+    Batch, Candidates, Engine, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor, Snapshot,
+    StaleReadout, Stream,
 };
 use meissner_kernels::Isa;
 use meissner_tests::compare::bits;
@@ -111,4 +113,15 @@ fn a_fixed_run_has_the_bits_that_it_always_had() {
             "{threads} threads"
         );
     }
+}
+
+#[test]
+fn engines_and_their_snapshots_can_move_to_another_thread_and_be_shared() {
+    fn is_send_and_sync<T: Send + Sync + 'static>() {}
+    is_send_and_sync::<Engine>();
+    is_send_and_sync::<Snapshot>();
+    is_send_and_sync::<StaleReadout>();
+    is_send_and_sync::<Batch>();
+    is_send_and_sync::<FrameEngine>();
+    is_send_and_sync::<FrameSnapshot>();
 }

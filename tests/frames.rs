@@ -1,7 +1,5 @@
 //! Frame networks: what is skipped changes no bit, and what is computed is what a change reaches.
 
-use std::sync::Arc;
-
 use meissner_engine::EngineError;
 use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions,
@@ -15,7 +13,7 @@ use proptest::prelude::*;
 
 fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
     let network = FrameNetwork::new(parts.clone(), convolution).expect("parts that fit");
-    FrameEngine::new(Arc::new(network), options).expect("options in range")
+    FrameEngine::with_options(network, options).expect("options in range")
 }
 
 fn predict(engine: &mut FrameEngine) -> Vec<u32> {
@@ -308,7 +306,23 @@ fn a_frame_of_another_size_or_with_nan_is_refused_and_changes_nothing() {
     frame[5] = f32::NAN;
     let nan = engine.push(&frame).expect_err("NaN");
     assert_eq!(nan.to_string(), "frame: expected finite values, found NaN as value 5");
+    let late = engine.push_slice(&[[0.0; 64], frame].concat()).expect_err("NaN in the second frame");
+    assert!(matches!(late, EngineError::FrameValue { at: 69, .. }), "{late}");
+    let torn = engine.push_slice(&[0.0; 100]).expect_err("a frame and a half");
+    assert!(matches!(torn, EngineError::FrameLength { found: 100, .. }), "{torn}");
     assert_eq!(predict(&mut engine), before);
+}
+
+#[test]
+fn frames_pushed_together_are_frames_pushed_one_by_one() {
+    let parts = network(Style::ConvolutionsThenLstm, [1, 8, 8], 8, 1);
+    let new = || engine(&parts, Convolution::Direct, FrameOptions::default());
+    let (mut together, mut singly) = (new(), new());
+    let frames = sequence(5, [1, 8, 8], 1);
+    together.push_slice(&frames.concat()).expect("frames that fit");
+    frames.iter().for_each(|frame| singly.push(frame).expect("a frame that fits"));
+    assert_eq!(predict(&mut together), predict(&mut singly));
+    assert_eq!(together.counters(), singly.counters());
 }
 
 #[test]

@@ -1,8 +1,6 @@
 //! Frame networks against the reference through the golden files, frame by frame: direct, Winograd, everything computed and
 //! skipping.
 
-use std::sync::Arc;
-
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
 use meissner_models::Weights;
@@ -31,7 +29,7 @@ fn check(name: &str, file: &str, size: Option<[usize; 2]>, each: bool) {
     for (convolution, options) in ways {
         let parts = description.network_parts(&weights).expect("the weights fit");
         let network = FrameNetwork::new(parts, convolution).expect("the parts fit");
-        let mut engine = FrameEngine::new(Arc::new(network), options).expect("options in range");
+        let mut engine = FrameEngine::with_options(network, options).expect("options in range");
         let mut answers = Vec::new();
         for sequence in x.chunks_exact(x.len() / sequences) {
             engine.reset();

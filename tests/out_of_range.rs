@@ -108,7 +108,7 @@ fn options_that_are_no_numbers_or_beyond_all_bounds_are_refused() {
         let engine = Engine::with_options(Arc::clone(&network), SENSOR, options);
         assert!(matches!(engine, Err(EngineError::Option { what: "tolerance", .. })), "{wrong}");
         let options = FrameOptions::new().with_skip(Skip::Tolerance(wrong));
-        let engine = FrameEngine::new(Arc::clone(&frames), options);
+        let engine = FrameEngine::with_options(Arc::clone(&frames), options);
         assert!(matches!(engine, Err(EngineError::Option { what: "tolerance", .. })), "{wrong}");
         let whole = Crop::whole(SENSOR);
         assert!(TimeSurface::new(SENSOR, whole, Decay::Exponential { tau_us: wrong }).is_err(), "{wrong}");
@@ -139,7 +139,7 @@ fn a_frame_network_of_a_terabyte_is_refused_before_anything_is_taken() {
     let network = Arc::new(copies(1_023, gibibyte));
     for sparse in [false, true] {
         let options = FrameOptions::new().with_sparse(sparse);
-        match FrameEngine::new(Arc::clone(&network), options) {
+        match FrameEngine::with_options(Arc::clone(&network), options) {
             Err(EngineError::FrameMemory { bytes, limit: 4_294_967_296, .. }) => {
                 assert!(bytes > 1 << if sparse { 41 } else { 40 }, "{bytes} bytes");
             }
@@ -153,9 +153,9 @@ fn a_frame_engine_may_take_exactly_what_is_foreseen() {
     let network = Arc::new(copies(3, FrameShape::Image { channels: 2, height: 9, width: 70 }));
     let options = FrameOptions::new().with_sparse(true);
     let memory_limit = network.engine_bytes(options);
-    assert!(FrameEngine::new(Arc::clone(&network), options.with_memory_limit(memory_limit)).is_ok());
+    assert!(FrameEngine::with_options(Arc::clone(&network), options.with_memory_limit(memory_limit)).is_ok());
     let less = options.with_memory_limit(memory_limit - 1);
-    let error = FrameEngine::new(network, less).expect_err("a byte is missing").to_string();
+    let error = FrameEngine::with_options(network, less).expect_err("a byte is missing").to_string();
     let expected =
         format!("expected at most {} bytes of activations and state, found {memory_limit}", memory_limit - 1);
     assert_eq!(error, format!("network \"copies\": {expected}"));

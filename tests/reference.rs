@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{
     Block, Candidates, DenseLayer, Event, GraphRule, Level, Network, NetworkParts, Normalisation, Reach,
     Readout, Search, Sensor, Stream, Trace,
@@ -107,7 +107,7 @@ proptest! {
         let parts = frame_networks::network(style, image, wide, seed);
         let mut reference = FrameReference::new(parts.clone()).expect("the layers fit");
         let network = FrameNetwork::new(parts, convolution).expect("the layers fit");
-        let mut engine = FrameEngine::new(Arc::new(network), FrameOptions::default()).expect("in range");
+        let mut engine = FrameEngine::new(network).expect("in range");
         let mut scale = 1.0;
         for frame in frame_networks::sequence(12, image, seed) {
             engine.push(&frame).expect("a frame that fits");

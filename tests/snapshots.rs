@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{Engine, EngineError, LatePolicy, Options, Outcome};
+use meissner_engine::{Engine, EngineError, LatePolicy, Options, Outcome, Snapshot};
 use meissner_tests::compare::bits;
 use meissner_tests::networks::{self, NetworkShape};
 use meissner_tests::streams::{self, Script, Verb};
@@ -107,9 +107,11 @@ proptest! {
                 Verb::Snapshot => {
                     // What has gone on for a while is written and read again.
                     let bytes = resumed.snapshot().to_bytes();
+                    let snapshot = Snapshot::from_bytes(&bytes).expect("bytes of a snapshot");
+                    prop_assert_eq!(&snapshot.to_bytes(), &bytes);
                     resumed = engine(&shape, &script, options);
                     resumed.push(script.event(clock, (7, 1, 2, true)));
-                    resumed.restore_bytes(&bytes).expect("its own bytes");
+                    resumed.restore(&snapshot).expect("its own bytes");
                 }
                 _ => {}
             }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor};
 use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
@@ -45,7 +45,7 @@ fn over_frames() -> (FrameEngine, Vec<u8>) {
     let parts = network(Style::ConvLstm { hidden: 3, peepholes: true }, SIZE, 2, 1);
     let network = Arc::new(FrameNetwork::new(parts, Convolution::Direct).expect("parts that fit"));
     let run = |frames| {
-        let mut engine = FrameEngine::new(network.clone(), FrameOptions::default()).expect("in range");
+        let mut engine = FrameEngine::new(network.clone()).expect("in range");
         sequence(frames, SIZE, 3).iter().for_each(|frame| engine.push(frame).expect("a frame that fits"));
         engine
     };

@@ -1,10 +1,9 @@
 //! A frame engine that goes on from bytes has the bits of the one that wrote them; what does not fit is refused.
 
-use std::sync::Arc;
-
 use meissner_engine::EngineError;
 use meissner_engine::frames::{
-    Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
+    Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, FrameSnapshot,
+    Skip,
 };
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_tests::compare::bits;
@@ -14,7 +13,7 @@ use proptest::prelude::*;
 
 fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
     let network = FrameNetwork::new(parts.clone(), convolution).expect("parts that fit");
-    FrameEngine::new(Arc::new(network), options).expect("options in range")
+    FrameEngine::with_options(network, options).expect("options in range")
 }
 
 fn predict(engine: &mut FrameEngine) -> (Vec<u32>, u64) {
@@ -104,8 +103,13 @@ proptest! {
             let error = engine.restore_bytes(wrong).expect_err("what was changed");
             let typed = matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. });
             prop_assert!(typed, "{}", error);
+            prop_assert_eq!(FrameSnapshot::from_bytes(wrong).err(), Some(error));
             prop_assert_eq!(&engine.to_bytes(), &before);
         }
+        let snapshot = FrameSnapshot::from_bytes(&bytes).expect("bytes of a snapshot");
+        prop_assert_eq!(&snapshot.to_bytes(), &bytes);
+        engine.restore(&snapshot).expect("bytes of an equal engine");
+        prop_assert_eq!(&engine.to_bytes(), &bytes);
     }
 
     #[test]

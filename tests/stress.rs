@@ -53,7 +53,7 @@ fn nan_in_one_pixel_of_a_pooled_window_is_an_error_wherever_it_is() {
         Arc::new(FrameNetwork::new(nan_of_infinity(), Convolution::Direct).expect("the layers fit"));
     for skip in [Skip::Exact, Skip::Nothing] {
         let options = FrameOptions::new().with_skip(skip);
-        let mut engine = FrameEngine::new(Arc::clone(&network), options).expect("options in range");
+        let mut engine = FrameEngine::with_options(Arc::clone(&network), options).expect("options in range");
         for pixel in 0..16 {
             let mut frame = vec![1.0; 8 * 16];
             (0..8).for_each(|c| frame[c * 16 + pixel] = 3e38);
@@ -78,7 +78,7 @@ fn a_tile_that_overflows_is_an_error_and_not_a_prediction() {
     let frame: Vec<f32> = (0..8 * 64).map(|_| if random.below(2) == 0 { 3e37 } else { -3e37 }).collect();
     let predict = |convolution| {
         let network = Arc::new(FrameNetwork::new(parts.clone(), convolution).expect("the layers fit"));
-        let mut engine = FrameEngine::new(network, FrameOptions::default()).expect("options in range");
+        let mut engine = FrameEngine::new(network).expect("options in range");
         engine.push(&frame).expect("finite values");
         engine.predict().map(|p| p.values.iter().all(|v| v.is_finite()))
     };

@@ -2,7 +2,7 @@
 //!
 //! `golden/slip.json` holds readings made by a formula, and `PyTorch`'s logits for their windows (`train/slip/golden.py`).
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::systems::slip::SlipWindows;
 use meissner_models::{FrameDescription, Weights};
 use serde_json::Value;
@@ -29,7 +29,7 @@ fn logits(network: &str, readings: &[[f32; 24]]) -> Vec<[f64; 7]> {
     let weights = Weights::shipped(network).expect("its weights");
     let parts = description.network_parts(&weights).expect("they fit");
     let built = FrameNetwork::new(parts, Convolution::Direct).expect("a network");
-    let mut engine = FrameEngine::new(built.into(), FrameOptions::default()).expect("an engine");
+    let mut engine = FrameEngine::new(built).expect("an engine");
     let mut windows = SlipWindows::new(&description).expect("over readings");
     let mut frames = Vec::new();
     windows.cut(readings, &mut frames).expect("finite readings");

@@ -3,7 +3,6 @@
 //!
 //! Weights are drawn and pictures made, so that errors are of numbers, and mean nothing about contact.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
@@ -79,7 +78,7 @@ fn engine(name: &str, convolution: Convolution, skip: Skip) -> FrameEngine {
     let weights = Weights::shipped(name).expect("shipped");
     let parts = FrameDescription::shipped(name).expect("shipped").network_parts(&weights).expect("they fit");
     let network = FrameNetwork::new(parts, convolution).expect("consistent");
-    FrameEngine::new(Arc::new(network), FrameOptions::new().with_skip(skip)).expect("an engine")
+    FrameEngine::with_options(network, FrameOptions::new().with_skip(skip)).expect("an engine")
 }
 
 /// A gel with a gradient of light, a contact that moves by four pixels a picture, and noise; in levels of 255, then in units

@@ -12,7 +12,6 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::EngineError;
@@ -96,7 +95,7 @@ impl<'a> Case<'a> {
         options: FrameOptions,
     ) -> Result<FrameEngine, Box<dyn std::error::Error>> {
         let network = FrameNetwork::new(self.description.network_parts(self.weights)?, convolution)?;
-        Ok(FrameEngine::new(Arc::new(network), options)?)
+        Ok(FrameEngine::with_options(network, options)?)
     }
 
     /// Median milliseconds of the whole input, and the largest error.

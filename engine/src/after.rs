@@ -102,7 +102,8 @@ impl ImageHead {
     /// Never: a frame network's maps are small enough for their kernels, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
         let options = FrameOptions::new().with_isa(isa).with_memory_limit(u128::MAX);
-        let mut engine = FrameEngine::new(Arc::clone(network), options).expect("every map can be made");
+        let mut engine =
+            FrameEngine::with_options(Arc::clone(network), options).expect("every map can be made");
         let mut image = vec![0.0; network.input().values()];
         // Working space grows with what is computed: with everything, now.
         for value in [1.0, 0.0] {

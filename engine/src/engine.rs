@@ -1,6 +1,6 @@
 //! The engine: events in, predictions out.
 
-mod stored;
+mod snapshot;
 
 use std::fmt;
 use std::sync::Arc;
@@ -13,10 +13,10 @@ use crate::counters::{Counters, LayerLog, Log};
 use crate::graph::Adjacency;
 use crate::network::{Network, Normalisation, option};
 use crate::options::Options;
+use crate::snapshot::SnapshotOf;
 use crate::stages::Stage;
 use crate::step::Step;
 use crate::{EngineError, Event, Sensor};
-pub use stored::Snapshot;
 
 /// A prediction, and what it cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,9 @@ pub struct Prediction<'a> {
     /// Rows computed per layer since the last prediction, in the order of [`Network::layers`].
     pub rows: &'a [u64],
 }
+
+/// The state of an [`Engine`] at one moment; see [`Engine::snapshot`].
+pub type Snapshot = SnapshotOf<Engine>;
 
 /// Keeps the event graph of a sliding window and, of a network over it, every activation; recomputes what a change
 /// affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit, unless [`Options::tolerance`]

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::Sensor;
+use crate::frames::FrameShape;
 
 /// An engine, a network or a batch refuses what it was given, or found that a result is not a number.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -66,6 +67,22 @@ pub enum EngineError {
         bytes: u128,
         /// Bytes that it may take.
         limit: u128,
+    },
+    /// A frame has another number of values than the network's input.
+    #[error("values of a frame: expected {} ({expected}), found {found}", .expected.values())]
+    FrameLength {
+        /// Shape of a frame.
+        expected: FrameShape,
+        /// Number of values.
+        found: usize,
+    },
+    /// A value of a frame is not finite.
+    #[error("frame: expected finite values, found {value} as value {at}")]
+    FrameValue {
+        /// Place of the value in the frame.
+        at: usize,
+        /// The value.
+        value: f32,
     },
     /// The network's edge attributes and grid origin are recomputed from each graph, so that a single event can
     /// change every row: there is no incremental form.

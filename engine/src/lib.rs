@@ -104,6 +104,6 @@ pub use network::{
     Position, Reach, Readout,
 };
 pub use options::Options;
-pub use snapshot::snapshot_note;
+pub use snapshot::{SnapshotOf, snapshot_note};
 pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};

@@ -1,23 +1,26 @@
-//! The format of snapshots: little-endian bytes, written and read by hand.
+//! Snapshots: states of engines, as copies and as little-endian bytes that are written and read by hand.
 //!
 //! ```text
 //! "MEISSNER"   8 bytes
 //! version      u32
 //! kind         u32    1 an engine over events, 2 a frame engine
 //! length       u64    of the whole, checksum included
-//! content             engine/stored.rs, frames/step/stored.rs
+//! content             engine/snapshot.rs, frames/step/snapshot.rs
 //! note                bytes of whoever asked for the snapshot
 //! its length   u64
 //! checksum     u64    FNV-1a of all before it
 //! ```
 //!
-//! The checksum finds what happens to files by accident, and every change of a single byte. A content that was made up,
-//! with a checksum that fits, is checked as if there were none: counts against what is left of the bytes and against what
-//! the engine can hold, before anything is allocated; sizes against those of the network; nothing that is read is an index.
+//! The checksum detects accidental damage, and every change of a single byte. Invented content with a valid checksum is
+//! checked all the same: counts against the remaining bytes and against what the engine can hold, before anything is
+//! allocated; sizes against those of the network. No value that is read is used as an index.
 
 mod reader;
 mod writer;
 
+use std::fmt;
+
+use crate::EngineError;
 pub use reader::snapshot_note;
 pub(crate) use reader::{Reader, differs};
 pub(crate) use writer::Writer;
@@ -27,15 +30,15 @@ const MAGIC: [u8; 8] = *b"MEISSNER";
 const VERSION: u32 = 1;
 /// Bytes before the content.
 const HEADER: usize = 24;
-/// Bytes behind it.
+/// Bytes after it.
 const CHECKSUM: usize = 8;
 /// Counts are below this, so that they can go on, and be summed over layers, for as long as any engine runs: two thousand
 /// years at a million a second.
 const COUNT_LIMIT: u64 = 1 << 56;
 
-/// What a snapshot is of.
+/// The kind of engine that a snapshot belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
     Events = 1,
     Frames = 2,
 }
@@ -46,6 +49,57 @@ impl Kind {
             1 => "an engine over events".to_owned(),
             2 => "a frame engine".to_owned(),
             other => format!("kind {other}"),
+        }
+    }
+}
+
+/// An engine that a snapshot can hold.
+pub trait Stored: Clone {
+    /// Its kind.
+    const KIND: Kind;
+    /// Its state as bytes, with a note.
+    fn to_bytes_with(&self, note: &[u8]) -> Vec<u8>;
+}
+
+/// The state of an engine of type `E` at one moment, as a copy or as bytes.
+#[derive(Clone)]
+#[must_use]
+pub struct SnapshotOf<E>(pub(crate) Content<E>);
+
+/// What a snapshot holds.
+#[derive(Clone)]
+pub(crate) enum Content<E> {
+    Copy(Box<E>),
+    /// With a header and a checksum that are right.
+    Bytes(Vec<u8>),
+}
+
+impl<E: Stored> SnapshotOf<E> {
+    /// The snapshot that `to_bytes` of an engine or of a snapshot wrote. No engine is needed for this; whether the snapshot
+    /// fits an engine is checked when it is restored. O(bytes).
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] for another format version or another kind of engine; [`EngineError::SnapshotBytes`] where
+    /// the bytes are cut short or changed.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, EngineError> {
+        Reader::open(bytes, E::KIND)?;
+        Ok(Self(Content::Bytes(bytes.to_vec())))
+    }
+
+    /// The snapshot as bytes, for [`Self::from_bytes`] or for an engine's `restore_bytes`.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        match &self.0 {
+            Content::Copy(engine) => engine.to_bytes_with(&[]),
+            Content::Bytes(bytes) => bytes.clone(),
+        }
+    }
+}
+
+impl<E: fmt::Debug> fmt::Debug for SnapshotOf<E> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Content::Copy(engine) => f.debug_tuple("Snapshot").field(engine).finish(),
+            Content::Bytes(bytes) => write!(f, "Snapshot({} bytes)", bytes.len()),
         }
     }
 }

@@ -2,9 +2,7 @@
 
 use super::support;
 
-use std::sync::Arc;
-
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameShape};
 use meissner_engine::representations::Scaling;
 use meissner_models::{AnyDescription, FrameDescription, FrameSource, draw};
 use support::{SMALL_FRAMES, changed_frames};
@@ -128,7 +126,7 @@ fn joined_vectors_are_as_long_as_both_and_computed_from_both() {
         let description = FrameDescription::parse(text).expect("consistent");
         let parts = description.network_parts(&weights).expect("the weights fit");
         let network = FrameNetwork::new(parts, Convolution::Direct).expect("the parts fit");
-        FrameEngine::new(Arc::new(network), FrameOptions::default()).expect("options in range")
+        FrameEngine::new(network).expect("options in range")
     };
     // The same values, with the prediction before its last sum.
     let (head, _) = VIEWS.split_once("[[layer]]\nname = \"fc\"").expect("a layer");

@@ -41,7 +41,7 @@ impl FramePredictor {
     /// # Errors
     /// As [`FrameEngine::new`].
     pub fn new(network: Arc<FrameNetwork>, options: FrameOptions) -> Result<Self, EngineError> {
-        let engine = FrameEngine::new(network, options)?;
+        let engine = FrameEngine::with_options(network, options)?;
         Ok(Self {
             before: engine.counters().clone(),
             engine,

@@ -16,18 +16,16 @@
 //! | [`Difference`], [`ulps`] | how far f32 values are from these |
 //!
 //! ```
-//! use std::sync::Arc;
-//!
 //! use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
-//! use meissner_engine::frames::{FrameNetworkParts, FrameOptions, FrameShape};
+//! use meissner_engine::frames::{FrameNetworkParts, FrameShape};
 //! use meissner_kernels::Activation;
 //! use meissner_reference::{Difference, FrameReference};
 //!
 //! let kind = FrameLayerKind::Dense { outputs: 1, weight: vec![0.1; 3], bias: None, activation: Activation::Tanh };
 //! let layers = vec![FrameLayer { name: "out".to_owned(), from: 0, kind }];
 //! let parts = FrameNetworkParts { name: "mean".to_owned(), input: FrameShape::Vector(3), layers };
-//! let network = Arc::new(FrameNetwork::new(parts.clone(), Convolution::Direct)?);
-//! let (mut engine, mut reference) = (FrameEngine::new(network, FrameOptions::default())?, FrameReference::new(parts)?);
+//! let network = FrameNetwork::new(parts.clone(), Convolution::Direct)?;
+//! let (mut engine, mut reference) = (FrameEngine::new(network)?, FrameReference::new(parts)?);
 //!
 //! engine.push(&[1.0, 2.0, 4.0])?;
 //! let mut difference = Difference::default();

@@ -117,7 +117,7 @@ pub fn of_frames(isa: Isa, two_threads: bool) -> u64 {
         let parts = frame_networks::network(style, image, 16, 7);
         let network = Arc::new(FrameNetwork::new(parts, convolution).expect("consistent"));
         let options = FrameOptions::new().with_isa(isa).with_two_threads(two_threads);
-        let mut engine = FrameEngine::new(network, options).expect("an engine");
+        let mut engine = FrameEngine::with_options(network, options).expect("an engine");
         for frame in &frames {
             engine.push(frame).expect("a frame");
             add(&mut hash, engine.predict().expect("finite").values);

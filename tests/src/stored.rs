@@ -168,7 +168,8 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
             .map(|(row, c)| values.slice(row)[c])
             .collect();
         let options = FrameOptions::new().with_skip(Skip::Nothing);
-        let mut engine = FrameEngine::new(std::sync::Arc::clone(head), options).expect("the network runs");
+        let mut engine =
+            FrameEngine::with_options(std::sync::Arc::clone(head), options).expect("the network runs");
         engine.push(&image).expect("finite values");
         return engine.predict().expect("a frame was pushed").values.to_vec();
     }

@@ -4,7 +4,7 @@
 //! frame, so neither the number of threads nor the order reaches a bit of a result.
 
 use meissner_engine::EngineError;
-use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine};
 use meissner_models::systems::slip::SlipWindows;
 use meissner_models::{FrameDescription, Weights};
 use rayon::ThreadPool;
@@ -99,5 +99,5 @@ pub(crate) fn engine(
     label: &str,
 ) -> Result<FrameEngine, CliError> {
     let (network, _) = frame_network(description, (weights, label.to_owned()), Convolution::Direct, false)?;
-    Ok(FrameEngine::new(network, FrameOptions::default())?)
+    Ok(FrameEngine::new(network)?)
 }

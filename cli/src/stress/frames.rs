@@ -51,7 +51,7 @@ pub(super) fn layer(name: &str, from: usize, kind: FrameLayerKind) -> FrameLayer
 impl FrameSubject {
     fn engine(&self, skip: Skip) -> Result<FrameEngine, EngineError> {
         let network = Arc::new(FrameNetwork::new(self.parts.clone(), self.convolution)?);
-        FrameEngine::new(network, FrameOptions::new().with_skip(skip))
+        FrameEngine::with_options(network, FrameOptions::new().with_skip(skip))
     }
 
     /// The convolution, for a column of names.

@@ -1,9 +1,8 @@
 //! What all frame networks have in common: options, and a network of the test's own.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::{FrameDescription, Weights, draw};
 use tempfile::TempDir;
 
@@ -48,7 +47,7 @@ impl OwnNetwork {
 pub(crate) fn engine(description: &FrameDescription, weights: &Weights) -> FrameEngine {
     let parts = description.network_parts(weights).expect("the weights fit");
     let network = FrameNetwork::new(parts, Convolution::Direct).expect("the parts fit");
-    FrameEngine::new(Arc::new(network), FrameOptions::default()).expect("options in range")
+    FrameEngine::new(network).expect("options in range")
 }
 
 /// An engine of a shipped network.

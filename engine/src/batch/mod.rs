@@ -242,7 +242,7 @@ impl Batch {
         if image.iter().any(|value| !value.is_finite()) {
             return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
         }
-        let mut engine = FrameEngine::new(Arc::clone(head), options)?;
+        let mut engine = FrameEngine::with_options(Arc::clone(head), options)?;
         engine.push(&image)?;
         Ok(engine.predict()?.values.to_vec())
     }

@@ -10,7 +10,8 @@ use super::counters::FrameCounters;
 use super::options::{FrameOptions, Skip};
 use super::step::State;
 use crate::EngineError;
-use crate::snapshot::{Kind, Reader, Writer, differs};
+use crate::network::option;
+use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
 
 /// A prediction of a frame network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,33 +22,22 @@ pub struct FramePrediction<'a> {
     pub frames: u64,
 }
 
-/// State of a frame engine at one moment; see [`FrameEngine::snapshot`].
-#[derive(Clone, Debug)]
-pub struct FrameSnapshot(FrameEngine);
-
-impl FrameSnapshot {
-    /// As [`FrameEngine::to_bytes`].
-    pub fn to_bytes(&self) -> Vec<u8> {
-        self.0.to_bytes()
-    }
-}
+/// The state of a [`FrameEngine`] at one moment; see [`FrameEngine::snapshot`].
+pub type FrameSnapshot = SnapshotOf<FrameEngine>;
 
 /// A frame network and its state.
 ///
 /// ```
-/// use std::sync::Arc;
-///
 /// use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
-/// use meissner_engine::frames::{FrameNetworkParts, FrameOptions, FrameShape};
+/// use meissner_engine::frames::{FrameNetworkParts, FrameShape};
 ///
 /// // The last two frames of one value each.
 /// let delay = FrameLayer { name: "delay".to_owned(), from: 0, kind: FrameLayerKind::Delay { frames: 2 } };
 /// let parts = FrameNetworkParts { name: "two".to_owned(), input: FrameShape::Vector(1), layers: vec![delay] };
-/// let network = Arc::new(FrameNetwork::new(parts, Convolution::Direct)?);
-/// let mut engine = FrameEngine::new(network, FrameOptions::default())?;
+/// let mut engine = FrameEngine::new(FrameNetwork::new(parts, Convolution::Direct)?)?;
 /// engine.push(&[3.0])?;
-/// engine.push(&[5.0])?;
-/// assert_eq!(engine.predict()?.values, [3.0, 5.0]);
+/// engine.push_slice(&[4.0, 5.0])?;
+/// assert_eq!(engine.predict()?.values, [4.0, 5.0]);
 /// # Ok::<(), meissner_engine::EngineError>(())
 /// ```
 #[derive(Clone)]
@@ -57,18 +47,37 @@ pub struct FrameEngine {
     state: State,
 }
 
+impl Stored for FrameEngine {
+    const KIND: Kind = Kind::Frames;
+
+    fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
+        self.to_bytes_with(note)
+    }
+}
+
 impl FrameEngine {
+    /// An engine with the default [`FrameOptions`].
+    ///
+    /// # Errors
+    /// As [`Self::with_options`].
+    pub fn new(network: impl Into<Arc<FrameNetwork>>) -> Result<Self, EngineError> {
+        Self::with_options(network, FrameOptions::default())
+    }
+
     /// An engine before its first frame.
     ///
     /// # Errors
     /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::FrameMemory`] beyond the memory
-    /// limit, before any of it is taken; [`EngineError::Layer`] where a map is too large.
-    pub fn new(network: Arc<FrameNetwork>, options: FrameOptions) -> Result<Self, EngineError> {
+    /// limit, before any memory is allocated; [`EngineError::Layer`] where a map is too large.
+    pub fn with_options(
+        network: impl Into<Arc<FrameNetwork>>,
+        options: FrameOptions,
+    ) -> Result<Self, EngineError> {
+        let network = network.into();
         if let Skip::Tolerance(tolerance) = options.skip
             && !(tolerance.is_finite() && tolerance >= 0.0)
         {
-            let expected = "a finite number that is not negative".to_owned();
-            return Err(EngineError::Option { what: "tolerance", expected, found: tolerance.to_string() });
+            return Err(option("tolerance", "a finite number that is not negative", tolerance));
         }
         let (bytes, limit) = (network.engine_bytes(options), options.memory_limit);
         if bytes > limit {
@@ -83,25 +92,38 @@ impl FrameEngine {
         &self.network
     }
 
-    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and what they read, run; the others
-    /// wait for [`Self::predict`].
+    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and the layers that they read, run
+    /// now; the others run at the next [`Self::predict`].
     ///
     /// # Errors
-    /// [`EngineError::Option`] for another number of values, or one that is not finite: nothing has changed then.
+    /// [`EngineError::FrameLength`] for another number of values, [`EngineError::FrameValue`] for a value that is not
+    /// finite. The engine stays as it is then.
     pub fn push(&mut self, frame: &[f32]) -> Result<(), EngineError> {
-        let expected = self.network.input().values();
-        if frame.len() != expected {
-            let (expected, found) =
-                (format!("{expected} ({})", self.network.input()), frame.len().to_string());
-            return Err(EngineError::Option { what: "values of a frame", expected, found });
+        let input = self.network.input();
+        if frame.len() != input.values() {
+            return Err(EngineError::FrameLength { expected: input, found: frame.len() });
+        }
+        self.push_slice(frame)
+    }
+
+    /// Takes frames that follow each other in `frames`, as [`Self::push`] takes one.
+    ///
+    /// # Errors
+    /// As [`Self::push`], with places counted over all of `frames`. No frame is taken then.
+    pub fn push_slice(&mut self, frames: &[f32]) -> Result<(), EngineError> {
+        let input = self.network.input();
+        if !frames.len().is_multiple_of(input.values()) {
+            return Err(EngineError::FrameLength { expected: input, found: frames.len() });
         }
         // Without a branch, so that it takes vectors.
-        let finite = frame.iter().fold(true, |finite, v| finite & v.is_finite());
-        if let Some(at) = (!finite).then(|| frame.iter().position(|v| !v.is_finite())).flatten() {
-            let (expected, found) = ("finite values".to_owned(), format!("{} as value {at}", frame[at]));
-            return Err(EngineError::Option { what: "frame", expected, found });
+        if !frames.iter().fold(true, |finite, value| finite & value.is_finite())
+            && let Some((at, &value)) = frames.iter().enumerate().find(|(_, value)| !value.is_finite())
+        {
+            return Err(EngineError::FrameValue { at, value });
         }
-        self.state.push(&self.network, self.options, frame);
+        frames
+            .chunks_exact(input.values())
+            .for_each(|frame| self.state.push(&self.network, self.options, frame));
         Ok(())
     }
 
@@ -123,19 +145,24 @@ impl FrameEngine {
         self.state.reset(&self.network);
     }
 
-    /// The state, to go back to.
+    /// The state as it is, to return to.
     pub fn snapshot(&self) -> FrameSnapshot {
-        FrameSnapshot(self.clone())
+        SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Goes back to `snapshot`, counters too. Options that reach no result (all but [`FrameOptions::skip`] and
-    /// [`FrameOptions::sparse`]) stay this engine's own.
+    /// Returns to `snapshot`, counters included. Options that no result depends on (all but [`FrameOptions::skip`] and
+    /// [`FrameOptions::sparse`]) stay this engine's own. A snapshot made of bytes is restored as by
+    /// [`Self::restore_bytes`].
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`FrameNetwork::fingerprint`]), or with another
-    /// way to skip; the engine stays as it is.
+    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`FrameNetwork::fingerprint`]), another
+    /// [`FrameOptions::skip`] or [`FrameOptions::sparse`]; for a snapshot made of bytes, those of [`Self::restore_bytes`].
+    /// The engine stays as it is then.
     pub fn restore(&mut self, snapshot: &FrameSnapshot) -> Result<(), EngineError> {
-        let other = &snapshot.0;
+        let other = match &snapshot.0 {
+            Content::Copy(engine) => engine,
+            Content::Bytes(bytes) => return self.restore_bytes(bytes),
+        };
         self.check_network(other.network.fingerprint(), other.network.name())?;
         self.check_skip(other.options.skip, other.options.sparse)?;
         self.state.clone_from(&other.state);

@@ -3,7 +3,7 @@
 //! A layer knows which pixels of what it reads have changed since it last ran. Layers with a state, and what they read,
 //! run with every frame; the others when a prediction is read, so that the changes of several frames meet in one.
 
-mod stored;
+mod snapshot;
 
 use super::buffer::Buffer;
 use super::changes::Changes;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Engine, EngineError, Event, Options, Sensor};
 use meissner_models::{AnyDescription, Description, FrameDescription, draw};
 
@@ -76,8 +76,7 @@ fn frames(description: &FrameDescription) {
     let parts = parts.unwrap_or_else(|e| panic!("a checked description: {e}"));
     let network = FrameNetwork::new(parts, Convolution::Direct)
         .unwrap_or_else(|e| panic!("a checked description: {e}"));
-    let mut engine = FrameEngine::new(Arc::new(network), FrameOptions::default())
-        .unwrap_or_else(|e| panic!("a checked description: {e}"));
+    let mut engine = FrameEngine::new(network).unwrap_or_else(|e| panic!("a checked description: {e}"));
     engine.push(&vec![0.5; values]).expect("a frame that fits");
     let prediction = engine.predict();
     assert!(matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. })), "{prediction:?}");

@@ -3,7 +3,7 @@
 //! The first byte picks the engine, the second whether length and checksum are made to fit what follows, so that a content
 //! that was made up is looked at.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_engine::{
@@ -69,7 +69,7 @@ fn engine(candidates: Candidates, tolerance: f32) -> Engine {
 
 fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
     let network = FrameNetwork::new(network(style, FRAME, 2, 1), Convolution::Direct).expect("layers fit");
-    let mut engine = FrameEngine::new(Arc::new(network), options).expect("admissible");
+    let mut engine = FrameEngine::with_options(network, options).expect("admissible");
     engine.go_on();
     engine
 }

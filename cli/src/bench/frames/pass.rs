@@ -83,7 +83,7 @@ impl FramePasses<'_> {
         L: FnMut(Taken<'_>) -> Result<(), CliError>,
     {
         let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
-        let engine = FrameEngine::new(self.model.network.clone(), options)?;
+        let engine = FrameEngine::with_options(self.model.network.clone(), options)?;
         let zeros = vec![0.0; self.model.network.input().values()];
         let mut feed = self.model.feed(self.field, self.moments.period_us)?;
         let mut at = At { engine, zeros, into, look, left: frames, since: Instant::now() };

@@ -82,7 +82,7 @@ impl Setting {
     pub(super) fn engine(self, parts: FrameNetworkParts) -> Result<FrameEngine, CliError> {
         let skip = self.tolerance.map_or(Skip::Exact, Skip::Tolerance);
         let network = Arc::new(FrameNetwork::new(parts, self.convolution)?);
-        Ok(FrameEngine::new(network, FrameOptions::new().with_skip(skip))?)
+        Ok(FrameEngine::with_options(network, FrameOptions::new().with_skip(skip))?)
     }
 }
 

@@ -17,19 +17,8 @@ use super::Engine;
 use crate::admission::{Admission, LatePolicy};
 use crate::counters::{EventCounters, LayerCounters, PredictionCounters};
 use crate::metric::Node;
-use crate::snapshot::{Kind, Reader, Writer, differs};
+use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
 use crate::{EngineError, Sensor};
-
-/// The whole state of an engine at one moment; see [`Engine::snapshot`].
-#[derive(Clone, Debug)]
-pub struct Snapshot(Engine);
-
-impl Snapshot {
-    /// As [`Engine::to_bytes`].
-    pub fn to_bytes(&self) -> Vec<u8> {
-        self.0.to_bytes()
-    }
-}
 
 /// What a state depends on beside events: an engine takes over no state of another origin.
 struct Origin<'a> {
@@ -55,22 +44,35 @@ impl Origin<'_> {
 /// Bytes of an event.
 const EVENT: usize = 13;
 
+impl Stored for Engine {
+    const KIND: Kind = Kind::Events;
+
+    fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
+        self.to_bytes_with(note)
+    }
+}
+
 impl Engine {
     /// The state as it is, to return to.
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot(self.clone())
+    pub fn snapshot(&self) -> SnapshotOf<Self> {
+        SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Returns to `snapshot`, counters included; what follows has the same bits as if nothing had been between. Options that
-    /// reach no result (all but tolerance and late policy) stay this engine's own.
+    /// Returns to `snapshot`, counters included. Later predictions have the same bits as if nothing had happened in between.
+    /// Options that no result depends on (all but tolerance and late policy) stay this engine's own. A snapshot made of bytes
+    /// is restored as by [`Self::restore_bytes`].
     ///
     /// # Errors
     /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`crate::Network::fingerprint`]), another
-    /// sensor, tolerance or late policy; the engine stays as it is.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), EngineError> {
-        let other = &snapshot.0;
+    /// sensor, tolerance or late policy; for a snapshot made of bytes, those of [`Self::restore_bytes`]. The engine stays as
+    /// it is then.
+    pub fn restore(&mut self, snapshot: &SnapshotOf<Self>) -> Result<(), EngineError> {
+        let other = match &snapshot.0 {
+            Content::Copy(engine) => engine,
+            Content::Bytes(bytes) => return self.restore_bytes(bytes),
+        };
         self.check_origin(&other.origin())?;
-        let mut restored = other.clone();
+        let mut restored = Self::clone(other);
         restored.step.run_as(&self.step);
         for log in &mut restored.log.layers {
             log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
