@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::frames::Region;
+use crate::frames::shape::Region;
 
 /// A layer was given parameters that it cannot compute with.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -1,12 +1,16 @@
-//! Direct convolutions with stride 1: y(p, o) = relu(b(o) + sum of x(p + place, i) W(o, i, place)).
+//! Direct convolutions.
 //!
-//! One chain of sums from the bias: over the input maps in order, the kernel's rows, its columns, the map's channels, all
-//! ascending. Places beyond the map add their zeros like all others. At the end +0 is added, so that no output is -0: a map
-//! of zeros leaves no trace then, and need not be read.
+//! - Stride 1: y(p, o) = relu(b(o) + sum of x(p + place, i) W(o, i, place)).
+//! - Transposed, 2 x 2 places with stride 2: each input pixel becomes four output pixels,
+//!   y(2 p + d, o) = relu(b(o) + sum over i of x(p, i) W(i, o, d)).
+//!
+//! Each output is one chain of sums that starts from the bias. The order of the sum is: input maps, rows of the kernel,
+//! columns of the kernel, channels of the map, all ascending. Places beyond the map add zeros like all other places. At
+//! the end +0 is added, so that no output is -0. A map of zeros therefore changes no output and need not be read.
 
 use super::layer::{Layer, Source};
-use super::region::Region;
-use super::view::{Band, View};
+use super::shape::Region;
+use super::view::{Band, Target, View};
 use super::weights::{ConvParts, Layout, Packed};
 use crate::error::KernelError;
 use crate::isa::Isa;
@@ -145,3 +149,66 @@ impl Conv3x3 {
 
 direct!(Conv3x3, 3);
 direct!(Conv1x1, 1);
+
+/// A layer that doubles height and width.
+#[derive(Clone, Debug)]
+pub struct TransposedConv2x2 {
+    inputs: Vec<usize>,
+    /// By place: upper left, upper right, lower left, lower right.
+    places: [Packed; 4],
+}
+
+impl TransposedConv2x2 {
+    /// Packs a layer's parameters.
+    ///
+    /// # Errors
+    /// A size that is zero, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
+        parts.check(4)?;
+        let packed = |d: usize| {
+            Packed::new(parts, parts.channels(), |row, o| {
+                let (_, i) = place(&parts.inputs, 1, row);
+                parts.weight(Layout::InputsFirst, 4, [i, d, o])
+            })
+        };
+        Ok(Self { inputs: parts.inputs.clone(), places: std::array::from_fn(packed) })
+    }
+
+    /// Output channels.
+    pub fn outputs(&self) -> usize {
+        self.places[0].outputs
+    }
+
+    /// Computes the four outputs of each pixel in `region`, a region of the inputs.
+    ///
+    /// # Errors
+    /// [`KernelError::Shape`] or [`KernelError::Length`] of a map that does not fit (the output has twice the inputs'
+    /// height and width), [`KernelError::Region`] where the region's outputs are not within the band.
+    pub fn run(
+        &self,
+        isa: Isa,
+        inputs: &[View<'_>],
+        region: Region,
+        mut out: Band<'_>,
+    ) -> Result<(), KernelError> {
+        let [height, width] = inputs.first().map_or([0; 2], |view| [view.shape.height, view.shape.width]);
+        check_inputs(&self.inputs, inputs, [height, width], 0)?;
+        region.check_within(height, width)?;
+        let Region { y, x, .. } = region;
+        let outputs = Region { y: 2 * y, x: 2 * x, height: 2 * region.height, width: 2 * region.width };
+        out.check([2 * height, 2 * width, self.outputs()], outputs)?;
+        if region.is_empty() {
+            return Ok(());
+        }
+        for (d, packed) in self.places.iter().enumerate() {
+            let sources = std::array::from_fn(|m| {
+                let view = inputs.get(m)?;
+                Some(Source::new(*view, 1, y + view.shape.halo, x + view.shape.halo))
+            });
+            let Target { values, row, pixel } = out.target(2 * y + d / 2, 2 * x + d % 2);
+            let target = Target { values, row: 2 * row, pixel: 2 * pixel };
+            isa.run(Layer { packed, sources, rows: region.height, columns: region.width, target });
+        }
+        Ok(())
+    }
+}

@@ -1,5 +1,6 @@
 //! Maps of activations, channels last, with a margin of zeros.
 
+use super::shape::Shape;
 use super::view::{Band, View};
 use crate::error::KernelError;
 use crate::isa::{flat_wide, flat_wide_mut};
@@ -12,43 +13,6 @@ pub struct FeatureMap {
     shape: Shape,
     /// The pixels with their halo, row after row, and one vector more, so that a vector may be read at every value.
     data: Vec<Wide>,
-}
-
-/// Where the values of a map are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shape {
-    pub(super) height: usize,
-    pub(super) width: usize,
-    /// Channels of a pixel, and therefore values between pixels.
-    pub(super) channels: usize,
-    pub(super) halo: usize,
-}
-
-impl Shape {
-    /// Values between rows.
-    #[inline]
-    pub(super) fn row(&self) -> usize {
-        (self.width + 2 * self.halo) * self.channels
-    }
-
-    /// Where pixel (y, x) starts; counts from the halo's first pixel.
-    #[inline]
-    pub(super) fn stored(&self, y: usize, x: usize) -> usize {
-        y * self.row() + x * self.channels
-    }
-
-    /// Where pixel (y, x) starts.
-    #[inline]
-    pub(super) fn pixel(&self, y: usize, x: usize) -> usize {
-        self.stored(y + self.halo, x + self.halo)
-    }
-
-    /// Values, the halo's among them.
-    fn values(&self) -> Option<usize> {
-        let height = self.height.checked_add(2 * self.halo)?;
-        let width = self.width.checked_add(2 * self.halo)?;
-        height.checked_mul(width)?.checked_mul(self.channels)
-    }
 }
 
 impl FeatureMap {
@@ -172,5 +136,11 @@ impl FeatureMap {
     #[inline]
     pub fn band(&mut self) -> Band<'_> {
         Band::new(self.shape, flat_wide_mut(&mut self.data))
+    }
+}
+
+impl<'a> From<&'a FeatureMap> for View<'a> {
+    fn from(map: &'a FeatureMap) -> Self {
+        map.view()
     }
 }

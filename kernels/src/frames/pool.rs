@@ -3,7 +3,7 @@
 //! Maximum: of the pixels row by row, a later one only where it is larger or NaN; a window that holds NaN is NaN. Averages: sums from +0 in the order that each
 //! function states, times the inverse of their number rounded to f32.
 
-use super::region::Region;
+use super::shape::Region;
 use super::tiles::store_some;
 use super::view::{Band, View};
 use crate::error::KernelError;

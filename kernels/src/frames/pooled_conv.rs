@@ -3,7 +3,7 @@
 
 use super::conv::{Conv3x3, check_inputs};
 use super::layer::{Layer, Source};
-use super::region::Region;
+use super::shape::Region;
 use super::tiles::store_some;
 use super::view::{Band, Target, View};
 use crate::error::KernelError;

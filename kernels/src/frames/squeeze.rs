@@ -3,7 +3,7 @@
 //! The mean is [`global_average`]'s, the two layers are [`Dense`]; each product with s is rounded.
 
 use super::pool::global_average;
-use super::region::Region;
+use super::shape::Region;
 use super::view::{Band, View};
 use crate::dense::{Activation, Dense};
 use crate::error::KernelError;

@@ -2,8 +2,7 @@
 //!
 //! A concatenation along channels is one map into whose channels two layers write.
 
-use super::feature_map::{FeatureMap, Shape};
-use super::region::Region;
+use super::shape::{Region, Shape};
 use crate::error::KernelError;
 
 /// Neighbouring channels of a map, to read.
@@ -53,12 +52,6 @@ impl<'a> View<'a> {
             return Err(KernelError::Size { what: "halo of an input map", expected, found });
         }
         Ok(())
-    }
-}
-
-impl<'a> From<&'a FeatureMap> for View<'a> {
-    fn from(map: &'a FeatureMap) -> Self {
-        map.view()
     }
 }
 
@@ -164,4 +157,28 @@ fn check_channels(all: usize, first: usize, count: usize) -> Result<(), KernelEr
         return Err(KernelError::Size { what: "last channel", expected: "a channel of the map", found });
     }
     Ok(())
+}
+
+impl Region {
+    /// Refuses a region that reaches beyond `height` x `width`.
+    pub(super) fn check_within(&self, height: usize, width: usize) -> Result<(), KernelError> {
+        let fits = |first: usize, count: usize, size: usize| first <= size && count <= size - first;
+        if fits(self.y, self.height, height) && fits(self.x, self.width, width) {
+            return Ok(());
+        }
+        Err(KernelError::Region { expected: "a rectangle", height, width, found: *self })
+    }
+
+    /// Refuses a region that cuts through a tile of `size` x `size`; tiles start at the map's first row and column, and
+    /// the last ones end with the map.
+    pub(super) fn check_tiles(&self, size: usize, height: usize, width: usize) -> Result<(), KernelError> {
+        self.check_within(height, width)?;
+        let whole = |first: usize, count: usize, end: usize| {
+            first.is_multiple_of(size) && (count.is_multiple_of(size) || first + count == end)
+        };
+        if whole(self.y, self.height, height) && whole(self.x, self.width, width) {
+            return Ok(());
+        }
+        Err(KernelError::Region { expected: "whole tiles", height, width, found: *self })
+    }
 }

@@ -7,9 +7,8 @@ use std::arch::x86_64::{
     _mm256_set1_epi32, _mm256_set1_ps, _mm256_slli_epi32, _mm256_storeu_ps, _mm256_sub_ps,
 };
 
-use super::exponent::exponent;
-use super::registers::register;
-use super::{Simd, Task, Vector};
+use super::registers::{exponent, register};
+use super::vector::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
 /// The proof of AVX2 and FMA.

@@ -11,9 +11,8 @@ use std::arch::x86_64::{
     _mm512_set1_epi32, _mm512_set1_ps, _mm512_slli_epi32, _mm512_storeu_ps, _mm512_sub_ps,
 };
 
-use super::exponent::exponent;
-use super::registers::register;
-use super::{Simd, Task, Vector};
+use super::registers::{exponent, register};
+use super::vector::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
 /// The proof of these instructions.

@@ -3,7 +3,7 @@
 //! Their sizes are checked once, before the loop: checks inside it, and the registers that they take, cost half of the
 //! speed.
 
-use super::{Simd, Vector};
+use super::vector::{Simd, Vector};
 use crate::lanes::{LANES, Wide};
 
 /// Values of a [`Wide`].
@@ -183,7 +183,7 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
 #[cfg(test)]
 mod tests {
     use super::{Runs, accumulate, accumulate_runs, accumulate_wide};
-    use crate::isa::Portable;
+    use crate::isa::portable::Portable;
     use crate::lanes::{LANES, Lanes, Wide};
 
     const WEIGHT: [Lanes; 2] = [Lanes::ZERO; 2];

@@ -1,6 +1,6 @@
 //! The inner loop of convolutions over planes: a few outputs times a few vectors of neighbouring positions.
 
-use super::{Simd, Vector};
+use super::vector::{Simd, Vector};
 
 /// Where the taps of a 3 x 3 window lie: that of row dy and column dx, in channel c, at `c plane + dy stride + dx`.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +67,7 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
 #[cfg(test)]
 mod tests {
     use super::{Taps, accumulate_taps};
-    use crate::isa::Portable;
+    use crate::isa::portable::Portable;
     use crate::lanes::LANES;
 
     fn accumulate(stride: usize, plane: usize) {

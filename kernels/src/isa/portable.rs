@@ -1,6 +1,6 @@
 //! The instructions that the build's target guarantees.
 
-use super::{Simd, Task, Vector};
+use super::vector::{Exponent, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
 /// Plain arrays, which the compiler vectorises as far as the target goes.
@@ -77,11 +77,37 @@ macro_rules! array {
                 (0..$n).fold(0, |bits, i| bits | u32::from(self[i].to_bits() != other[i].to_bits()) << i)
             }
         }
+
+        impl Exponent<Portable> for [f32; $n] {
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                std::array::from_fn(|i| self[i] / other[i])
+            }
+            #[inline(always)]
+            fn power_of_two(self, _: Portable, more: i32) -> Self {
+                std::array::from_fn(|i| power_of_two(self[i], more))
+            }
+            #[inline(always)]
+            fn with_sign(self, _: Portable, of: Self) -> Self {
+                std::array::from_fn(|i| self[i].copysign(of[i]))
+            }
+            #[inline(always)]
+            fn where_negative(self, of: Self, other: Self) -> Self {
+                std::array::from_fn(|i| if of[i].is_sign_negative() { self[i] } else { other[i] })
+            }
+        }
     };
 }
 
 array!(8, Lanes);
 array!(16, Wide);
+
+/// 2^(n + more), where `shifted` is 1.5 2^23 + n.
+#[inline(always)]
+fn power_of_two(shifted: f32, more: i32) -> f32 {
+    // The shift leaves n, modulo 2^9, where the exponent is.
+    f32::from_bits((shifted.to_bits() << 23).wrapping_add(((127 + more) << 23) as u32))
+}
 
 /// a b + c, rounded once.
 ///

@@ -75,4 +75,36 @@ macro_rules! register {
     };
 }
 
-pub(super) use register;
+/// Implements [`Exponent`] for a register, from an instruction set's own names.
+macro_rules! exponent {
+    ($simd:ty, $vector:ident, [$set1:ident, $div:ident, $and:ident, $andnot:ident, $or:ident],
+     [$set1_i:ident, $shift:ident, $add_i:ident, $to_i:ident, $to_f:ident], $blend:expr) => {
+        impl $crate::isa::vector::Exponent<$simd> for $vector {
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $div(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn power_of_two(self, _: $simd, more: i32) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $to_f($add_i($shift::<23>($to_i(self.0)), $set1_i((127 + more) << 23))) })
+            }
+            #[inline(always)]
+            fn with_sign(self, _: $simd, of: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe {
+                    let sign = $set1(-0.0);
+                    $or($and(sign, of.0), $andnot(sign, self.0))
+                })
+            }
+            #[inline(always)]
+            fn where_negative(self, of: Self, other: Self) -> Self {
+                // SAFETY: a vector exists after its proof alone.
+                Self(unsafe { $blend(self.0, of.0, other.0) })
+            }
+        }
+    };
+}
+
+pub(super) use {exponent, register};

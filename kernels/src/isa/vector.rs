@@ -1,7 +1,15 @@
 //! What a kernel may do with vectors.
 
-use super::{Exponent, Task};
 use crate::lanes::{Lanes, Wide};
+
+/// Work that can be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so must be all that
+/// it calls in its inner loops, or it runs with the build's baseline instructions.
+pub trait Task {
+    /// What the work returns.
+    type Output;
+    /// Does the work with `simd`'s vectors.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
 
 /// An instruction set, as a value that proves that the processor has it.
 pub trait Simd: Copy {
@@ -87,5 +95,44 @@ pub trait Vector<S>: Copy {
             *value = f(*value);
         }
         Self::load(simd, &values)
+    }
+}
+
+/// A register of f32 that can be divided, and whose bits can be made and moved.
+pub trait Exponent<S>: Vector<S> {
+    /// self / other.
+    #[must_use]
+    fn div(self, other: Self) -> Self;
+    /// 2^(n + more), where self is 1.5 2^23 + n and -126 <= n + more <= 127.
+    #[must_use]
+    fn power_of_two(self, simd: S, more: i32) -> Self;
+    /// Its magnitude with the sign of `of`.
+    #[must_use]
+    fn with_sign(self, simd: S, of: Self) -> Self;
+    /// Itself where `of` has the sign bit, else `other`.
+    #[must_use]
+    fn where_negative(self, of: Self, other: Self) -> Self;
+}
+
+/// Two registers used as one.
+impl<S: Copy, V: Exponent<S>> Exponent<S> for [V; 2]
+where
+    Self: Vector<S>,
+{
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        [self[0].div(other[0]), self[1].div(other[1])]
+    }
+    #[inline(always)]
+    fn power_of_two(self, simd: S, more: i32) -> Self {
+        [self[0].power_of_two(simd, more), self[1].power_of_two(simd, more)]
+    }
+    #[inline(always)]
+    fn with_sign(self, simd: S, of: Self) -> Self {
+        [self[0].with_sign(simd, of[0]), self[1].with_sign(simd, of[1])]
+    }
+    #[inline(always)]
+    fn where_negative(self, of: Self, other: Self) -> Self {
+        [self[0].where_negative(of[0], other[0]), self[1].where_negative(of[1], other[1])]
     }
 }

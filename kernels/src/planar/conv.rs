@@ -11,8 +11,7 @@
 
 use std::ops::Range;
 
-use super::occupancy::Occupancy;
-use super::planes::{Planes, TILE, TileRegion};
+use super::planes::{Occupancy, Planes, TILE, TileRegion};
 use crate::error::{KernelError, check};
 use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
 

@@ -2,12 +2,11 @@
 
 use std::marker::PhantomData;
 
-use super::super::region::Region;
-use super::super::tiles::{LARGEST, Tiles, in_tiles, most, store_some};
-use super::super::view::{Target, View};
-use super::super::weights::{BLOCK, Packed};
-use super::ConvScratch;
 use super::transform::Transform;
+use crate::frames::shape::Region;
+use crate::frames::tiles::{LARGEST, Tiles, in_tiles, most, store_some};
+use crate::frames::view::{Target, View};
+use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
 use crate::lanes::Wide;
 
@@ -16,6 +15,17 @@ const AT_HAND: usize = 1 << 19;
 
 /// Most blocks of outputs that are computed at once.
 const BLOCKS: usize = 2;
+
+/// Memory that convolutions work in; grows to what the largest layer needs, and is then used again.
+#[derive(Clone, Debug, Default)]
+pub struct ConvScratch {
+    /// One patch of inputs that reaches beyond the map.
+    patch: Vec<Wide>,
+    /// Transformed inputs: places, tiles, channels.
+    inputs: Vec<Wide>,
+    /// Sums: places, tiles, outputs of a block.
+    sums: Vec<Wide>,
+}
 
 /// A region of a layer's outputs.
 pub(super) struct Job<'a, T, const N: usize> {

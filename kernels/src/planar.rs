@@ -1,6 +1,13 @@
-//! Pooling of planes, window next to window; what does not fill a window at the right and below is left out.
+//! Images of few channels, one plane after the other: lanes run over neighbouring positions of a row, weights are the
+//! same for all of them. For images of many channels, channels-last is the better layout.
 
-use super::planes::Planes;
+mod conv;
+mod planes;
+
+pub use conv::PlanarConv3x3;
+pub(crate) use conv::RowOut;
+pub(crate) use planes::TILE;
+pub use planes::{Occupancy, Planes, TileRegion};
 
 /// The largest value of each 2 x 2 window; -0 becomes +0, which makes it free of order. A window that holds NaN is NaN. O(values).
 ///

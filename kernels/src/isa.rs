@@ -9,8 +9,6 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod exponent;
-mod memory;
 mod panel;
 mod planar;
 mod portable;
@@ -18,21 +16,12 @@ mod portable;
 mod registers;
 mod vector;
 
-pub use exponent::Exponent;
-pub(crate) use memory::{flat, flat_mut, flat_wide, flat_wide_mut, lanes_of_wide};
 pub(crate) use panel::{Runs, accumulate, accumulate_in_four, accumulate_runs, accumulate_wide};
 pub(crate) use planar::{Taps, accumulate_taps};
 pub use portable::{Portable, fused};
-pub use vector::{Simd, Vector};
+pub use vector::{Exponent, Simd, Task, Vector};
 
-/// Work that can be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so must be all that
-/// it calls in its inner loops, or it runs with the build's baseline instructions.
-pub trait Task {
-    /// What the work returns.
-    type Output;
-    /// Does the work with `simd`'s vectors.
-    fn run<S: Simd>(self, simd: S) -> Self::Output;
-}
+use crate::lanes::{LANES, Lanes, Wide};
 
 /// An instruction set that this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,4 +81,44 @@ impl Isa {
             Kind::Avx512(simd) => simd.enter(task),
         }
     }
+}
+
+const _: () = assert!(size_of::<Lanes>() == LANES * size_of::<f32>());
+const _: () =
+    assert!(size_of::<Wide>() == 2 * size_of::<Lanes>() && align_of::<Wide>() >= align_of::<Lanes>());
+
+/// The values of `lanes`, one after the other.
+#[inline(always)]
+pub(crate) fn flat(lanes: &[Lanes]) -> &[f32] {
+    // SAFETY: `Lanes` is `repr(C)` around [f32; LANES] and as large as that, so that a slice of it is LANES times as
+    // many f32 without a gap; alignment only loosens, and the lifetime is the same.
+    unsafe { std::slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * LANES) }
+}
+
+/// The values of `lanes`, to write.
+#[inline(always)]
+pub(crate) fn flat_mut(lanes: &mut [Lanes]) -> &mut [f32] {
+    // SAFETY: as in `flat`; any bits are a valid f32, and the borrow is unique.
+    unsafe { std::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), lanes.len() * LANES) }
+}
+
+/// The values of `wide`, one after the other.
+#[inline(always)]
+pub(crate) fn flat_wide(wide: &[Wide]) -> &[f32] {
+    // SAFETY: as in `flat`: `Wide` is `repr(C)` around [f32; 2 LANES] and as large as that.
+    unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2 * LANES) }
+}
+
+/// The values of `wide`, to write.
+#[inline(always)]
+pub(crate) fn flat_wide_mut(wide: &mut [Wide]) -> &mut [f32] {
+    // SAFETY: as in `flat_wide`; any bits are a valid f32, and the borrow is unique.
+    unsafe { std::slice::from_raw_parts_mut(wide.as_mut_ptr().cast(), wide.len() * 2 * LANES) }
+}
+
+/// The values of `wide`, in lanes.
+#[inline(always)]
+pub(crate) fn lanes_of_wide(wide: &[Wide]) -> &[Lanes] {
+    // SAFETY: a `Wide` is as large as two `Lanes`, both are f32 without a gap, and alignment only loosens.
+    unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2) }
 }

@@ -13,15 +13,16 @@
 mod run;
 mod transform;
 
+pub use self::run::ConvScratch;
+
 use self::run::Job;
 use self::transform::{Four, Transform, Two};
 use super::conv::check_inputs;
-use super::region::Region;
+use super::shape::Region;
 use super::view::{Band, View};
 use super::weights::{ConvParts, Layout, Packed};
 use crate::error::KernelError;
 use crate::isa::Isa;
-use crate::lanes::Wide;
 
 /// How many outputs a tile has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,17 +41,6 @@ impl WinogradTile {
             Self::Four => Four::OUT,
         }
     }
-}
-
-/// Memory that convolutions work in; grows to what the largest layer needs, and is then used again.
-#[derive(Clone, Debug, Default)]
-pub struct ConvScratch {
-    /// One patch of inputs that reaches beyond the map.
-    patch: Vec<Wide>,
-    /// Transformed inputs: places, tiles, channels.
-    inputs: Vec<Wide>,
-    /// Sums: places, tiles, outputs of a block.
-    sums: Vec<Wide>,
 }
 
 /// A convolution of 3 x 3 places with padding 1, by tiles.
