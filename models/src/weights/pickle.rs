@@ -1,14 +1,14 @@
-//! The part of pickle (protocol 2) that a state dict needs, read as data.
+//! Reads the part of pickle (protocol 2) that a state dict needs, as data.
 //!
 //! Enters: the bytes of `data.pkl`. Leaves: a tree of plain values, with tensors as references to storages. Nothing is
-//! executed: a global is one of a fixed list or refused, REDUCE knows three callables, each of which only makes a
-//! value here, and BUILD only drops attributes. Invariant: every value costs at least one byte of input and containers
-//! live in arenas, so that memory is linear in the input and no value, however nested, is visited by recursion.
+//! executed. A global outside a fixed list is refused. REDUCE knows three callables, each of which only makes a value here.
+//! BUILD only drops attributes. Invariant: every value costs at least one byte of input, and containers live in arenas.
+//! Memory is therefore linear in the input, and deeply nested values need no recursion.
 
-use super::FormatError;
-use super::scalar::Float;
+use super::error::FormatError;
+use super::tensor::Float;
 
-/// A value; containers by their place in an arena.
+/// A value. Containers are indices into an arena.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Value<'a> {
     None,
@@ -25,7 +25,7 @@ pub(super) enum Value<'a> {
     Tensor(usize),
 }
 
-/// What may be named.
+/// A global that a pickle may name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Global {
     OrderedDict,
@@ -60,7 +60,7 @@ pub(super) struct View<'a> {
     pub(super) strides: Vec<usize>,
 }
 
-/// What a pickle holds.
+/// The content of a pickle.
 #[derive(Debug)]
 pub(super) struct Pickle<'a> {
     pub(super) root: Value<'a>,
@@ -70,17 +70,17 @@ pub(super) struct Pickle<'a> {
 
 /// Reads a pickle.
 pub(super) fn read(bytes: &[u8]) -> Result<Pickle<'_>, FormatError> {
-    let mut machine = Machine { bytes, ..Machine::default() };
+    let mut unpickler = Unpickler { bytes, ..Unpickler::default() };
     loop {
-        machine.opcode = machine.at;
-        if let Some(root) = machine.step()? {
-            return Ok(Pickle { root, dicts: machine.dicts, tensors: machine.tensors });
+        unpickler.opcode = unpickler.at;
+        if let Some(root) = unpickler.step()? {
+            return Ok(Pickle { root, dicts: unpickler.dicts, tensors: unpickler.tensors });
         }
     }
 }
 
 #[derive(Default)]
-struct Machine<'a> {
+struct Unpickler<'a> {
     bytes: &'a [u8],
     at: usize,
     /// Where the current instruction starts, for messages.
@@ -94,7 +94,7 @@ struct Machine<'a> {
     tensors: Vec<View<'a>>,
 }
 
-impl<'a> Machine<'a> {
+impl<'a> Unpickler<'a> {
     fn refuse<T>(&self, expected: &'static str, found: impl Into<String>) -> Result<T, FormatError> {
         Err(FormatError::Pickle { at: self.opcode, expected, found: found.into() })
     }
@@ -184,7 +184,7 @@ impl<'a> Machine<'a> {
         self.stack.last().map_or("nothing", |v| v.kind())
     }
 
-    /// Executes no more than this: one instruction; the result at STOP.
+    /// Reads one instruction; returns the result at STOP.
     fn step(&mut self) -> Result<Option<Value<'a>>, FormatError> {
         let opcode = self.take(1)?[0];
         match opcode {
@@ -197,15 +197,13 @@ impl<'a> Machine<'a> {
             b'N' => self.stack.push(Value::None),
             0x88 => self.stack.push(Value::Bool(true)),
             0x89 => self.stack.push(Value::Bool(false)),
-            b'K' | b'M' => {
-                let number = self.number(if opcode == b'K' { 1 } else { 2 })?;
-                self.stack.push(Value::Int(number as i64));
+            b'K' => self.push_integer(1, false)?,
+            b'M' => self.push_integer(2, false)?,
+            b'J' => self.push_integer(4, true)?,
+            0x8a => {
+                let length = usize::from(self.take(1)?[0]);
+                self.push_integer(length, true)?;
             }
-            b'J' => {
-                let number = self.number(4)? as u32 as i32;
-                self.stack.push(Value::Int(number.into()));
-            }
-            0x8a => self.long()?,
             b'G' => {
                 let bits = self.number(8)?.swap_bytes();
                 self.stack.push(Value::Float(f64::from_bits(bits)));
@@ -258,15 +256,14 @@ impl<'a> Machine<'a> {
         Ok(None)
     }
 
-    /// LONG1: two's complement of up to 8 bytes.
-    fn long(&mut self) -> Result<(), FormatError> {
-        let length = usize::from(self.take(1)?[0]);
+    /// An integer of `length` bytes, in two's complement where it is `signed`.
+    fn push_integer(&mut self, length: usize, signed: bool) -> Result<(), FormatError> {
         if length > 8 {
             return self.refuse("an integer of at most 8 bytes", length.to_string());
         }
-        let unused = 64 - 8 * length as u32;
-        let number = self.number(length)?.checked_shl(unused).unwrap_or(0) as i64;
-        self.stack.push(Value::Int(number.checked_shr(unused).unwrap_or(0)));
+        let number = self.number(length)? as i64;
+        let unused = if signed && length > 0 { 64 - 8 * length as u32 } else { 0 };
+        self.stack.push(Value::Int(number << unused >> unused));
         Ok(())
     }
 
@@ -285,22 +282,26 @@ impl<'a> Machine<'a> {
 
     fn global(&mut self) -> Result<(), FormatError> {
         let (module, name) = (self.line()?, self.line()?);
-        let other = |name| Some(Global::Storage(Scalar::Other(name)));
-        let float = |float| Some(Global::Storage(Scalar::Float(float)));
+        let storage = |name: &str| {
+            Some(Global::Storage(match name {
+                "FloatStorage" => Scalar::Float(Float::F32),
+                "DoubleStorage" => Scalar::Float(Float::F64),
+                "HalfStorage" => Scalar::Float(Float::F16),
+                "BFloat16Storage" => Scalar::Float(Float::Bf16),
+                "LongStorage" => Scalar::Other("int64"),
+                "IntStorage" => Scalar::Other("int32"),
+                "ShortStorage" => Scalar::Other("int16"),
+                "CharStorage" => Scalar::Other("int8"),
+                "ByteStorage" => Scalar::Other("uint8"),
+                "BoolStorage" => Scalar::Other("bool"),
+                _ => return None,
+            }))
+        };
         let global = match (module, name) {
             ("collections", "OrderedDict") => Some(Global::OrderedDict),
             ("torch._utils", "_rebuild_tensor_v2") => Some(Global::RebuildTensor),
             ("torch._utils", "_rebuild_parameter") => Some(Global::RebuildParameter),
-            ("torch", "FloatStorage") => float(Float::F32),
-            ("torch", "DoubleStorage") => float(Float::F64),
-            ("torch", "HalfStorage") => float(Float::F16),
-            ("torch", "BFloat16Storage") => float(Float::Bf16),
-            ("torch", "LongStorage") => other("int64"),
-            ("torch", "IntStorage") => other("int32"),
-            ("torch", "ShortStorage") => other("int16"),
-            ("torch", "CharStorage") => other("int8"),
-            ("torch", "ByteStorage") => other("uint8"),
-            ("torch", "BoolStorage") => other("bool"),
+            ("torch", name) => storage(name),
             _ => None,
         };
         let Some(global) = global else {

@@ -1,22 +1,30 @@
-//! safetensors: read through the `safetensors` crate, which checks every offset; written by [`TensorFile`].
+//! The safetensors format: read through the `safetensors` crate, which checks every offset, and written here.
 //!
-//! The crate takes the last of two tensors of one name; here both are refused, as the format asks for.
+//! Reading: the crate takes the last of two tensors with one name. Here two tensors with one name are refused, as the
+//! format requires.
+//!
+//! Writing: equal contents give equal bytes, because arrays and metadata are ordered by name (the crate orders metadata by
+//! a random hash). Arrays with wider values come first, so every array starts at a multiple of its values' size.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use safetensors::tensor::{Dtype, SafeTensors};
+use serde::Serialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
-use super::format::quoted;
-use super::scalar::Float;
-use super::{FormatError, Tensor, TensorFile, Weights};
+use super::error::{FormatError, quoted};
+use super::tensor::{Float, Tensor};
 
-/// Longest header: some 100,000 tensors. A byte of it may become ten.
+/// Longest header: about 100,000 tensors. One byte of a header can take ten bytes of memory.
 const LARGEST_HEADER: u64 = 1 << 24;
 
+/// The tensors and the metadata of a safetensors file.
+type Contents = (BTreeMap<String, Tensor>, BTreeMap<String, String>);
+
 /// Reads the bytes of a safetensors file.
-pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
+pub(super) fn read(bytes: &[u8]) -> Result<Contents, FormatError> {
     if let Some(&length) = bytes.first_chunk() {
         let length = u64::from_le_bytes(length);
         if length > LARGEST_HEADER {
@@ -26,7 +34,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
     }
     let invalid = |e: safetensors::SafeTensorError| FormatError::Safetensors(quoted(&e.to_string()));
     let (length, header) = SafeTensors::read_metadata(bytes).map_err(invalid)?;
-    // The crate has read as much.
     let names = serde_json::Deserializer::from_slice(&bytes[8..8 + length]).deserialize_map(Names);
     names.map_err(|e| FormatError::Safetensors(e.to_string()))?;
     let file = SafeTensors::deserialize(bytes).map_err(invalid)?;
@@ -57,10 +64,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
         tensors.insert(name.to_owned(), tensor);
     }
     let metadata = header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())).collect();
-    Ok(Weights { tensors, metadata })
+    Ok((tensors, metadata))
 }
 
-/// The names of a header, each of which there is once.
+/// Visits a header and refuses a second tensor with the same name.
 struct Names;
 
 impl<'de> Visitor<'de> for Names {
@@ -85,13 +92,152 @@ impl<'de> Visitor<'de> for Names {
     }
 }
 
-/// The bytes of a safetensors file with the floating-point tensors.
-pub(super) fn write(weights: &Weights, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-    let mut file = TensorFile::new(metadata.clone());
-    for (name, tensor) in weights.iter() {
-        if let Some(values) = tensor.values() {
-            file.f32(name, tensor.shape(), values);
-        }
+/// Named arrays and metadata that become one safetensors file.
+#[derive(Clone, Debug, Default)]
+pub struct TensorFile {
+    arrays: Vec<Array>,
+    metadata: BTreeMap<String, String>,
+}
+
+#[derive(Clone, Debug)]
+struct Array {
+    name: String,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+/// An entry of the header: the metadata or an array.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Entry<'a> {
+    Metadata(&'a BTreeMap<String, String>),
+    Array { dtype: Dtype, shape: &'a [usize], data_offsets: [usize; 2] },
+}
+
+impl TensorFile {
+    /// A file without arrays and with this metadata.
+    pub fn new(metadata: BTreeMap<String, String>) -> Self {
+        Self { arrays: Vec::new(), metadata }
     }
-    file.into_bytes()
+
+    /// Adds an array of F32, row-major.
+    ///
+    /// # Panics
+    /// Where `shape` has another number of values, or the file has an array `name` already.
+    pub fn f32(&mut self, name: &str, shape: &[usize], values: &[f32]) {
+        self.add(name, Dtype::F32, shape, values.iter().copied().map(f32::to_le_bytes));
+    }
+
+    /// Adds an array of I32, row-major.
+    ///
+    /// # Panics
+    /// As [`Self::f32`].
+    pub fn i32(&mut self, name: &str, shape: &[usize], values: &[i32]) {
+        self.add(name, Dtype::I32, shape, values.iter().copied().map(i32::to_le_bytes));
+    }
+
+    /// Adds an array of I64, row-major.
+    ///
+    /// # Panics
+    /// As [`Self::f32`].
+    pub fn i64(&mut self, name: &str, shape: &[usize], values: &[i64]) {
+        self.add(name, Dtype::I64, shape, values.iter().copied().map(i64::to_le_bytes));
+    }
+
+    fn add<const N: usize>(
+        &mut self,
+        name: &str,
+        dtype: Dtype,
+        shape: &[usize],
+        values: impl Iterator<Item = [u8; N]>,
+    ) {
+        let bytes: Vec<u8> = values.flatten().collect();
+        let expected = shape.iter().fold(N, |bytes, &side| bytes.saturating_mul(side));
+        assert_eq!(bytes.len(), expected, "{name}: bytes of shape {shape:?}");
+        assert!(self.arrays.iter().all(|array| array.name != name), "{name}: one array of a name");
+        self.arrays.push(Array { name: name.to_owned(), dtype, shape: shape.to_owned(), bytes });
+    }
+
+    /// The bytes of the file; equal contents give equal bytes.
+    ///
+    /// # Panics
+    /// Never: names, numbers and strings always serialise.
+    pub fn into_bytes(mut self) -> Vec<u8> {
+        let order = |array: &Array| (Reverse(array.dtype.bitsize()), array.name.clone());
+        self.arrays.sort_by_cached_key(order);
+        let mut header = BTreeMap::new();
+        let mut end = 0;
+        for array in &self.arrays {
+            let data_offsets = [end, end + array.bytes.len()];
+            end = data_offsets[1];
+            let entry = Entry::Array { dtype: array.dtype, shape: &array.shape, data_offsets };
+            header.insert(array.name.as_str(), entry);
+        }
+        if !self.metadata.is_empty() {
+            header.insert("__metadata__", Entry::Metadata(&self.metadata));
+        }
+        let mut header = serde_json::to_vec(&header).expect("names, numbers and strings always serialise");
+        // Values start at a multiple of 8, which readers that map the file rely on.
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let mut bytes = Vec::with_capacity(8 + header.len() + end);
+        bytes.extend((header.len() as u64).to_le_bytes());
+        bytes.extend(header);
+        self.arrays.iter().for_each(|array| bytes.extend(&array.bytes));
+        bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use safetensors::{Dtype, SafeTensors};
+
+    use super::TensorFile;
+
+    fn file(order: [usize; 3]) -> Vec<u8> {
+        let remark = [("of".to_owned(), "a \"test\"".to_owned())];
+        let mut file = TensorFile::new(remark.into());
+        for which in order {
+            match which {
+                0 => file.f32("a", &[1, 3], &[1.0, -2.0, 0.5]),
+                1 => file.i64("b", &[2], &[-1, 1 << 40]),
+                _ => file.f32("c", &[0, 4], &[]),
+            }
+        }
+        file.into_bytes()
+    }
+
+    #[test]
+    fn a_file_holds_what_was_added_whatever_the_order() {
+        let bytes = file([0, 1, 2]);
+        assert_eq!(bytes, file([2, 1, 0]));
+        let read = SafeTensors::deserialize(&bytes).expect("a valid file");
+        let integers = read.tensor("b").expect("there");
+        assert_eq!((integers.dtype(), integers.shape()), (Dtype::I64, &[2][..]));
+        assert_eq!(integers.data(), [(-1_i64).to_le_bytes(), (1_i64 << 40).to_le_bytes()].concat());
+        assert_eq!(
+            read.tensor("a").expect("there").data(),
+            [1.0_f32, -2.0, 0.5].map(f32::to_le_bytes).concat()
+        );
+        assert_eq!(read.tensor("c").expect("there").shape(), [0, 4]);
+        let (_, header) = SafeTensors::read_metadata(&bytes).expect("a valid header");
+        assert_eq!(
+            header.metadata().as_ref().and_then(|m| m.get("of")).map(String::as_str),
+            Some("a \"test\"")
+        );
+    }
+
+    #[test]
+    fn arrays_start_at_multiples_of_their_values_size() {
+        let bytes = file([0, 1, 2]);
+        let start = 8 + u64::from_le_bytes(bytes[..8].try_into().expect("8 bytes")) as usize;
+        assert!(start.is_multiple_of(8));
+        assert_eq!(bytes[start..][..8], (-1_i64).to_le_bytes(), "the integers come first");
+    }
+
+    #[test]
+    #[should_panic(expected = "bytes of shape")]
+    fn an_array_has_as_many_values_as_its_shape() {
+        TensorFile::default().f32("a", &[2, 2], &[0.0; 3]);
+    }
 }

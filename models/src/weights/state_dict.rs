@@ -1,14 +1,14 @@
 //! `PyTorch` state dicts in the zip archives of `torch.save`: `data.pkl` names tensors, `data/<key>` holds their values.
 //!
-//! Enters: the archive's bytes. Leaves: [`Weights`]. Invariant: a tensor has no more values than its storage, and all
-//! together at most eight times the archive's bytes, checked before anything of that size is allocated.
+//! Enters: the bytes of an archive. Leaves: tensors by name. Invariant: a tensor has no more values than its storage, and
+//! all tensors together take at most eight times the archive's bytes. Both are checked before any memory is allocated.
 
 use std::collections::BTreeMap;
 
-use super::format::quoted;
+use super::error::{FormatError, quoted};
 use super::pickle::{self, Pickle, Scalar, Value, View};
-use super::zip::Archive;
-use super::{FormatError, Tensor, Weights};
+use super::tensor::Tensor;
+use super::zip;
 
 /// Keys under which checkpoints hold their state dict.
 const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
@@ -18,53 +18,46 @@ const NESTED_WORDS: &str = "\"state_dict\", \"model_state_dict\" or \"model\"";
 /// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
 const LARGEST_PICKLE: usize = 1 << 22;
 
-/// Whether `bytes` start as `torch.save` wrote before it wrote archives: a pickle of its magic number.
+/// Whether `bytes` start with the magic number that `torch.save` wrote before it wrote zip archives.
 pub(super) fn is_legacy(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20])
 }
 
-/// Reads the bytes of a `.pt` or `.pth` file.
-pub(super) fn read(bytes: &[u8]) -> Result<Weights, FormatError> {
-    let archive = Archive::open(bytes)?;
+/// Reads the tensors of a `.pt` or `.pth` file.
+pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError> {
+    let entries = zip::entries(bytes)?;
     let is_root = |root: &&str| root.is_empty() || root.ends_with('/');
-    let root = archive.names().filter_map(|name| name.strip_suffix("data.pkl")).find(is_root);
-    let pickle = match root {
-        Some(root) => archive.get(&format!("{root}data.pkl"))?,
-        None => None,
-    };
-    let (Some(root), Some(pickle)) = (root, pickle) else {
+    let Some(root) = entries.keys().filter_map(|name| name.strip_suffix("data.pkl")).find(is_root) else {
         return Err(FormatError::Zip {
             what: "archive".to_owned(),
             expected: "an entry \"data.pkl\"".to_owned(),
-            found: format!("{} other entries", archive.names().count()),
+            found: format!("{} other entries", entries.len()),
         });
     };
+    let refuse = |name: &str, expected: String, found: String| {
+        Err(FormatError::Zip { what: quoted(&format!("{root}{name}")), expected, found })
+    };
+    let pickle = entries[&format!("{root}data.pkl")];
     if pickle.len() > LARGEST_PICKLE {
-        return Err(FormatError::Zip {
-            what: quoted(&format!("{root}data.pkl")),
-            expected: format!("at most {LARGEST_PICKLE} bytes"),
-            found: pickle.len().to_string(),
-        });
+        let expected = format!("at most {LARGEST_PICKLE} bytes");
+        return refuse("data.pkl", expected, pickle.len().to_string());
     }
-    if let Some(order) = archive.get(&format!("{root}byteorder"))?
+    if let Some(order) = entries.get(&format!("{root}byteorder"))
         && order.trim_ascii() != b"little"
     {
-        return Err(FormatError::Zip {
-            what: quoted(&format!("{root}byteorder")),
-            expected: "little".to_owned(),
-            found: String::from_utf8_lossy(order).chars().take(20).collect(),
-        });
+        let found = String::from_utf8_lossy(order).chars().take(20).collect();
+        return refuse("byteorder", "little".to_owned(), found);
     }
     let pickle = pickle::read(pickle)?;
-    let mut storages = Storages { archive, root, checked: BTreeMap::new(), values_left: 2 * bytes.len() };
+    let mut storages = Storages { entries: &entries, root, values_left: 2 * bytes.len() };
     let mut tensors = BTreeMap::new();
     for (name, view) in state_dict(&pickle)? {
         let tensor = storages.tensor(name, view)?;
         if tensors.insert(name.to_owned(), tensor).is_some() {
-            return Err(refuse(name, "name", "one tensor", "two"));
+            return Err(self::refuse(name, "name", "one tensor", "two"));
         }
     }
-    Ok(Weights { tensors, metadata: BTreeMap::new() })
+    Ok(tensors)
 }
 
 /// Names and tensors of the state dict in `pickle`.
@@ -108,35 +101,22 @@ fn refuse(
 }
 
 struct Storages<'a> {
-    archive: Archive<'a>,
+    entries: &'a BTreeMap<String, &'a [u8]>,
     root: &'a str,
-    /// Entries that were read, so that many tensors in one storage check it once.
-    checked: BTreeMap<&'a str, &'a [u8]>,
     /// Values that may still be allocated.
     values_left: usize,
 }
 
-impl<'a> Storages<'a> {
-    fn bytes(&mut self, name: &str, view: &View<'a>) -> Result<&'a [u8], FormatError> {
-        let key = view.storage.key;
-        if let Some(bytes) = self.checked.get(key) {
-            return Ok(bytes);
-        }
-        let entry = format!("{}data/{key}", self.root);
-        let bytes = self
-            .archive
-            .get(&entry)?
-            .ok_or_else(|| refuse(name, "storage", format!("entry \"{}\"", quoted(&entry)), "none"))?;
-        self.checked.insert(key, bytes);
-        Ok(bytes)
-    }
-
-    fn tensor(&mut self, name: &str, view: &View<'a>) -> Result<Tensor, FormatError> {
+impl Storages<'_> {
+    fn tensor(&mut self, name: &str, view: &View<'_>) -> Result<Tensor, FormatError> {
         let float = match view.storage.scalar {
             Scalar::Float(float) => float,
             Scalar::Other(dtype) => return Ok(Tensor::other(view.shape.clone(), dtype)),
         };
-        let bytes = self.bytes(name, view)?;
+        let entry = format!("{}data/{}", self.root, view.storage.key);
+        let Some(&bytes) = self.entries.get(&entry) else {
+            return Err(refuse(name, "storage", format!("entry \"{}\"", quoted(&entry)), "none"));
+        };
         let expected = view.storage.values.checked_mul(float.size());
         if expected != Some(bytes.len()) {
             let found = format!("{} bytes", bytes.len());

@@ -1,8 +1,8 @@
-//! Why bytes are not weights.
+//! The errors of reading weights files.
 
 use thiserror::Error;
 
-/// Bytes that are not a weights file that is understood.
+/// The bytes are not a weights file that can be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FormatError {
@@ -14,49 +14,49 @@ pub enum FormatError {
         "expected a zip archive, found the format torch.save had before version 1.6: load and save it again in PyTorch"
     )]
     Legacy,
-    /// A zip archive that is damaged or not of the plain kind `torch.save` writes.
+    /// A zip archive that is damaged, or that `torch.save` would not write.
     #[error("zip archive: {what}: expected {expected}, found {found}")]
     Zip {
-        /// Where in the archive.
+        /// The entry or record.
         what: String,
-        /// What should be there.
+        /// The expected content.
         expected: String,
-        /// What is there.
+        /// The content.
         found: String,
     },
-    /// The archive's pickle has an instruction, a global or a value that a state dict does not need.
+    /// The archive's pickle has an instruction, a global or a value that no state dict needs.
     #[error("pickle, byte {at}: expected {expected}, found {found}")]
     Pickle {
         /// Offset in `data.pkl`.
         at: usize,
-        /// What a state dict has.
+        /// The content of a state dict at this place.
         expected: &'static str,
-        /// What is there.
+        /// The content.
         found: String,
     },
     /// The archive holds no state dict.
     #[error("expected a state dict, or a checkpoint with one as {expected}; found {found}")]
     NoStateDict {
-        /// Keys that are looked for.
+        /// The keys of a checkpoint that may hold a state dict.
         expected: &'static str,
-        /// What is there.
+        /// The content.
         found: String,
     },
-    /// A tensor does not fit the bytes it refers to.
+    /// A tensor does not fit the bytes that it refers to.
     #[error("tensor {tensor:?}: {what}: expected {expected}, found {found}")]
     Tensor {
         /// Its name.
         tensor: String,
-        /// What does not fit.
+        /// The part of the tensor that does not fit.
         what: &'static str,
-        /// What would fit.
+        /// The expected value.
         expected: String,
-        /// What came.
+        /// The value.
         found: String,
     },
 }
 
-/// As much of a name as a message quotes, without control characters.
+/// The start of a name, without control characters, for messages.
 pub(super) fn quoted(name: &str) -> String {
     const MOST: usize = 120;
     let mut quoted: String = name.chars().take(MOST).flat_map(char::escape_debug).collect();

@@ -1,4 +1,54 @@
-//! Floating-point types of weights files as f32: exact where f32 holds the value, else rounded to nearest.
+//! One tensor of a weights file, and the floating-point types that its values may have in the file.
+//!
+//! Values become f32: exactly where f32 holds the value, else rounded to nearest.
+
+/// A tensor of a weights file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    shape: Vec<usize>,
+    values: Values,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Values {
+    Float(Vec<f32>),
+    /// Values that no network reads: only their type is kept.
+    Other(String),
+}
+
+impl Tensor {
+    /// A tensor of `shape` in row-major order; `None` where `values` are not as many as `shape` says.
+    pub fn new(shape: Vec<usize>, values: Vec<f32>) -> Option<Self> {
+        let count = shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d))?;
+        (count == values.len()).then_some(Self { shape, values: Values::Float(values) })
+    }
+
+    /// A tensor whose values no network reads, with the name of their type.
+    pub(super) fn other(shape: Vec<usize>, dtype: impl Into<String>) -> Self {
+        Self { shape, values: Values::Other(dtype.into()) }
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// Its values in row-major order; `None` where they are not floating-point numbers.
+    pub fn values(&self) -> Option<&[f32]> {
+        match &self.values {
+            Values::Float(values) => Some(values),
+            Values::Other(_) => None,
+        }
+    }
+
+    /// Type of its values: "F32" for every floating-point type, else the name that the file has for the type.
+    pub fn dtype(&self) -> &str {
+        match &self.values {
+            Values::Float(_) => "F32",
+            Values::Other(dtype) => dtype,
+        }
+    }
+}
 
 /// A floating-point type in little-endian bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,8 +71,7 @@ impl Float {
 
     /// Value `index` of `bytes`; `None` past the end.
     pub(super) fn get(self, bytes: &[u8], index: usize) -> Option<f32> {
-        let start = index.checked_mul(self.size())?;
-        let bytes = bytes.get(start..start.checked_add(self.size())?)?;
+        let bytes = bytes.get(index.checked_mul(self.size())?..)?.get(..self.size())?;
         Some(match self {
             Self::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
             Self::Bf16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),

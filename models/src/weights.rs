@@ -1,15 +1,14 @@
 //! Weights: named tensors, from safetensors or from `PyTorch` state dicts.
 //!
-//! Enters: bytes, of which nothing is trusted. Leaves: [`Weights`], floating-point tensors as f32 and of all others the
-//! name, type and shape. Invariant: memory stays within a small multiple of the file's size, and no byte is executed.
+//! Enters: untrusted bytes. Leaves: [`Weights`]: floating-point tensors as f32, and the name, type and shape of all others.
+//! Invariant: memory stays within a small multiple of the file's size, and nothing in the file is executed.
 
 pub(crate) mod card;
-mod file;
-mod format;
+mod error;
 mod pickle;
 mod safetensors;
-mod scalar;
 mod state_dict;
+mod tensor;
 mod zip;
 
 use std::collections::BTreeMap;
@@ -18,8 +17,9 @@ use std::path::Path;
 use crate::ModelError;
 
 pub use card::Card;
-pub use file::TensorFile;
-pub use format::FormatError;
+pub use error::FormatError;
+pub use safetensors::TensorFile;
+pub use tensor::Tensor;
 
 /// Largest file that is read.
 const LARGEST_FILE: u64 = 1 << 31;
@@ -46,66 +46,18 @@ pub struct Weights {
     metadata: BTreeMap<String, String>,
 }
 
-/// A tensor of a weights file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tensor {
-    shape: Vec<usize>,
-    values: Values,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Values {
-    Float(Vec<f32>),
-    /// Values that no network reads, and their type.
-    Other(String),
-}
-
-impl Tensor {
-    /// A tensor of `shape` in row-major order; `None` where `values` are not as many as `shape` says.
-    pub fn new(shape: Vec<usize>, values: Vec<f32>) -> Option<Self> {
-        let count = shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d))?;
-        (count == values.len()).then_some(Self { shape, values: Values::Float(values) })
-    }
-
-    /// A tensor whose values no network reads.
-    fn other(shape: Vec<usize>, dtype: impl Into<String>) -> Self {
-        Self { shape, values: Values::Other(dtype.into()) }
-    }
-
-    /// Its shape.
-    pub fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    /// Its values in row-major order; `None` where they are not floating-point numbers.
-    pub fn values(&self) -> Option<&[f32]> {
-        match &self.values {
-            Values::Float(values) => Some(values),
-            Values::Other(_) => None,
-        }
-    }
-
-    /// Type of its values: "F32" for all that were floating-point, else the file's word.
-    pub fn dtype(&self) -> &str {
-        match &self.values {
-            Values::Float(_) => "F32",
-            Values::Other(dtype) => dtype,
-        }
-    }
-}
-
 impl Weights {
     /// Weights of `tensors`.
     pub fn new(tensors: impl IntoIterator<Item = (String, Tensor)>) -> Self {
         Self { tensors: tensors.into_iter().collect(), metadata: BTreeMap::new() }
     }
 
-    /// The same tensors with these remarks.
+    /// The same tensors with this metadata.
     pub(crate) fn with_metadata(self, metadata: BTreeMap<String, String>) -> Self {
         Self { metadata, ..self }
     }
 
-    /// Reads a safetensors file or a `PyTorch` state dict (`.pt`, `.pth`), whichever the content is.
+    /// Reads a safetensors file or a `PyTorch` state dict (`.pt`, `.pth`). The content decides, not the file's name.
     ///
     /// # Errors
     /// [`ModelError::Read`], [`ModelError::Large`] for more than 2 GiB, and as [`Self::from_bytes`].
@@ -115,20 +67,21 @@ impl Weights {
 
     /// Reads weights from the bytes of a file.
     ///
-    /// safetensors: F32, F64, F16 and BF16 become f32, rounded to nearest. State dicts: what `torch.save` writes by
-    /// default (a zip archive of stored entries, pickle protocol 2), either the state dict itself or a checkpoint that
-    /// holds it as `state_dict`, `model_state_dict` or `model`.
+    /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is a file that `torch.save` writes by default (a
+    /// zip archive of stored entries, pickle protocol 2). It is the state dict itself or a checkpoint with the state dict
+    /// under `state_dict`, `model_state_dict` or `model`.
     ///
     /// # Errors
-    /// [`FormatError`] where the bytes are neither, are damaged, or would need anything executed.
+    /// [`FormatError`] where the bytes are in neither format or are damaged, or where reading them would execute something.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         if bytes.starts_with(zip::MAGIC) {
-            return state_dict::read(bytes);
+            return Ok(Self::new(state_dict::read(bytes)?));
         }
         if state_dict::is_legacy(bytes) {
             return Err(FormatError::Legacy);
         }
-        safetensors::read(bytes)
+        let (tensors, metadata) = safetensors::read(bytes)?;
+        Ok(Self { tensors, metadata })
     }
 
     /// Tensor `name`.
@@ -146,13 +99,19 @@ impl Weights {
         self.tensors.iter().map(|(name, tensor)| (name.as_str(), tensor))
     }
 
-    /// The file's own remarks: `__metadata__` of safetensors.
+    /// The metadata of the file: `__metadata__` of safetensors.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
     }
 
     /// The floating-point tensors as the bytes of a safetensors file with `metadata`; equal weights give equal bytes.
     pub fn to_safetensors(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-        safetensors::write(self, metadata)
+        let mut file = TensorFile::new(metadata.clone());
+        for (name, tensor) in &self.tensors {
+            if let Some(values) = tensor.values() {
+                file.f32(name, tensor.shape(), values);
+            }
+        }
+        file.into_bytes()
     }
 }
