@@ -1,79 +1,53 @@
-//! Weights drawn from a seed: for tests, for latency, for examples. They predict nothing.
+//! Weights drawn from a seed, for tests, measurements of latency and examples. They predict nothing.
 //!
-//! Enters: a description and a seed. Leaves: every tensor that it needs, the same bits on every machine: integers,
-//! additions, multiplications and square roots only, in f64, rounded once to f32.
+//! Enters: a description and a seed. Leaves: every tensor that the description needs, with the same bits on every machine.
+//! Only integers, additions, multiplications and square roots are used, in f64, rounded once to f32.
 //!
-//! Each tensor has its own stream of [`Random`], which starts at the seed plus the FNV-1a
-//! hash of the tensor's name, so that a tensor does not depend on those drawn before it. A normal value is
-//! the sum of four uniform ones, centred and scaled to variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et
-//! al. 2015); of a spline convolution the inputs are its channels, for the basis of an edge sums to 1. Running variances
-//! are drawn around what the description expects, so that activations neither explode nor vanish.
+//! Each tensor has its own stream of [`Random`], which starts at the seed plus the FNV-1a hash of the tensor's name. A tensor
+//! therefore does not depend on other tensors. A normal value is the sum of four uniform values, centred and scaled to
+//! variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et al. 2015). The inputs of a spline convolution are its
+//! channels, because the basis of an edge sums to 1. Running variances are drawn around the variance that is expected at
+//! the layer, so that activations neither explode nor vanish.
 
 use std::hash::Hasher;
 
 use fnv::FnvHasher;
 
-use crate::description::frames::FrameDescription;
-use crate::description::{AnyDescription, Description, Needed, Role};
+use crate::description::{Needed, Role};
 use crate::random::Random;
 use crate::weights::{Tensor, Weights};
 
 /// A description whose tensors can be drawn.
-pub trait Drawable: needed::Sealed {}
+pub trait Drawable: sealed::Needs {}
 
-impl Drawable for AnyDescription {}
-impl Drawable for Description {}
-impl Drawable for FrameDescription {}
+impl<T: sealed::Needs> Drawable for T {}
 
-mod needed {
+mod sealed {
     use crate::description::frames::FrameDescription;
     use crate::description::{AnyDescription, Description, Needed};
 
-    /// Knows the tensors that a network needs.
-    pub trait Sealed {
-        /// The network's name.
+    #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+    pub trait Needs {
         fn network_name(&self) -> &str;
 
-        /// The tensors.
-        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
-        fn list(&self) -> Vec<Needed>;
+        fn needed_tensors(&self) -> Vec<Needed>;
     }
 
-    impl Sealed for AnyDescription {
-        fn network_name(&self) -> &str {
-            self.name()
-        }
+    macro_rules! needs {
+        ($($description:ty),*) => {$(
+            #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+            impl Needs for $description {
+                fn network_name(&self) -> &str {
+                    self.name()
+                }
 
-        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
-        fn list(&self) -> Vec<Needed> {
-            match self {
-                Self::Events(description) => description.list(),
-                Self::Frames(description) => description.list(),
+                fn needed_tensors(&self) -> Vec<Needed> {
+                    self.needed()
+                }
             }
-        }
+        )*};
     }
-
-    impl Sealed for Description {
-        fn network_name(&self) -> &str {
-            self.name()
-        }
-
-        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
-        fn list(&self) -> Vec<Needed> {
-            self.needed().collect()
-        }
-    }
-
-    impl Sealed for FrameDescription {
-        fn network_name(&self) -> &str {
-            self.name()
-        }
-
-        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
-        fn list(&self) -> Vec<Needed> {
-            self.needed().collect()
-        }
-    }
+    needs!(AnyDescription, Description, FrameDescription);
 }
 
 /// Draws the tensors that `description` needs.
@@ -81,7 +55,7 @@ mod needed {
 /// # Panics
 /// Never: every tensor is drawn in the size of its shape.
 pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
-    Weights::new(description.list().into_iter().map(|needed| {
+    Weights::new(description.needed_tensors().into_iter().map(|needed| {
         let mut stream = Random::new(seed.wrapping_add(hash(&needed.name)));
         let draw = distribution(&needed);
         let values = (0..needed.values()).map(|_| draw(&mut stream) as f32).collect();
@@ -90,7 +64,7 @@ pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
     }))
 }
 
-/// How the values of a tensor are drawn: by what it is there for.
+/// The distribution of the values of a tensor, which depends on its role.
 fn distribution(needed: &Needed) -> Box<dyn Fn(&mut Random) -> f64> {
     let uniform = |low: f64, high: f64| -> Box<dyn Fn(&mut Random) -> f64> {
         Box::new(move |stream| low + (high - low) * stream.uniform())

@@ -2,150 +2,96 @@
 
 use std::collections::BTreeMap;
 
-use crate::weights::card::DRAWN_BY;
-use crate::{AnyDescription, Card, Description, FrameDescription, Weights, draw};
+use crate::description::frames::FrameDescription;
+use crate::description::{AnyDescription, Description, DescriptionError};
+use crate::draw::{Drawable, draw};
+use crate::weights::Weights;
+use crate::weights::card::{Card, DRAWN_BY};
 
 /// A description with the weights that it runs with.
 struct Shipped {
     name: &'static str,
     description: &'static str,
-    weights: &'static [u8],
+    weights: ShippedWeights,
 }
 
-const SHIPPED: &[Shipped] = &[
-    Shipped {
-        name: "digits-all",
-        description: include_str!("../networks/digits-all.toml"),
-        weights: include_bytes!("../weights/digits/digits-all.0.safetensors"),
-    },
-    Shipped {
-        name: "digits-frozen",
-        description: include_str!("../networks/digits-frozen.toml"),
-        weights: include_bytes!("../weights/digits/digits-past.0.safetensors"),
-    },
-    Shipped {
-        name: "digits-past",
-        description: include_str!("../networks/digits-past.toml"),
-        weights: include_bytes!("../weights/digits/digits-past.0.safetensors"),
-    },
-    Shipped {
-        name: "graphres",
-        description: include_str!("../networks/graphres.toml"),
-        weights: include_bytes!("../weights/graphres.safetensors"),
-    },
-    Shipped {
-        name: "graphres-published",
-        description: include_str!("../networks/graphres-published.toml"),
-        weights: include_bytes!("../weights/graphres.safetensors"),
-    },
-    Shipped {
-        name: "tactigraph",
-        description: include_str!("../networks/tactigraph.toml"),
-        weights: include_bytes!("../weights/tactigraph.safetensors"),
-    },
-    Shipped {
-        name: "tactigraph-frozen",
-        description: include_str!("../networks/tactigraph-frozen.toml"),
-        weights: include_bytes!("../weights/tactigraph.safetensors"),
-    },
-    Shipped {
-        name: "tactigraph-past",
-        description: include_str!("../networks/tactigraph-past.toml"),
-        weights: include_bytes!("../weights/tactigraph-past.safetensors"),
-    },
-];
-
-const NAMES: &[&str] = &[
-    "digits-all",
-    "digits-frozen",
-    "digits-past",
-    "graphres",
-    "graphres-published",
-    "tactigraph",
-    "tactigraph-frozen",
-    "tactigraph-past",
-];
-
-/// A frame network with the weights that it runs with.
-struct ShippedFrames {
-    name: &'static str,
-    description: &'static str,
-    weights: FrameWeights,
-}
-
-/// Where the weights of a frame network come from.
-enum FrameWeights {
-    /// Drawn from this seed when they are asked for: as files they would be many times the size of everything else.
+/// Origin of shipped weights.
+#[derive(Clone, Copy)]
+enum ShippedWeights {
+    /// Drawn from this seed on request. As files they would be many times larger than the rest of the crate.
     Drawn(u64),
-    /// The bytes of a file that `train/` wrote.
-    Trained(&'static [u8]),
+    /// The bytes of a file.
+    File(&'static [u8]),
 }
 
-/// A frame network whose description is in `networks/` and whose weights are drawn from a seed.
-macro_rules! drawn {
-    ($name:literal, $seed:literal) => {
-        ShippedFrames {
+/// A network by its name, with the file of its weights or the seed that they are drawn from.
+macro_rules! shipped {
+    ($name:literal, seed = $seed:literal) => {
+        shipped!($name, ShippedWeights::Drawn($seed))
+    };
+    ($name:literal, file = $file:literal) => {
+        shipped!($name, ShippedWeights::File(include_bytes!(concat!("../weights/", $file, ".safetensors"))))
+    };
+    ($name:literal, $weights:expr) => {
+        Shipped {
             name: $name,
             description: include_str!(concat!("../networks/", $name, ".toml")),
-            weights: FrameWeights::Drawn($seed),
+            weights: $weights,
         }
     };
 }
 
-/// One with the first of its trained weights, those of seed 0.
-macro_rules! trained {
-    ($folder:literal, $name:literal) => {
-        ShippedFrames {
-            name: $name,
-            description: include_str!(concat!("../networks/", $name, ".toml")),
-            weights: FrameWeights::Trained(include_bytes!(concat!(
-                "../weights/",
-                $folder,
-                "/",
-                $name,
-                ".0.safetensors"
-            ))),
-        }
-    };
+/// Networks over events.
+static EVENTS: [Shipped; 8] = [
+    shipped!("digits-all", file = "digits/digits-all.0"),
+    shipped!("digits-frozen", file = "digits/digits-past.0"),
+    shipped!("digits-past", file = "digits/digits-past.0"),
+    shipped!("graphres", file = "graphres"),
+    shipped!("graphres-published", file = "graphres"),
+    shipped!("tactigraph", file = "tactigraph"),
+    shipped!("tactigraph-frozen", file = "tactigraph"),
+    shipped!("tactigraph-past", file = "tactigraph-past"),
+];
+
+/// Frame networks. Of several trainings, the weights are those of seed 0.
+static FRAMES: [Shipped; 11] = [
+    shipped!("canf", seed = 11),
+    shipped!("canf-plain", seed = 12),
+    shipped!("event-frame-cnn", seed = 13),
+    shipped!("force-cnnlstm", seed = 14),
+    shipped!("force-convlstm", seed = 15),
+    shipped!("force-lstm", seed = 16),
+    shipped!("force-tdnn", seed = 17),
+    shipped!("slip-best", file = "slip/slip-best.0"),
+    shipped!("slip-lstm", file = "slip/slip-lstm.0"),
+    shipped!("slip-regularised", file = "slip/slip-regularised.0"),
+    shipped!("slip-tuned", file = "slip/slip-tuned.0"),
+];
+
+static EVENT_NAMES: [&str; EVENTS.len()] = names(&EVENTS);
+static FRAME_NAMES: [&str; FRAMES.len()] = names(&FRAMES);
+
+const fn names<const N: usize>(shipped: &[Shipped; N]) -> [&'static str; N] {
+    let mut names = [""; N];
+    let mut i = 0;
+    while i < N {
+        names[i] = shipped[i].name;
+        i += 1;
+    }
+    names
 }
 
-const FRAMES: &[ShippedFrames] = &[
-    drawn!("canf", 11),
-    drawn!("canf-plain", 12),
-    drawn!("event-frame-cnn", 13),
-    drawn!("force-cnnlstm", 14),
-    drawn!("force-convlstm", 15),
-    drawn!("force-lstm", 16),
-    drawn!("force-tdnn", 17),
-    trained!("slip", "slip-best"),
-    trained!("slip", "slip-lstm"),
-    trained!("slip", "slip-regularised"),
-    trained!("slip", "slip-tuned"),
-];
-
-const FRAME_NAMES: &[&str] = &[
-    "canf",
-    "canf-plain",
-    "event-frame-cnn",
-    "force-cnnlstm",
-    "force-convlstm",
-    "force-lstm",
-    "force-tdnn",
-    "slip-best",
-    "slip-lstm",
-    "slip-regularised",
-    "slip-tuned",
-];
-
-/// Weights files that are drawn, with their seeds.
+/// Files of weights that are drawn, with their seeds.
 pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2), ("tactigraph-past", 3)];
 
-fn find(name: &str) -> Option<&'static Shipped> {
-    SHIPPED.iter().find(|shipped| shipped.name == name)
-}
-
-fn find_frames(name: &str) -> Option<&'static ShippedFrames> {
-    FRAMES.iter().find(|shipped| shipped.name == name)
+/// The description of `name` in `list`, as `parse` reads it.
+fn description<T>(
+    list: &[Shipped],
+    name: &str,
+    parse: impl Fn(&str) -> Result<T, DescriptionError>,
+) -> Option<T> {
+    let shipped = list.iter().find(|shipped| shipped.name == name)?;
+    Some(parse(shipped.description).expect("shipped descriptions are consistent"))
 }
 
 impl Description {
@@ -154,13 +100,12 @@ impl Description {
     /// # Panics
     /// Never: the tests parse every one.
     pub fn shipped(name: &str) -> Option<Self> {
-        find(name)
-            .map(|shipped| Self::parse(shipped.description).expect("shipped descriptions are consistent"))
+        description(&EVENTS, name, Self::parse)
     }
 
     /// Names that [`Self::shipped`] knows.
     pub fn shipped_names() -> &'static [&'static str] {
-        NAMES
+        &EVENT_NAMES
     }
 }
 
@@ -170,13 +115,12 @@ impl FrameDescription {
     /// # Panics
     /// Never: the tests parse every one.
     pub fn shipped(name: &str) -> Option<Self> {
-        find_frames(name)
-            .map(|shipped| Self::parse(shipped.description).expect("shipped descriptions are consistent"))
+        description(&FRAMES, name, Self::parse)
     }
 
     /// Names that [`Self::shipped`] knows.
     pub fn shipped_names() -> &'static [&'static str] {
-        FRAME_NAMES
+        &FRAME_NAMES
     }
 }
 
@@ -189,72 +133,75 @@ impl AnyDescription {
 
     /// Names that [`Self::shipped`] knows: networks over events, then frame networks.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> {
-        NAMES.iter().chain(FRAME_NAMES).copied()
+        EVENT_NAMES.iter().chain(&FRAME_NAMES).copied()
+    }
+}
+
+impl Shipped {
+    fn find(name: &str) -> Option<&'static Self> {
+        EVENTS.iter().chain(&FRAMES).find(|shipped| shipped.name == name)
     }
 }
 
 impl Weights {
-    /// Weights of a network that comes with the crate. "graphres-published" has those of "graphres",
-    /// "tactigraph-frozen" those of "tactigraph", "digits-frozen" those of "digits-past". Those of frame networks that nothing trained are drawn on the
-    /// spot, the same bits everywhere.
+    /// Weights of a network that comes with the crate. "graphres-published" has the weights of "graphres",
+    /// "tactigraph-frozen" those of "tactigraph", "digits-frozen" those of "digits-past". Weights of frame networks that are
+    /// not trained are drawn on the spot, with the same bits everywhere.
     ///
     /// # Panics
-    /// Never: the tests read every one.
+    /// Never: the tests read every file.
     pub fn shipped(name: &str) -> Option<Self> {
-        let Some(frames) = find_frames(name) else {
-            return find(name).map(|shipped| read(shipped.weights));
-        };
-        match frames.weights {
-            FrameWeights::Trained(bytes) => Some(read(bytes)),
-            FrameWeights::Drawn(seed) => {
-                let description = FrameDescription::shipped(name)?;
-                Some(draw(&description, seed).with_metadata(remarks(name, seed)))
+        match Shipped::find(name)?.weights {
+            ShippedWeights::File(bytes) => {
+                Some(Self::from_bytes(bytes).expect("shipped weights are readable"))
+            }
+            ShippedWeights::Drawn(seed) => {
+                let description = AnyDescription::shipped(name)?;
+                Some(draw(&description, seed).with_metadata(metadata(name, seed)))
             }
         }
     }
 }
 
 impl Card {
-    /// That of the weights of a network that comes with the crate, without drawing any.
+    /// The card of the weights of a network that comes with the crate. No weights are drawn.
     ///
     /// # Panics
-    /// Never: the tests read every one.
+    /// Never: the tests read every card.
     pub fn shipped(name: &str) -> Option<Self> {
-        let weights = match find_frames(name).map(|frames| &frames.weights) {
-            Some(&FrameWeights::Drawn(seed)) => Weights::new([]).with_metadata(remarks(name, seed)),
-            _ => Weights::shipped(name)?,
+        let weights = match Shipped::find(name)?.weights {
+            ShippedWeights::Drawn(seed) => Weights::new([]).with_metadata(metadata(name, seed)),
+            ShippedWeights::File(_) => Weights::shipped(name)?,
         };
         Some(weights.card().expect("shipped weights have a card"))
     }
 }
 
-fn read(bytes: &[u8]) -> Weights {
-    Weights::from_bytes(bytes).expect("shipped weights are readable")
-}
-
-/// What drawn weights say about themselves.
-fn remarks(name: &str, seed: u64) -> BTreeMap<String, String> {
-    let remarks = [
+/// The metadata of drawn weights.
+fn metadata(name: &str, seed: u64) -> BTreeMap<String, String> {
+    let entries = [
         ("about", format!("drawn, untrained, seed {seed}")),
         ("network", name.to_owned()),
         ("generator", DRAWN_BY.to_owned()),
     ];
-    remarks.map(|(key, value)| (key.to_owned(), value)).into()
+    entries.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
-/// The bytes of a safetensors file with weights that are [drawn](draw()) from `seed`, whose metadata says that nothing trained
-/// them; equal descriptions and seeds give equal bytes.
-pub fn drawn_file(description: &impl crate::Drawable, seed: u64) -> Vec<u8> {
-    draw(description, seed).to_safetensors(&remarks(description.network_name(), seed))
+/// The bytes of a safetensors file with weights that are [drawn](draw()) from `seed` and a card that says so. Equal
+/// descriptions and seeds give equal bytes.
+pub fn drawn_file(description: &impl Drawable, seed: u64) -> Vec<u8> {
+    draw(description, seed).to_safetensors(&metadata(description.network_name(), seed))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{FRAME_NAMES, FRAMES, NAMES, SHIPPED};
+    use crate::{AnyDescription, Card, Weights};
 
     #[test]
-    fn the_names_are_those_of_what_is_shipped() {
-        assert!(SHIPPED.iter().map(|shipped| shipped.name).eq(NAMES.iter().copied()));
-        assert!(FRAMES.iter().map(|shipped| shipped.name).eq(FRAME_NAMES.iter().copied()));
+    fn every_name_has_a_description_of_this_name_weights_and_a_card() {
+        for name in AnyDescription::shipped_names() {
+            assert_eq!(AnyDescription::shipped(name).expect("a description").name(), name);
+            assert_eq!(Weights::shipped(name).expect("weights").card().ok(), Card::shipped(name));
+        }
     }
 }

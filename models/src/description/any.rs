@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::frames::{FrameDescription, TABLE};
-use super::{Description, DescriptionError, checked, classes, text};
+use super::{Description, DescriptionError, Needed, checked, classes, text};
 use crate::ModelError;
 
 /// What messages call the two kinds.
@@ -58,6 +58,13 @@ impl AnyDescription {
     /// Names of the classes whose logits are predicted; `None` for other values.
     pub fn classes(&self) -> Option<&[String]> {
         classes(self.outputs())
+    }
+
+    pub(crate) fn needed(&self) -> Vec<Needed> {
+        match self {
+            Self::Events(description) => description.needed(),
+            Self::Frames(description) => description.needed(),
+        }
     }
 
     /// What weights that are trained for this description carry as metadata `preparation`; `None` for frames that are not

@@ -262,12 +262,12 @@ impl Description {
 
     /// Names and shapes of the tensors that [`Self::network`] needs, running statistics included.
     pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
-        self.needed().map(|tensor| (tensor.name, tensor.shape)).collect()
+        self.needed().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect()
     }
 
-    pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
+    pub(crate) fn needed(&self) -> Vec<Needed> {
         let layers = self.layers.iter().flat_map(Layer::tensors);
-        layers.chain(self.head.iter().flat_map(FrameLayer::tensors))
+        layers.chain(self.head.iter().flat_map(FrameLayer::tensors)).collect()
     }
 }
 

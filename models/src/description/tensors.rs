@@ -110,10 +110,10 @@ pub(super) fn report_shared<'l>(readers: impl Iterator<Item = Reader<'l>>, probl
 /// Names in `weights` that `network` does not read, in order.
 pub(super) fn unused(
     network: &str,
-    needed: impl Iterator<Item = Needed>,
+    needed: Vec<Needed>,
     weights: &Weights,
 ) -> Result<Vec<String>, ModelError> {
-    let needed: Vec<String> = needed.map(|tensor| tensor.name).collect();
+    let needed: Vec<String> = needed.into_iter().map(|tensor| tensor.name).collect();
     let prefix = prefix(network, &needed, weights)?;
     let used: BTreeSet<String> = needed.iter().map(|name| format!("{prefix}{name}")).collect();
     Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
@@ -156,10 +156,10 @@ impl<'a> Tensors<'a> {
     /// The tensors of `network`, which needs those of `needed`.
     pub(super) fn new(
         network: &'a str,
-        needed: impl Iterator<Item = Needed>,
+        needed: Vec<Needed>,
         weights: &'a Weights,
     ) -> Result<Self, ModelError> {
-        let needed: Vec<String> = needed.map(|tensor| tensor.name).collect();
+        let needed: Vec<String> = needed.into_iter().map(|tensor| tensor.name).collect();
         let prefix = prefix(network, &needed, weights)?;
         Ok(Self { network, weights, prefix, problems: Vec::new() })
     }
@@ -264,7 +264,7 @@ mod tests {
             (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
         }));
         let needed = Needed::norm("blocks.0.norm", 8, 1.0);
-        let mut tensors = Tensors::new("any", needed.into_iter(), &weights).expect("one prefix");
+        let mut tensors = Tensors::new("any", needed.into(), &weights).expect("one prefix");
         let (scale, shift) = tensors.norm("blocks.0.norm", 8).expect("all four tensors").rounded();
         let mut rounded_between = Vec::new();
         for channel in 0..8 {

@@ -4,7 +4,7 @@
 //! ([`Judged`]). Counts are integers; figures are formed from them in a fixed order.
 
 use meissner_models::metrics::{Confusion, MeanStd, wilson_95};
-use meissner_models::systems::digits::{CLASSES, settled};
+use meissner_models::systems::digits::{CLASSES, correct_from};
 
 use super::report::{Judged, One};
 use super::runs::Outcome;
@@ -80,7 +80,7 @@ impl Outcome {
 
     /// From when on the answer is right and stays right.
     fn settled_us(&self, truth: usize, every_us: i64) -> Option<i64> {
-        let first = settled(&self.answers, truth)?;
+        let first = correct_from(&self.answers, truth)?;
         let is_end = first + 1 == self.answers.len();
         Some(if is_end { self.end_us } else { (first as i64 + 1) * every_us })
     }

@@ -197,10 +197,10 @@ impl FrameDescription {
 
     /// Names and shapes of the tensors that [`Self::network_parts`] needs, running statistics included.
     pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
-        self.needed().map(|tensor| (tensor.name, tensor.shape)).collect()
+        self.needed().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect()
     }
 
-    pub(crate) fn needed(&self) -> impl Iterator<Item = Needed> {
-        self.layers.iter().flat_map(FrameLayer::tensors)
+    pub(crate) fn needed(&self) -> Vec<Needed> {
+        self.layers.iter().flat_map(FrameLayer::tensors).collect()
     }
 }

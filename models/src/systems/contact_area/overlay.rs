@@ -1,27 +1,26 @@
-//! Enters: an image, its contact, its forces. Leaves: the image with these drawn over it.
+//! Draws a contact over the image that shows it.
 //!
-//! First the forces of the pixels in contact, by colour and opacity (out = (image (255 - a) + colour a) / 255, rounded),
-//! then the outline: pixels in contact with a neighbour above, below, left or right that is not, or with none; then a
-//! cross at the centroid.
+//! Enters: an image, its contact, its forces. Leaves: a copy of the image with these drawn over it. First the forces of the
+//! pixels in contact are drawn by colour and opacity (out = (image (255 - a) + colour a) / 255, rounded). Then the outline:
+//! pixels in contact at the border, or with a neighbour above, below, left or right that is not in contact. Then a cross at
+//! the centroid.
 
-use super::colour_map::ColourMap;
-use super::error::{ContactError, same_length, setting};
-use super::geometry::{Centroid, ImageSize};
+use super::{Centroid, ContactError, ImageSize, same_length, setting};
 
-/// What is drawn.
+/// A picture of a contact.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
     /// The image (H, W, 3), interleaved.
     pub rgb: &'a [u8],
     /// Pixels (H, W) in contact.
     pub mask: &'a [bool],
-    /// Forces (H, W) in N per pixel, where there are any.
+    /// Forces (H, W) in N per pixel, if any.
     pub force: Option<&'a [f32]>,
-    /// Where the cross is drawn, if at all.
+    /// Place of the cross, if any.
     pub centroid: Option<Centroid>,
 }
 
-/// How it is drawn.
+/// Colours and sizes of the drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlay {
     size: ImageSize,
@@ -32,13 +31,13 @@ pub struct Overlay {
     pub outline: [u8; 3],
     /// Colour of the cross.
     pub cross: [u8; 3],
-    /// Pixels of each of the cross's arms beside its centre.
+    /// Length of the arms of the cross, in pixels beside its centre.
     pub arm: usize,
 }
 
 impl Overlay {
-    /// For images of this size; a force of `full_scale_n` per pixel or more has the strongest colour. The outline is
-    /// white, the cross blue with arms of 6 pixels.
+    /// Draws over images of this size. A force of `full_scale_n` per pixel or more has the strongest colour. The outline is
+    /// white, the cross is blue with arms of 6 pixels.
     ///
     /// # Errors
     /// [`ContactError::Setting`] where `full_scale_n` is not positive and finite, or the size empty or too large.
@@ -107,93 +106,43 @@ fn blend(pixel: &mut [u8], [r, g, b, opacity]: [u8; 4]) {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{Overlay, Picture, blend};
-    use crate::systems::contact_area::{Centroid, ColourMap, ContactError, ImageSize};
+/// A colour map through five colours at 0, 1/4, 1/2, 3/4 and 1, linear between them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColourMap {
+    /// Red, green, blue and opacity, each from 0 to 255 (opacity 0: transparent).
+    pub points: [[u8; 4]; 5],
+}
 
-    const SIZE: ImageSize = ImageSize { width: 5, height: 5 };
+impl ColourMap {
+    /// From transparent through yellow and orange to red.
+    pub const HEAT: Self = Self {
+        points: [
+            [255, 255, 160, 0],
+            [255, 235, 60, 110],
+            [255, 170, 0, 165],
+            [240, 80, 0, 200],
+            [190, 0, 0, 225],
+        ],
+    };
 
-    fn drawn(mask: &[bool], force: Option<&[f32]>, centroid: Option<(f64, f64)>) -> Vec<[u8; 3]> {
-        let centroid = centroid.map(|(x_px, y_px)| Centroid { x_px, y_px, x_mm: 0.0, y_mm: 0.0 });
-        let overlay = Overlay { arm: 1, ..Overlay::new(SIZE, 2.0).unwrap() };
-        let mut out = vec![0; 75];
-        overlay.draw(&Picture { rgb: &[100; 75], mask, force, centroid }, &mut out).unwrap();
-        out.as_chunks().0.to_vec()
-    }
-
-    /// Rows and columns 1 to 3.
-    fn square() -> [bool; 25] {
-        std::array::from_fn(|at| (1..4).contains(&(at % 5)) && (1..4).contains(&(at / 5)))
-    }
-
-    #[test]
-    fn without_a_contact_the_image_stays() {
-        assert_eq!(drawn(&[false; 25], Some(&[9.0; 25]), None), [[100; 3]; 25]);
-    }
-
-    #[test]
-    fn a_contact_has_an_outline_and_forces_inside_it() {
-        let found = drawn(&square(), Some(&[1.0; 25]), None);
-        // Half of the full scale: 255, 170, 0 with an opacity of 165 over 100.
-        // (100 * 90 + 255 * 165) / 255 = 200.3, (9000 + 170 * 165) / 255 = 145.3, 9000 / 255 = 35.3.
-        for (at, pixel) in found.into_iter().enumerate() {
-            let expected = match (square()[at], at) {
-                (_, 12) => [200, 145, 35],
-                (true, _) => [255; 3],
-                (false, _) => [100; 3],
-            };
-            assert_eq!(pixel, expected, "pixel {at}");
-        }
-        assert_eq!(drawn(&square(), None, None)[12], [100; 3]);
-    }
-
-    #[test]
-    fn a_contact_at_the_border_has_its_outline_there() {
-        let found = drawn(&[true; 25], None, None);
-        let edges = found.iter().filter(|pixel| **pixel == [255; 3]).count();
-        assert_eq!((edges, found[12]), (16, [100; 3]));
-    }
-
-    #[test]
-    fn the_cross_is_cut_at_the_border() {
-        let blue = [0, 90, 255];
-        let places = |x, y| -> Vec<usize> {
-            let found = drawn(&[false; 25], None, Some((x, y)));
-            (0..25).filter(|&at| found[at] == blue).collect()
-        };
-        assert_eq!(places(2.4, 1.5), [7, 11, 12, 13, 17]);
-        assert_eq!(places(0.0, 0.0), [0, 1, 5]);
-        assert_eq!(places(-1.0, 4.0), [20]);
-        assert!(places(f64::INFINITY, f64::MIN).is_empty());
-    }
-
-    #[test]
-    fn an_opaque_colour_covers_and_a_transparent_one_does_not() {
-        let mut pixel = [10, 20, 30];
-        blend(&mut pixel, [200, 210, 220, 0]);
-        assert_eq!(pixel, [10, 20, 30]);
-        blend(&mut pixel, [200, 210, 220, 255]);
-        assert_eq!(pixel, [200, 210, 220]);
-    }
-
-    #[test]
-    fn what_does_not_fit_is_refused() {
-        let overlay = Overlay::new(SIZE, 2.0).unwrap();
-        assert_eq!(overlay.colours, ColourMap::HEAT);
-        let (rgb, mask, force) = ([0; 75], [false; 25], [0.0; 25]);
-        let whole = Picture { rgb: &rgb, mask: &mask, force: Some(&force), centroid: None };
-        let cut = [
-            Picture { rgb: &rgb[1..], ..whole },
-            Picture { mask: &mask[1..], ..whole },
-            Picture { force: Some(&force[1..]), ..whole },
-        ];
-        for picture in cut {
-            assert!(matches!(overlay.draw(&picture, &mut [0; 75]), Err(ContactError::Length { .. })));
-        }
-        assert!(overlay.draw(&whole, &mut [0; 74]).is_err());
-        for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert!(Overlay::new(SIZE, scale).is_err());
-        }
+    /// The colour at `t`. Below 0 and NaN count as 0, above 1 counts as 1. Halves are rounded upwards.
+    pub fn at(&self, t: f32) -> [u8; 4] {
+        // NaN is not above 0.
+        let place = if t > 0.0 { t.min(1.0) * 4.0 } else { 0.0 };
+        let below = (place as usize).min(3);
+        let part = place - below as f32;
+        std::array::from_fn(|channel| {
+            let (a, b) = (f32::from(self.points[below][channel]), f32::from(self.points[below + 1][channel]));
+            (a + (b - a) * part + 0.5) as u8
+        })
     }
 }
+
+impl Default for ColourMap {
+    fn default() -> Self {
+        Self::HEAT
+    }
+}
+
+#[cfg(test)]
+mod tests;

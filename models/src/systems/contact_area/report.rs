@@ -1,22 +1,20 @@
-//! Enters: a map of forces. Leaves: where the contact is, how large, how strong, and its middle.
+//! Reads a map of forces: where the contact is, its area, its force and its centroid.
 //!
-//! With C the pixels whose force f exceeds the threshold: area = |C| times a pixel's area, total force = sum of f over C,
-//! centroid = sum of f (x, y) over C / total force. Sums are in f64, in row-major order.
+//! C is the set of pixels whose force f exceeds the threshold: area = |C| times the area of a pixel, total force = sum of f
+//! over C, centroid = sum of f (x, y) over C / total force. Sums are in f64, in row-major order.
 
-use super::error::{ContactError, same_length, setting};
-use super::geometry::{Centroid, ImageSize, PixelSize};
-use super::median::RunningMedian;
+use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
 
 /// How a map of forces is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactSettings {
     /// Size of the maps.
     pub size: ImageSize,
-    /// What a pixel covers of the sensor's surface.
+    /// Size of a pixel on the surface of the sensor.
     pub pixel: PixelSize,
     /// A pixel is in contact where its force is greater than this, in N per pixel; at least 0.
     pub threshold_n: f32,
-    /// Reports whose total forces the median is taken of; odd.
+    /// Number of reports in the running median of total forces; odd.
     pub median_window: usize,
 }
 
@@ -32,18 +30,18 @@ impl ContactSettings {
     }
 }
 
-/// What one map of forces says about the contact.
+/// The contact in one map of forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactReport {
     /// Pixels in contact.
     pub pixels: usize,
-    /// Their area in mm^2.
+    /// Area of these pixels in mm^2.
     pub area_mm2: f64,
     /// The sum of their forces in N; 0 without a contact.
     pub force_n: f64,
     /// The median of the last total forces, this one included, in N ([`RunningMedian`]).
     pub median_force_n: f64,
-    /// The mean of their places, weighted by force; `None` without a contact.
+    /// Mean of their coordinates, weighted by force; `None` without a contact.
     pub centroid: Option<Centroid>,
 }
 
@@ -67,7 +65,7 @@ pub struct ContactMeter {
 }
 
 impl ContactMeter {
-    /// A meter that has seen nothing.
+    /// A meter that has read no maps.
     ///
     /// # Errors
     /// [`ContactError::Setting`] where the size is empty or too large, the threshold negative or not finite, or the
@@ -83,7 +81,7 @@ impl ContactMeter {
     /// Reads a map of forces (H, W) in N per pixel; O(pixels).
     ///
     /// # Errors
-    /// [`ContactError::Length`] or [`ContactError::NotFinite`]; the meter is then as it was before.
+    /// [`ContactError::Length`] or [`ContactError::NotFinite`]; the meter stays as it was.
     pub fn measure(&mut self, force: &[f32]) -> Result<ContactReport, ContactError> {
         let ImageSize { width, .. } = self.settings.size;
         same_length("map of forces", self.mask.len(), force.len())?;
@@ -115,7 +113,7 @@ impl ContactMeter {
         })
     }
 
-    /// The pixels (H, W) that were in contact in the last map.
+    /// The pixels (H, W) in contact in the last map.
     pub fn mask(&self) -> &[bool] {
         &self.mask
     }
@@ -127,104 +125,84 @@ impl ContactMeter {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
+/// The running median of an odd number of values.
+///
+/// Until the window is full, it is the median of the values so far. The median of an even number of values is the mean of
+/// the two in the middle (a / 2 + b / 2). Values are ordered by [`f64::total_cmp`]. O(window) a value; nothing is allocated after
+/// construction.
+///
+/// Invariant: `sorted` holds the values of `ring` in order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunningMedian {
+    window: usize,
+    /// The last values; once it is full, in order of arrival from `oldest` on.
+    ring: Vec<f64>,
+    oldest: usize,
+    sorted: Vec<f64>,
+}
 
-    use super::{ContactMeter, ContactReport, ContactSettings};
-    use crate::systems::contact_area::{Centroid, ContactError, ImageSize, PixelSize};
-
-    fn settings(width: usize, height: usize) -> ContactSettings {
-        ContactSettings::new(ImageSize { width, height }, PixelSize::new(0.5, 0.25).unwrap())
+impl RunningMedian {
+    /// A median over `window` values.
+    ///
+    /// # Errors
+    /// [`ContactError::Setting`] where `window` is even (0 included) or above 65535.
+    pub fn new(window: usize) -> Result<Self, ContactError> {
+        let holds = window % 2 == 1 && window < 1 << 16;
+        setting("window of the running median", "an odd number up to 65535", window as f64, holds)?;
+        Ok(Self { window, ring: Vec::with_capacity(window), oldest: 0, sorted: Vec::with_capacity(window) })
     }
 
-    fn meter(width: usize, height: usize) -> ContactMeter {
-        ContactMeter::new(settings(width, height)).unwrap()
-    }
-
-    #[test]
-    fn a_contact_is_counted_weighed_and_placed() {
-        let mut meter = meter(3, 2);
-        let report = meter.measure(&[0.0, 1.0, 0.0, -5.0, 1.0, 2.0]).unwrap();
-        let expected = ContactReport {
-            pixels: 3,
-            area_mm2: 0.375,
-            force_n: 4.0,
-            median_force_n: 4.0,
-            // (1 * 1 + 1 * 1 + 2 * 2) / 4 and (1 * 0 + 1 * 1 + 2 * 1) / 4.
-            centroid: Some(Centroid { x_px: 1.5, y_px: 0.75, x_mm: 0.75, y_mm: 0.1875 }),
-        };
-        assert_eq!(report, expected);
-        assert_eq!(meter.mask(), [false, true, false, false, true, true]);
-    }
-
-    #[test]
-    fn a_force_at_the_threshold_is_no_contact() {
-        let above = f32::from_bits(1e-4_f32.to_bits() + 1);
-        let report = meter(2, 1).measure(&[1e-4, above]).unwrap();
-        assert_eq!((report.pixels, report.force_n), (1, f64::from(above)));
-    }
-
-    #[test]
-    fn without_a_contact_there_is_no_force_and_no_centroid() {
-        let report = meter(2, 1).measure(&[1e-5, -1.0]).unwrap();
-        assert_eq!((report.pixels, report.area_mm2, report.force_n, report.centroid), (0, 0.0, 0.0, None));
-    }
-
-    #[test]
-    fn the_median_of_five_passes_over_an_outlier() {
-        let mut meter = meter(1, 1);
-        let medians = [1.0, 1.0, 50.0, 2.0, 2.0, 3.0].map(|f| meter.measure(&[f]).unwrap().median_force_n);
-        assert_eq!(medians, [1.0, 1.0, 1.0, 1.5, 2.0, 2.0]);
-        meter.reset();
-        assert_eq!(meter.mask(), [false]);
-        assert_eq!(meter.measure(&[9.0]).unwrap().median_force_n, 9.0);
-    }
-
-    #[test]
-    fn a_map_that_is_refused_leaves_no_trace() {
-        let mut meter = meter(2, 2);
-        meter.measure(&[1.0, 0.0, 0.0, 0.0]).unwrap();
-        let before = meter.clone();
-        let error = meter.measure(&[2.0, 2.0, f32::NEG_INFINITY, 2.0]).unwrap_err().to_string();
-        assert_eq!(error, "map of forces: expected finite values, found -inf at column 0, row 1");
-        let error = meter.measure(&[2.0; 3]).unwrap_err();
-        assert_eq!(error, ContactError::Length { what: "map of forces", expected: 4, found: 3 });
-        assert_eq!(meter, before);
-    }
-
-    #[test]
-    fn settings_that_mean_nothing_are_refused() {
-        for threshold_n in [-1e-4, f32::NAN, f32::INFINITY] {
-            assert!(ContactMeter::new(ContactSettings { threshold_n, ..settings(1, 1) }).is_err());
+    /// Takes the next value; returns the median of the last values, including this one.
+    pub fn push(&mut self, value: f64) -> f64 {
+        if self.ring.len() < self.window {
+            self.ring.push(value);
+        } else {
+            let left = std::mem::replace(&mut self.ring[self.oldest], value);
+            self.oldest = (self.oldest + 1) % self.window;
+            let at = self.sorted.partition_point(|v| v.total_cmp(&left).is_lt());
+            self.sorted.remove(at);
         }
-        assert!(ContactMeter::new(ContactSettings { median_window: 4, ..settings(1, 1) }).is_err());
-        for (width, height) in [(0, 4), (4, 0), (usize::MAX, 2), (1 << 11, (1 << 11) + 1)] {
-            assert!(ContactMeter::new(settings(width, height)).is_err(), "{width} {height}");
-        }
-        for (x_mm, y_mm) in [(0.0, 1.0), (1.0, -1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
-            assert!(PixelSize::new(x_mm, y_mm).is_err(), "{x_mm} {y_mm}");
+        let at = self.sorted.partition_point(|v| v.total_cmp(&value).is_lt());
+        self.sorted.insert(at, value);
+        let middle = self.sorted.len() / 2;
+        match self.sorted.len() % 2 {
+            1 => self.sorted[middle],
+            _ => self.sorted[middle - 1] / 2.0 + self.sorted[middle] / 2.0,
         }
     }
 
-    proptest! {
-        #[test]
-        fn the_report_has_the_bits_of_the_plain_sums(
-            width in 1_usize..6,
-            forces in prop::collection::vec(-1e-3_f32..1e-3, 6..30),
-        ) {
-            let height = forces.len() / width;
-            let forces = &forces[..width * height];
-            let report = meter(width, height).measure(forces).unwrap();
-            let contact: Vec<usize> = (0..forces.len()).filter(|&at| forces[at] > 1e-4).collect();
-            let sum = |weight: &dyn Fn(usize) -> usize| {
-                contact.iter().map(|&at| f64::from(forces[at]) * weight(at) as f64).fold(0.0, |a, b| a + b)
-            };
-            let total = sum(&|_| 1);
-            prop_assert_eq!((report.pixels, report.force_n.to_bits()), (contact.len(), total.to_bits()));
-            let place = report.centroid.map(|c| (c.x_px, c.y_px));
-            let expected = (sum(&|at| at % width) / total, sum(&|at| at / width) / total);
-            prop_assert_eq!(place, (!contact.is_empty()).then_some(expected));
-        }
+    /// Forgets all values.
+    pub fn reset(&mut self) {
+        self.ring.clear();
+        self.sorted.clear();
+        self.oldest = 0;
     }
 }
+
+/// Intersection over union of two masks; 1 where neither has a contact, since they agree.
+///
+/// # Errors
+/// [`ContactError::Length`] where the masks differ in length.
+pub fn iou(found: &[bool], truth: &[bool]) -> Result<f64, ContactError> {
+    same_length("mask", truth.len(), found.len())?;
+    let (mut both, mut either) = (0_usize, 0_usize);
+    for (&a, &b) in found.iter().zip(truth) {
+        both += usize::from(a & b);
+        either += usize::from(a | b);
+    }
+    Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
+}
+
+/// Mean absolute error of a map of forces, in its unit; summed in f64 in row-major order.
+///
+/// # Errors
+/// [`ContactError::Length`] where the maps differ in length, [`ContactError::Setting`] where they are empty.
+pub fn force_mae(found: &[f32], truth: &[f32]) -> Result<f64, ContactError> {
+    same_length("map of forces", truth.len(), found.len())?;
+    setting("pixels of a map of forces", "at least 1", 0.0, !truth.is_empty())?;
+    let sum: f64 = found.iter().zip(truth).map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs()).sum();
+    Ok(sum / truth.len() as f64)
+}
+
+#[cfg(test)]
+mod tests;

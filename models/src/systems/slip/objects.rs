@@ -1,4 +1,6 @@
-//! The objects that slip, and the sets that they are in: networks are trained on one set and judged on the others.
+//! The objects that slip, the sets that they are in, and accuracies to compare with.
+//!
+//! Networks are trained on one set and evaluated on the others.
 
 use std::fmt;
 
@@ -7,7 +9,7 @@ use super::SlipError;
 /// A set of objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ObjectSet {
-    /// What networks are trained on.
+    /// The objects that networks are trained on.
     Basic,
     /// Solid objects.
     Solids,
@@ -48,7 +50,7 @@ impl fmt::Display for ObjectSet {
     }
 }
 
-/// Names of the published data set that are misspelt, and what is meant.
+/// Names that the published data set misspells, and the right names.
 const MISSPELT: &[(&str, &str)] = &[("strippes", "striped")];
 
 /// An object that slips.
@@ -58,7 +60,7 @@ pub struct Object {
     pub name: &'static str,
     /// The set that holds it.
     pub set: ObjectSet,
-    /// Whether a recording has it under another spelling.
+    /// Whether the recording misspells its name.
     pub misspelt: bool,
 }
 
@@ -78,6 +80,55 @@ impl Object {
         let expected = ObjectSet::ALL.map(|set| format!("{set} ({})", set.objects().join(", ")));
         let (recording, found) = (recording.to_owned(), name.to_owned());
         Err(SlipError::Object { recording, expected: expected.join(", "), found })
+    }
+}
+
+/// Accuracies of another method that is trained on [`ObjectSet::Basic`], as shares of the windows of the other sets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// Its name in plots.
+    pub name: &'static str,
+    /// What the method is.
+    pub about: &'static str,
+    /// Share on Solids.
+    pub solids: f64,
+    /// Share on Small.
+    pub small: f64,
+    /// Share on Textures.
+    pub textures: f64,
+    /// Known decimals of the shares in percent.
+    pub decimals: usize,
+}
+
+/// The best figures of the paper, and those of a method without a network on the same windows.
+pub const REFERENCES: [Reference; 2] = [
+    Reference {
+        name: "paper",
+        about: "the paper's best, as it reports them",
+        solids: 0.8256,
+        small: 0.7241,
+        textures: 0.7380,
+        decimals: 2,
+    },
+    Reference {
+        name: "SVM",
+        about: "support-vector machine (RBF, C = 10) on the 5 x 24 readings, each scaled by its own range",
+        solids: 0.840,
+        small: 0.653,
+        textures: 0.712,
+        decimals: 1,
+    },
+];
+
+impl Reference {
+    /// Share on `set`; `None` for the set that the method is trained on.
+    pub fn accuracy(&self, set: ObjectSet) -> Option<f64> {
+        match set {
+            ObjectSet::Basic => None,
+            ObjectSet::Solids => Some(self.solids),
+            ObjectSet::Small => Some(self.small),
+            ObjectSet::Textures => Some(self.textures),
+        }
     }
 }
 

@@ -1,0 +1,146 @@
+//! Contact area and normal force from the images of an optical tactile sensor (`CANFnet`).
+//!
+//! The network maps an RGB image (3, 240, 320) to the normal force on the surface of each pixel. Around it are
+//!
+//! - [`ImageNormalisation`] before it and [`ForceNormalisation`] after it,
+//! - [`ContactMeter`]: turns the map of forces into a [`ContactReport`] (mask, area, total force, running median, centroid),
+//! - [`DifferenceBaseline`]: area and centroid without a network, from the difference to an image without contact,
+//! - [`iou`] and [`force_mae`]: the figures that such maps are evaluated by,
+//! - [`Overlay`]: draws forces, outline and centroid over the image.
+//!
+//! Images are row-major from the top left, with red, green and blue of a pixel side by side (`u8`). Maps have one value for
+//! each pixel in the same order. Pixel coordinates are (column, row); the centre of the top-left pixel is (0, 0). All sums
+//! have a fixed order, so results are equal on every machine. Nothing is allocated after construction.
+
+mod difference;
+mod normalisation;
+mod overlay;
+mod report;
+
+use thiserror::Error;
+
+pub use difference::{DifferenceBaseline, DifferenceReport, DifferenceSettings};
+pub use normalisation::{ForceNormalisation, ImageNormalisation};
+pub use overlay::{ColourMap, Overlay, Picture};
+pub use report::{ContactMeter, ContactReport, ContactSettings, RunningMedian, force_mae, iou};
+
+/// A setting is out of range, or an image or a map does not fit.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ContactError {
+    /// A setting is out of range.
+    #[error("{what}: expected {expected}, found {found}")]
+    Setting {
+        /// Name of the setting.
+        what: &'static str,
+        /// The range.
+        expected: &'static str,
+        /// The setting.
+        found: f64,
+    },
+    /// A buffer has another length than the images.
+    #[error("{what}: expected {expected} values, found {found}")]
+    Length {
+        /// Name of the buffer.
+        what: &'static str,
+        /// The right length.
+        expected: usize,
+        /// Its length.
+        found: usize,
+    },
+    /// A value of a map is NaN or infinite.
+    #[error("{what}: expected finite values, found {found} at column {column}, row {row}")]
+    NotFinite {
+        /// Name of the map.
+        what: &'static str,
+        /// The pixel's column.
+        column: usize,
+        /// The pixel's row.
+        row: usize,
+        /// The value.
+        found: f32,
+    },
+}
+
+/// `Ok` where `found` is `expected`.
+fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), ContactError> {
+    if found == expected { Ok(()) } else { Err(ContactError::Length { what, expected, found }) }
+}
+
+/// `Ok` where `holds`.
+fn setting(what: &'static str, expected: &'static str, found: f64, holds: bool) -> Result<(), ContactError> {
+    if holds { Ok(()) } else { Err(ContactError::Setting { what, expected, found }) }
+}
+
+/// Size of an image or a map in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageSize {
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+}
+
+impl ImageSize {
+    /// The images that `CANFnet` reads: 320 x 240.
+    pub const CANFNET: Self = Self { width: 320, height: 240 };
+
+    /// Pixels of an image, at most (4 Mi): sums of 3 x 255 a pixel over a whole image stay within 32 bits.
+    pub const MOST_PIXELS: usize = 4 << 20;
+
+    /// Number of pixels, 1 to [`Self::MOST_PIXELS`].
+    ///
+    /// # Errors
+    /// [`ContactError::Setting`] where there are none or more.
+    pub fn pixels(self) -> Result<usize, ContactError> {
+        let pixels = self.width.saturating_mul(self.height);
+        let holds = (1..=Self::MOST_PIXELS).contains(&pixels);
+        setting("pixels of an image", "1 to 4194304", pixels as f64, holds)?;
+        Ok(pixels)
+    }
+}
+
+/// Size of a pixel on the surface of the sensor, in mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSize {
+    x_mm: f64,
+    y_mm: f64,
+}
+
+impl PixelSize {
+    /// Pixels that are `x_mm` wide and `y_mm` high.
+    ///
+    /// # Errors
+    /// [`ContactError::Setting`] where a side is not positive and finite.
+    pub fn new(x_mm: f64, y_mm: f64) -> Result<Self, ContactError> {
+        for (what, side) in [("width of a pixel (mm)", x_mm), ("height of a pixel (mm)", y_mm)] {
+            setting(what, "a positive number", side, side > 0.0 && side.is_finite())?;
+        }
+        Ok(Self { x_mm, y_mm })
+    }
+
+    /// The area of `pixels` in mm^2: pixels * (`x_mm` * `y_mm`).
+    pub fn area_mm2(self, pixels: usize) -> f64 {
+        pixels as f64 * (self.x_mm * self.y_mm)
+    }
+
+    /// The point at these pixel coordinates.
+    fn centroid(self, x_px: f64, y_px: f64) -> Centroid {
+        Centroid { x_px, y_px, x_mm: x_px * self.x_mm, y_mm: y_px * self.y_mm }
+    }
+}
+
+/// The middle of a contact.
+///
+/// The origin of both units is the centre of the image's top-left pixel; x runs along a row, y down a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Centroid {
+    /// Column, in pixels.
+    pub x_px: f64,
+    /// Row, in pixels.
+    pub y_px: f64,
+    /// Along a row, in mm.
+    pub x_mm: f64,
+    /// Down a column, in mm.
+    pub y_mm: f64,
+}

@@ -1,0 +1,63 @@
+//! Direction of slip from 24 electrodes (`BioTac SP`): 7 classes, 11 objects, windows of readings.
+//!
+//! - [`CLASSES`]: the directions, in the order of a network's outputs,
+//! - [`SlipWindows`]: cuts readings into the windows that a network is trained and evaluated on,
+//! - [`DecisionFilter`]: turns the classes of successive windows into a decision that stands until others agree,
+//! - [`Object`] and [`ObjectSet`]: the objects that slip, and the sets that a network has or has not seen,
+//! - [`REFERENCES`]: accuracies that others report or reach without a network,
+//! - [`SlipError`]: networks and recordings that do not belong here.
+
+mod decision;
+mod objects;
+mod windows;
+
+use meissner_engine::representations::RepresentationError;
+use thiserror::Error;
+
+pub use decision::{Decision, DecisionError, DecisionFilter};
+pub use objects::{Object, ObjectSet, REFERENCES, Reference};
+pub use windows::SlipWindows;
+
+/// Names of the classes, in the order of their indices: rotation anticlockwise and clockwise, east, north, south, no
+/// slip (touch), west.
+pub const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
+
+/// A network or a recording does not belong to direction of slip.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SlipError {
+    /// The network does not read electrodes.
+    #[error(
+        "network {network}: expected a network over readings of electrodes (frames = \"tactile-image\" or \
+         \"electrodes\"), found frames = {found:?}"
+    )]
+    NotReadings {
+        /// Name of the network.
+        network: String,
+        /// The kind of its frames.
+        found: &'static str,
+    },
+    /// The network predicts other classes or values.
+    #[error("network {network}: expected the outputs {expected}, found {found}")]
+    Outputs {
+        /// Name of the network.
+        network: String,
+        /// Names of the classes.
+        expected: String,
+        /// Names of its outputs.
+        found: String,
+    },
+    /// No set has the object of a recording.
+    #[error("recording {recording}: expected an object of {expected}, found {found:?}")]
+    Object {
+        /// Name of the recording.
+        recording: String,
+        /// The sets and their objects.
+        expected: String,
+        /// Name of the object.
+        found: String,
+    },
+    /// A window cannot take a reading.
+    #[error(transparent)]
+    Reading(#[from] RepresentationError),
+}
