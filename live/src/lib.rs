@@ -71,8 +71,3 @@ pub use overload::{Overload, QueueCounters, QueueOptions};
 pub use predictor::Predictor;
 pub use record::Record;
 pub use recorded::Recorded;
-
-/// The programs of the README compile and run.
-#[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-struct Readme;
