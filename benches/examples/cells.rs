@@ -12,7 +12,6 @@ use meissner_kernels::{
 };
 use meissner_models::random::Random;
 
-const SAMPLES: usize = 9;
 const SHORTEST: Duration = Duration::from_millis(4);
 /// Force: frames of a grasp, and their size.
 const FRAMES: usize = 41;
@@ -22,7 +21,7 @@ fn main() {
     for isa in Isa::available().into_iter().rev() {
         println!("{}", isa.name());
         let report = |what: &str, call: &mut dyn FnMut()| {
-            println!("  {what:<58} {:>12.2} us", median_ns(SAMPLES, SHORTEST, call) / 1e3);
+            println!("  {what:<58} {:>12.2} us", median_ns(SHORTEST, call) / 1e3);
         };
         slip_lstm(isa, report);
         slip_gates(isa, report);
@@ -89,7 +88,7 @@ fn slip_gates(isa: Isa, report: impl Fn(&str, &mut dyn FnMut())) {
     let random = &mut Random::new(2);
     let count = 12 * 11 * 32;
     let gates = random.values(4 * count, 2.0);
-    // Small: the same gates over and over must not drive the cells far from where they are in use.
+    // Small, so that the same gates repeated do not drive the cells far from their usual range.
     let peephole: Vec<_> = (0..3).map(|_| random.values(count, 0.1)).collect();
     let (mut cell, mut hidden) = (random.values(count, 1.0), vec![0.0; count]);
     report("slip-convlstm: gates of 12 x 11 positions of 32, peepholes", &mut || {

@@ -1,14 +1,19 @@
-//! Run time against numerical error of frame networks, by turns with the exact one: Winograd's convolutions, and tolerances
-//! on pictures with the noise of a camera. `cargo run --release -p meissner-benches --example frame_approximations`.
+//! Run time against numerical error of approximated frame networks: Winograd's convolutions, and tolerances on pictures
+//! with the noise of a camera. The exact and the approximated network take turns, picture by picture.
+//! `cargo run --release -p meissner-benches --example frame_approximations`.
 //!
-//! Weights are drawn and pictures made, so that errors are of numbers, and mean nothing about contact.
+//! Weights are drawn and pictures are synthetic: the errors are numerical, and say nothing about contact.
 
 use std::time::Instant;
 
+use meissner_benches::answers::Deviation;
+use meissner_benches::report::{Column, Digits, print_table};
+use meissner_benches::timing::median;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
 use meissner_models::random::Random;
 use meissner_models::{FrameDescription, Weights};
+use serde_json::{Value, json};
 
 const NETWORKS: [&str; 2] = ["canf-plain", "canf"];
 const WIDTH: usize = 320;
@@ -17,61 +22,58 @@ const PICTURES: usize = 12;
 /// Largest deviation of a pixel by noise, in levels of 255; each of four terms is uniform in a quarter of it.
 const NOISE: f32 = 2.5;
 
+const COLUMNS: [Column; 6] = [
+    ("network", "network", Digits::Fixed(0)),
+    ("approximation", "approximation", Digits::Fixed(0)),
+    ("ms", "ms a picture", Digits::Fixed(1)),
+    ("times", "times as fast", Digits::Fixed(2)),
+    ("rms", "RMS error", Digits::Exponent),
+    ("largest", "largest, of the exact map's RMS", Digits::Exponent),
+];
+
 fn main() {
     let pictures = pictures();
-    println!(
-        "network     approximation    ms a picture  times as fast  RMS error  largest, of the exact map's RMS"
-    );
+    let exact = (Convolution::Direct, Skip::Exact);
+    let tile = |tile| (Convolution::Winograd(tile), Skip::Exact);
+    let mut methods = vec![
+        ("exact".to_owned(), exact),
+        ("Winograd 2 x 2".to_owned(), tile(WinogradTile::Two)),
+        ("Winograd 4 x 4".to_owned(), tile(WinogradTile::Four)),
+    ];
+    for tolerance in [0.003, 0.01, 0.03, 0.1] {
+        methods.push((format!("tolerance {tolerance}"), (Convolution::Direct, Skip::Tolerance(tolerance))));
+    }
+    let mut rows = Vec::new();
     for name in NETWORKS {
-        let exact = (Convolution::Direct, Skip::Exact);
-        let tile = |tile| (Convolution::Winograd(tile), Skip::Exact);
-        let mut ways = vec![
-            ("exact".to_owned(), exact),
-            ("Winograd 2 x 2".to_owned(), tile(WinogradTile::Two)),
-            ("Winograd 4 x 4".to_owned(), tile(WinogradTile::Four)),
-        ];
-        for tolerance in [0.003, 0.01, 0.03, 0.1] {
-            ways.push((format!("tolerance {tolerance}"), (Convolution::Direct, Skip::Tolerance(tolerance))));
-        }
-        for (label, way) in ways {
-            compare(name, &label, [exact, way], &pictures);
+        for (label, method) in &methods {
+            rows.push(compare(name, label, [exact, *method], &pictures));
         }
     }
+    print_table(&COLUMNS, &rows);
 }
 
-/// Runs the exact network and `way` picture by picture, and prints medians and how far the maps are from each other.
-fn compare(name: &str, label: &str, ways: [(Convolution, Skip); 2], pictures: &[Vec<f32>]) {
-    let mut engines = ways.map(|(convolution, skip)| engine(name, convolution, skip));
-    let mut times = [vec![], vec![]];
-    let (mut squares, mut exact_squares, mut largest) = (0.0, 0.0, 0.0f64);
+/// Runs the exact network and the approximated one picture by picture: medians, and the distance of their maps.
+fn compare(name: &str, label: &str, methods: [(Convolution, Skip); 2], pictures: &[Vec<f32>]) -> Value {
+    let mut engines = methods.map(|(convolution, skip)| engine(name, convolution, skip));
+    let (mut times, mut maps) = ([vec![], vec![]], [vec![], vec![]]);
     for (i, picture) in pictures.iter().enumerate() {
-        let mut maps = [vec![], vec![]];
         for turn in 0..2 {
-            let way = (turn + i) % 2;
+            let which = (turn + i) % 2;
             let start = Instant::now();
-            engines[way].push(picture).expect("finite pixels");
-            maps[way] = engines[way].predict().expect("numbers").values.to_vec();
-            // The first picture is computed whole by either.
+            engines[which].push(picture).expect("finite pixels");
+            maps[which].extend_from_slice(engines[which].predict().expect("numbers").values);
+            // Both compute the first picture whole.
             if i > 0 {
-                times[way].push(start.elapsed().as_secs_f64() * 1e3);
+                times[which].push(start.elapsed().as_secs_f64() * 1e3);
             }
-        }
-        for (&exact, &found) in maps[0].iter().zip(&maps[1]) {
-            let difference = f64::from(found) - f64::from(exact);
-            squares += difference * difference;
-            exact_squares += f64::from(exact) * f64::from(exact);
-            largest = largest.max(difference.abs());
         }
     }
     let [exact_ms, ms] = times.map(median);
-    let rms = exact_squares.sqrt();
-    let pixels = (pictures.len() * WIDTH * HEIGHT) as f64;
-    println!(
-        "{name:<11} {label:<16} {ms:>12.1} {:>14.2} {:>10.1e} {:>10.1e}",
-        exact_ms / ms,
-        squares.sqrt() / rms,
-        largest * pixels.sqrt() / rms,
-    );
+    let deviation = Deviation::between(&maps[0], &maps[1]);
+    json!({
+        "network": name, "approximation": label, "ms": ms, "times": exact_ms / ms,
+        "rms": deviation.rms, "largest": deviation.max_by_rms,
+    })
 }
 
 fn engine(name: &str, convolution: Convolution, skip: Skip) -> FrameEngine {
@@ -98,9 +100,4 @@ fn pictures() -> Vec<Vec<f32>> {
         (0..3 * WIDTH * HEIGHT).map(level).collect()
     };
     (0..PICTURES).map(&mut picture).collect()
-}
-
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
 }

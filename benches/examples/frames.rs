@@ -3,8 +3,8 @@
 //!     cargo run --release -p meissner-benches --example frames -- NETWORK FILE [--runs N] [--recording FILE]...
 //!
 //! FILE holds the network's weights, an input x and the answer y. The answer is compared before anything is timed, to 1e-4
-//! of its largest magnitude. Prints one JSON object: the instruction set, and by way of computing the median milliseconds
-//! of the whole input with nothing skipped, and the largest error relative to the largest magnitude.
+//! of its largest magnitude. Prints one JSON object: the instruction set, and for each method the median milliseconds of
+//! the whole input with nothing skipped, and the largest error relative to the largest magnitude.
 //!
 //! An image network is also timed with exact skipping, on a sequence in which a tenth of the image changes, a rectangle that
 //! moves. With --recording it is timed on the signed frames of a recording instead, 150 ms long and 10 ms apart, those
@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+use meissner_benches::answers::Deviation;
+use meissner_benches::timing::median_ms;
 use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
@@ -21,7 +23,7 @@ use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::random::Random;
 use meissner_models::{FrameDescription, Weights};
 
-const LARGEST_ERROR: f32 = 1e-4;
+const LARGEST_ERROR: f64 = 1e-4;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -40,18 +42,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let case = Case::new(&description, &weights)?;
     let (mut ms, mut error) = (BTreeMap::new(), BTreeMap::new());
     if recordings.is_empty() {
-        let mut ways = vec![("direct", Convolution::Direct, false)];
+        let mut methods = vec![("direct", Convolution::Direct, false)];
         let one_image = case.steps == 1 && matches!(description.input(), FrameShape::Image { .. });
         if one_image {
-            ways.push(("winograd 2x2", Convolution::Winograd(WinogradTile::Two), false));
-            ways.push(("winograd 4x4", Convolution::Winograd(WinogradTile::Four), false));
-            ways.push(("direct, two threads", Convolution::Direct, true));
+            methods.push(("winograd 2x2", Convolution::Winograd(WinogradTile::Two), false));
+            methods.push(("winograd 4x4", Convolution::Winograd(WinogradTile::Four), false));
+            methods.push(("direct, two threads", Convolution::Direct, true));
         }
-        for (way, convolution, two_threads) in ways {
+        for (method, convolution, two_threads) in methods {
             let options = FrameOptions::new().with_skip(Skip::Nothing).with_two_threads(two_threads);
             let (median, worst) = case.whole(case.engine(convolution, options)?, runs)?;
-            ms.insert(way.to_owned(), median);
-            error.insert(way.to_owned(), worst);
+            ms.insert(method.to_owned(), median);
+            error.insert(method.to_owned(), worst);
         }
         if one_image {
             let frames = moving_rectangle(case.x, description.input(), runs + 1);
@@ -98,8 +100,8 @@ impl<'a> Case<'a> {
         Ok(FrameEngine::with_options(network, options)?)
     }
 
-    /// Median milliseconds of the whole input, and the largest error.
-    fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f32), Box<dyn std::error::Error>> {
+    /// Median milliseconds of the whole input, and the largest error relative to the largest magnitude.
+    fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f64), Box<dyn std::error::Error>> {
         let Self { x, y, steps, .. } = *self;
         let mut answer = Vec::new();
         let mut forward = |answer: &mut Vec<f32>| -> Result<(), EngineError> {
@@ -118,19 +120,11 @@ impl<'a> Case<'a> {
             Ok(())
         };
         forward(&mut answer)?;
-        let largest = y.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-        let worst = answer.iter().zip(y).fold(0.0f32, |m, (a, b)| m.max((a - b).abs())) / largest;
+        let worst = Deviation::between(y, &answer).max;
         if answer.len() != y.len() || worst > LARGEST_ERROR {
             return Err(format!("error {worst:e}, expected at most {LARGEST_ERROR:e}").into());
         }
-        let mut times = Vec::with_capacity(runs);
-        for _ in 0..runs {
-            let start = Instant::now();
-            forward(&mut answer)?;
-            times.push(start.elapsed().as_secs_f64() * 1e3);
-        }
-        times.sort_by(f64::total_cmp);
-        Ok((times[runs / 2], worst))
+        Ok((median_ms(runs, || forward(&mut answer))?, worst))
     }
 
     /// Mean milliseconds a frame after the first; every prediction has the bits of one with nothing skipped.

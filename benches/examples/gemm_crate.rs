@@ -2,7 +2,7 @@
 //! `cargo run --release -p meissner-benches --example gemm_crate`.
 //!
 //! The 3 x 3 convolution as one product of matrices, positions x (9 channels) times (9 channels) x outputs. Gathering the
-//! positions' neighbourhoods (im2col), which ours do without, is timed apart.
+//! neighbourhoods of positions (im2col) is timed separately; our kernels do without it.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -12,7 +12,6 @@ use meissner_benches::peak::Peak;
 use meissner_benches::timing::median_ns;
 use meissner_kernels::{Conv3x3, FeatureMap, Isa, Region};
 
-const SAMPLES: usize = 9;
 const SHORTEST: Duration = Duration::from_millis(10);
 
 fn main() {
@@ -40,7 +39,7 @@ fn own(isa: Isa, case: &Case) -> f64 {
     let mut out = case.out();
     let region = Region::all(out.height(), out.width());
     let inputs = [case.inputs[0].view()];
-    median_ns(SAMPLES, SHORTEST, || {
+    median_ns(SHORTEST, || {
         conv.run(isa, &inputs, region, black_box(&mut out).band()).expect("the case's maps fit");
     })
 }
@@ -50,11 +49,11 @@ fn by_crate(case: &Case) -> (f64, f64) {
     let map = &case.inputs[0];
     let (rows, depth, outputs) = (map.height() * map.width(), 9 * map.channels(), case.parts.outputs);
     let mut gathered = vec![0.0; rows * depth];
-    let gather = median_ns(SAMPLES, SHORTEST, || im2col(map, black_box(&mut gathered)));
+    let gather = median_ns(SHORTEST, || im2col(map, black_box(&mut gathered)));
     // Any order of the same weights takes the same time.
     let weights = &case.parts.weight;
     let mut out = vec![0.0; rows * outputs];
-    let product = median_ns(SAMPLES, SHORTEST, || {
+    let product = median_ns(SHORTEST, || {
         multiply([rows, depth, outputs], &gathered, weights, black_box(&mut out));
     });
     (gather, product)

@@ -1,17 +1,17 @@
 //! Our side of the comparison with other people's software: the window of 7,006 events through `graphres`, on one
 //! thread; `cargo run --release -p meissner-benches --example window -- [--export FILE] [--runs N]`.
 //!
-//! Prints one JSON object. `--export` also writes everything that a peer needs (positions, polarities, neighbours,
-//! weights) and what it must find (the fifth block's rows, the prediction) to a safetensors file.
+//! Prints one JSON object. `--export` also writes a safetensors file with a peer's inputs (positions, polarities,
+//! neighbours, weights) and the expected results (the fifth block's rows, the prediction).
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::time::Instant;
+use std::sync::Arc;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
-use meissner_benches::{check, networks, timing, tree};
-use meissner_engine::{Batch, Candidates, Engine, Network, Search, Stream, Trace};
-use meissner_kernels::{Isa, Matrix, SplineRow, SplineScratch};
+use meissner_benches::{answers, networks, timing};
+use meissner_engine::{Candidates, Engine, EngineError, Network, Stream, Trace};
+use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Tensor, Weights};
 use serde_json::json;
 
@@ -28,28 +28,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     let window = streams::window();
-    let (source, weights) = match streams::shared("data/checkpoints/contact_angle_graphres.safetensors") {
-        Some(path) => ("published checkpoint", Weights::load(path)?),
-        None => ("shipped (drawn from a seed)", Weights::shipped("graphres").ok_or("shipped weights")?),
-    };
-    let network = networks::with_weights("graphres", &weights);
-    let batch = Batch::new(network.clone(), window.sensor)?.with_search(Search::Grid);
-    let graph =
-        Batch::new(networks::graph_only(K, Candidates::All), window.sensor)?.with_search(Search::Grid);
+    let (network, weights, source) = networks::published_graphres();
+    let batch = networks::grid_batch(&network, window.sensor);
+    let graph = networks::grid_batch(&networks::graph_only(K, Candidates::All), window.sensor);
     let stream = Stream::new(&window.events);
     let trace = batch.forward(stream)?;
     check(&network, &window, &trace)?;
     if let Some(path) = export {
         std::fs::write(path, safetensors(&window, &network, &trace, &weights)?)?;
     }
-    let isa = Isa::best();
-    let graph_ms = milliseconds(runs, || _ = black_box(graph.forward(stream)));
-    let layers_ms = milliseconds(runs, || _ = black_box(event_layers(&network, &trace, isa)));
-    let forward_ms = milliseconds(runs, || _ = black_box(batch.forward(stream)));
+    let graph_ms = timing::median_ms(runs, || black_box(graph.forward(stream)).map(drop))?;
+    let layers_ms = timing::median_ms(runs, || {
+        black_box(Ok::<_, EngineError>(event_layers(&network, &trace))).map(drop)
+    })?;
+    let forward_ms = timing::median_ms(runs, || black_box(batch.forward(stream)).map(drop))?;
     let report = json!({
         "window": window.name,
         "weights": source,
-        "isa": isa.name(),
+        "isa": Isa::best().name(),
         "runs": runs,
         "graph_ms": graph_ms,
         "event_layers_ms": layers_ms,
@@ -59,54 +55,30 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Median time of `call` after one call to warm up.
-fn milliseconds(runs: usize, mut call: impl FnMut()) -> f64 {
-    call();
-    let time = |_| {
-        let start = Instant::now();
-        call();
-        start.elapsed().as_secs_f64() * 1e3
-    };
-    timing::median((0..runs).map(time).collect())
-}
-
 /// The graph is a k-d tree's, the layers alone are the whole pass's, and the engine agrees.
 fn check(
-    network: &std::sync::Arc<Network>,
+    network: &Arc<Network>,
     window: &Recording,
     trace: &Trace,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let edges = &trace.levels[0].edges;
-    for (row, expected) in tree::neighbourhoods(window, K).iter().enumerate() {
+    for (row, expected) in answers::tree_neighbourhoods(window, K).iter().enumerate() {
         assert!(edges.row(row).iter().map(|n| n.row).eq(expected.iter().copied()), "neighbours of {row}");
     }
-    let features = event_layers(network, trace, Isa::best());
-    for (alone, whole) in features.iter().zip(&trace.levels[0].features[1..]) {
+    let features = event_layers(network, trace);
+    for (alone, whole) in features.iter().zip(&trace.levels[0].features) {
         assert_eq!(alone.lanes(), whole.lanes(), "a layer alone");
     }
     let mut engine = Engine::new(network.clone(), window.sensor)?;
     engine.push_slice(&window.events);
-    check::engine_equals_batch(&mut engine, &window.events);
+    answers::engine_equals_batch(&mut engine, &window.events);
     Ok(())
 }
 
-/// The blocks of the event level, given its graph.
-fn event_layers(network: &Network, trace: &Trace, isa: Isa) -> Vec<Matrix> {
+/// The features of the event level, given its graph.
+fn event_layers(network: &Network, trace: &Trace) -> Vec<Matrix> {
     let level = &trace.levels[0];
-    let mut scratch = SplineScratch::default();
-    let mut written: Vec<Matrix> = Vec::new();
-    for block in &network.level(0).blocks {
-        let mut out = Matrix::zeros(level.edges.rows(), block.conv.outputs());
-        let feature = |index: usize| if index == 0 { &level.features[0] } else { &written[index - 1] };
-        let (features, skip) = (feature(block.input), block.skip.map(feature));
-        let skip = |row| skip.map(|skip: &Matrix| skip.row(row));
-        let row =
-            |i| SplineRow { neighbours: level.edges.row(i), basis: &[], own: features.row(i), skip: skip(i) };
-        let rows: Vec<_> = (0..out.rows()).map(row).collect();
-        block.conv.rows(isa, features, &rows, &mut scratch, out.lanes_mut());
-        written.push(out);
-    }
-    written
+    networks::level_features(network.level(0), level, level.features[0].clone(), |_, _| ())
 }
 
 /// The window for a peer. Indices are f32 as well: below 2^24 they are exact.

@@ -1,7 +1,6 @@
 //! The 3 x 3 convolutions of the frame networks, with random weights and activations.
 
 use meissner_kernels::{ConvParts, FeatureMap};
-
 use meissner_models::random::Random;
 
 /// A layer's sizes.
@@ -39,7 +38,7 @@ pub const SHAPES: [Shape; 19] = [
     shape("canf", &[128], 128, 60, 80),
     shape("canf", &[128], 256, 30, 40),
     shape("canf", &[256], 256, 30, 40),
-    // The way up reads a concatenation.
+    // The decoder reads a concatenation.
     shape("canf up", &[128, 128], 128, 60, 80),
     shape("canf up", &[64, 64], 64, 120, 160),
     shape("canf up", &[32, 32], 32, 240, 320),

@@ -1,18 +1,18 @@
 //! Operations and bytes of a row, from shapes alone.
 //!
-//! Counted are the multiply-adds that the equations need: sums per kernel slot, weights, root weight (two floating-
-//! point operations each). Basis weights, ELU, batch norm and padding are work too, but work that a faster kernel might
-//! do without; leaving them out makes an achieved share honest rather than flattering.
+//! The multiply-adds that the equations need are counted, two floating-point operations each: sums per kernel slot,
+//! weights, root weight. Basis weights, ELU, batch norm and padding are not counted, because a faster kernel might do
+//! without them: counting them would flatter the achieved share.
 //!
-//! Bytes are those that a row reads and writes if it is computed alone: nothing is credited for what the row before it
-//! left in a register. What stays in a cache moves at the cache's speed.
+//! Bytes are those that a row reads and writes if it is computed alone. Data that the row before left in a register
+//! counts again.
 
 use std::ops::{Add, AddAssign};
 
 use meissner_engine::{Network, Trace};
 use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
 
-/// What some computation costs.
+/// The cost of a computation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
     /// Products that are added to something.

@@ -1,19 +1,19 @@
-//! The spline blocks and dense layers of the shipped networks as single kernels: their shapes and the graph's own
-//! in-edges, with numbers drawn from a seed, so that the scalar twin can be given the same ones.
+//! The spline blocks and dense layers of the shipped networks as single kernels: their shapes, and in-edges of a real
+//! graph. Numbers are drawn from a seed, so that the scalar twin can compute with the same ones.
 
-use meissner_engine::{Batch, Network, Search, Stream, Trace};
+use meissner_engine::Stream;
 use meissner_kernels::{
     Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch,
     naive,
 };
 
-use crate::check::bits;
+use crate::answers::bits;
 use crate::cost::{self, Cost};
 use crate::networks;
 use crate::streams::Recording;
 use meissner_models::random::Random;
 
-/// Most rows of a case: enough to go through many neighbourhoods, few enough to repeat often.
+/// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.
 const MOST_ROWS: usize = 1_024;
 
 /// One spline block over rows of a real graph.
@@ -34,29 +34,19 @@ pub struct SplineCase {
     rows: Vec<(usize, Vec<Neighbour>)>,
 }
 
-/// The forward pass of a shipped network over `window`.
-///
-/// # Panics
-/// If a layer computes NaN.
-pub fn trace(name: &str, window: &Recording) -> (std::sync::Arc<Network>, Trace) {
-    let network = networks::shipped(name);
-    let batch =
-        Batch::new(network.clone(), window.sensor).expect("the sensor has pixels").with_search(Search::Grid);
-    let trace = batch.forward(Stream::new(&window.events)).expect("finite");
-    (network, trace)
-}
-
 /// Each spline block of a shipped network, over the graphs of `window`.
 ///
 /// # Panics
 /// If a layer computes NaN.
 pub fn splines(name: &str, window: &Recording) -> Vec<SplineCase> {
-    let (network, trace) = trace(name, window);
+    let network = networks::shipped(name);
+    let batch = networks::grid_batch(&network, window.sensor);
+    let trace = batch.forward(Stream::new(&window.events)).expect("finite");
     let mut random = Random::new(3);
     let mut cases = Vec::new();
     for (l, level) in trace.levels.iter().enumerate() {
         let count = level.edges.rows();
-        // The middle of a window: its first rows have few neighbours under `past`.
+        // From the middle of a window: its first rows have few neighbours under `past`.
         let taken = count.min(MOST_ROWS);
         let rows: Vec<(usize, Vec<Neighbour>)> = (0..taken)
             .map(|i| (count - taken) / 2 + i)
@@ -141,14 +131,8 @@ impl SplineCase {
             let skip = self.skip.as_ref().map(|skip| values(skip, *row));
             let read = |j: usize, c: usize| features[j][c];
             let expected = naive::spline_row(&self.parts, neighbours, read, *row, skip.as_deref());
-            assert_eq!(
-                bits(&values(&out, place)),
-                bits(&expected),
-                "{} {}, {}",
-                self.network,
-                self.layer,
-                isa.name()
-            );
+            let case = format!("{} {}, {}", self.network, self.layer, isa.name());
+            assert_eq!(bits(&values(&out, place)), bits(&expected), "{case}");
         }
     }
 }
@@ -227,13 +211,7 @@ impl DenseCase {
         self.run(isa, &mut out);
         let input: Vec<f32> = self.input.lanes().iter().flat_map(|l| l.0).collect();
         let expected = naive::dense(&input, &self.weight, &self.bias, self.activation);
-        assert_eq!(
-            bits(&out.values(0).collect::<Vec<_>>()),
-            bits(&expected),
-            "{} {}, {}",
-            self.network,
-            self.layer,
-            isa.name()
-        );
+        let case = format!("{} {}, {}", self.network, self.layer, isa.name());
+        assert_eq!(bits(&out.values(0).collect::<Vec<_>>()), bits(&expected), "{case}");
     }
 }

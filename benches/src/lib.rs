@@ -1,15 +1,14 @@
-//! What the suites share: streams and networks to run, checks of answers, counts of operations and bytes, and the
-//! machine's measured limits.
+//! Shared by all benches: streams and networks to run, checks of answers, counts of operations and bytes, the machine's
+//! measured limits, clocks and tables.
 #![forbid(unsafe_code)]
 
-pub mod achieved;
-pub mod check;
+pub mod answers;
 pub mod conv_cases;
 pub mod cost;
 pub mod kernel_cases;
-pub mod lap;
 pub mod networks;
 pub mod peak;
+pub mod report;
 pub mod streams;
+pub mod suite;
 pub mod timing;
-pub mod tree;

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use meissner_engine::{
-    Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Network, NetworkParts, Normalisation, Pooling,
-    Position, Reach, Readout,
+    Batch, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, LevelTrace, Network, NetworkParts,
+    Normalisation, Pooling, Position, Reach, Readout, Search, Sensor,
 };
-use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
+use meissner_kernels::{Activation, Dense, Isa, Matrix, SplineConv, SplineParts, SplineRow, SplineScratch};
+use meissner_models::random::Random;
 use meissner_models::{Description, Weights};
 
-use crate::streams::SPAN_US;
-use meissner_models::random::Random;
+use crate::streams::{SPAN_US, shared};
 
 /// Shipped networks that run event by event.
 pub const INCREMENTAL: [&str; 3] = ["graphres", "tactigraph", "tactigraph-past"];
@@ -23,7 +23,56 @@ pub fn shipped(name: &str) -> Arc<Network> {
     with_weights(name, &Weights::shipped(name).expect("shipped weights"))
 }
 
-/// A shipped network with other weights, whatever they were trained on: they are there to be timed.
+/// `graphres` with the published checkpoint where the shared folder has it, else with the shipped weights; the weights,
+/// and where they are from.
+///
+/// # Panics
+/// If the weights cannot be read.
+pub fn published_graphres() -> (Arc<Network>, Weights, &'static str) {
+    let (source, weights) = match shared("data/checkpoints/contact_angle_graphres.safetensors") {
+        Some(path) => ("published checkpoint", Weights::load(path).expect("readable weights")),
+        None => ("shipped (drawn from a seed)", Weights::shipped("graphres").expect("shipped weights")),
+    };
+    (with_weights("graphres", &weights), weights, source)
+}
+
+/// The batch of a network that searches neighbours on a grid of pixels.
+///
+/// # Panics
+/// If the sensor has no pixels.
+pub fn grid_batch(network: &Arc<Network>, sensor: Sensor) -> Batch {
+    Batch::new(network.clone(), sensor).expect("the sensor has pixels").with_search(Search::Grid)
+}
+
+/// The features that the blocks of `level` write over the graph of `trace`, after the one that enters the level.
+///
+/// `adjust` may change each feature after it is computed, and is told its block.
+pub fn level_features(
+    level: &Level,
+    trace: &LevelTrace,
+    entering: Matrix,
+    mut adjust: impl FnMut(usize, &mut Matrix),
+) -> Vec<Matrix> {
+    let mut scratch = SplineScratch::default();
+    let mut features = vec![entering];
+    for (b, block) in level.blocks.iter().enumerate() {
+        let mut out = Matrix::zeros(trace.edges.rows(), block.conv.outputs());
+        let (input, skip) = (&features[block.input], block.skip.map(|skip| &features[skip]));
+        let row = |i| SplineRow {
+            neighbours: trace.edges.row(i),
+            basis: &[],
+            own: input.row(i),
+            skip: skip.map(|skip| skip.row(i)),
+        };
+        let rows: Vec<_> = (0..out.rows()).map(row).collect();
+        block.conv.rows(Isa::best(), input, &rows, &mut scratch, out.lanes_mut());
+        adjust(b, &mut out);
+        features.push(out);
+    }
+    features
+}
+
+/// A shipped network with other weights, whatever they were trained on: they are only timed.
 ///
 /// # Panics
 /// If there is none of that name, or the weights do not fit it.
@@ -37,12 +86,11 @@ pub fn graph_only(k: usize, candidates: Candidates) -> Arc<Network> {
     build("graph", k, candidates, Vec::new(), Vec::new(), [1, 1])
 }
 
-/// What lies behind the event level: a pooling with the published cells (where `pooled`), and a readout of 4 x 4
-/// cells, over `channels` channels.
+/// The stages after the event level: a pooling with the published cells (where `pooled`), and a readout of 4 x 4 cells,
+/// over `channels` channels.
 ///
-/// A block with a single neighbour makes the channels: they have to come from somewhere, and values must differ from
-/// event to event, or each one that leaves would be a maximum. One channel is the polarity, and needs no block; there
-/// nearly all are maxima.
+/// A block with a single neighbour computes the channels. Their values differ from event to event; otherwise each event
+/// that expires would be a maximum. A single channel is the polarity and needs no block; nearly all its values are maxima.
 ///
 /// # Panics
 /// Never: the parts fit.

@@ -1,6 +1,6 @@
-//! What the machine can do, measured: f32 products and sums out of registers, and bytes read from each cache.
+//! The machine's limits, measured: f32 products and sums in registers, and bytes read from each cache.
 //!
-//! Both loops run through the kernels' own [`Task`] mechanism, on one thread, with the vectors that a kernel uses.
+//! Both loops run through the kernels' own [`Task`] dispatch, on one thread, with the vectors that a kernel uses.
 
 #![allow(
     clippy::inline_always,
@@ -29,16 +29,9 @@ pub struct Peak {
 impl Peak {
     /// Measures; about a tenth of a second.
     pub fn measure(isa: Isa) -> Self {
-        // The best number of accumulators depends on how many registers there are and how wide they are.
-        let counts = [
-            chain::<4>(isa),
-            chain::<5>(isa),
-            chain::<6>(isa),
-            chain::<7>(isa),
-            chain::<8>(isa),
-            chain::<12>(isa),
-        ];
-        Self { isa, gflops: counts.into_iter().fold(0.0, f64::max) }
+        // The best number of accumulators depends on the number of registers and on their width.
+        let chains = [chain::<4>, chain::<5>, chain::<6>, chain::<7>, chain::<8>, chain::<12>];
+        Self { isa, gflops: chains.into_iter().map(|chain| chain(isa)).fold(0.0, f64::max) }
     }
 
     /// Share of the peak that `gflops` is, in percent.
@@ -109,7 +102,7 @@ impl Bandwidth {
     }
 }
 
-/// The sum of a buffer, in partial sums so that loads wait for nothing.
+/// The sum of a buffer, in partial sums so that no load waits for a sum.
 struct Read<'a> {
     values: &'a [Wide],
 }

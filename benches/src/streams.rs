@@ -1,7 +1,7 @@
-//! What the suites run on: recordings where they are there, else a synthetic stream; and the window of 7,006 events.
+//! Streams that the suites run on: recordings where they exist, else a synthetic stream; and the window of 7,006 events.
 //!
-//! The folder with recordings is the one that `MEISSNER_SHARED` names, else `../shared` beside the project. Every
-//! stream that leaves here is one that an engine accepts whole: inside the sensor, times not descending.
+//! The folder with recordings is the one that `MEISSNER_SHARED` names, else `../shared` beside the project. An engine
+//! accepts every event of these streams: they are inside the sensor, and times do not descend.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub struct Recording {
     pub events: Vec<Event>,
 }
 
-/// `path` below the folder with recordings and checkpoints, if it is there.
+/// `path` below the folder with recordings and checkpoints, if it exists.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
     let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
@@ -33,7 +33,7 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 }
 
 impl Recording {
-    /// `data/events/NAME.aedat4` of the shared folder, if it is there.
+    /// `data/events/NAME.aedat4` of the shared folder, if it exists.
     ///
     /// # Panics
     /// If it cannot be read, or names no geometry.
@@ -70,7 +70,7 @@ impl Recording {
                 Event::new(t_us, x, y, random.below(2) == 0)
             } else {
                 let dot = random.below((COLUMNS * ROWS).into()) as u32;
-                // A triangular sway of 12 pixels in 80 ms: integers, so that no platform's sine is asked.
+                // A triangular sway of 12 pixels in 80 ms: integers, so that no platform's sine matters.
                 let phase = (t_us % 80_000) as i32;
                 let (shift, right) = if phase < 40_000 {
                     (phase * 12 / 40_000, true)
@@ -103,16 +103,9 @@ impl Recording {
         }
         None
     }
-
-    /// The same with its first `count` events only.
-    #[must_use]
-    pub fn truncated(mut self, count: usize) -> Self {
-        self.events.truncate(count);
-        self
-    }
 }
 
-/// The recordings that are there, else the synthetic stream; says which on standard error.
+/// The recordings that exist, else the synthetic stream; says which on standard error.
 pub fn recordings() -> Vec<Recording> {
     let found: Vec<Recording> =
         ["tactile_dots", "davis346"].into_iter().filter_map(Recording::load).collect();
@@ -125,7 +118,7 @@ pub fn recordings() -> Vec<Recording> {
     found
 }
 
-/// The window of 7,006 events: of `tactile_dots` where it is there, else of the synthetic stream; says which.
+/// The window of 7,006 events: of `tactile_dots` where that exists, else of the synthetic stream; says which on standard error.
 ///
 /// # Panics
 /// If the recording is another one and has no such window.

@@ -2,35 +2,74 @@
 
 use std::time::{Duration, Instant};
 
-/// Median nanoseconds of a call, over `samples` batches of at least `shortest` each, after a warm-up.
+const SAMPLES: usize = 9;
+const ROUNDS: usize = 41;
+
+/// Median nanoseconds of a call, over nine batches of at least `shortest` each, after a warm-up.
+pub fn median_ns(shortest: Duration, mut call: impl FnMut()) -> f64 {
+    median(samples_ns(SAMPLES, shortest, &mut call))
+}
+
+/// Nanoseconds of a call in the fastest of `samples` batches. For limits: a disturbed batch says nothing about a limit.
+pub fn least_ns(samples: usize, shortest: Duration, mut call: impl FnMut()) -> f64 {
+    samples_ns(samples, shortest, &mut call).into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Median milliseconds of one call over `runs` calls, after one call to warm up.
+///
+/// # Errors
+/// The first error that a call returns.
 ///
 /// # Panics
-/// If there are no samples.
-pub fn median_ns(samples: usize, shortest: Duration, call: impl FnMut()) -> f64 {
-    median(samples_ns(samples, shortest, call))
+/// If there are no runs.
+pub fn median_ms<E>(runs: usize, mut call: impl FnMut() -> Result<(), E>) -> Result<f64, E> {
+    call()?;
+    let time = |_| {
+        let start = Instant::now();
+        call().map(|()| start.elapsed().as_secs_f64() * 1e3)
+    };
+    Ok(median((0..runs).map(time).collect::<Result<_, _>>()?))
 }
 
-/// The same, but the fastest batch: for limits, which a disturbed batch says nothing about.
-pub fn least_ns(samples: usize, shortest: Duration, call: impl FnMut()) -> f64 {
-    samples_ns(samples, shortest, call).into_iter().fold(f64::INFINITY, f64::min)
-}
-
-fn samples_ns(samples: usize, shortest: Duration, mut call: impl FnMut()) -> Vec<f64> {
-    let mut calls = 1u32;
-    // The number of calls doubles until a batch is long enough; that warms up as well.
-    loop {
-        if timed(calls, &mut call) >= shortest || calls >= 1 << 30 {
-            break;
+/// Median nanoseconds of a call of each, and the median of its ratios to the first one's time in the same round.
+///
+/// The computations take turns in every round, so that a slow moment of the machine affects all of them.
+///
+/// # Panics
+/// If there are no calls.
+pub fn interleaved_ns(calls: &mut [Box<dyn FnMut() + '_>]) -> Vec<[f64; 2]> {
+    let shortest = Duration::from_millis(1);
+    let counts: Vec<u32> = calls.iter_mut().map(|call| repeats(shortest, call)).collect();
+    let mut times = vec![Vec::new(); calls.len()];
+    for _ in 0..ROUNDS {
+        for ((call, &count), times) in calls.iter_mut().zip(&counts).zip(&mut times) {
+            // The first call brings its data into the caches.
+            call();
+            times.push(timed_ns(count, call));
         }
+    }
+    let ratios = |own: &[f64]| median(own.iter().zip(&times[0]).map(|(t, first)| t / first).collect());
+    times.iter().map(|own| [median(own.clone()), ratios(own)]).collect()
+}
+
+fn samples_ns(samples: usize, shortest: Duration, call: &mut impl FnMut()) -> Vec<f64> {
+    let calls = repeats(shortest, call);
+    (0..samples).map(|_| timed_ns(calls, call)).collect()
+}
+
+/// The number of calls that takes at least `shortest`; finding it warms up as well.
+fn repeats(shortest: Duration, call: &mut impl FnMut()) -> u32 {
+    let mut calls = 1;
+    while timed_ns(calls, call) * f64::from(calls) < shortest.as_secs_f64() * 1e9 && calls < 1 << 30 {
         calls *= 2;
     }
-    (0..samples).map(|_| timed(calls, &mut call).as_secs_f64() * 1e9 / f64::from(calls)).collect()
+    calls
 }
 
-fn timed(calls: u32, call: &mut impl FnMut()) -> Duration {
+fn timed_ns(calls: u32, call: &mut impl FnMut()) -> f64 {
     let start = Instant::now();
     (0..calls).for_each(|_| call());
-    start.elapsed()
+    start.elapsed().as_secs_f64() * 1e9 / f64::from(calls)
 }
 
 /// The middle one of `values`.

@@ -4,8 +4,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use meissner_benches::peak::Peak;
-use meissner_benches::{achieved, check, cost, networks, streams};
-use meissner_engine::{Batch, Engine, Search, Stream};
+use meissner_benches::{answers, cost, networks, streams, suite};
+use meissner_engine::{Engine, Stream};
 use meissner_kernels::Isa;
 
 fn batch(criterion: &mut Criterion) {
@@ -18,13 +18,11 @@ fn batch(criterion: &mut Criterion) {
         let network = networks::shipped(name);
         let mut engine = Engine::new(network.clone(), window.sensor).expect("an engine");
         engine.push_slice(&window.events);
-        check::engine_equals_batch(&mut engine, &window.events);
-        let batch = Batch::new(network.clone(), window.sensor)
-            .expect("the sensor has pixels")
-            .with_search(Search::Grid);
+        answers::engine_equals_batch(&mut engine, &window.events);
+        let batch = networks::grid_batch(&network, window.sensor);
         let cost = cost::forward(&network, &batch.forward(stream).expect("finite"));
         // Neighbour search is in the time and not in the operations.
-        achieved::bench(&mut group, name, cost, &peak, || _ = black_box(batch.forward(stream)));
+        suite::bench(&mut group, name, cost, &peak, || _ = black_box(batch.forward(stream)));
     }
     group.finish();
 }

@@ -1,9 +1,9 @@
 //! Graph update: one event into a full sliding window without layers, its expiries included.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use meissner_benches::lap::Lap;
-use meissner_benches::{check, networks, streams};
-use meissner_engine::{Candidates, Engine, Lifetime};
+use meissner_benches::suite::Rounds;
+use meissner_benches::{answers, networks, streams};
+use meissner_engine::{Candidates, Lifetime};
 
 fn graph_update(criterion: &mut Criterion) {
     let window = streams::window();
@@ -16,11 +16,9 @@ fn graph_update(criterion: &mut Criterion) {
     ];
     for (name, k, candidates) in rules {
         let network = networks::graph_only(k, candidates);
-        let mut engine = Engine::new(network, window.sensor).expect("an engine");
-        let mut lap = Lap::new(&window.events);
-        let pushed = lap.fill(&mut engine);
-        check::neighbourhoods_equal_batch(&engine, &pushed);
-        group.bench_function(name, |b| b.iter(|| engine.push(lap.event())));
+        let (mut rounds, mut engine, pushed) = Rounds::full(network, &window);
+        answers::neighbourhoods_equal_batch(&engine, &pushed);
+        group.bench_function(name, |b| b.iter(|| engine.push(rounds.event())));
     }
     group.finish();
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use meissner_benches::peak::Peak;
-use meissner_benches::{achieved, kernel_cases, networks, streams};
+use meissner_benches::{kernel_cases, networks, streams, suite};
 use meissner_kernels::{Isa, SplineScratch};
 
 /// There are many cases, and all are short.
@@ -29,7 +29,7 @@ fn splines(criterion: &mut Criterion) {
                 case.check(isa);
                 let (mut scratch, mut out) = (SplineScratch::default(), case.out());
                 let name = format!("{} ({}), {} rows", case.layer, case.shape(), case.rows());
-                achieved::bench(&mut group, &name, case.cost(), &peak, || {
+                suite::bench(&mut group, &name, case.cost(), &peak, || {
                     case.run(isa, &mut scratch, black_box(&mut out));
                 });
             }
@@ -47,7 +47,7 @@ fn denses(criterion: &mut Criterion) {
             case.check(isa);
             let mut out = case.out();
             let name = format!("{} {} ({})", case.network, case.layer, case.shape());
-            achieved::bench(&mut group, &name, case.cost, &peak, || case.run(isa, black_box(&mut out)));
+            suite::bench(&mut group, &name, case.cost, &peak, || case.run(isa, black_box(&mut out)));
         }
         group.finish();
     }

@@ -1,12 +1,12 @@
-//! What lies behind the event level, without spline blocks above: one event into a full sliding window, then a
-//! prediction. The difference to `graph_update` with the same rule, and between these figures, is the stage's cost.
+//! The stages after the event level, without spline blocks: one event into a full sliding window, then a prediction. The
+//! difference to `graph_update` with the same rule, and between these figures, is the cost of the stage.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use meissner_benches::lap::Lap;
-use meissner_benches::{check, networks, streams};
-use meissner_engine::{Candidates, Engine, Lifetime};
+use meissner_benches::suite::Rounds;
+use meissner_benches::{answers, networks, streams};
+use meissner_engine::{Candidates, Lifetime};
 
 fn pooling(criterion: &mut Criterion) {
     let window = streams::window();
@@ -21,13 +21,11 @@ fn pooling(criterion: &mut Criterion) {
     ];
     for (name, channels, pooled) in cases {
         let network = networks::pooling_only(channels, pooled, frozen);
-        let mut engine = Engine::new(network, window.sensor).expect("an engine");
-        let mut lap = Lap::new(&window.events);
-        let pushed = lap.fill(&mut engine);
-        check::engine_equals_batch(&mut engine, &pushed);
+        let (mut rounds, mut engine, pushed) = Rounds::full(network, &window);
+        answers::engine_equals_batch(&mut engine, &pushed);
         group.bench_function(name, |b| {
             b.iter(|| {
-                engine.push(lap.event());
+                engine.push(rounds.event());
                 black_box(engine.predict().expect("finite").values[0])
             });
         });

@@ -4,26 +4,23 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use meissner_benches::lap::Lap;
-use meissner_benches::{check, networks, streams};
-use meissner_engine::Engine;
+use meissner_benches::suite::Rounds;
+use meissner_benches::{answers, networks, streams};
 
 fn step(criterion: &mut Criterion) {
     let window = streams::window();
     let mut group = criterion.benchmark_group("step, an event");
     group.sample_size(30).throughput(Throughput::Elements(1));
     for name in networks::INCREMENTAL {
-        let mut engine = Engine::new(networks::shipped(name), window.sensor).expect("an engine");
-        let mut lap = Lap::new(&window.events);
-        let pushed = lap.fill(&mut engine);
-        check::engine_equals_batch(&mut engine, &pushed);
+        let (mut rounds, mut engine, pushed) = Rounds::full(networks::shipped(name), &window);
+        answers::engine_equals_batch(&mut engine, &pushed);
         group.bench_function(format!("{name}, push and prediction"), |b| {
             b.iter(|| {
-                engine.push(lap.event());
+                engine.push(rounds.event());
                 black_box(engine.predict().expect("finite").values[0])
             });
         });
-        group.bench_function(format!("{name}, push alone"), |b| b.iter(|| engine.push(lap.event())));
+        group.bench_function(format!("{name}, push alone"), |b| b.iter(|| engine.push(rounds.event())));
     }
     group.finish();
 }

@@ -1,7 +1,7 @@
 //! Rows to compute: real activations and in-edges, weights from a seed, and the engine's own answer.
 
 use meissner_engine::Trace;
-use meissner_kernels::{Isa, LANES, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow};
+use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow};
 use meissner_kernels::{SplineScratch, spline_basis};
 use meissner_models::random::Random;
 
@@ -22,22 +22,6 @@ pub(crate) struct Problem {
     /// B(e, s) of each.
     pub(crate) basis: Vec<Lanes>,
     conv: SplineConv,
-}
-
-/// Where the basis of the engine's rows comes from.
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Basis {
-    AtHand,
-    Computed,
-}
-
-/// Distance of values from those expected.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Error {
-    /// Largest difference, relative to the largest magnitude.
-    pub(crate) max: f64,
-    /// Root of the mean squared difference, relative to that of the values.
-    pub(crate) rms: f64,
 }
 
 impl Problem {
@@ -68,42 +52,29 @@ impl Problem {
         Self { inputs, outputs, degree, parts, features: features.clone(), edges, basis, conv }
     }
 
-    /// Room for [`Self::engine`].
-    pub(crate) fn out(&self) -> Matrix {
-        Matrix::zeros(ROWS, self.outputs)
-    }
-
-    /// Every row as the engine computes it, over `edges` and `basis` like the problem's own.
-    pub(crate) fn engine_over(
+    /// Every row as the engine computes it, over `edges` like the problem's own; their basis is at hand where it is given.
+    pub(crate) fn engine(
         &self,
-        (edges, basis): (&[Neighbour], &[Lanes]),
-        from: Basis,
+        edges: &[Neighbour],
+        basis: Option<&[Lanes]>,
         scratch: &mut SplineScratch,
         out: &mut Matrix,
     ) {
-        let isa = Isa::best();
         let mut group = [SplineRow::default(); GROUP];
-        let lanes = GROUP * Lanes::count(self.outputs);
-        let edges = edges.chunks(GROUP * self.degree).zip(basis.chunks(GROUP * self.degree));
-        for ((edges, basis), out) in edges.zip(out.lanes_mut().chunks_mut(lanes)) {
-            let rows = edges.chunks(self.degree).zip(basis.chunks(self.degree));
-            for (to, (neighbours, basis)) in group.iter_mut().zip(rows) {
-                let basis = if from == Basis::AtHand { basis } else { &[] };
+        let lanes = out.lanes_mut().chunks_mut(GROUP * Lanes::count(self.outputs));
+        for (g, (edges, out)) in edges.chunks(GROUP * self.degree).zip(lanes).enumerate() {
+            for (r, (to, neighbours)) in group.iter_mut().zip(edges.chunks(self.degree)).enumerate() {
+                let basis = basis.map_or(&[][..], |b| &b[(g * GROUP + r) * self.degree..][..self.degree]);
                 *to = SplineRow { neighbours, basis, own: &[], skip: None };
             }
-            self.conv.rows(isa, &self.features, &group, scratch, out);
+            self.conv.rows(Isa::best(), &self.features, &group, scratch, out);
         }
     }
 
-    /// Every row as the engine computes it.
-    pub(crate) fn engine(&self, from: Basis, scratch: &mut SplineScratch, out: &mut Matrix) {
-        self.engine_over((&self.edges, &self.basis), from, scratch, out);
-    }
-
-    /// What the engine computes.
-    pub(crate) fn expected(&self) -> Matrix {
-        let mut out = self.out();
-        self.engine(Basis::AtHand, &mut SplineScratch::default(), &mut out);
+    /// The engine's answer over `edges` with `basis`.
+    pub(crate) fn answer(&self, edges: &[Neighbour], basis: &[Lanes]) -> Matrix {
+        let mut out = Matrix::zeros(ROWS, self.outputs);
+        self.engine(edges, Some(basis), &mut SplineScratch::default(), &mut out);
         out
     }
 
@@ -112,23 +83,78 @@ impl Problem {
         [self.degree * 8 * self.inputs, 8 * self.inputs * self.outputs]
     }
 
-    /// Largest magnitude of an activation.
-    pub(crate) fn largest_input(&self) -> f32 {
-        self.features.lanes().iter().flat_map(|l| l.0).fold(0.0, |m, x| m.max(x.abs()))
+    /// The step of each output's weights: 1, or the output's largest magnitude over `largest`.
+    pub(crate) fn weight_steps(&self, largest: Option<f32>) -> Vec<f32> {
+        let channel = |o: usize| self.parts.weight[o..].iter().step_by(self.outputs);
+        let step = |largest: f32, o| channel(o).fold(0f32, |m, w| m.max(w.abs())) / largest;
+        (0..self.outputs).map(|o| largest.map_or(1.0, |largest| step(largest, o))).collect()
     }
 }
 
-/// The error of `got` against `expected`; rows are whole lanes here.
-pub(crate) fn error(got: &Matrix, expected: &Matrix) -> Error {
-    let (mut largest, mut magnitude, mut squares, mut energy) = (0f64, 0f64, 0f64, 0f64);
-    assert!(expected.columns().is_multiple_of(LANES));
-    let values = |m: &Matrix| m.lanes().iter().flat_map(|l| l.0).map(f64::from).collect::<Vec<_>>();
-    for (got, expected) in values(got).into_iter().zip(values(expected)) {
-        let difference = got - expected;
-        largest = largest.max(difference.abs());
-        magnitude = magnitude.max(expected.abs());
-        squares += difference * difference;
-        energy += expected * expected;
+/// Largest magnitude of a matrix.
+pub(crate) fn magnitude(matrix: &Matrix) -> f32 {
+    matrix.lanes().iter().flat_map(|l| l.0).fold(0.0, |m, x| m.max(x.abs()))
+}
+
+/// The range that a grid of attributes covers.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Span {
+    /// 0 to 1: every possible attribute.
+    Whole,
+    /// From the smallest to the largest attribute of the problem, axis by axis.
+    Occurring,
+}
+
+/// In-edges whose attributes are rounded to a grid of q levels an axis.
+#[derive(Clone)]
+pub(crate) struct Rounded {
+    pub(crate) edges: Vec<Neighbour>,
+    /// Place of each edge's attribute on the grid.
+    pub(crate) places: Vec<u32>,
+    /// B of every place.
+    pub(crate) bases: Vec<Lanes>,
+}
+
+impl Rounded {
+    pub(crate) fn new(problem: &Problem, levels: usize, span: Span) -> Self {
+        let widen = |[low, high]: [f32; 2], u: f32| [low.min(u), high.max(u)];
+        let ranges: [[f32; 2]; 3] = std::array::from_fn(|d| match span {
+            Span::Whole => [0.0, 1.0],
+            Span::Occurring => problem.edges.iter().map(|n| n.u[d]).fold([1.0, 0.0], widen),
+        });
+        let most = (levels - 1) as f32;
+        let level = |d: usize, u: f32| {
+            let [low, high] = ranges[d];
+            ((u - low) / (high - low) * most).round_ties_even() as usize
+        };
+        let value = |d: usize, level: usize| {
+            let [low, high] = ranges[d];
+            (low + (high - low) * (level as f32 / most)).clamp(0.0, 1.0)
+        };
+        let place = |u: [f32; 3]| (0..3).rev().fold(0, |at, d| at * levels + level(d, u[d]));
+        let edge = |n: &Neighbour| Neighbour { u: std::array::from_fn(|d| value(d, level(d, n.u[d]))), ..*n };
+        let at =
+            |i: usize| [value(0, i % levels), value(1, i / levels % levels), value(2, i / (levels * levels))];
+        Self {
+            edges: problem.edges.iter().map(edge).collect(),
+            places: problem.edges.iter().map(|n| place(n.u) as u32).collect(),
+            bases: (0..levels.pow(3)).map(|i| spline_basis(at(i))).collect(),
+        }
     }
-    Error { max: largest / magnitude, rms: (squares / energy).sqrt() }
+
+    /// The basis of every edge, copied from the table.
+    pub(crate) fn look_up(&self, basis: &mut Vec<Lanes>) {
+        basis.clear();
+        basis.extend(self.places.iter().map(|&place| self.bases[place as usize]));
+    }
+
+    /// W(u)(c,o) = sum over s of B(u, s) W(s, c, o) at a place.
+    pub(crate) fn weights(&self, problem: &Problem, place: usize) -> Vec<f32> {
+        let slots = problem.parts.weight.chunks_exact(problem.inputs * problem.outputs);
+        let mut out = vec![0.0; problem.inputs * problem.outputs];
+        for (&basis, slot) in self.bases[place].0.iter().zip(slots) {
+            out.iter_mut().zip(slot).for_each(|(to, w)| *to += basis * w);
+        }
+        out
+    }
 }

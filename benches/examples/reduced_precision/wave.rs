@@ -1,26 +1,28 @@
-//! What a recording changes: events enter one by one, and the network over the window after each is compared with the
-//! one before, row by row. Once exact, and twice with the activations of every layer rounded to a grid.
+//! The changes that events of a recording cause: events enter one by one, and the network over the window after each is
+//! compared with the one before, row by row. Once exact, and twice with the activations of every layer rounded to a grid.
 //!
 //! A row is dirty where an in-edge came, went or moved, where a source's value changed, or where its skip did. The
-//! exact numbers of dirty rows are held against the engine's own counters.
+//! exact numbers of dirty rows must equal the engine's own counters.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
+use meissner_benches::answers::Deviation;
+use meissner_benches::networks::{grid_batch, level_features};
 use meissner_benches::streams::Recording;
-use meissner_engine::{Batch, Engine, LevelTrace, Network, Search, Stream, Trace};
-use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch, maximum, settle};
+use meissner_engine::{Batch, Engine, LevelTrace, Network, Stream, Trace};
+use meissner_kernels::{Lanes, Matrix, Neighbour, maximum, settle};
 
-use crate::integer::Width;
-use crate::problem::{Error, error};
+use crate::problem::magnitude;
+use crate::rows::Width;
 
 /// Counts of one layer.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LayerWave {
     /// Rows recomputed.
     pub(crate) dirty: u64,
-    /// Of these, rows that were there before.
+    /// Of these, rows that existed before.
     pub(crate) stayed: u64,
     /// Of these, rows that came out the same.
     pub(crate) unchanged: u64,
@@ -32,28 +34,22 @@ pub(crate) struct LayerWave {
     pub(crate) few: u64,
 }
 
-/// Activations of each level: what enters it, then what each block wrote.
+/// Activations of each level: the one that enters it, then the one that each block wrote.
 type Features = Vec<Vec<Matrix>>;
 
-/// What activations are rounded to, by level and feature.
-type Grids = Vec<Vec<Option<Grid>>>;
+/// The step and the largest number of steps of each block's activations, by level; none where they stay exact.
+type Grids = Option<Vec<Vec<[f32; 2]>>>;
 
-#[derive(Clone, Copy)]
-struct Grid {
-    step: f32,
-    largest: f32,
-}
-
-/// Counts of every layer, and how far the last one is off.
+/// Counts of every layer.
 #[derive(Clone, Default)]
 pub(crate) struct Waves {
     pub(crate) layers: Vec<LayerWave>,
     /// Of the last layer after the last event at each place.
-    pub(crate) errors: Vec<Error>,
+    pub(crate) deviations: Vec<Deviation>,
 }
 
-/// What `count` events from each of `places` of a recording change, a prediction after each: exact, i16, i8. The grids
-/// span what the windows at all places hold, and are the same throughout.
+/// The changes of `count` events from each of `places` of a recording, with a prediction after each: exact, i16, i8. The
+/// grids span the activations of windows at all places.
 ///
 /// # Panics
 /// If the exact rows are not as many as the engine recomputes.
@@ -63,19 +59,21 @@ pub(crate) fn waves(
     places: &[usize],
     count: usize,
 ) -> [Waves; 3] {
-    let windows = Windows {
-        recording,
-        span_us: network.parts().span_us,
-        batch: Batch::new(network.clone(), recording.sensor)
-            .expect("the sensor has pixels")
-            .with_search(Search::Grid),
-    };
+    let windows = Windows { recording, network, batch: grid_batch(network, recording.sensor) };
     let ends = places.iter().flat_map(|&place| (place - 1..place + count).step_by(count / 5));
     let seen: Vec<Trace> = ends.map(|end| windows.ending(end).1).collect();
-    let grids = [None, Some(Width::I16), Some(Width::I8)].map(|width| grids(&seen, width));
+    let grids = [Width::F32, Width::I16, Width::I8].map(|width| {
+        let [most, _] = width.steps()?;
+        let grid = |l: usize, f: usize| {
+            let of_window = |trace: &Trace| magnitude(&trace.levels[l].features[f]);
+            [seen.iter().map(of_window).fold(0.0, f32::max) / most, most]
+        };
+        let levels = seen[0].levels.iter().enumerate();
+        Some(levels.map(|(l, level)| (1..level.features.len()).map(|f| grid(l, f)).collect()).collect())
+    });
     let mut out: [Waves; 3] = Default::default();
     for &start in places {
-        windows.follow(network, start..start + count, &grids, &mut out);
+        windows.follow(start..start + count, &grids, &mut out);
     }
     out
 }
@@ -83,7 +81,7 @@ pub(crate) fn waves(
 /// Windows of a recording.
 struct Windows<'a> {
     recording: &'a Recording,
-    span_us: i64,
+    network: &'a Arc<Network>,
     batch: Batch,
 }
 
@@ -92,17 +90,17 @@ impl Windows<'_> {
     fn ending(&self, end: usize) -> (usize, Trace) {
         let events = &self.recording.events;
         let now_us = events[end].t_us;
-        let from = events.partition_point(|e| e.t_us < now_us - self.span_us);
+        let from = events.partition_point(|e| e.t_us < now_us - self.network.parts().span_us);
         let stream = Stream { events: &events[from..=end], epoch_us: events[0].t_us, now_us };
         (from, self.batch.forward(stream).expect("finite"))
     }
 
-    /// Adds what each of `events` changes.
-    fn follow(&self, network: &Arc<Network>, events: Range<usize>, grids: &[Grids; 3], out: &mut [Waves; 3]) {
-        let Recording { events: all, sensor, .. } = self.recording;
+    /// Adds the changes of each of `events`.
+    fn follow(&self, events: Range<usize>, grids: &[Grids; 3], out: &mut [Waves; 3]) {
+        let (network, all) = (self.network, &self.recording.events);
         let (mut from, mut before) = self.ending(events.start - 1);
-        let mut engine = Engine::new(network.clone(), *sensor).expect("the network is exact");
-        // The epoch is the recording's, for those poolings that have cells in time.
+        let mut engine = Engine::new(network.clone(), self.recording.sensor).expect("the network is exact");
+        // The epoch is the recording's, for poolings that have cells in time.
         engine.push(all[0]);
         engine.push_slice(&all[from.max(1)..events.start]);
         engine.predict().expect("finite");
@@ -118,77 +116,41 @@ impl Windows<'_> {
             let step = Step { network, levels: [&before.levels, &after.levels], expired: next_from - from };
             for (i, ((grids, features), out)) in grids.iter().zip(&mut features).zip(&mut *out).enumerate() {
                 let next = forward(network, &after, grids);
-                let waves = step.compare([features, &next]);
+                let dirty = |out: &Waves| out.layers.iter().map(|w| w.dirty).collect::<Vec<_>>();
                 let layers = network.layers().into_iter().zip(&rows);
-                let own = layers.filter(|(name, _)| !name.starts_with("pool")).map(|(_, &rows)| rows);
-                assert!(
-                    i > 0 || waves.iter().map(|w| w.dirty).eq(own),
-                    "the engine's rows: {rows:?}, {waves:?}"
-                );
-                out.layers.resize(waves.len(), LayerWave::default());
-                out.layers.iter_mut().zip(waves).for_each(|(sum, wave)| sum.add(wave));
+                let own: Vec<u64> =
+                    layers.filter(|(name, _)| !name.starts_with("pool")).map(|(_, &rows)| rows).collect();
+                out.layers.resize(own.len(), LayerWave::default());
+                let earlier = dirty(out);
+                step.compare([features, &next], &mut out.layers);
+                let expected: Vec<u64> = earlier.iter().zip(&own).map(|(sum, rows)| sum + rows).collect();
+                assert!(i > 0 || dirty(out) == expected, "the engine's rows: {own:?}");
                 *features = next;
             }
             (from, before) = (next_from, after);
         }
-        let last = features.map(|mut levels| levels.pop().and_then(|mut level| level.pop()).expect("layers"));
-        for (out, got) in out.iter_mut().zip(&last) {
-            out.errors.push(error(got, &last[0]));
+        let last = features.each_ref().map(|levels| levels.last().and_then(|l| l.last()).expect("layers"));
+        let values = |matrix: &Matrix| matrix.lanes().iter().flat_map(|l| l.0).collect::<Vec<f32>>();
+        for (out, found) in out.iter_mut().zip(last) {
+            out.deviations.push(Deviation::between(&values(last[0]), &values(found)));
         }
     }
-}
-
-impl LayerWave {
-    fn add(&mut self, other: Self) {
-        self.few += other.few;
-        self.dirty += other.dirty;
-        self.stayed += other.stayed;
-        self.unchanged += other.unchanged;
-        self.edges += other.edges;
-        self.changed += other.changed;
-    }
-}
-
-/// Grids that span the largest magnitude of each feature that a block wrote.
-fn grids(seen: &[Trace], width: Option<Width>) -> Grids {
-    let feature = |l: usize, f: usize| {
-        let largest = width.filter(|_| f > 0)?.largest();
-        let values =
-            seen.iter().flat_map(|trace| trace.levels[l].features[f].lanes()).flat_map(|lanes| lanes.0);
-        Some(Grid { step: values.fold(0f32, |m, x| m.max(x.abs())) / largest, largest })
-    };
-    let levels = seen[0].levels.iter().enumerate();
-    levels.map(|(l, level)| (0..level.features.len()).map(|f| feature(l, f)).collect()).collect()
 }
 
 /// Every activation over the graphs of `trace`, rounded to `grids`.
 fn forward(network: &Network, trace: &Trace, grids: &Grids) -> Features {
-    let mut scratch = SplineScratch::default();
     let mut out: Features = Vec::new();
-    for (l, (trace, grids)) in trace.levels.iter().zip(grids).enumerate() {
-        let mut written = vec![match l {
-            0 => trace.features[0].clone(),
-            _ => pooled(&out[l - 1][network.parts().pooled[l - 1].0.from], &trace.members),
-        }];
-        for (block, grid) in network.level(l).blocks.iter().zip(&grids[1..]) {
-            let mut to = Matrix::zeros(trace.edges.rows(), block.conv.outputs());
-            let (input, skip) = (&written[block.input], block.skip.map(|skip| &written[skip]));
-            let row = |i| SplineRow {
-                neighbours: trace.edges.row(i),
-                basis: &[],
-                own: input.row(i),
-                skip: skip.map(|skip| skip.row(i)),
-            };
-            let rows: Vec<_> = (0..to.rows()).map(row).collect();
-            block.conv.rows(Isa::best(), input, &rows, &mut scratch, to.lanes_mut());
-            if let Some(grid) = grid {
-                let round =
-                    |x: f32| (x / grid.step).round_ties_even().clamp(-grid.largest, grid.largest) * grid.step;
-                to.lanes_mut().iter_mut().for_each(|lanes| *lanes = lanes.map(round));
-            }
-            written.push(to);
-        }
-        out.push(written);
+    for (l, level) in trace.levels.iter().enumerate() {
+        let entering = match l {
+            0 => level.features[0].clone(),
+            _ => pooled(&out[l - 1][network.parts().pooled[l - 1].0.from], &level.members),
+        };
+        out.push(level_features(network.level(l), level, entering, |block, features| {
+            let Some(grids) = grids else { return };
+            let [step, most] = grids[l][block];
+            let round = |x: f32| (x / step).round_ties_even().clamp(-most, most) * step;
+            features.lanes_mut().iter_mut().for_each(|lanes| *lanes = lanes.map(round));
+        }));
     }
     out
 }
@@ -214,9 +176,9 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// The layers' counts, from activations before and after.
-    fn compare(&self, [before, after]: [&Features; 2]) -> Vec<LayerWave> {
-        let mut out = Vec::new();
+    /// Adds the layers' counts, from activations before and after.
+    fn compare(&self, [before, after]: [&Features; 2], waves: &mut [LayerWave]) {
+        let mut waves = waves.iter_mut();
         for (l, (old, new)) in self.levels[0].iter().zip(self.levels[1]).enumerate() {
             let rows_before = self.rows_before(l);
             let differs = |(old, new): (&Matrix, &Matrix)| -> Vec<bool> {
@@ -227,7 +189,7 @@ impl Step<'_> {
             };
             let changed: Vec<Vec<bool>> = before[l].iter().zip(&after[l]).map(differs).collect();
             for (b, block) in self.network.level(l).blocks.iter().enumerate() {
-                let mut wave = LayerWave::default();
+                let wave = waves.next().expect("a layer for each block");
                 for (row, &at) in rows_before.iter().enumerate() {
                     let edges = new.edges.row(row);
                     let edges_before = at.map_or(&[][..], |at| old.edges.row(at));
@@ -247,20 +209,16 @@ impl Step<'_> {
                         wave.few += u64::from(4 * moved <= edges.len());
                     }
                 }
-                out.push(wave);
             }
         }
-        out
     }
 
     /// The row that each row of a level was before.
     fn rows_before(&self, level: usize) -> Vec<Option<usize>> {
         let [old, new] = self.levels.map(|levels| &levels[level]);
         if level == 0 {
-            let count = old.edges.rows();
-            return (0..new.edges.rows())
-                .map(|row| Some(row + self.expired).filter(|&row| row < count))
-                .collect();
+            let rows = self.expired..self.expired + new.edges.rows();
+            return rows.map(|row| Some(row).filter(|&row| row < old.edges.rows())).collect();
         }
         let places: BTreeMap<[i64; 3], usize> =
             old.cells.iter().enumerate().map(|(i, &cell)| (cell, i)).collect();
