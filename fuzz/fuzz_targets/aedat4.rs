@@ -1,5 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    meissner_fuzz::aedat4(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| meissner_fuzz::run("aedat4", bytes));

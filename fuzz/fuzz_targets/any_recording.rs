@@ -1,5 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    meissner_fuzz::any_recording(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| meissner_fuzz::run("any_recording", bytes));

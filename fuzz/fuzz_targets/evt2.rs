@@ -1,5 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    meissner_fuzz::evt2(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| meissner_fuzz::run("evt2", bytes));

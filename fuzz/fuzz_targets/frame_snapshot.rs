@@ -1,5 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    meissner_fuzz::frame_snapshot(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| meissner_fuzz::run("frame_snapshot", bytes));

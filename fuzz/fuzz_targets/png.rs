@@ -1,5 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    meissner_fuzz::image(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| meissner_fuzz::run("png", bytes));

@@ -1,6 +1,6 @@
-//! Bytes as choices, taken one after the other; zeros behind their end.
+//! Bytes as choices, taken one after the other; after their end, zeros.
 
-/// What is left of the bytes.
+/// The remaining bytes.
 pub(crate) struct Choices<'a> {
     bytes: &'a [u8],
 }

@@ -20,7 +20,7 @@ const STATE_BYTES: u128 = 1 << 24;
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn description(bytes: &[u8]) -> Verdict {
+pub(crate) fn description(bytes: &[u8]) -> Verdict {
     let Ok(text) = str::from_utf8(bytes) else { return Verdict::Refused };
     let description = match AnyDescription::parse(text) {
         Ok(description) => description,

@@ -12,7 +12,7 @@ const REWRITTEN: usize = 1 << 16;
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn image(bytes: &[u8]) -> Verdict {
+pub(crate) fn image(bytes: &[u8]) -> Verdict {
     let image = match decode_image(bytes) {
         Ok(image) => image,
         Err(error) => {

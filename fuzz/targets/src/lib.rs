@@ -1,29 +1,63 @@
-//! Fuzz targets: bytes in, a promise kept or a panic.
+//! Fuzz targets: each takes bytes, and panics if a promise is broken.
 //!
-//! Each target is a plain function, so that cargo-fuzz (`fuzz/fuzz_targets/`), the replay of the corpora
-//! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) hold the same promises. `fuzz/README.md` says how to run them.
+//! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_targets/`), the replay of the corpora
+//! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same promises. `fuzz/README.md` says how to run them.
 #![forbid(unsafe_code)]
 
-mod archive;
 mod choices;
 pub mod corpus;
 mod descriptions;
 mod images;
 mod mutation;
 mod oracle;
-mod readings;
 mod recordings;
-
 mod snapshots;
 mod target;
 mod weights;
 
-pub use descriptions::description;
-pub use images::image;
+use descriptions::description;
+use images::image;
+use meissner_io::Format;
+use oracle::{graph, interleavings};
+use recordings::{any_recording, convert, csv, electrodes, recording};
+use snapshots::{frame_snapshot, snapshot};
+use weights::{pickle, weights};
+
 pub use mutation::Mutator;
-pub use oracle::{graph, interleavings};
-pub use readings::electrodes;
-pub use recordings::{aedat4, any_recording, convert, csv, dat, evt2, evt3, nmnist, npy};
-pub use snapshots::{frame_snapshot, seeds as snapshot_seeds, snapshot};
-pub use target::{TARGETS, Target, Verdict};
-pub use weights::{NETWORK, pickle, weights};
+pub use snapshots::seeds as snapshot_seeds;
+pub use target::{Target, Verdict};
+pub use weights::NETWORK;
+
+/// All targets.
+pub const TARGETS: [Target; 21] = [
+    Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
+    Target { name: "evt2", run: |bytes| recording(Format::Evt2, bytes) },
+    Target { name: "evt3", run: |bytes| recording(Format::Evt3, bytes) },
+    Target { name: "dat", run: |bytes| recording(Format::Dat, bytes) },
+    Target { name: "nmnist", run: |bytes| recording(Format::Nmnist, bytes) },
+    Target { name: "csv", run: csv },
+    Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },
+    Target { name: "any_recording", run: any_recording },
+    Target { name: "convert", run: convert },
+    Target { name: "electrodes", run: electrodes },
+    Target { name: "png", run: image },
+    Target { name: "jpeg", run: image },
+    Target { name: "pnm", run: image },
+    Target { name: "safetensors", run: weights },
+    Target { name: "torch", run: weights },
+    Target { name: "pickle", run: pickle },
+    Target { name: "description", run: description },
+    Target { name: "snapshot", run: snapshot },
+    Target { name: "frame_snapshot", run: frame_snapshot },
+    Target { name: "graph", run: graph },
+    Target { name: "interleavings", run: interleavings },
+];
+
+/// Runs a target on `bytes`, for cargo-fuzz.
+///
+/// # Panics
+/// If there is no target of this name, or a promise is broken.
+pub fn run(name: &str, bytes: &[u8]) {
+    let target = TARGETS.iter().find(|target| target.name == name).expect("a target of this name");
+    (target.run)(bytes);
+}

@@ -4,10 +4,10 @@ use meissner_tests::random::Random;
 
 /// Longest input.
 const LONGEST: usize = 1 << 16;
-/// What fields are overwritten with, in as many of their lowest bytes as the field has.
+/// Values that overwrite fields, cut to as many of their lowest bytes as the field has.
 const WORDS: [u64; 10] =
     [0, 1, 0x7f, 0x7fff_ffff, 1 << 31, u32::MAX as u64, 1 << 40, 1 << 63, (1 << 63) - 1, u64::MAX];
-/// What numbers in texts are overwritten with.
+/// Texts that overwrite numbers in texts.
 const NUMBERS: [&str; 12] = [
     "0",
     "-1",

@@ -16,7 +16,7 @@ const COMPARISONS: usize = 12;
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn graph(bytes: &[u8]) -> Verdict {
+pub(crate) fn graph(bytes: &[u8]) -> Verdict {
     let mut choices = Choices::new(bytes);
     let shape = NetworkShape {
         graph: rule(&mut choices),
@@ -70,7 +70,7 @@ pub fn graph(bytes: &[u8]) -> Verdict {
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn interleavings(bytes: &[u8]) -> Verdict {
+pub(crate) fn interleavings(bytes: &[u8]) -> Verdict {
     let mut choices = Choices::new(bytes);
     let shape = NetworkShape {
         graph: rule(&mut choices),

@@ -1,12 +1,13 @@
-//! Bytes as recordings: a typed error, or events that keep their promises and survive being written and read again.
+//! Bytes as recordings of events or electrodes: a typed error, or events that keep their promises and come back the same
+//! when they are written and read again, or finite readings.
 
 use std::io::BufReader;
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, Format, IoError, ReadOptions, Recording, TextOptions, TimeUnit, decode, decode_as,
-    decode_with, encode,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, IoError, ReadOptions, Recording, TextOptions, TimeUnit,
+    decode, decode_as, decode_with, encode,
 };
 
 use crate::choices::Choices;
@@ -17,45 +18,28 @@ const MESSAGE_BYTES: usize = 8 << 10;
 /// Events that are written and read again.
 const REWRITTEN: usize = 4096;
 
-/// AEDAT4.
+/// Recordings of `format`.
 ///
 /// # Panics
 /// If a promise is broken, as every function here.
-pub fn aedat4(bytes: &[u8]) -> Verdict {
-    decoded(Format::Aedat4, bytes)
+pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
+    salvaged(format, bytes);
+    match decode_as(format, bytes) {
+        Ok(recording) => {
+            assert_eq!(recording.format, format);
+            keeps_its_promises(bytes, &recording);
+            Verdict::Accepted
+        }
+        Err(error) => refused(&error),
+    }
 }
 
-/// EVT2.
-pub fn evt2(bytes: &[u8]) -> Verdict {
-    decoded(Format::Evt2, bytes)
-}
-
-/// EVT3.
-pub fn evt3(bytes: &[u8]) -> Verdict {
-    decoded(Format::Evt3, bytes)
-}
-
-/// DAT.
-pub fn dat(bytes: &[u8]) -> Verdict {
-    decoded(Format::Dat, bytes)
-}
-
-/// N-MNIST.
-pub fn nmnist(bytes: &[u8]) -> Verdict {
-    decoded(Format::Nmnist, bytes)
-}
-
-/// npy.
-pub fn npy(bytes: &[u8]) -> Verdict {
-    decoded(Format::Npy, bytes)
-}
-
-/// CSV, whole and line by line: where the reader's buffer ends reaches nothing, and a bad line costs one item. What the
-/// options say is read the same from a stream and from a file.
+/// CSV, whole and line by line: the size of the reader's buffer does not change the events, and a bad line costs one item.
+/// With the same options, a stream and a file are read the same.
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn csv(bytes: &[u8]) -> Verdict {
+pub(crate) fn csv(bytes: &[u8]) -> Verdict {
     let columns = "txyp".parse().ok();
     let said = TextOptions { columns, time_unit: Some(TimeUnit::Microseconds) };
     for options in [TextOptions::default(), said] {
@@ -77,14 +61,14 @@ pub fn csv(bytes: &[u8]) -> Verdict {
             assert_eq!(read.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
         }
     }
-    decoded(Format::Csv, bytes)
+    recording(Format::Csv, bytes)
 }
 
 /// Whatever the content is found to be.
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn any_recording(bytes: &[u8]) -> Verdict {
+pub(crate) fn any_recording(bytes: &[u8]) -> Verdict {
     match decode(bytes) {
         Ok(recording) => {
             assert_eq!(decode_as(recording.format, bytes).ok().as_ref(), Some(&recording));
@@ -96,7 +80,7 @@ pub fn any_recording(bytes: &[u8]) -> Verdict {
 }
 
 /// Events made of the bytes, written and read again: refused before anything is written, or equal.
-pub fn convert(bytes: &[u8]) -> Verdict {
+pub(crate) fn convert(bytes: &[u8]) -> Verdict {
     let mut choices = Choices::new(bytes);
     let sensor = choices.flag().then(|| Sensor::new(choices.u16(), choices.u16()));
     let far = choices.flag();
@@ -112,19 +96,7 @@ pub fn convert(bytes: &[u8]) -> Verdict {
     if rewritten(sensor, &events) > 0 { Verdict::Accepted } else { Verdict::Refused }
 }
 
-fn decoded(format: Format, bytes: &[u8]) -> Verdict {
-    salvaged(format, bytes);
-    match decode_as(format, bytes) {
-        Ok(recording) => {
-            assert_eq!(recording.format, format);
-            keeps_its_promises(bytes, &recording);
-            Verdict::Accepted
-        }
-        Err(error) => refused(&error),
-    }
-}
-
-/// What is whole in a file that is cut short: all of a file that is not, and less than a line or word more than the rest.
+/// The whole part of a file that may be cut short. Of a file that is not cut short, this is everything.
 fn salvaged(format: Format, bytes: &[u8]) {
     let asked = ReadOptions { format: Some(format), salvage: true, ..ReadOptions::default() };
     let salvaged = decode_with(bytes, &asked);
@@ -178,4 +150,37 @@ fn rewritten(sensor: Option<Sensor>, events: &[Event]) -> usize {
         true
     });
     held.count()
+}
+
+/// Readings of electrodes, in pieces and whole.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn electrodes(bytes: &[u8]) -> Verdict {
+    let read = |capacity| {
+        let mut readings =
+            Electrodes::new(BufReader::with_capacity(capacity, bytes), ElectrodeSettings::default());
+        let (mut line, mut delivered, mut refused) = (0, Vec::new(), 0);
+        while let Some(item) = readings.next() {
+            match item {
+                Ok(reading) => {
+                    assert!(reading.line > line, "line {} after line {line}", reading.line);
+                    assert!(reading.values.iter().all(|value| value.is_finite()));
+                    line = reading.line;
+                    delivered.push((reading, readings.follows()));
+                }
+                Err(error) => {
+                    let message = error.to_string();
+                    assert!(message.contains("expected"), "{message}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(readings.next().is_none(), "an item after the end");
+        (delivered, refused, readings.warnings())
+    };
+    let (delivered, refused, warnings) = read(1 << 16);
+    // Times may be infinite in seconds where they are finite in their unit, so they are compared as text.
+    assert_eq!(format!("{:?}", (&delivered, refused, warnings)), format!("{:?}", read(5)));
+    if refused == 0 { Verdict::Accepted } else { Verdict::Refused }
 }

@@ -74,7 +74,7 @@ fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
     engine
 }
 
-/// What both kinds of engine can be tried on with.
+/// Both kinds of engine, driven after a restore.
 trait GoesOn: Restores {
     /// Inputs after whatever time it is, and predictions.
     fn go_on(&mut self);
@@ -121,7 +121,7 @@ fn choose<'e, E>(engines: &'e [E], bytes: &[u8]) -> Option<(&'e E, Vec<u8>)> {
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn snapshot(bytes: &[u8]) -> Verdict {
+pub(crate) fn snapshot(bytes: &[u8]) -> Verdict {
     check(&ENGINES, bytes)
 }
 
@@ -129,7 +129,7 @@ pub fn snapshot(bytes: &[u8]) -> Verdict {
 ///
 /// # Panics
 /// If a promise is broken.
-pub fn frame_snapshot(bytes: &[u8]) -> Verdict {
+pub(crate) fn frame_snapshot(bytes: &[u8]) -> Verdict {
     check(&FRAME_ENGINES, bytes)
 }
 

@@ -65,6 +65,9 @@ fn cargo_fuzz_has_a_binary_for_every_target_and_no_other() {
     for Target { name, .. } in TARGETS {
         assert!(manifest.contains(&format!("name = \"{name}\"\n")), "{name} in the manifest");
         let binary = std::fs::read_to_string(folder.join(format!("fuzz_targets/{name}.rs")));
-        assert!(binary.is_ok_and(|text| text.contains("meissner_fuzz::")), "{name}");
+        assert!(
+            binary.is_ok_and(|text| text.contains(&format!("meissner_fuzz::run(\"{name}\", bytes)"))),
+            "{name}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Mutates the corpora and counts what comes of it: inputs a target, time and memory of the worst.
+//! Mutates the corpora and counts the outcomes: inputs a target, time and memory of the worst input.
 //!
 //! `mutate [TARGET..] [--count N] [--seed N] [--seconds N]`: without targets all of them, without a count 100,000 inputs of
 //! each, at most so many seconds each. A panic, an input that takes more than 10 s, or one that takes more than 1 GiB ends
@@ -65,7 +65,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What is running, and since when.
+/// The input that is running, and since when.
 static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
 
 struct Running {
@@ -75,7 +75,7 @@ struct Running {
     input: Vec<u8>,
 }
 
-/// What the command line asks for.
+/// The arguments of the command line.
 struct Arguments {
     targets: Vec<Target>,
     count: u64,
@@ -113,7 +113,7 @@ impl Arguments {
     }
 }
 
-/// What came of a target's inputs.
+/// The outcome of a target's inputs.
 #[derive(Default)]
 struct Row {
     inputs: u64,
