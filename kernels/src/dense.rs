@@ -12,7 +12,7 @@ use crate::error::{KernelError, check};
 use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
 
-/// What follows a dense layer's sum.
+/// The function that is applied to a dense layer's sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Activation {
     /// Nothing.
@@ -98,7 +98,7 @@ impl Dense {
         &self.bias
     }
 
-    /// What follows the sum.
+    /// The function that is applied to the sum.
     pub fn activation(&self) -> Activation {
         self.activation
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a layer's numbers before it runs.
+//! Errors in the sizes and numbers that a layer is given.
 
 use thiserror::Error;
 

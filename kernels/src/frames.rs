@@ -1,8 +1,7 @@
 //! Kernels over frames: convolutions and poolings of maps (height, width, channels), channels last.
 //!
-//! Each kernel computes the outputs of a [`Region`] alone and gives each of them the same bits whichever region it is
-//! computed in: its sum has one order, which the kernel's documentation states and which depends neither on the output's
-//! place nor on what is computed beside it.
+//! Each kernel computes only the outputs of a [`Region`]. An output has the same bits in every region: the order of its sum
+//! is stated in the kernel's documentation, and depends neither on the output's place nor on the other outputs.
 
 mod conv;
 mod feature_map;

@@ -37,7 +37,7 @@ enum Kind {
 }
 
 impl Isa {
-    /// What the build's target guarantees.
+    /// The instructions that the build's target guarantees.
     pub fn portable() -> Self {
         Self(Kind::Portable)
     }

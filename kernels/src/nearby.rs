@@ -18,7 +18,7 @@ const TOGETHER: usize = 2 * LANES;
 const ORDERED: usize = 2 * TOGETHER;
 /// The bits of a distance that give way to its place among the found.
 const PLACE: u32 = ORDERED as u32 - 1;
-/// What bounds allow for rounding.
+/// The part of a bound that allows for rounding.
 const GENEROUS: f32 = 1.0 + 1.0 / 262_144.0;
 /// Bounds that are tried; a power of two.
 const BOUNDS: usize = 16;

@@ -1,5 +1,7 @@
-//! Images of few channels, one plane after the other: lanes run over neighbouring positions of a row, weights are the
-//! same for all of them. For images of many channels, channels-last is the better layout.
+//! Images of few channels, stored plane after plane, their convolution and their pooling.
+//!
+//! Lanes run over neighbouring positions of a row, and all lanes share each weight. For images of many channels,
+//! channels-last is the better layout. Poolings ignore pixels at the right and below that do not fill a window.
 
 mod conv;
 mod planes;
@@ -9,7 +11,8 @@ pub(crate) use conv::RowOut;
 pub(crate) use planes::TILE;
 pub use planes::{Occupancy, Planes, TileRegion};
 
-/// The largest value of each 2 x 2 window; -0 becomes +0, which makes it free of order. A window that holds NaN is NaN. O(values).
+/// The largest value of each 2 x 2 window. -0 becomes +0, so that the result does not depend on the order. A window that
+/// holds NaN becomes NaN. O(values).
 ///
 /// # Panics
 /// If `out` is not (channels, height / 2, width / 2).

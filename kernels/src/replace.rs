@@ -4,7 +4,7 @@ use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
 
-/// What became of up to 32 rows: bit i stands for the ith.
+/// The outcome for up to 32 rows: bit i stands for row i.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Replaced {
     /// Rows that differed from what was stored, and took its place.

@@ -116,9 +116,8 @@ macro_rules! direct {
                 self.0.packed.rows * self.0.packed.outputs
             }
 
-            /// Computes the outputs of `region`, and leaves all others as they are. A second input map that is left out is zero
-            /// everywhere. Input maps have the output's height and
-            /// width and a halo of at least the kernel's padding.
+            /// Computes the outputs of `region`, and leaves all others as they are. Input maps have the output's height and
+            /// width, and a halo of at least the kernel's padding. A second input map that is left out counts as zeros.
             ///
             /// # Errors
             /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] of an input that does not fit,

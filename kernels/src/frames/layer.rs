@@ -1,4 +1,4 @@
-//! The one loop behind every direct convolution: sums over some places of one or two maps, for a rectangle of outputs.
+//! The loop that all direct convolutions share: sums over some places of one or two maps, for a rectangle of outputs.
 //!
 //! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), one chain of sums from the bias, each product rounded
 //! once with its sum. Blocks of 32 (or 16) outputs are outermost, so that their weights stay in the second-level cache
@@ -13,7 +13,7 @@ use crate::lanes::Wide;
 /// Places of a kernel at most.
 const PLACES: usize = 9;
 
-/// What the sums of a rectangle of outputs read from one map.
+/// The values of one map that the sums of a rectangle of outputs read.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     values: &'a [f32],

@@ -1,7 +1,8 @@
 //! Poolings of maps, channel by channel.
 //!
-//! Maximum: of the pixels row by row, a later one only where it is larger or NaN; a window that holds NaN is NaN. Averages: sums from +0 in the order that each
-//! function states, times the inverse of their number rounded to f32.
+//! Maximum: over the pixels row by row; a later pixel replaces an earlier one only where it is larger or NaN, so that a
+//! window that holds NaN becomes NaN. Averages: sums from +0 in the order that each function states, times the inverse of
+//! the number of pixels rounded to f32.
 
 use super::shape::Region;
 use super::tiles::store_some;

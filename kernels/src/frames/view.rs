@@ -1,6 +1,6 @@
-//! What a layer reads, and what it writes: some channels of a map, and of what is written, some rows.
+//! The inputs and outputs of a layer: some channels of a map, and for outputs, some of its rows.
 //!
-//! A concatenation along channels is one map into whose channels two layers write.
+//! A concatenation along channels is one map; two layers write to different channels of it.
 
 use super::shape::{Region, Shape};
 use crate::error::KernelError;

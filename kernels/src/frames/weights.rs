@@ -66,7 +66,7 @@ impl ConvParts {
         Ok(())
     }
 
-    /// What the batch norm multiplies output `o` with.
+    /// The factor of the batch norm for output `o`.
     pub(super) fn scale(&self, o: usize) -> f64 {
         self.norm.as_ref().map_or(1.0, |(scale, _)| f64::from(scale[o]))
     }

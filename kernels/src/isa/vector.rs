@@ -1,11 +1,11 @@
-//! What a kernel may do with vectors.
+//! The operations on vectors that kernels are written with.
 
 use crate::lanes::{Lanes, Wide};
 
 /// Work that can be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so must be all that
 /// it calls in its inner loops, or it runs with the build's baseline instructions.
 pub trait Task {
-    /// What the work returns.
+    /// The result of the work.
     type Output;
     /// Does the work with `simd`'s vectors.
     fn run<S: Simd>(self, simd: S) -> Self::Output;

@@ -211,7 +211,7 @@ impl PlanarConv3x3 {
     }
 }
 
-/// What is left of a row of a block's outputs.
+/// The tiles of a row of a block's outputs that are not yet computed.
 struct Row<'a> {
     block: &'a Block,
     /// The block's first output.

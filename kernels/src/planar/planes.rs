@@ -2,7 +2,7 @@
 //!
 //! A row is padded to whole [`Wide`] with at least one zero, which is the border to its right and to the left of the
 //! next row; a row of zeros lies above and below each plane, a `Wide` of zeros before the first and after the last.
-//! So a vector of any position and any of its eight neighbours can be loaded. What is not a pixel is always zero.
+//! So a vector of any position and any of its eight neighbours can be loaded. Values that are not pixels are always zero.
 
 use std::ops::Range;
 

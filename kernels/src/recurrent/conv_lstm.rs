@@ -18,7 +18,7 @@ pub struct PlanarConvLstm {
     squash: Squash,
 }
 
-/// What a convolutional LSTM cell remembers beside what it shows, and room for a row.
+/// The cell state c of a convolutional LSTM, and scratch for a row. The caller keeps the hidden state h.
 #[derive(Clone, Debug)]
 pub struct PlanarConvLstmState {
     cell: Planes,
@@ -49,7 +49,7 @@ impl PlanarConvLstm {
         Planes::bytes_of(self.hidden, height, width) + row * size_of::<Wide>() as u128
     }
 
-    /// The state before the first step: zeros. What the cell shows, h, is the caller's: zeros too.
+    /// The state before the first step: zeros. The caller keeps the hidden state h, which must be zero too.
     ///
     /// # Panics
     /// If no memory holds it.
@@ -80,12 +80,12 @@ impl PlanarConvLstm {
 }
 
 impl PlanarConvLstmState {
-    /// What the cell keeps, c.
+    /// The cell state, c.
     pub fn cell(&self) -> &Planes {
         &self.cell
     }
 
-    /// What the cell keeps, c, to write.
+    /// The cell state, c, to write.
     pub fn cell_mut(&mut self) -> &mut Planes {
         &mut self.cell
     }

@@ -1,4 +1,4 @@
-//! What follows the sums of an LSTM's gates, element by element (Hochreiter and Schmidhuber 1997; Gers et al. 2000):
+//! The element-wise part of an LSTM, after the sums of its gates (Hochreiter and Schmidhuber 1997; Gers et al. 2000):
 //!
 //! ```text
 //! i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)      with peepholes: of i + Vi c, f + Vf c, o + Vo c
@@ -16,7 +16,7 @@ use crate::elementary::{Quotients, divided, sigmoid_quotients, tanh_quotients};
 use crate::isa::{Exponent, Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
-/// What bounds a candidate and an output.
+/// The function that bounds a candidate and an output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Squash {
     /// The hyperbolic tangent.

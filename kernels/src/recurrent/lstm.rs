@@ -43,7 +43,7 @@ pub struct Lstm {
     squash: Squash,
 }
 
-/// What an LSTM cell remembers, and room for its gates.
+/// The state of an LSTM cell, and scratch for its gates.
 #[derive(Clone, Debug)]
 pub struct LstmState {
     count: usize,
@@ -129,7 +129,7 @@ impl Lstm {
 }
 
 impl LstmState {
-    /// What the cell shows, h.
+    /// The hidden state, h.
     pub fn hidden(&self) -> &[f32] {
         &flat(&self.hidden)[..self.count]
     }
@@ -139,7 +139,7 @@ impl LstmState {
         &self.hidden
     }
 
-    /// What the cell keeps, c.
+    /// The cell state, c.
     pub fn cell(&self) -> &[f32] {
         &flat(&self.cell)[..self.count]
     }
