@@ -103,8 +103,8 @@ pub(crate) struct ReadArgs {
 impl ReadArgs {
     /// What they say, for the reader.
     pub(crate) fn options(self) -> ReadOptions {
-        let text = TextOptions { columns: self.columns, time_unit: self.time_unit };
-        ReadOptions { format: None, text, salvage: self.salvage }
+        let text = TextOptions::new().columns(self.columns).time_unit(self.time_unit);
+        ReadOptions::new().text(text).salvage(self.salvage)
     }
 
     /// The options, and whether each is given.

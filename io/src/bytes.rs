@@ -1,4 +1,4 @@
-//! Bytes of a file or of a packet, of which every read is checked and every error names its place.
+//! Checked reads of the bytes of a file or a packet; every error names its place.
 
 use std::slice::ChunksExact;
 
@@ -6,9 +6,9 @@ use crate::error::{IoError, Place};
 use crate::format::Format;
 use crate::recording::Salvage;
 
-/// A run of bytes that knows where in the file it stands.
+/// A slice of bytes and its place in the file.
 ///
-/// Invariant: no method indexes beyond the run; a position or length of any size gives an error.
+/// Invariant: no method indexes beyond the slice; a position or length of any size gives an error.
 #[derive(Clone, Copy)]
 pub(crate) struct Bytes<'a> {
     pub(crate) format: Format,
@@ -76,26 +76,21 @@ impl<'a> Bytes<'a> {
         expected: impl Into<String>,
         actual: impl Into<String>,
     ) -> IoError {
-        IoError::Malformed {
-            format: self.format,
-            what,
-            place: self.place(at),
-            expected: expected.into(),
-            actual: actual.into(),
-        }
+        IoError::malformed(self.format, what, self.place(at), expected, actual)
     }
 }
 
-/// The first `N` bytes of a slice that is known to have them.
+/// The first `N` bytes of a slice.
 ///
 /// # Panics
-/// Where it has fewer: callers cut the slice to size before.
+/// Where the slice is shorter: callers check its length before.
 #[inline]
 pub(crate) fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("a slice cut to size")
 }
 
-/// The units of `size` bytes that follow byte `start` of a file; the last must be whole, or is left out where `salvage` says so.
+/// The units of `size` bytes from byte `start` of a file on. An incomplete last unit is an error, or is left out with
+/// `salvage`.
 pub(crate) fn units<'a>(
     format: Format,
     what: &'static str,

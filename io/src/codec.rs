@@ -1,98 +1,138 @@
-//! One door for all formats: files and bytes to recordings, and events to files and bytes.
+//! Reading and writing of recordings in any format: from and to files and bytes.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
 
-use crate::check::check;
-use crate::csv::TextOptions;
+use crate::csv::{self, TextOptions};
+use crate::detect::format_of;
 use crate::error::{IoError, Place};
-use crate::format::Format;
-use crate::kind::{EVENTS, Kind};
-use crate::recording::Recording;
-use crate::{aedat4, csv, dat, detect, evt2, evt3, nmnist, npy};
+use crate::format::{Format, Kind};
+use crate::recording::{Capacity, Recording};
+use crate::text::text_start;
+use crate::{aedat4, dat, evt2, evt3, nmnist, npy};
 
-/// What a caller says about a recording that is to be read; the default says nothing.
+/// How to read a recording; by default everything is found from its content.
+///
+/// ```
+/// use meissner_io::{Format, ReadOptions, decode_with};
+///
+/// // An event of five bytes, and the first byte of a second one.
+/// let options = ReadOptions::new().format(Format::Nmnist).salvage(true);
+/// let recording = decode_with(&[1, 2, 0x80, 0, 7, 3], &options)?;
+/// assert_eq!(recording.events.len(), 1);
+/// # Ok::<(), meissner_io::IoError>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ReadOptions {
-    /// The format, in place of what the content shows.
+    /// The format; `None`: the format is found from the content.
     pub format: Option<Format>,
-    /// How a text is laid out, where it does not say so.
+    /// The layout of a text, as far as the caller knows it.
     pub text: TextOptions,
-    /// Whether a file that was cut short is read as far as it is whole.
+    /// Whether a file that was cut short is read up to the cut.
     ///
-    /// Kept are the whole words of EVT2 and EVT3, events of DAT, N-MNIST and npy, packets of AEDAT4, and lines with a line
-    /// feed of CSV; what is left out stands in [`Recording::salvaged`]. Headers have to be whole, and what is there and
-    /// not as the format says is refused as ever: a damaged file is not salvaged.
+    /// The complete words of EVT2 and EVT3, events of DAT, N-MNIST and npy, packets of AEDAT4, and lines of CSV are kept;
+    /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
+    /// always: a damaged file is not salvaged.
     pub salvage: bool,
 }
 
-/// Reads the recording in the file at `path`, whatever its format; the name plays no part.
+impl ReadOptions {
+    /// Options that find everything from the content.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Sets the format.
+    #[must_use]
+    pub fn format(mut self, format: impl Into<Option<Format>>) -> Self {
+        self.format = format.into();
+        self
+    }
+
+    /// Sets the layout of a text.
+    #[must_use]
+    pub fn text(mut self, text: TextOptions) -> Self {
+        self.text = text;
+        self
+    }
+
+    /// Sets whether a file that was cut short is read up to the cut.
+    #[must_use]
+    pub fn salvage(mut self, salvage: bool) -> Self {
+        self.salvage = salvage;
+        self
+    }
+}
+
+/// Reads the recording in the file at `path`, in any format; the file name has no influence.
 ///
 /// The file is held in memory while it is decoded; [`crate::limits`] bounds the rest.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of [`decode`].
+/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of
+/// [`decode`].
 pub fn read(path: &Path) -> Result<Recording, IoError> {
-    read_with(path, &ReadOptions::default())
+    read_with(path, &ReadOptions::new())
 }
 
-/// Reads the recording in the file at `path`, which is of `format`.
+/// Reads the recording in the file at `path`, which has this format.
 ///
 /// # Errors
 /// Those of [`read`] and [`decode_as`].
 pub fn read_as(format: Format, path: &Path) -> Result<Recording, IoError> {
-    read_with(path, &ReadOptions { format: Some(format), ..ReadOptions::default() })
+    read_with(path, &ReadOptions::new().format(format))
 }
 
-/// Reads the recording in the file at `path` as `options` say.
+/// Reads the recording in the file at `path` with these options.
 ///
 /// # Errors
 /// Those of [`read`] and [`decode_with`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Recording, IoError> {
     if path.is_dir() {
-        return Err(IoError::OtherKind { expected: EVENTS, found: Kind::Folder });
+        return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
     }
-    let bytes =
-        fs::read(path).map_err(|source| IoError::File { action: "read", path: path.to_owned(), source })?;
-    decode_with(&bytes, options)
+    decode_with(&fs::read(path).map_err(IoError::file("read", path))?, options)
 }
 
-/// Decodes `bytes`, the whole content of a file, whatever its format.
+/// Decodes `bytes`, the whole content of a file in any format.
 ///
 /// # Errors
-/// [`IoError::OtherKind`] where the content is known and no recording that can be read, [`IoError::UnknownFormat`] or
-/// [`IoError::Unsupported`] where it is not one of the formats, and those of [`decode_as`].
+/// [`IoError::OtherKind`] where the content is known and not a recording that can be read, [`IoError::UnknownFormat`] or
+/// [`IoError::Unsupported`] where it has none of the formats, and those of [`decode_as`].
 pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, &ReadOptions::default())
+    decode_with(bytes, &ReadOptions::new())
 }
 
 /// Decodes `bytes`, the whole content of a file of `format`.
 ///
 /// # Errors
-/// [`IoError::Truncated`] where the bytes end before something does, [`IoError::Malformed`] where something
-/// is not what the format says, [`IoError::OutsideSensor`] where an event lies beside the sensor that the
-/// file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded, [`IoError::Unsupported`]
-/// where the content is a relative of the format, [`IoError::Undecided`] where a text can be read in several ways. Then
-/// there is no recording: events before the fault are not returned as if they were all.
+/// [`IoError::Truncated`] where the content is cut short, [`IoError::Malformed`] where it contradicts the format,
+/// [`IoError::OutsideSensor`] where an event lies outside the sensor that the file names, [`IoError::TooLarge`] where a bound
+/// of [`crate::limits`] is exceeded, [`IoError::Unsupported`] where the content has a related format,
+/// [`IoError::Undecided`] where a text can be read in several ways. After an error there is no recording: the events before
+/// the fault are not returned.
 pub fn decode_as(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, &ReadOptions { format: Some(format), ..ReadOptions::default() })
+    decode_with(bytes, &ReadOptions::new().format(format))
 }
 
-/// Decodes `bytes`, the whole content of a file, as `options` say.
+/// Decodes `bytes`, the whole content of a file, with these options.
 ///
 /// # Errors
-/// Those of [`decode`] and [`decode_as`]; with [`ReadOptions::salvage`] a file that is merely cut short behind its header
-/// gives none.
+/// Those of [`decode`] and [`decode_as`]; with [`ReadOptions::salvage`] there is no error for a file that is merely cut short
+/// after its header.
 pub fn decode_with(bytes: &[u8], options: &ReadOptions) -> Result<Recording, IoError> {
     let ReadOptions { format, text, salvage } = *options;
+    let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,
-        None => detect::format_of(bytes).or_else(|error| match error {
-            // Who says the order of the columns says that it is a text of events.
-            IoError::UnknownFormat { .. } if text.columns.is_some() && csv::is_text(bytes) => Ok(Format::Csv),
+        None => format_of(bytes).or_else(|error| match error {
+            // A caller who gives the order of the columns has a text of events.
+            IoError::UnknownFormat { .. } if text.columns.is_some() && is_text() => Ok(Format::Csv),
             error => Err(error),
         })?,
     };
@@ -109,27 +149,27 @@ pub fn decode_with(bytes: &[u8], options: &ReadOptions) -> Result<Recording, IoE
 
 /// Writes `events` to the file at `path`, which is created or replaced.
 ///
-/// The events are checked first: where the format cannot hold them, the file is left as it was.
+/// The events are checked first: if the format cannot hold them, the file is left unchanged.
 ///
 /// # Errors
 /// [`IoError::File`] where the file cannot be created or written; otherwise those of [`encode`].
 pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(), IoError> {
     check(format, sensor, events)?;
-    let fail = |action| move |source| IoError::File { action, path: path.to_owned(), source };
-    let mut out = BufWriter::with_capacity(1 << 16, File::create(path).map_err(fail("create"))?);
-    put(format, sensor, events, &mut out).and_then(|()| out.flush()).map_err(fail("write"))
+    let file = File::create(path).map_err(IoError::file("create", path))?;
+    let mut out = BufWriter::with_capacity(1 << 16, file);
+    put(format, sensor, events, &mut out).and_then(|()| out.flush()).map_err(IoError::file("write", path))
 }
 
-/// Writes `events` to `out`, with the geometry in the header (`.npy` has no place for it).
+/// Writes `events` to `out`, with the sensor in the header (except for `.npy`, which has no place for it).
 ///
-/// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384,
-/// EVT3 times from 0 to 2^40 - 1 and coordinates below 2048; both hold steps back in time that their readers
-/// cannot mistake for a wrap. `out` is written in small pieces: give it a buffer.
+/// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds
+/// times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless readers would take them for a
+/// wrap of the clock. `out` is written in small pieces: give it a buffer.
 ///
 /// # Errors
-/// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or
-/// that lies beside `sensor`; [`IoError::Unsupported`] where the format is only read, or cannot hold the
-/// sensor. Then [`IoError::Stream`] where `out` fails.
+/// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or that lies outside
+/// `sensor`; [`IoError::Unsupported`] where the format is read only, or cannot hold the sensor. Then [`IoError::Stream`]
+/// where `out` fails.
 pub fn encode(
     format: Format,
     sensor: Option<Sensor>,
@@ -146,13 +186,37 @@ pub fn encode(
     })
 }
 
-/// Writes events that [`check`] has passed.
-fn put(
-    format: Format,
-    sensor: Option<Sensor>,
-    events: &[Event],
-    out: &mut impl Write,
-) -> std::io::Result<()> {
+/// Refuses events that `format` cannot hold or that lie outside `sensor`, and formats that are read only.
+fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(), IoError> {
+    let capacity = match format {
+        Format::Csv | Format::Npy => Capacity::UNLIMITED,
+        Format::Dat => dat::CAPACITY,
+        Format::Evt3 => evt3::CAPACITY,
+        Format::Aedat4 | Format::Evt2 | Format::Nmnist => {
+            let expected = "CSV, npy, DAT or EVT3 to be written";
+            return Err(IoError::Unsupported { expected, actual: format.to_string() });
+        }
+    };
+    if let Some(sensor) = sensor {
+        let sides = 1..=capacity.side;
+        if !sides.contains(&sensor.width) || !sides.contains(&sensor.height) {
+            let actual = format!("{sensor} for {format}");
+            return Err(IoError::Unsupported { expected: capacity.sensor, actual });
+        }
+        if let Some(index) = events.iter().position(|e| !sensor.contains(e.x, e.y)) {
+            let (field, side, actual) = match events[index] {
+                Event { x, .. } if x >= sensor.width => ("x", sensor.width, x),
+                Event { y, .. } => ("y", sensor.height, y),
+            };
+            let expected = format!("below {side}, the sensor's");
+            return Err(IoError::cannot_hold(format, index, field, expected, actual));
+        }
+    }
+    capacity.check(format, events)
+}
+
+/// Writes events that [`check`] accepted.
+fn put(format: Format, sensor: Option<Sensor>, events: &[Event], out: &mut impl Write) -> io::Result<()> {
     match format {
         Format::Csv => csv::encode(sensor, events, out),
         Format::Npy => npy::encode(events, out),
@@ -162,20 +226,20 @@ fn put(
     }
 }
 
-/// Knows how far the writing came, for the error.
+/// Counts the bytes written, for the place of an error.
 struct Counted<'a, W> {
     out: &'a mut W,
     written: u64,
 }
 
 impl<W: Write> Write for Counted<'_, W> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes)?;
         self.written += written as u64;
         Ok(written)
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
 }

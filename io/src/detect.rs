@@ -1,32 +1,188 @@
-//! The format of a recording, from its bytes alone: [`Kind`] knows the marks; CSV is also any text with a comma in its first
-//! line.
+//! The kind of an input, from its first bytes.
+//!
+//! AEDAT4, npy and pictures start with a magic number. Prophesee's files have a text header that names the encoding. A text
+//! is of electrodes if its header names electrodes, and of events if it has a header of events or a first line of four
+//! numbers; any other text with a comma in its first line is tried as events. N-MNIST has no mark and is tried last.
 
-use crate::csv;
-use crate::error::{IoError, beginning};
-use crate::format::Format;
-use crate::kind::{EVENTS, Kind};
-use crate::prophesee::{self, Header};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 
-/// The format of `bytes`, the whole content of a file, or `None` where it is none of them.
+use crate::csv::columns::{is_csv, is_of_events};
+use crate::electrodes::header::names_electrodes;
+use crate::error::{IoError, beginning, shown};
+use crate::format::{Foreign, Format, ImageFormat, Kind};
+use crate::prophesee::{Encoding, Header, has_header};
+use crate::text::{content_lines, text_start};
+use crate::{aedat4, nmnist, npy};
+
+/// Most bytes of a file that [`Kind::of_file`] reads: whole events of N-MNIST.
+const START: u64 = 5 << 14;
+
+impl Kind {
+    /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB. `None`: unknown.
+    ///
+    /// A text that is neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
+    /// N-MNIST O(n).
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(aedat4::header::MAGIC) {
+            return Some(Self::Events(Format::Aedat4));
+        }
+        if bytes.starts_with(npy::MAGIC) {
+            return Some(Self::Events(Format::Npy));
+        }
+        if let Some(format) = ImageFormat::detect(bytes) {
+            return Some(Self::Picture(format));
+        }
+        if let Some(foreign) = foreign(bytes) {
+            return Some(Self::Foreign(foreign));
+        }
+        if has_header(bytes) {
+            match Header::scan(bytes).encoding() {
+                Some(Encoding::Known(format)) => return Some(Self::Events(format)),
+                Some(Encoding::Unknown(name)) => {
+                    return matches!(name.as_str(), "2.1" | "EVT21").then_some(Self::Foreign(EVT21));
+                }
+                // The comments of a text may start like this header.
+                None => {}
+            }
+        }
+        if let Some(line) = text_start(bytes).and_then(|text| content_lines(text).next()) {
+            if names_electrodes(line) {
+                return Some(Self::Electrodes);
+            }
+            if is_of_events(line) {
+                return Some(Self::Events(Format::Csv));
+            }
+        }
+        // A text has bytes of 34 and more in every line, so it is not taken for N-MNIST.
+        (!is_csv(bytes) && nmnist::is_nmnist(bytes)).then_some(Self::Events(Format::Nmnist))
+    }
+
+    /// The kind of the file or folder at `path`; reads at most 80 KiB.
+    ///
+    /// # Errors
+    /// Those of opening and reading the file.
+    pub fn of_file(path: &Path) -> io::Result<Option<Self>> {
+        if path.is_dir() {
+            return Ok(Some(Self::Folder));
+        }
+        let mut start = Vec::new();
+        File::open(path)?.take(START).read_to_end(&mut start)?;
+        Ok(Self::of(&start))
+    }
+}
+
+/// The format of `bytes`, the whole content of a file; `None` where it has none of the formats.
 ///
-/// It looks at the marks only: a file that is detected can still be corrupt. O(n) for N-MNIST, O(1) for the
-/// others. No bytes at all have no format.
+/// Only the marks of the formats are examined: a file with a known format can still be corrupt. O(n) for N-MNIST, O(1) for
+/// the others. Empty content has no format.
 pub fn detect(bytes: &[u8]) -> Option<Format> {
     format_of(bytes).ok()
 }
 
-/// The format, or why there is none.
+/// The format of `bytes`, or the reason why there is none.
 pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
     match Kind::of(bytes) {
         Some(Kind::Events(format)) => return Ok(format),
-        Some(found) => return Err(IoError::OtherKind { expected: EVENTS, found }),
-        None if csv::is_csv(bytes) => return Ok(Format::Csv),
+        Some(found) => return Err(IoError::OtherKind { expected: Kind::EVENTS, found }),
+        None if is_csv(bytes) => return Ok(Format::Csv),
         None => {}
     }
-    if let Some(prophesee::Kind::Unknown(encoding)) = Header::scan(bytes).kind() {
-        let actual = format!("encoding `{}`", beginning(&encoding, 40));
+    if let Some(Encoding::Unknown(name)) = Header::scan(bytes).encoding() {
+        let actual = format!("encoding `{}`", beginning(&name, 40));
         return Err(IoError::Unsupported { expected: "EVT 2.0 or 3.0", actual });
     }
-    let start = bytes[..bytes.len().min(16)].escape_ascii().to_string();
-    Err(IoError::UnknownFormat { length: bytes.len() as u64, start: format!("`{start}`") })
+    Err(IoError::UnknownFormat { length: bytes.len() as u64, start: shown(&bytes[..bytes.len().min(16)]) })
+}
+
+/// The error of an input that starts with `start` and has another known kind than `wanted`.
+pub(crate) fn other_kind(start: &[u8], wanted: Kind, expected: &'static str) -> Option<IoError> {
+    let found = Kind::of(start).filter(|kind| *kind != wanted)?;
+    Some(IoError::OtherKind { expected, found })
+}
+
+const EVT21: Foreign = Foreign {
+    name: "Prophesee EVT 2.1",
+    instead: "write it as CSV with Metavision's metavision_file_to_csv, or record in EVT 3.0",
+};
+const DV: &str = "convert it to AEDAT4 with iniVation's DV";
+const STILLS: [&str; 2] = ["a picture in GIF or TIFF", "write it as PNG, JPEG, PPM or PGM"];
+const VIDEO: [&str; 2] = [
+    "a video (MP4, MOV, AVI or Matroska)",
+    "it holds pictures and no events; write them as PNG, with ffmpeg -i VIDEO %06d.png",
+];
+
+/// Formats in which people keep recordings and which are not read: where their mark is, the mark, the name, and how to
+/// convert.
+const FOREIGN: &[(usize, &[u8], [&str; 2])] = &[
+    (4, b"ftyp", VIDEO),
+    (0, b"\x1a\x45\xdf\xa3", VIDEO),
+    (257, b"ustar", ["a tar archive", "unpack it with tar -xf"]),
+    (
+        0,
+        b"\x89HDF",
+        [
+            "HDF5",
+            "write its events as a structured .npy with Python's h5py, or Prophesee's as CSV with metavision_file_to_csv",
+        ],
+    ),
+    (0, b"\x1f\x8b", ["gzip", "unpack it with gunzip"]),
+    (0, b"BZh", ["bzip2", "unpack it with bunzip2"]),
+    (0, b"\xfd7zXZ\0", ["xz", "unpack it with unxz"]),
+    (0, b"\x28\xb5\x2f\xfd", ["Zstandard", "unpack it with unzstd"]),
+    (0, b"7z\xbc\xaf\x27\x1c", ["a 7z archive", "unpack it with 7z x"]),
+    (
+        0,
+        b"PK\x03\x04",
+        [
+            "a zip archive",
+            "unpack it with unzip; .npz is one, of .npy files, and so are weights of PyTorch (--weights)",
+        ],
+    ),
+    (
+        0,
+        b"#ROSBAG",
+        [
+            "a ROS bag",
+            "write the events of its dvs_msgs topic as text, such as t x y p, with Python's rosbags or rosbag",
+        ],
+    ),
+    (
+        0,
+        b"\x89MCAP",
+        ["MCAP", "write the events of its topic as text, such as t x y p, with Python's mcap or rosbags"],
+    ),
+    (
+        0,
+        b"SQLite format 3\0",
+        [
+            "an SQLite database, as ROS 2 records bags",
+            "write the events of its topic as text, such as t x y p, with Python's rosbags",
+        ],
+    ),
+    (0, b"#!AER-DAT1", ["AEDAT 1", DV]),
+    (0, b"#!AER-DAT2", ["AEDAT 2", DV]),
+    (0, b"#!AER-DAT3", ["AEDAT 3", DV]),
+    (
+        0,
+        b"Event Stream",
+        ["Event Stream (.es)", "write its events as a structured .npy with Python's event_stream"],
+    ),
+    (
+        0,
+        b"MATLAB 5.0 MAT-file",
+        ["a MATLAB file", "write its events as a structured .npy with Python's scipy.io.loadmat"],
+    ),
+    (0, b"GIF8", STILLS),
+    (0, b"II*\0", STILLS),
+    (0, b"MM\0*", STILLS),
+];
+
+/// The format that is known and not read, if a file of it starts with `bytes`.
+fn foreign(bytes: &[u8]) -> Option<Foreign> {
+    let has = |at: usize, mark: &[u8]| bytes.get(at..).is_some_and(|tail| tail.starts_with(mark));
+    let avi = (has(0, b"RIFF") && has(8, b"AVI ")).then_some(VIDEO);
+    let listed = || FOREIGN.iter().find(|(at, mark, _)| has(*at, mark)).map(|&(.., foreign)| foreign);
+    avi.or_else(listed).map(|[name, instead]| Foreign { name, instead })
 }

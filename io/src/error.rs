@@ -1,21 +1,19 @@
-//! What can be wrong with a recording, each with the place, what was expected and what was found.
+//! Errors of recordings: each has the place, the expected and the actual value.
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use meissner_engine::Sensor;
 
-use crate::format::Format;
-use crate::kind::Kind;
+use crate::format::{Format, Kind, UnknownName};
 
-/// Where in the input something was found.
+/// A position in the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Byte of the file, counted from 0.
     Byte(u64),
-    /// Byte `byte` of the decompressed content of the packet whose header stands at byte `packet` of the
-    /// file.
+    /// Byte of the decompressed content of a packet.
     Packet {
         /// Byte of the file at which the packet's header starts.
         packet: u64,
@@ -47,32 +45,25 @@ pub enum IoError {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// Its reason.
+        /// The operating system's reason.
         source: io::Error,
     },
-    /// A stream that was being read or written failed.
+    /// Reading from or writing to a stream failed.
     #[error("{format}: cannot {action} at {place}")]
     Stream {
         /// The format being read or written.
         format: Format,
         /// `read` or `write`.
         action: &'static str,
-        /// How far it had come.
+        /// The position reached.
         place: Place,
-        /// Its reason.
+        /// The reader's or writer's reason.
         source: io::Error,
     },
-    /// A name that stands for no format.
-    #[error("unknown {what}: expected {expected}, found `{actual}`")]
-    UnknownName {
-        /// `format` or `file extension`.
-        what: &'static str,
-        /// The names that there are.
-        expected: &'static str,
-        /// The name that came.
-        actual: String,
-    },
-    /// The content is of none of the formats.
+    /// The name of a format, an order of columns or a unit is unknown.
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    /// The content has none of the formats.
     #[error(
         "unknown format: expected AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy, found {length} bytes starting with {start}"
     )]
@@ -82,73 +73,73 @@ pub enum IoError {
         /// Its first bytes.
         start: String,
     },
-    /// The content, or what was asked for, is known and not supported.
+    /// The content or the request is known and not supported.
     #[error("unsupported: expected {expected}, found {actual}")]
     Unsupported {
-        /// What is supported in its place.
+        /// The supported alternatives.
         expected: &'static str,
-        /// What came.
+        /// The content or the request.
         actual: String,
     },
-    /// The bytes end before something does.
+    /// The input ends too early.
     #[error("{format}: {what} at {place} is cut short: expected {expected} bytes, found {actual}")]
     Truncated {
         /// The format being read.
         format: Format,
-        /// What is cut short.
+        /// The part that is cut short.
         what: &'static str,
-        /// Where it starts.
+        /// Where the part starts.
         place: Place,
-        /// The bytes that it takes.
+        /// Length of the part in bytes.
         expected: u64,
-        /// The bytes that there are.
+        /// Bytes present.
         actual: u64,
     },
-    /// Something is there and is not what the format says.
+    /// The content contradicts the format.
     #[error("{format}: {what} at {place}: expected {expected}, found {actual}")]
     Malformed {
         /// The format being read.
         format: Format,
-        /// What is malformed.
+        /// The malformed part.
         what: &'static str,
-        /// Where it is.
+        /// Where the part is.
         place: Place,
-        /// What the format says.
+        /// The values that the format allows.
         expected: String,
-        /// What is there.
+        /// The value in the input.
         actual: String,
     },
-    /// A length exceeds the bounds of [`crate::limits`].
+    /// A length exceeds a bound of [`crate::limits`].
     #[error("{format}: {what} at {place} is too large: expected at most {limit} bytes, found {actual}{}", if *.at_least { " or more" } else { "" })]
     TooLarge {
         /// The format being read.
         format: Format,
-        /// What is too large.
+        /// The part that is too large.
         what: &'static str,
-        /// Where it starts.
+        /// Where the part starts.
         place: Place,
-        /// The bound.
+        /// The bound in bytes.
         limit: u64,
-        /// What it would take.
+        /// Length of the part in bytes.
         actual: u64,
-        /// Whether `actual` is where reading stopped, and not the full length.
+        /// Whether reading stopped after `actual` bytes, so that the part may be longer.
         at_least: bool,
     },
-    /// An event lies on a pixel that the recording's sensor does not have.
+    /// An event lies outside the recording's sensor.
     #[error("{format}: pixel at {place}: expected x < {} and y < {}, found x = {x}, y = {y}", sensor.width, sensor.height)]
     OutsideSensor {
         /// The format being read.
         format: Format,
         /// Where the event is.
         place: Place,
-        /// The sensor that the recording names.
+        /// The sensor of the recording.
         sensor: Sensor,
         /// The event's column.
         x: u32,
         /// The event's row.
         y: u32,
     },
-    /// A text of events can be read in several ways, and neither it nor the caller says in which.
+    /// A text of events can be read in several ways, and neither the text nor the options decide.
     #[error(
         "{format}: {what} at {place}: expected a text or options that say it, found {line}, which can be {readings}"
     )]
@@ -161,18 +152,18 @@ pub enum IoError {
         place: Place,
         /// The line, or its start.
         line: String,
-        /// The ways, in words.
+        /// The possible readings, in words.
         readings: String,
     },
-    /// The content is known, and of another kind.
+    /// The content is of another known kind.
     #[error("expected {expected}, found {found}")]
     OtherKind {
-        /// What the reader reads.
+        /// The kind that the reader reads.
         expected: &'static str,
-        /// What came.
+        /// The kind of the content.
         found: Kind,
     },
-    /// The format that was asked for cannot hold an event.
+    /// The requested format cannot hold an event.
     #[error("{format} cannot hold event {index}: expected {field} {expected}, found {actual}")]
     CannotHold {
         /// The format to be written.
@@ -181,14 +172,59 @@ pub enum IoError {
         index: usize,
         /// `t_us`, `x` or `y`.
         field: &'static str,
-        /// What the format holds.
+        /// The values that the format holds.
         expected: String,
-        /// What the event has.
+        /// The event's value.
         actual: String,
     },
 }
 
-/// The first `most` characters of what a file says, for a message that is no longer than a person wants to read.
+impl IoError {
+    pub(crate) fn file(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::File { action, path, source }
+    }
+
+    #[cold]
+    pub(crate) fn malformed(
+        format: Format,
+        what: &'static str,
+        place: Place,
+        expected: impl Into<String>,
+        actual: impl Into<String>,
+    ) -> Self {
+        Self::Malformed { format, what, place, expected: expected.into(), actual: actual.into() }
+    }
+
+    #[cold]
+    pub(crate) fn cannot_hold(
+        format: Format,
+        index: usize,
+        field: &'static str,
+        expected: impl Into<String>,
+        actual: impl ToString,
+    ) -> Self {
+        Self::CannotHold { format, index, field, expected: expected.into(), actual: actual.to_string() }
+    }
+}
+
+/// Refuses a pixel outside `sensor`, where the sensor is known.
+#[inline]
+pub(crate) fn check_pixel(
+    format: Format,
+    sensor: Option<Sensor>,
+    (x, y): (u16, u16),
+    place: impl FnOnce() -> Place,
+) -> Result<(), IoError> {
+    match sensor {
+        Some(sensor) if !sensor.contains(x, y) => {
+            Err(IoError::OutsideSensor { format, place: place(), sensor, x: x.into(), y: y.into() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The first `most` characters of a text for a message.
 pub(crate) fn beginning(text: &str, most: usize) -> String {
     let mut characters = text.chars();
     let mut beginning: String = characters.by_ref().take(most).collect();
@@ -196,4 +232,11 @@ pub(crate) fn beginning(text: &str, most: usize) -> String {
         beginning.push_str("..");
     }
     beginning
+}
+
+/// The first 40 bytes of a field for a message, quoted and escaped.
+pub(crate) fn shown(field: &[u8]) -> String {
+    const MOST: usize = 40;
+    let dots = if field.len() > MOST { ".." } else { "" };
+    format!("`{}{dots}`", field[..field.len().min(MOST)].escape_ascii())
 }

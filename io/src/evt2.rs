@@ -1,35 +1,33 @@
-//! Prophesee EVT 2.0: a file's bytes in, its events out.
+//! Prophesee EVT 2.0: the bytes of a file to events.
 //!
-//! After the text header ([`crate::prophesee`]) the file is words of 32 bits, least significant byte first:
+//! After the text header ([`crate::prophesee`]) the file consists of words of 32 bits, least significant byte first:
 //!
 //! | bits 31-28 | word | bits 27-22 | bits 21-11 | bits 10-0 |
 //! |---|---|---|---|---|
 //! | 0x0, 0x1 | event, polarity off or on | time, bits 5-0 | x | y |
 //! | 0x8 | time, bits 33-6, in bits 27-0 | | | |
 //! | 0xA | external trigger | time, bits 5-0 | | |
-//! | 0xE, 0xF | vendor's own, and its continuation | | | |
+//! | 0xE, 0xF | vendor's word, and its continuation | | | |
 //!
-//! Source: the vendor's page "EVT 2.0 Format". Invariants: an event's time is the newest time word's with its
-//! own six bits; the 34-bit time wraps where a time word falls by half its range or more, and a smaller step
-//! back is a step back. A reader of our own, because the layout is five kinds of word, and the crates that
-//! read it bring a hundred others.
+//! Source: the vendor's page "EVT 2.0 Format". Invariants: an event's time is the newest time word's plus its own six bits;
+//! the 34-bit time wraps where a time word falls by half its range or more, and a smaller fall is a step back.
 
-use meissner_engine::{Event, Sensor};
+use meissner_engine::Event;
 
 use crate::bytes::{array, units};
-use crate::error::{IoError, Place};
+use crate::error::{IoError, Place, check_pixel};
 use crate::format::Format;
-use crate::prophesee::Header;
+use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Recording, StreamKind, Tally};
 
 /// Bytes of a word.
 const WORD: usize = 4;
 /// Bits of an event's own time.
 const LOW_BITS: u32 = 6;
-/// Time words count to here, and wrap.
+/// Time words count from 0 to this value - 1, and wrap.
 const HIGH_RANGE: i64 = 1 << 28;
 /// Coordinates have 11 bits.
-pub(crate) const SIDE: u16 = 2048;
+const SIDE: u16 = 2048;
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
@@ -39,7 +37,7 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
 
     let mut events = Vec::with_capacity(words.len());
-    let mut clock = Clock::default();
+    let (mut clock, mut base_us) = (WrappingClock::new(HIGH_RANGE), None);
     let (mut triggers, mut vendor, mut unplaced) = (Tally::default(), Tally::default(), Tally::default());
     for (index, word) in words.enumerate() {
         let word = u32::from_le_bytes(array(word));
@@ -48,25 +46,18 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
             polarity @ (0x0 | 0x1) => {
                 let low = i64::from(word >> 22 & 0x3f);
                 let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
-                if let Some(sensor) = sensor.filter(|s| !s.contains(x, y)) {
-                    return Err(outside(format, place(), sensor, x.into(), y.into()));
-                }
-                match clock.base_us {
+                check_pixel(format, sensor, (x, y), place)?;
+                match base_us {
                     Some(base_us) => events.push(Event::new(base_us + low, x, y, polarity == 1)),
                     None => unplaced.add(1),
                 }
             }
-            0x8 => clock.high(i64::from(word & 0x0fff_ffff)),
+            0x8 => base_us = Some(clock.advance(i64::from(word & 0x0fff_ffff)) << LOW_BITS),
             0xa => triggers.add(1),
             0xe | 0xf => vendor.add(1),
             reserved => {
-                return Err(IoError::Malformed {
-                    format,
-                    what: "type of a word",
-                    place: place(),
-                    expected: "0x0, 0x1, 0x8, 0xa, 0xe or 0xf".to_owned(),
-                    actual: format!("{reserved:#x}"),
-                });
+                let (expected, actual) = ("0x0, 0x1, 0x8, 0xa, 0xe or 0xf", format!("{reserved:#x}"));
+                return Err(IoError::malformed(format, "type of a word", place(), expected, actual));
             }
         }
     }
@@ -77,28 +68,4 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     ];
     let other_streams = other_streams.into_iter().flatten().collect();
     Ok(Recording { format, sensor, events, other_streams, salvaged })
-}
-
-/// The upper 28 bits of the time, and how often they have wrapped.
-#[derive(Default)]
-struct Clock {
-    newest: i64,
-    wraps: i64,
-    base_us: Option<i64>,
-}
-
-impl Clock {
-    fn high(&mut self, high: i64) {
-        if self.base_us.is_some() && self.newest - high >= HIGH_RANGE / 2 {
-            self.wraps += 1;
-        }
-        self.newest = high;
-        self.base_us = Some((self.wraps * HIGH_RANGE + high) << LOW_BITS);
-    }
-}
-
-/// The error of an event beside the sensor.
-#[cold]
-pub(crate) fn outside(format: Format, place: Place, sensor: Sensor, x: u32, y: u32) -> IoError {
-    IoError::OutsideSensor { format, place, sensor, x, y }
 }

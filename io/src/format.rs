@@ -1,10 +1,38 @@
-//! The names of the formats, and the file extensions that stand for them.
+//! The names of everything that this crate reads and writes: formats of recordings and images, kinds of input, and the
+//! fields of an event.
 
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-use crate::error::IoError;
+/// Names of the time in microseconds in headers of texts and of npy, in lower case. Names with another unit are not here.
+pub(crate) const TIME: &[&str] =
+    &["t", "t_us", "ts", "ts_us", "time", "time_us", "timestamp", "timestamp_us"];
+/// Names of the pixel's column.
+pub(crate) const X: &[&str] = &["x"];
+/// Names of the pixel's row.
+pub(crate) const Y: &[&str] = &["y"];
+/// Names of the polarity.
+pub(crate) const POLARITY: &[&str] = &["p", "pol", "polarity", "on"];
+
+/// A name that is not one of the known names.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {what}: expected {expected}, found `{actual}`")]
+#[non_exhaustive]
+pub struct UnknownName {
+    /// `format`, `file extension`, `order of columns` or `unit of time`.
+    pub what: &'static str,
+    /// The known names.
+    pub expected: &'static str,
+    /// The given name.
+    pub actual: String,
+}
+
+impl UnknownName {
+    pub(crate) fn new(what: &'static str, expected: &'static str, actual: &str) -> Self {
+        Self { what, expected, actual: actual.to_owned() }
+    }
+}
 
 /// A format of recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -15,47 +43,55 @@ pub enum Format {
     Evt2,
     /// Prophesee EVT 3.0: words of 16 bits (`.evt3`, `.raw`).
     Evt3,
-    /// Prophesee DAT, version 2: 8 bytes an event (`.dat`).
+    /// Prophesee DAT, version 2: 8 bytes per event (`.dat`).
     Dat,
-    /// N-MNIST: 5 bytes an event, 34 x 34 pixels (`.bin`).
+    /// N-MNIST: 5 bytes per event, 34 x 34 pixels (`.bin`).
     Nmnist,
-    /// Text, one event a line (`.csv`).
+    /// Text, one event per line (`.csv`).
     Csv,
     /// `NumPy` structured array (`.npy`).
     Npy,
 }
 
 impl Format {
-    /// Every format, in the order in which the documentation lists them.
+    /// Every format, in the order of the documentation.
     pub const ALL: [Self; 7] =
         [Self::Aedat4, Self::Evt2, Self::Evt3, Self::Dat, Self::Nmnist, Self::Csv, Self::Npy];
 
-    /// The format that a file name's extension asks for, for outputs; `.raw` is EVT3.
+    /// The name for people, the name for options, and the usual file extension.
+    const fn names(self) -> [&'static str; 3] {
+        match self {
+            Self::Aedat4 => ["AEDAT4", "aedat4", "aedat4"],
+            Self::Evt2 => ["EVT2", "evt2", "raw"],
+            Self::Evt3 => ["EVT3", "evt3", "raw"],
+            Self::Dat => ["DAT", "dat", "dat"],
+            Self::Nmnist => ["N-MNIST", "nmnist", "bin"],
+            Self::Csv => ["CSV", "csv", "csv"],
+            Self::Npy => ["npy", "npy", "npy"],
+        }
+    }
+
+    /// The format for an output with this file name, by its extension in upper or lower case; `.raw` is EVT3.
     ///
-    /// Inputs are told apart by their content ([`crate::detect()`]).
+    /// The format of an input is found from its content ([`crate::detect()`]).
     ///
     /// # Errors
-    /// [`IoError::UnknownName`] where the path has no extension, or one that stands for no format.
-    pub fn from_path(path: &Path) -> Result<Self, IoError> {
+    /// [`UnknownName`] where the path has no extension, or an unknown one.
+    pub fn from_path(path: &Path) -> Result<Self, UnknownName> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-        match extension.to_ascii_lowercase().as_str() {
-            "raw" => Ok(Self::Evt3),
-            "bin" => Ok(Self::Nmnist),
-            "nmnist" => Err(unknown("file extension", extension)),
-            _ => extension.parse().map_err(|_| unknown("file extension", extension)),
-        }
+        let lower = extension.to_ascii_lowercase();
+        let found = match lower.as_str() {
+            "raw" => Some(Self::Evt3),
+            "nmnist" => None,
+            lower => Self::ALL.into_iter().find(|format| format.names()[1..].contains(&lower)),
+        };
+        let expected = "aedat4, evt2, evt3, raw, dat, bin, csv or npy";
+        found.ok_or_else(|| UnknownName::new("file extension", expected, extension))
     }
 
     /// The usual extension of a file of this format, without the dot.
     pub fn extension(self) -> &'static str {
-        match self {
-            Self::Aedat4 => "aedat4",
-            Self::Evt2 | Self::Evt3 => "raw",
-            Self::Dat => "dat",
-            Self::Nmnist => "bin",
-            Self::Csv => "csv",
-            Self::Npy => "npy",
-        }
+        self.names()[2]
     }
 
     /// Whether [`crate::encode`] can write it.
@@ -66,41 +102,106 @@ impl Format {
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Aedat4 => "AEDAT4",
-            Self::Evt2 => "EVT2",
-            Self::Evt3 => "EVT3",
-            Self::Dat => "DAT",
-            Self::Nmnist => "N-MNIST",
-            Self::Csv => "CSV",
-            Self::Npy => "npy",
-        })
+        f.pad(self.names()[0])
     }
 }
 
 impl FromStr for Format {
-    type Err = IoError;
+    type Err = UnknownName;
 
-    /// The format of this name, in upper or lower case: `aedat4`, `evt2`, `evt3`, `dat`, `nmnist`, `csv`,
+    /// The format of this name, in upper or lower case: `aedat4`, `evt2`, `evt3`, `dat`, `nmnist` or `n-mnist`, `csv`,
     /// `npy`.
-    fn from_str(name: &str) -> Result<Self, IoError> {
-        match name.to_ascii_lowercase().as_str() {
-            "aedat4" => Ok(Self::Aedat4),
-            "evt2" => Ok(Self::Evt2),
-            "evt3" => Ok(Self::Evt3),
-            "dat" => Ok(Self::Dat),
-            "nmnist" | "n-mnist" => Ok(Self::Nmnist),
-            "csv" => Ok(Self::Csv),
-            "npy" => Ok(Self::Npy),
-            _ => Err(unknown("format", name)),
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let is_named =
+            |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));
+        let expected = "aedat4, evt2, evt3, dat, nmnist, csv or npy";
+        Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownName::new("format", expected, name))
+    }
+}
+
+/// A format of images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ImageFormat {
+    /// Portable Network Graphics (`.png`).
+    Png,
+    /// JPEG (`.jpg`, `.jpeg`).
+    Jpeg,
+    /// Binary PPM and PGM (`.ppm`, `.pgm`, `.pnm`).
+    Pnm,
+}
+
+impl ImageFormat {
+    /// The format of a file that starts with `bytes`; the first three bytes decide.
+    pub fn detect(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [0x89, b'P', b'N', ..] => Some(Self::Png),
+            [0xff, 0xd8, 0xff, ..] => Some(Self::Jpeg),
+            [b'P', b'5' | b'6', byte, ..] if byte.is_ascii_whitespace() || *byte == b'#' => Some(Self::Pnm),
+            _ => None,
+        }
+    }
+
+    /// The format of a file name's extension, in upper or lower case.
+    pub fn from_path(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "png" => Some(Self::Png),
+            "jpg" | "jpeg" => Some(Self::Jpeg),
+            "ppm" | "pgm" | "pnm" => Some(Self::Pnm),
+            _ => None,
         }
     }
 }
 
-fn unknown(what: &'static str, actual: &str) -> IoError {
-    let expected = match what {
-        "format" => "aedat4, evt2, evt3, dat, nmnist, csv or npy",
-        _ => "aedat4, evt2, evt3, raw, dat, bin, csv or npy",
-    };
-    IoError::UnknownName { what, expected, actual: actual.to_owned() }
+impl fmt::Display for ImageFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+            Self::Pnm => "PNM",
+        })
+    }
+}
+
+/// A kind of input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kind {
+    /// Events of a camera, for [`crate::read`].
+    Events(Format),
+    /// CSV with a column for each electrode, for [`crate::Electrodes`].
+    Electrodes,
+    /// A picture, for [`crate::read_image`].
+    Picture(ImageFormat),
+    /// A folder; [`crate::ImageSequence`] reads its pictures.
+    Folder,
+    /// A known format that this crate does not read.
+    Foreign(Foreign),
+}
+
+/// A known format that this crate does not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Foreign {
+    /// Its name.
+    pub name: &'static str,
+    /// How to convert it to a format that can be read.
+    pub instead: &'static str,
+}
+
+impl Kind {
+    /// The kind that readers of recordings expect, in words.
+    pub(crate) const EVENTS: &'static str = "a recording of events";
+    /// The kind that readers of electrodes expect, in words.
+    pub(crate) const ELECTRODES: &'static str = "readings of electrodes";
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Events(format) => write!(f, "{} ({format})", Self::EVENTS),
+            Self::Electrodes => write!(f, "{} (CSV)", Self::ELECTRODES),
+            Self::Picture(format) => write!(f, "a picture ({format})"),
+            Self::Folder => f.write_str("a folder"),
+            Self::Foreign(Foreign { name, instead }) => write!(f, "{name}, which is not read: {instead}"),
+        }
+    }
 }

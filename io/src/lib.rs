@@ -1,25 +1,24 @@
-//! Recordings of event cameras and event-based touch: bytes in, events out, and back.
+//! Recordings of event cameras and event-based touch: bytes to events, and events to bytes.
 //!
-//! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`] are told it.
-//! A file that is truncated or corrupt gives an [`IoError`] that names the place, what was expected and what
-//! was found: never a panic, never the events before a fault as if they were all, and never more memory than
-//! [`limits`] states. EVT2, EVT3, DAT, N-MNIST and CSV do not say how long they are: cut exactly between two of
-//! their words, events or lines, they are shorter recordings, and nobody can tell. With [`ReadOptions::salvage`] a file that is
-//! cut short gives what is whole, and [`Recording::salvaged`] says what is not. Input of another kind ([`Kind`]) is refused
-//! by name.
+//! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`] take it as an argument. A
+//! file that is truncated or corrupt gives an [`IoError`] with the place, the expected and the actual value. It never gives
+//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. EVT2, EVT3, DAT, N-MNIST
+//! and CSV do not contain their length: a file that is cut exactly between two words, events or lines is a valid shorter
+//! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and [`Recording::salvaged`]
+//! describes the rest. Input of another kind ([`Kind`]) is refused by its name.
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
 //! | AEDAT4 (uncompressed, LZ4, Zstandard) | yes | | stream's `sizeX`, `sizeY` | `aedat4` |
-//! | Prophesee EVT2 | yes | | header, where it says so | `evt2` |
-//! | Prophesee EVT3 | yes | yes | header, where it says so | `evt3` |
-//! | Prophesee DAT, version 2 | yes | yes | header, where it says so | `dat` |
+//! | Prophesee EVT2 | yes | | header, if it names one | `evt2` |
+//! | Prophesee EVT3 | yes | yes | header, if it names one | `evt3` |
+//! | Prophesee DAT, version 2 | yes | yes | header, if it names one | `dat` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
 //! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
-//! Beside them: images for frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]) and readings of
-//! electrodes from CSV ([`Electrodes`]), and labelled sets of such recordings ([`datasets`]).
+//! The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
+//! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -38,9 +37,7 @@
 #![forbid(unsafe_code)]
 
 mod aedat4;
-mod atomic;
 mod bytes;
-mod check;
 mod codec;
 mod csv;
 mod dat;
@@ -50,26 +47,22 @@ mod electrodes;
 mod error;
 mod evt2;
 mod evt3;
+mod files;
 mod format;
 mod images;
-mod kind;
 pub mod limits;
-mod names;
-mod natural;
 mod nmnist;
 mod npy;
 mod prophesee;
 mod recording;
+mod text;
 
-pub use atomic::replace_file;
 pub use codec::{ReadOptions, decode, decode_as, decode_with, encode, read, read_as, read_with, write};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
-pub use format::Format;
-pub use images::{
-    Image, ImageError, ImageFormat, ImageSequence, decode_image, encode_png, read_image, write_png,
-};
-pub use kind::{Foreign, Kind};
+pub use files::replace_file;
+pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
+pub use images::{Image, ImageError, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};

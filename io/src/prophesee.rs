@@ -1,27 +1,52 @@
-//! The text header of Prophesee's files (EVT2, EVT3, DAT).
+//! The common parts of Prophesee's formats (EVT2, EVT3, DAT): the text header, and the clock that wraps.
 //!
-//! Lines that start with `%` and a space, each a key, a space and a value; either a line `% end` or the first
-//! line that does not start so ends it, and the binary part follows at once. The keys that matter here: `evt
-//! 3.0` or `format EVT3` (possibly `format EVT3;height=720;width=1280`) name the encoding; `geometry
-//! 1280x720`, the two values in `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT.
-//! Source: the vendor's pages on the RAW and DAT file formats.
+//! Each line of the header starts with `%` and a space; a key, a space and a value follow. The header ends with a line
+//! `% end` or before the first line of another form, and the binary part follows at once. These keys are used: `evt 3.0` or
+//! `format EVT3` (possibly `format EVT3;height=720;width=1280`) names the encoding; `geometry 1280x720`, the two values in
+//! `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the vendor's pages on the RAW and
+//! DAT file formats.
 
 use std::ops::Range;
 
 use meissner_engine::Sensor;
 
-use crate::csv::shown;
-use crate::error::{IoError, Place};
+use crate::error::{IoError, Place, shown};
 use crate::format::Format;
 
-/// What the header says, and where it ends.
+/// A clock that counts from 0 to `range` - 1 and wraps.
+///
+/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in time.
+pub(crate) struct WrappingClock {
+    range: i64,
+    newest: i64,
+    /// Sum of the ranges that have passed.
+    passed: i64,
+}
+
+impl WrappingClock {
+    pub(crate) fn new(range: i64) -> Self {
+        Self { range, newest: 0, passed: 0 }
+    }
+
+    /// The time since the first period's start at the clock's next value.
+    #[inline]
+    pub(crate) fn advance(&mut self, value: i64) -> i64 {
+        if self.newest - value >= self.range / 2 {
+            self.passed += self.range;
+        }
+        self.newest = value;
+        self.passed + value
+    }
+}
+
+/// The content of a header, and where it ends.
 #[derive(Debug, Default)]
 pub(crate) struct Header {
     /// First byte after the header.
     pub(crate) end: usize,
-    /// Whether a line `% end` ended it.
+    /// Whether it ends with a line `% end`.
     ended: bool,
-    /// `2.0`, `3.0` and so on.
+    /// Name of the encoding, such as `3.0`.
     encoding: Option<String>,
     /// Version of DAT.
     pub(crate) version: Option<String>,
@@ -29,19 +54,19 @@ pub(crate) struct Header {
     height: Option<Number>,
 }
 
-/// A number in the header: the text, and where its line is.
+/// A number in the header: its text, and the bytes of its line.
 #[derive(Debug)]
 struct Number {
     text: String,
     line: Range<usize>,
 }
 
-/// What the header says that the binary part is.
+/// The encoding of the binary part.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
-    /// One that this crate reads.
+pub(crate) enum Encoding {
+    /// An encoding that this crate reads.
     Known(Format),
-    /// An encoding of the same family that it does not.
+    /// An encoding of the same family that it does not read.
     Unknown(String),
 }
 
@@ -67,7 +92,7 @@ impl Header {
         Ok(header)
     }
 
-    /// What the whole lines of a header at the start of `bytes` say.
+    /// The content of the complete lines of a header at the start of `bytes`.
     pub(crate) fn scan(bytes: &[u8]) -> Self {
         let mut header = Self::default();
         while has_header(&bytes[header.end..]) && !header.ended {
@@ -100,7 +125,7 @@ impl Header {
             "format" => {
                 let mut parts = value.split(';');
                 let name = parts.next().unwrap_or_default().trim();
-                // `EVT21` and `EVT2` differ by their word: only the names that are known become versions.
+                // Only exact names become versions: the words of `EVT21` differ from those of `EVT2`.
                 self.encoding = Some(match name {
                     "EVT2" => "2.0".to_owned(),
                     "EVT3" => "3.0".to_owned(),
@@ -118,32 +143,29 @@ impl Header {
         }
     }
 
-    /// The encoding of the binary part: DAT where the header has a version of it and names no event encoding.
-    pub(crate) fn kind(&self) -> Option<Kind> {
+    /// The encoding of the binary part: DAT if the header has a version and names no encoding of events.
+    pub(crate) fn encoding(&self) -> Option<Encoding> {
         match (self.encoding.as_deref(), &self.version) {
-            (Some("2.0" | "2"), _) => Some(Kind::Known(Format::Evt2)),
-            (Some("3.0" | "3"), _) => Some(Kind::Known(Format::Evt3)),
-            (Some(other), _) => Some(Kind::Unknown(other.to_owned())),
-            (None, Some(_)) => Some(Kind::Known(Format::Dat)),
+            (Some("2.0" | "2"), _) => Some(Encoding::Known(Format::Evt2)),
+            (Some("3.0" | "3"), _) => Some(Encoding::Known(Format::Evt3)),
+            (Some(other), _) => Some(Encoding::Unknown(other.to_owned())),
+            (None, Some(_)) => Some(Encoding::Known(Format::Dat)),
             (None, None) => None,
         }
     }
 
-    /// The sensor that the header names, or `None` where it names none.
-    ///
-    /// Each side lies between 1 and `most`, which is what the format's coordinates can say.
+    /// The sensor that the header names; `None`: it names none. Each side has at most `most` pixels, the range of the
+    /// format's coordinates.
     pub(crate) fn sensor(&self, format: Format, most: u16) -> Result<Option<Sensor>, IoError> {
         let side = |what, number: &Option<Number>| -> Result<Option<u16>, IoError> {
             let Some(number) = number else { return Ok(None) };
             match number.text.parse() {
                 Ok(side) if (1..=most).contains(&side) => Ok(Some(side)),
-                _ => Err(IoError::Malformed {
-                    format,
-                    what,
-                    place: Place::Byte(number.line.start as u64),
-                    expected: format!("1 to {most} pixels"),
-                    actual: shown(number.text.as_bytes()),
-                }),
+                _ => {
+                    let place = Place::Byte(number.line.start as u64);
+                    let (expected, actual) = (format!("1 to {most} pixels"), shown(number.text.as_bytes()));
+                    Err(IoError::malformed(format, what, place, expected, actual))
+                }
             }
         };
         let (width, height) = (side("sensor width", &self.width)?, side("sensor height", &self.height)?);

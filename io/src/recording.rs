@@ -1,10 +1,12 @@
-//! What leaves a decoder: the events, the sensor where the file names it, and what else the file holds.
+//! The result of a decoder: the events, the sensor if the file names it, and a summary of the rest of the file. For
+//! encoders: the limits on the events that a format can hold.
 
 use std::fmt;
+use std::ops::Range;
 
 use meissner_engine::{Event, Sensor};
 
-use crate::error::Place;
+use crate::error::{IoError, Place};
 use crate::format::Format;
 
 /// A decoded file.
@@ -12,20 +14,20 @@ use crate::format::Format;
 pub struct Recording {
     /// The format that it was read from.
     pub format: Format,
-    /// The geometry that the file names; every event lies inside it. `None`: the file does not say.
+    /// The sensor that the file names; every event lies inside it. `None`: the file names none.
     pub sensor: Option<Sensor>,
     /// The events in the file's order, with the file's times. Times may step back where the sensor's did.
     pub events: Vec<Event>,
-    /// What the file holds beside these events: counted, not decoded. Streams that are empty are left out.
+    /// The other streams of the file, counted and not decoded. Empty streams are left out.
     pub other_streams: Vec<StreamSummary>,
-    /// What was left out at the end because it is not whole; only where [`crate::ReadOptions::salvage`] asked for that.
+    /// The incomplete end of the file, which was left out; only with [`crate::ReadOptions::salvage`].
     pub salvaged: Option<Salvage>,
 }
 
-/// The end of a file that was cut short, which is not among the events.
+/// The incomplete end of a file that was cut short; its events are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Salvage {
-    /// What is not whole.
+    /// The incomplete part.
     pub what: &'static str,
     /// Where it starts.
     pub place: Place,
@@ -33,24 +35,23 @@ pub struct Salvage {
     pub bytes_not_read: u64,
 }
 
-/// How much of something a file holds that was counted and not decoded.
+/// A stream that was counted and not decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamSummary {
-    /// The stream's name in the file, or what the format calls such words.
+    /// The stream's name in the file, or the format's name for such words.
     pub name: String,
-    /// What its elements are.
+    /// The kind of its elements.
     pub kind: StreamKind,
     /// Packets of AEDAT4; words of EVT2 and EVT3.
     pub packets: u64,
-    /// Elements in these packets: frames, samples, triggers, events. A packet of [`StreamKind::Other`] counts
-    /// as one.
+    /// Elements in these packets: frames, samples, triggers, events. A packet of [`StreamKind::Other`] counts as one.
     pub elements: u64,
 }
 
-/// What the elements of a stream are.
+/// The kind of a stream's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StreamKind {
-    /// Events of a second event stream; [`Recording::events`] holds the first.
+    /// Events of another event stream; [`Recording::events`] holds the first stream's.
     Events,
     /// Images.
     Frames,
@@ -58,8 +59,8 @@ pub enum StreamKind {
     Imu,
     /// External triggers and special signals.
     Triggers,
-    /// Events before the stream first said the time and the row, as where a recording starts in the middle of
-    /// a stream: they cannot be placed.
+    /// Events before the first time (and row) of the stream, as in a recording that starts in the middle of a stream:
+    /// their time or pixel is unknown.
     Unplaced,
     /// Anything else.
     Other,
@@ -78,7 +79,7 @@ impl fmt::Display for StreamKind {
     }
 }
 
-/// Counts what a stream of words holds beside its events.
+/// Counts the packets and elements of a stream that is not decoded.
 #[derive(Default)]
 pub(crate) struct Tally {
     packets: u64,
@@ -91,7 +92,7 @@ impl Tally {
         self.elements += elements;
     }
 
-    /// The summary, or `None` where nothing was counted.
+    /// The summary; `None` for an empty stream.
     pub(crate) fn summary(&self, name: &str, kind: StreamKind) -> Option<StreamSummary> {
         (self.packets > 0).then(|| StreamSummary {
             name: name.to_owned(),
@@ -99,5 +100,54 @@ impl Tally {
             packets: self.packets,
             elements: self.elements,
         })
+    }
+}
+
+/// The events that a format can hold.
+pub(crate) struct Capacity {
+    /// Times in microseconds.
+    pub(crate) times: Range<i64>,
+    /// One past the last column and row, and the longest side of a sensor.
+    pub(crate) side: u16,
+    /// The sensors that the format can hold, in words.
+    pub(crate) sensor: &'static str,
+    /// The times that can follow another time, in words.
+    pub(crate) steps: &'static str,
+    /// Whether readers would take the step from one time to the next for a wrap of the clock.
+    pub(crate) is_wrap: fn(i64, i64) -> bool,
+}
+
+impl Capacity {
+    /// Every event.
+    pub(crate) const UNLIMITED: Self = Self {
+        times: i64::MIN..i64::MAX,
+        side: u16::MAX,
+        sensor: "a sensor of 1 to 65535 pixels a side",
+        steps: "",
+        is_wrap: |_, _| false,
+    };
+
+    /// Refuses the first event that `format` cannot hold.
+    pub(crate) fn check(&self, format: Format, events: &[Event]) -> Result<(), IoError> {
+        if self.times == Self::UNLIMITED.times {
+            return Ok(());
+        }
+        let mut newest_us = 0;
+        for (index, &Event { t_us, x, y, .. }) in events.iter().enumerate() {
+            let refuse = |field, expected: String, actual: String| {
+                Err(IoError::cannot_hold(format, index, field, expected, actual))
+            };
+            if !self.times.contains(&t_us) {
+                return refuse("t_us", format!("0 to {}", self.times.end - 1), t_us.to_string());
+            }
+            if let Some((field, value)) = [("x", x), ("y", y)].into_iter().find(|&(_, v)| v >= self.side) {
+                return refuse(field, format!("below {}", self.side), value.to_string());
+            }
+            if (self.is_wrap)(newest_us, t_us) {
+                return refuse("t_us", self.steps.to_owned(), format!("{t_us} after {newest_us}"));
+            }
+            newest_us = t_us;
+        }
+        Ok(())
     }
 }

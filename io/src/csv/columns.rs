@@ -1,20 +1,16 @@
-//! Which field of a line is which part of an event.
+//! The columns of a text of events: their order, the unit of the times, and the values of coordinates and polarities.
 
 use std::fmt;
 use std::str::FromStr;
 
-use super::field::{Refusal, shown};
-use super::layout::TimeUnit;
-use super::separator::Separator;
-use crate::names;
-
-/// What a line can have wrong: which field, and how.
-pub(super) type Fault = (&'static str, Refusal);
+use crate::error::{IoError, shown};
+use crate::format::{POLARITY, UnknownName, X, Y};
+use crate::text::{Line, Number, Separator, content_lines, text_start};
 
 /// The order of the columns of a text of events.
 ///
-/// It is written as a letter for each column: `t`, `x`, `y` and `p` once each, and `_` for a column that is passed over, such
-/// as `xytp` or `t_xyp`.
+/// It is written as one letter per column: `t`, `x`, `y` and `p` once each, and `_` for a column that is skipped, such as
+/// `xytp` or `t_xyp`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnOrder {
     pub(super) t: usize,
@@ -27,7 +23,7 @@ pub struct ColumnOrder {
 impl ColumnOrder {
     /// Columns t, x, y, p.
     pub(super) const PLAIN: Self = Self { t: 0, x: 1, y: 2, p: 3, count: 4 };
-    /// Most letters of an order.
+    /// Longest order, in letters.
     const MOST: usize = 64;
 
     /// Whether a line is a header: its first field starts as a name does.
@@ -37,18 +33,21 @@ impl ColumnOrder {
     }
 
     /// Whether a line consists of the names of the four columns and nothing else.
-    pub(super) fn is_plain_header(line: &[u8]) -> bool {
-        Self::from_header(line, Separator::of(line)).is_ok_and(|(columns, _)| columns.count == 4)
+    pub(super) fn is_plain_header(line: Line<'_>) -> bool {
+        Self::from_header(line, Separator::of(line.text)).is_ok_and(|(columns, _)| columns.count == 4)
     }
 
-    /// The columns that a header names, and the unit of its time where it says one.
-    pub(super) fn from_header(line: &[u8], separator: Separator) -> Result<(Self, Option<TimeUnit>), Fault> {
-        let names: Vec<_> = separator.fields(line).map(<[u8]>::to_ascii_lowercase).collect();
+    /// The columns that a header names, and the unit of the times if the header names one.
+    pub(super) fn from_header(
+        line: Line<'_>,
+        separator: Separator,
+    ) -> Result<(Self, Option<TimeUnit>), IoError> {
+        let names: Vec<_> = separator.fields(line.text).map(<[u8]>::to_ascii_lowercase).collect();
         let find = |what, is: &dyn Fn(&[u8]) -> bool, expected: &str| {
             let mut found = names.iter().enumerate().filter(|(_, name)| is(name));
             match (found.next(), found.next()) {
                 (Some((index, _)), None) => Ok(index),
-                _ => Err((what, Refusal::new(format!("one column of {expected}"), line))),
+                _ => Err(line.malformed(what, format!("one column of {expected}"), shown(line.text))),
             }
         };
         let one_of = |what, known: &[&str]| {
@@ -58,19 +57,19 @@ impl ColumnOrder {
         let t = find("column t of the header", &|name| time_column(name).0, times)?;
         let columns = Self {
             t,
-            x: one_of("column x of the header", names::X)?,
-            y: one_of("column y of the header", names::Y)?,
-            p: one_of("column p of the header", names::POLARITY)?,
+            x: one_of("column x of the header", X)?,
+            y: one_of("column y of the header", Y)?,
+            p: one_of("column p of the header", POLARITY)?,
             count: names.len(),
         };
         Ok((columns, time_column(&names[t]).1))
     }
 
     /// The fields t, x, y and p of a line.
-    pub(super) fn fields(self, separator: Separator, line: &[u8]) -> Result<[&[u8]; 4], Fault> {
+    pub(super) fn fields(self, separator: Separator, line: Line<'_>) -> Result<[&[u8]; 4], IoError> {
         let mut parts = [&[][..]; 4];
         let mut count = 0;
-        for (index, field) in separator.fields(line).enumerate() {
+        for (index, field) in separator.fields(line.text).enumerate() {
             let part = [self.t, self.x, self.y, self.p].iter().position(|&column| column == index);
             if let Some(part) = part {
                 parts[part] = field;
@@ -78,8 +77,8 @@ impl ColumnOrder {
             count += 1;
         }
         if count != self.count {
-            let expected = format!("{} fields", self.count);
-            return Err(("line", Refusal { expected, actual: format!("{count} in {}", shown(line)) }));
+            let actual = format!("{count} in {}", shown(line.text));
+            return Err(line.malformed("line", format!("{} fields", self.count), actual));
         }
         Ok(parts)
     }
@@ -94,9 +93,9 @@ impl fmt::Display for ColumnOrder {
 }
 
 impl FromStr for ColumnOrder {
-    type Err = String;
+    type Err = UnknownName;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
         let place = |letter| {
             let mut found = text.match_indices(letter).map(|(at, _)| at);
             found.next().filter(|_| found.next().is_none())
@@ -105,16 +104,100 @@ impl FromStr for ColumnOrder {
         let parse = || {
             Some(Self { t: place('t')?, x: place('x')?, y: place('y')?, p: place('p')?, count: text.len() })
         };
-        let expected =
-            "expected the letters t, x, y and p once each, such as xytp, with _ for each other column";
-        parse().filter(|_| known).ok_or_else(|| expected.to_owned())
+        let expected = "the letters t, x, y and p once each, such as xytp, with _ for each other column";
+        parse().filter(|_| known).ok_or_else(|| UnknownName::new("order of columns", expected, text))
     }
 }
 
-/// Whether `name`, in lower case, is that of a column of time, and the unit that it says.
+/// The unit of the times of a text.
+///
+/// Times become whole microseconds: further digits are rounded to the nearest, halves away from zero, without floats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeUnit {
+    /// `s`.
+    Seconds,
+    /// `ms`.
+    Milliseconds,
+    /// `us`.
+    Microseconds,
+    /// `ns`.
+    Nanoseconds,
+}
+
+impl TimeUnit {
+    const ALL: [Self; 4] = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
+
+    /// The unit's name, and the power of ten that converts it to microseconds.
+    pub(super) const fn name_and_power(self) -> (&'static str, i32) {
+        match self {
+            Self::Seconds => ("s", 6),
+            Self::Milliseconds => ("ms", 3),
+            Self::Microseconds => ("us", 0),
+            Self::Nanoseconds => ("ns", -3),
+        }
+    }
+}
+
+impl fmt::Display for TimeUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name_and_power().0)
+    }
+}
+
+impl FromStr for TimeUnit {
+    type Err = UnknownName;
+
+    /// The unit of this name: `s`, `ms`, `us` or `ns`.
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|unit| unit.name_and_power().0 == name);
+        found.ok_or_else(|| UnknownName::new("unit of time", "s, ms, us or ns", name))
+    }
+}
+
+/// Whether `name`, in lower case, is a name of the time, and the unit in the name.
 fn time_column(name: &[u8]) -> (bool, Option<TimeUnit>) {
     let name = std::str::from_utf8(name).unwrap_or_default();
     let (stem, unit) = name.rsplit_once('_').map_or((name, None), |(stem, unit)| (stem, Some(unit)));
     let known = unit.and_then(|unit| unit.parse().ok());
     (matches!(stem, "t" | "ts" | "time" | "timestamp") && unit.is_some() == known.is_some(), known)
+}
+
+/// A column or row: a whole number from 0 to 65535.
+pub(super) fn coordinate(field: &[u8]) -> Option<u16> {
+    Number::parse(field)?.whole()?.try_into().ok()
+}
+
+/// A polarity: whether the brightness rose.
+pub(super) fn polarity(field: &[u8]) -> Option<bool> {
+    match field {
+        b"1" | b"+1" => return Some(true),
+        b"0" | b"-1" => return Some(false),
+        _ => {}
+    }
+    match Number::parse(field).and_then(Number::whole) {
+        Some(1) => Some(true),
+        Some(0 | -1) => Some(false),
+        _ if field.eq_ignore_ascii_case(b"true") => Some(true),
+        _ if field.eq_ignore_ascii_case(b"false") => Some(false),
+        _ => None,
+    }
+}
+
+/// Whether `line` can only be an event, or the header of events.
+pub(crate) fn is_of_events(line: &[u8]) -> bool {
+    let separator = Separator::of(line);
+    let numbers = separator.fields(line).filter(|field| Number::parse(field).is_some()).count();
+    ColumnOrder::from_header(Line { text: line, number: 0 }, separator).is_ok()
+        || (numbers == 4 && separator.fields(line).count() == 4)
+}
+
+/// Whether `bytes` may be a text of events: no control characters, and the first line that counts has a comma or can only be
+/// an event or a header. A line with width and height may precede that line.
+pub(crate) fn is_csv(bytes: &[u8]) -> bool {
+    let Some(text) = text_start(bytes) else { return false };
+    let mut lines = content_lines(text);
+    let Some(first) = lines.next() else { return text.starts_with(b"#") };
+    let numbers = |line: &[u8]| Separator::Blanks.fields(line).all(|field| Number::parse(field).is_some());
+    let is_size = Separator::Blanks.fields(first).count() == 2 && numbers(first);
+    first.contains(&b',') || is_of_events(first) || (is_size && lines.next().is_some_and(is_of_events))
 }

@@ -1,71 +1,43 @@
-//! How a text of events is laid out: what a caller says about it, what its first lines say, and what follows.
-
-use std::fmt;
-use std::str::FromStr;
+//! The layout of a text of events: given by the caller, by the first lines, or found from the values of all lines.
+//!
+//! A column can be x or y if all its values are whole and from 0 to 65535 (and on the sensor that a comment names), the
+//! polarity if all are 0, 1, -1 or booleans, and the time if all are numbers. y follows x. An order that fits every line
+//! is possible; a possible order whose time never steps back is plausible.
+//!
+//! Without a header and without options, the lines of a text decide by these rules:
+//! 1. The only possible order is taken if it is t, x, y, p, or if its time cannot be a pixel, or from [`ENOUGH`] lines on.
+//! 2. Otherwise, from so many lines on, the only plausible order is taken: the columns and rows of pixels do not rise for
+//!    so long.
+//! 3. Otherwise t, x, y, p is taken if it is plausible, commas separate, and there are fewer lines.
+//!
+//! Otherwise the text is undecided, and the caller has to decide. In a stream, the first line alone decides.
 
 use meissner_engine::{Event, Sensor};
 
-use super::columns::{ColumnOrder, Fault};
-use super::evidence::{Choice, Evidence};
-use super::field::{Number, Refusal, bare, coordinate, polarity};
-use super::is_comment;
-use super::separator::Separator;
+use super::columns::{ColumnOrder, TimeUnit, coordinate, polarity};
+use crate::error::{IoError, shown};
+use crate::text::{Line, Number, Separator, bare, is_comment};
 
-/// The unit of the times of a text.
+/// Lines from which on rising times are evidence.
+const ENOUGH: usize = 16;
+/// Columns of a text without a header.
+const COLUMNS: usize = 4;
+/// Decimals from which on a time is in seconds: in milliseconds it would be finer than microseconds.
+const DECIMALS_OF_SECONDS: usize = 4;
+
+/// Columns of t, x and p in every order in which y follows x.
+const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1, 2, 0], [3, 1, 0]];
+
+/// The layout of a text as far as the caller knows it; `None` is found from the text.
 ///
-/// Times become whole microseconds: digits beyond are rounded to the nearest, halves away from zero. No float is involved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimeUnit {
-    /// `s`.
-    Seconds,
-    /// `ms`.
-    Milliseconds,
-    /// `us`.
-    Microseconds,
-    /// `ns`.
-    Nanoseconds,
-}
-
-impl TimeUnit {
-    /// The power of ten that makes microseconds of it.
-    fn power(self) -> i32 {
-        match self {
-            Self::Seconds => 6,
-            Self::Milliseconds => 3,
-            Self::Microseconds => 0,
-            Self::Nanoseconds => -3,
-        }
-    }
-}
-
-impl fmt::Display for TimeUnit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Seconds => "s",
-            Self::Milliseconds => "ms",
-            Self::Microseconds => "us",
-            Self::Nanoseconds => "ns",
-        })
-    }
-}
-
-impl FromStr for TimeUnit {
-    type Err = String;
-
-    /// The unit of this name: `s`, `ms`, `us` or `ns`.
-    fn from_str(name: &str) -> Result<Self, String> {
-        match name {
-            "s" => Ok(Self::Seconds),
-            "ms" => Ok(Self::Milliseconds),
-            "us" => Ok(Self::Microseconds),
-            "ns" => Ok(Self::Nanoseconds),
-            _ => Err("expected s, ms, us or ns".to_owned()),
-        }
-    }
-}
-
-/// What a caller says about a text of events; what is `None` is found from the text.
+/// ```
+/// use meissner_io::{TextOptions, TimeUnit};
+///
+/// let options = TextOptions::new().columns("xytp".parse::<meissner_io::ColumnOrder>()?).time_unit(TimeUnit::Seconds);
+/// # Ok::<(), meissner_io::IoError>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TextOptions {
     /// The order of the columns, in place of a header.
     pub columns: Option<ColumnOrder>,
@@ -73,35 +45,40 @@ pub struct TextOptions {
     pub time_unit: Option<TimeUnit>,
 }
 
-/// How a field becomes a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Time {
-    /// Whole microseconds.
-    Whole,
-    /// Seconds, known by their decimals: each is 0 or has a point.
-    Pointed,
-    /// Of a unit that a caller or the header named.
-    Named(TimeUnit),
-}
+impl TextOptions {
+    /// Options that leave everything to the text.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
 
-/// Decimals from which on a time is in seconds: in milliseconds it would say more than microseconds.
-pub(super) const DECIMALS_OF_SECONDS: usize = 4;
+    /// Sets the order of the columns, in place of a header.
+    #[must_use]
+    pub fn columns(mut self, columns: impl Into<Option<ColumnOrder>>) -> Self {
+        self.columns = columns.into();
+        self
+    }
 
-/// Why a line gives no event.
-pub(super) enum Wrong {
-    /// The line is at fault.
-    Line(Fault),
-    /// The text can be read in several ways: what is undecided, and the ways.
-    Undecided(&'static str, String),
-}
-
-impl From<Fault> for Wrong {
-    fn from(fault: Fault) -> Self {
-        Self::Line(fault)
+    /// Sets the unit of the times.
+    #[must_use]
+    pub fn time_unit(mut self, unit: impl Into<Option<TimeUnit>>) -> Self {
+        self.time_unit = unit.into();
+        self
     }
 }
 
-/// What is known of a text.
+/// How times are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Time {
+    /// Whole microseconds.
+    Whole,
+    /// Seconds, recognised by their decimals: each time is 0 or has a point.
+    Pointed,
+    /// In a unit that the caller or the header names.
+    Named(TimeUnit),
+}
+
+/// The layout as far as it is known.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     options: TextOptions,
@@ -117,41 +94,38 @@ impl Layout {
         Self { options, columns: options.columns, time, ..Self::default() }
     }
 
-    /// Whether nothing has to be found from the values of a text with or without a decimal point.
-    pub(super) fn is_settled(&self, has_points: bool) -> bool {
+    /// Whether the values of a text with or without decimal points have nothing left to decide.
+    pub(super) fn is_known(&self, has_points: bool) -> bool {
         self.columns.is_some() && (self.time.is_some() || !has_points)
     }
 
-    /// Takes a line before the first event: a comment, a header, or the sensor's size; whether it is one of these.
-    pub(super) fn preamble(&mut self, line: &[u8]) -> Result<bool, Fault> {
-        if is_comment(line) {
-            let comment = line[1..].trim_ascii();
-            if let Some(text) = comment.strip_prefix(b"sensor ") {
-                self.sensor = Some(sensor(text, b'x').ok_or_else(|| {
-                    let expected = "WIDTHxHEIGHT, each 1 to 65535 pixels";
-                    ("sensor in a comment", Refusal::new(expected, text))
-                })?);
+    /// Takes a line before the first event; whether it is a comment, a header, or the sensor's size.
+    pub(super) fn preamble(&mut self, line: Line<'_>) -> Result<bool, IoError> {
+        if is_comment(line.text) {
+            let comment = Line { text: line.text[1..].trim_ascii(), number: line.number };
+            if let Some(text) = comment.text.strip_prefix(b"sensor ") {
+                let expected = "WIDTHxHEIGHT, each 1 to 65535 pixels";
+                let refuse = || line.malformed("sensor in a comment", expected, shown(text));
+                self.sensor = Some(sensor(text, |c| c == 'x').ok_or_else(refuse)?);
             } else if ColumnOrder::is_plain_header(comment) {
                 self.header(comment)?;
-                // The events may be separated otherwise.
+                // The events may have another separator.
                 self.separator = None;
             }
             return Ok(true);
         }
-        if ColumnOrder::is_header(line) {
+        if ColumnOrder::is_header(line.text) {
             self.header(line)?;
             return Ok(true);
         }
         // Width and height on a line of their own; an event has more fields.
-        if let Some(size) = sensor(line, b' ') {
-            self.sensor = Some(size);
-            return Ok(true);
-        }
-        Ok(false)
+        let size = sensor(line.text, |c| c.is_ascii_whitespace());
+        self.sensor = size.or(self.sensor);
+        Ok(size.is_some())
     }
 
-    fn header(&mut self, line: &[u8]) -> Result<(), Fault> {
-        let separator = Separator::of(line);
+    fn header(&mut self, line: Line<'_>) -> Result<(), IoError> {
+        let separator = Separator::of(line.text);
         self.separator = Some(separator);
         if self.options.columns.is_none() {
             let (columns, unit) = ColumnOrder::from_header(line, separator)?;
@@ -163,52 +137,47 @@ impl Layout {
         Ok(())
     }
 
-    /// The separator of the events, of which `line` is the first.
+    /// The separator of the events; `line` is the first event.
     pub(super) fn separator(&mut self, line: &[u8]) -> Separator {
         *self.separator.get_or_insert_with(|| Separator::of(line))
     }
 
-    /// Settles what is not known yet by all lines of a text.
-    pub(super) fn settle(&mut self, evidence: &Evidence) -> Result<(), Wrong> {
-        if self.columns.is_none() {
-            match evidence.columns(self.sensor) {
-                Choice::One(columns) => self.columns = Some(columns),
-                Choice::Several(readings) => return Err(Wrong::Undecided("order of the columns", readings)),
-                Choice::None => self.columns = Some(ColumnOrder::PLAIN),
-            }
-        }
-        if let (None, Some(columns)) = (self.time, self.columns) {
-            self.time = Some(evidence.time(columns)?);
+    /// Decides by all lines of a text whatever is not known yet; `first` is the first event's line.
+    pub(super) fn decide(&mut self, evidence: &Evidence, first: Line<'_>) -> Result<(), IoError> {
+        let columns = match self.columns {
+            Some(columns) => columns,
+            None => evidence.columns(self.sensor, first)?.unwrap_or(ColumnOrder::PLAIN),
+        };
+        self.columns = Some(columns);
+        if self.time.is_none() {
+            self.time = Some(evidence.time(columns, first)?);
         }
         Ok(())
     }
 
-    /// The event of a line; the first lines settle what is not known yet.
-    pub(super) fn event(&mut self, line: &[u8]) -> Result<Event, Wrong> {
-        let separator = self.separator(line);
-        let columns = match self.columns {
-            Some(columns) => columns,
-            None => match Evidence::of(separator, line).first_line(self.sensor) {
-                Choice::One(columns) => *self.columns.insert(columns),
-                Choice::Several(readings) => return Err(Wrong::Undecided("order of the columns", readings)),
-                // Not an event in any order: the plain order says why, the next line may be one.
-                Choice::None => ColumnOrder::PLAIN,
-            },
-        };
-        let [t, x, y, p] = columns.fields(separator, line)?;
-        let t_us = self.time_us(t)?;
+    /// The event of a line; the first lines decide whatever is not known yet.
+    pub(super) fn event(&mut self, line: Line<'_>) -> Result<Event, IoError> {
+        let separator = self.separator(line.text);
+        if self.columns.is_none() {
+            self.columns = Evidence::of(separator, line.text).columns(self.sensor, line)?;
+        }
+        // A line that is no event in any order is refused by the plain order; the next line may be an event.
+        let [t, x, y, p] = self.columns.unwrap_or(ColumnOrder::PLAIN).fields(separator, line)?;
+        let t_us = self.time_us(t, line)?;
+        let refuse = |what, expected: &str, field| line.malformed(what, expected, shown(field));
+        let side = "a whole number from 0 to 65535";
         Ok(Event {
             t_us,
-            x: coordinate(x).map_err(|refusal| ("column x", refusal))?,
-            y: coordinate(y).map_err(|refusal| ("row y", refusal))?,
-            on: polarity(p).map_err(|refusal| ("polarity p", refusal))?,
+            x: coordinate(x).ok_or_else(|| refuse("column x", side, x))?,
+            y: coordinate(y).ok_or_else(|| refuse("row y", side, y))?,
+            on: polarity(p).ok_or_else(|| refuse("polarity p", "0, 1, -1 or +1", p))?,
         })
     }
 
-    /// A time in microseconds; the first that is not 0 settles the unit.
-    fn time_us(&mut self, field: &[u8]) -> Result<i64, Wrong> {
-        let refuse = |expected: &str| Wrong::Line(("time t", Refusal::new(expected, field)));
-        let Some(number) = Number::parse(field) else { return Err(refuse("a number")) };
+    /// A time in microseconds; the first that is not 0 decides the unit.
+    fn time_us(&mut self, field: &[u8], line: Line<'_>) -> Result<i64, IoError> {
+        let refuse = |expected: &str| line.malformed("time t", expected, shown(field));
+        let number = Number::parse(field).ok_or_else(|| refuse("a number"))?;
         if number.is_zero() {
             return Ok(0);
         }
@@ -216,7 +185,7 @@ impl Layout {
             Some(time) => time,
             None if number.is_whole() => *self.time.insert(Time::Whole),
             None if number.decimals() >= DECIMALS_OF_SECONDS => *self.time.insert(Time::Pointed),
-            None => return Err(Wrong::Undecided("unit of time", "seconds or milliseconds".to_owned())),
+            None => return Err(line.undecided("unit of time", "seconds or milliseconds")),
         };
         let (unit, expected) = match time {
             Time::Named(unit) => (unit, "a time within 2^63 microseconds"),
@@ -229,17 +198,146 @@ impl Layout {
             }
             Time::Pointed => (TimeUnit::Seconds, "a time within 2^63 microseconds"),
         };
-        number.scaled(unit.power()).and_then(|us| us.try_into().ok()).ok_or_else(|| refuse(expected))
+        let power = unit.name_and_power().1;
+        number.scaled(power).and_then(|us| us.try_into().ok()).ok_or_else(|| refuse(expected))
     }
 }
 
-/// Width and height, each from 1 to 65535, with `between` or blanks between them.
-fn sensor(text: &[u8], between: u8) -> Option<Sensor> {
-    let text = std::str::from_utf8(bare(text)).ok()?;
-    let (width, height) = match between {
-        b' ' => text.split_once(|c: char| c.is_ascii_whitespace())?,
-        _ => text.split_once(char::from(between))?,
-    };
+/// Width and height, each from 1 to 65535, around the first character that `separates`.
+fn sensor(text: &[u8], separates: impl Fn(char) -> bool) -> Option<Sensor> {
+    let (width, height) = std::str::from_utf8(bare(text)).ok()?.split_once(separates)?;
     let side = |text: &str| text.trim().parse().ok().filter(|&side: &u16| side > 0);
     Some(Sensor { width: side(width)?, height: side(height)? })
+}
+
+/// The common properties of a column's values.
+#[derive(Clone, Copy)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a question of its own")]
+struct Column {
+    numbers: bool,
+    polarities: bool,
+    /// All are whole and from 0 to 65535.
+    pixels: bool,
+    largest: u16,
+    /// Any has a fraction.
+    fractions: bool,
+    /// All except 0 have a point.
+    points: bool,
+    /// Most digits after a point.
+    decimals: usize,
+    /// None is less than the one before it.
+    rises: bool,
+    /// The newest in 1e-9.
+    newest: i128,
+}
+
+impl Column {
+    const EMPTY: Self = Self {
+        numbers: true,
+        polarities: true,
+        pixels: true,
+        largest: 0,
+        fractions: false,
+        points: true,
+        decimals: 0,
+        rises: true,
+        newest: i128::MIN,
+    };
+
+    fn add(&mut self, field: &[u8]) {
+        self.polarities &= polarity(field).is_some();
+        match coordinate(field) {
+            Some(pixel) => self.largest = self.largest.max(pixel),
+            None => self.pixels = false,
+        }
+        let Some((number, value)) = Number::parse(field).and_then(|n| Some((n, n.scaled(9)?))) else {
+            self.numbers = false;
+            return;
+        };
+        self.fractions |= !number.is_whole();
+        self.points &= number.has_point() || number.is_zero();
+        self.decimals = self.decimals.max(number.decimals());
+        self.rises &= value >= self.newest;
+        self.newest = value;
+    }
+
+    fn fits(&self, side: Option<u16>) -> bool {
+        self.pixels && side.is_none_or(|side| self.largest < side)
+    }
+}
+
+/// The common properties of the lines of a text.
+pub(super) struct Evidence {
+    separator: Separator,
+    columns: Vec<Column>,
+    lines: usize,
+}
+
+impl Evidence {
+    /// The evidence of one line.
+    pub(super) fn of(separator: Separator, line: &[u8]) -> Self {
+        let mut evidence = Self { separator, columns: Vec::new(), lines: 0 };
+        evidence.add(line);
+        evidence
+    }
+
+    /// Adds a line. A line with another number of fields than the first, or with words in place of values, is ignored: it is
+    /// refused later.
+    pub(super) fn add(&mut self, line: &[u8]) {
+        let fields = || self.separator.fields(line);
+        let count = fields().count();
+        if self.lines == 0 && self.columns.is_empty() {
+            self.columns = vec![Column::EMPTY; count];
+        }
+        let words = || fields().any(|field| Number::parse(field).is_none() && polarity(field).is_none());
+        if count != self.columns.len() || (count == COLUMNS && words()) {
+            return;
+        }
+        for (column, field) in self.columns.iter_mut().zip(self.separator.fields(line)) {
+            column.add(field);
+        }
+        self.lines += 1;
+    }
+
+    /// The order of the columns; `None`: no order fits, or the only one that fits is not certain. `first` is the first
+    /// event's line.
+    fn columns(&self, sensor: Option<Sensor>, first: Line<'_>) -> Result<Option<ColumnOrder>, IoError> {
+        if self.columns.len() != COLUMNS || self.lines == 0 {
+            return Ok(None);
+        }
+        let fits = |order: &ColumnOrder| {
+            self.columns[order.t].numbers
+                && self.columns[order.p].polarities
+                && self.columns[order.x].fits(sensor.map(|sensor| sensor.width))
+                && self.columns[order.y].fits(sensor.map(|sensor| sensor.height))
+        };
+        let orders = ORDERS.map(|[t, x, p]| ColumnOrder { t, x, y: x + 1, p, count: COLUMNS });
+        let possible: Vec<_> = orders.into_iter().filter(fits).collect();
+        let plausible: Vec<_> = possible.iter().copied().filter(|o| self.columns[o.t].rises).collect();
+        let (many, plain) = (self.lines >= ENOUGH, ColumnOrder::PLAIN);
+        match (&possible[..], &plausible[..]) {
+            ([], _) => Ok(None),
+            // A few lines with small numbers can fit by accident.
+            (&[only], _) => Ok(Some(only).filter(|o| *o == plain || many || !self.columns[o.t].pixels)),
+            (_, &[only]) if many => Ok(Some(only)),
+            _ if !many && self.separator == Separator::Comma && plausible.contains(&plain) => Ok(Some(plain)),
+            ([others @ .., last], _) => {
+                let others: Vec<_> = others.iter().map(ToString::to_string).collect();
+                Err(first.undecided("order of the columns", format!("{} or {last}", others.join(", "))))
+            }
+        }
+    }
+
+    /// How the times of a whole text are written.
+    fn time(&self, columns: ColumnOrder, first: Line<'_>) -> Result<Time, IoError> {
+        match self.columns.get(columns.t) {
+            Some(column) if column.fractions && column.points => {
+                if column.decimals >= DECIMALS_OF_SECONDS {
+                    return Ok(Time::Pointed);
+                }
+                Err(first.undecided("unit of time", "seconds or milliseconds"))
+            }
+            _ => Ok(Time::Whole),
+        }
+    }
 }

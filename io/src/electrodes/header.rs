@@ -1,15 +1,17 @@
-//! The header in, what each column holds out; the names stand in [`super`].
+//! The header of a text of electrodes: the content of each column. The names are described in [`crate::electrodes`].
 
-use super::{ELECTRODES, malformed};
-use crate::csv::{bare, shown};
-use crate::error::IoError;
+use crate::error::{IoError, shown};
+use crate::text::{Line, bare};
 
-/// What a column holds.
+/// Electrodes of the array.
+pub const ELECTRODES: usize = 24;
+
+/// The content of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// The electrode of this index, from 0.
     Electrode(usize),
-    /// The time in units of so many seconds.
+    /// The time, in a unit of this many seconds.
     Time { seconds: f64 },
 }
 
@@ -18,25 +20,23 @@ pub(super) enum Role {
 /// Invariant: each electrode has one column, and at most one column is the time.
 #[derive(Debug)]
 pub(super) struct Columns {
-    /// Role and name of every column; `None`: passed over.
+    /// Role and name of every column; `None`: the column is skipped.
     columns: Vec<Option<(Role, String)>>,
 }
 
 impl Columns {
-    /// The columns that a header at line `number` names.
-    pub(super) fn from_header(line: &[u8], number: u64) -> Result<Self, IoError> {
-        let names: Vec<String> = line
-            .split(|&b| b == b',')
-            .map(|name| String::from_utf8_lossy(bare(name)).to_ascii_lowercase())
-            .collect();
+    /// The columns that a header names.
+    pub(super) fn from_header(line: Line<'_>) -> Result<Self, IoError> {
+        let name = |field| String::from_utf8_lossy(bare(field)).to_ascii_lowercase();
+        let names: Vec<String> = line.text.split(|&b| b == b',').map(name).collect();
         let electrodes: Vec<_> = names.iter().map(|name| electrode(name)).collect();
-        let refuse = |expected: String, actual| Err(malformed("header", number, expected, actual));
+        let refuse = |expected: String, actual: String| Err(line.malformed("header", expected, actual));
         let mut prefixes: Vec<&str> = electrodes.iter().flatten().map(|(prefix, _)| *prefix).collect();
         prefixes.sort_unstable();
         prefixes.dedup();
         let [prefix] = prefixes[..] else {
             let actual = match prefixes.len() {
-                0 => shown(line),
+                0 => shown(line.text),
                 more => {
                     let first: Vec<String> = prefixes.iter().take(3).map(|p| shown(p.as_bytes())).collect();
                     let dots = if more > first.len() { " .." } else { "" };
@@ -71,25 +71,25 @@ impl Columns {
         self.columns.len()
     }
 
-    /// What column `index` holds, and its name in lower case.
+    /// The content of column `index`, and its name in lower case.
     pub(super) fn role(&self, index: usize) -> Option<(Role, &str)> {
         self.columns[index].as_ref().map(|(role, name)| (*role, name.as_str()))
     }
 }
 
-/// What a header has to hold.
+/// The required content of a header.
 pub(super) fn expected() -> String {
     format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1")
 }
 
-/// Whether a header names electrodes: half of them are enough to tell what it is meant for.
-pub(crate) fn are_named_in(line: &[u8]) -> bool {
+/// Whether a line names at least half of the electrodes, and so is a header of electrodes.
+pub(crate) fn names_electrodes(line: &[u8]) -> bool {
     let names = line.split(|&b| b == b',').filter_map(|name| str::from_utf8(bare(name)).ok());
     names.filter(|name| electrode(&name.to_ascii_lowercase()).is_some()).take(ELECTRODES / 2).count()
         == ELECTRODES / 2
 }
 
-/// What stands before an electrode's number, and its index from 0; `None` where `name` is no electrode's.
+/// The prefix of an electrode's name and its index from 0; `None`: `name` is no electrode's.
 fn electrode(name: &str) -> Option<(&str, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let number: usize = name[prefix.len()..].parse().ok()?;
@@ -100,7 +100,7 @@ fn electrode(name: &str) -> Option<(&str, usize)> {
     (apart && (1..=ELECTRODES).contains(&number)).then(|| (prefix, number - 1))
 }
 
-/// The unit of a column of time in seconds; `None` where `name` is none.
+/// The unit of a column of time, in seconds; `None`: `name` is no column of time.
 fn unit_of_time(name: &str) -> Option<f64> {
     let (stem, unit) = name.rsplit_once('_').unwrap_or((name, "s"));
     let seconds = match unit {

@@ -1,8 +1,8 @@
-//! JPEG (ITU-T T.81): bytes to an image, by the `zune-jpeg` crate.
+//! JPEG (ITU-T T.81): bytes to an image, with the `zune-jpeg` crate.
 //!
-//! The segments are walked before the decoder sees them: it takes grey for what is missing, where a file that is cut
-//! short must be an error, and passes over all pixels as often as a file has scans. The decoder is built without its
-//! processor-specific paths, so the same file gives the same pixels on every machine.
+//! The segments are checked before decoding: the decoder fills missing data with grey, but a file that is cut short must be
+//! an error; and the decoder passes over all pixels once per scan. The decoder is built without its processor-specific
+//! paths, so that a file gives the same pixels on every machine.
 
 use std::io::Cursor;
 
@@ -10,27 +10,23 @@ use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::error::ImageError;
-use super::format::ImageFormat;
-use super::image::{Image, pixels};
-use crate::error::Place;
+use super::image::{Image, ImageError, pixels};
+use crate::format::ImageFormat;
 use crate::limits::JPEG_SCANS;
 
-/// Pixels that a byte codes at most. Every block of 8 x 8 values takes a bit, and components of fewer columns or rows than
-/// the image leave at least half as many blocks as one of all its pixels would have.
+/// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled components have at least
+/// half as many blocks as one component of all pixels.
 const MOST_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
 fn malformed(what: &'static str, at: usize, expected: &str, actual: impl ToString) -> ImageError {
-    let (format, place) = (ImageFormat::Jpeg, Place::Byte(at as u64));
-    ImageError::Malformed { format, what, place, expected: expected.to_owned(), actual: actual.to_string() }
+    ImageError::malformed(ImageFormat::Jpeg, what, at, expected, actual)
 }
 
-/// Refuses sampling factors that the decoder does not expect: it reads beyond its rows where a component has more columns
-/// or rows than the first. `content` is that of the frame header at `at`.
+/// Refuses sampling factors that the decoder does not support: it reads beyond its rows if a component has more columns or
+/// rows than the first. `content` is the content of the frame header at `at`.
 fn check_sampling(content: &[u8], at: usize) -> Result<(), ImageError> {
     const FIRST: [u8; 6] = [0x11, 0x12, 0x14, 0x21, 0x22, 0x41];
-    // Precision, height, width and the number of components come first; an identifier, the factors and a table of each
-    // follow.
+    // After precision, height, width and the number of components come an identifier, the factors and a table for each.
     let factors: Vec<u8> = content.iter().skip(7).step_by(3).copied().collect();
     let [first, others @ ..] = &factors[..] else { return Ok(()) };
     if !FIRST.contains(first) || others.iter().any(|&other| other != 0x11) {
@@ -41,15 +37,11 @@ fn check_sampling(content: &[u8], at: usize) -> Result<(), ImageError> {
     Ok(())
 }
 
-/// Walks from the start to the end-of-image marker, over [`JPEG_SCANS`] scans at most; where the first scan's data starts.
+/// Checks the segments up to the end-of-image marker, with at most [`JPEG_SCANS`] scans; returns where the first scan's data
+/// starts.
 fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
-    let truncated = |what, at: usize, expected: usize, at_least| ImageError::Truncated {
-        format: ImageFormat::Jpeg,
-        what,
-        place: Place::Byte(at as u64),
-        expected: expected as u64,
-        actual: (bytes.len() - at) as u64,
-        at_least,
+    let truncated = |what, at: usize, expected: usize, at_least| {
+        ImageError::truncated(ImageFormat::Jpeg, what, at, expected as u64, bytes.len(), at_least)
     };
     let (mut at, mut scan, mut scans) = (2, None, 0);
     loop {
@@ -65,7 +57,7 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
                 at += 1;
                 continue;
             }
-            // Restart and start markers stand alone.
+            // Restart and start markers have no length.
             0x01 | 0xd0..=0xd8 => {
                 at += 2;
                 continue;
@@ -104,10 +96,10 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
     }
 }
 
-/// The image that `bytes`, which start with a start-of-image marker, are.
+/// Decodes `bytes`, which start with a start-of-image marker.
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let scan = first_scan(bytes)?;
-    // The limit on pixels below is the limit on sides: a thin image may be as long as the format allows.
+    // Only the number of pixels is limited below: a thin image may be as long as the format allows.
     let options = DecoderOptions::new_safe()
         .set_strict_mode(true)
         .set_max_width(u16::MAX.into())

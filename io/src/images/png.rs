@@ -1,7 +1,7 @@
-//! PNG (W3C recommendation, third edition): bytes to and from an image, by the `png` crate.
+//! PNG (W3C recommendation, third edition): bytes to and from an image, with the `png` crate.
 //!
-//! The chunks are walked before the decoder sees them, so that a missing byte is an error that names its chunk, and
-//! so that no image is allocated for which the compressed bytes cannot suffice.
+//! The chunks are checked before decoding, so that a missing byte is an error with the position of its chunk, and no image is
+//! allocated that is larger than the compressed bytes can give.
 
 use std::fs;
 use std::io::Cursor;
@@ -9,38 +9,34 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
 
-use super::error::ImageError;
-use super::format::ImageFormat;
-use super::image::{Image, pixels, to_8_bits};
-use crate::error::Place;
+use super::image::{Image, ImageError, pixels, to_8_bits};
+use crate::format::ImageFormat;
 
 /// Bytes before the first chunk.
 const SIGNATURE: usize = 8;
 
-/// Bytes of a chunk beside its content: length, type, checksum.
+/// Bytes of a chunk in addition to its content: length, type, checksum.
 const AROUND: usize = 12;
 
-/// Deflate makes at most this many bytes of one: 258 of two bits, and a little less for the block's header.
+/// Most bytes that deflate makes of one: 258 of two bits, and a little less for the block's header.
 const DEFLATE_MOST: u64 = 1032;
 
 /// Longest side that the format allows.
 const MOST_SIDE: u32 = (1 << 31) - 1;
 
-/// An error about the bytes from `at` on.
-fn malformed(what: &'static str, at: u64, expected: impl Into<String>, actual: impl ToString) -> ImageError {
-    let (format, place) = (ImageFormat::Png, Place::Byte(at));
-    ImageError::Malformed { format, what, place, expected: expected.into(), actual: actual.to_string() }
+fn malformed(
+    what: &'static str,
+    at: usize,
+    expected: impl Into<String>,
+    actual: impl ToString,
+) -> ImageError {
+    ImageError::malformed(ImageFormat::Png, what, at, expected, actual)
 }
 
-/// Walks from the first chunk to IEND; the bytes of all IDAT chunks.
+/// Checks the chunks up to IEND; returns the number of bytes of all IDAT chunks.
 fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
-    let truncated = |what, at: usize, expected: u64| ImageError::Truncated {
-        format: ImageFormat::Png,
-        what,
-        place: Place::Byte(at as u64),
-        expected,
-        actual: (bytes.len() - at) as u64,
-        at_least: false,
+    let truncated = |what, at: usize, expected: u64| {
+        ImageError::truncated(ImageFormat::Png, what, at, expected, bytes.len(), false)
     };
     let (mut at, mut compressed) = (SIGNATURE, 0);
     if bytes.len() < SIGNATURE {
@@ -57,10 +53,10 @@ fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
         }
         match &rest[..4] {
             b"IDAT" => compressed += whole - AROUND as u64,
-            // The decoder relies on whole entries.
+            // The decoder relies on complete entries.
             b"PLTE" if !(whole - AROUND as u64).is_multiple_of(3) => {
                 let found = format!("{} bytes", whole - AROUND as u64);
-                return Err(malformed("palette", at as u64, "entries of 3 bytes", found));
+                return Err(malformed("palette", at, "entries of 3 bytes", found));
             }
             b"IEND" => return Ok(compressed),
             _ => {}
@@ -70,14 +66,14 @@ fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
     }
 }
 
-/// The image that `bytes` are.
+/// Decodes `bytes`, which start with the signature.
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let compressed = compressed_bytes(bytes)?;
     let mut cursor = Cursor::new(bytes);
     let mut decoder = Decoder::new(&mut cursor);
-    // Palettes and fewer than 8 bits become 8 bits a channel; 16 bits stay, to be rounded here.
+    // Palettes and fewer than 8 bits become 8 bits per channel; 16 bits are rounded in `to_rgb`.
     decoder.set_transformations(Transformations::EXPAND);
-    // What is not pixels is not inflated.
+    // Texts and profiles are not decompressed.
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     let info = decoder.read_header_info().map_err(|e| malformed("header", 0, "a valid IHDR", e))?;
@@ -86,17 +82,17 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let least = (count as u64 * info.bits_per_pixel() as u64).div_ceil(8).div_ceil(DEFLATE_MOST);
     if compressed < least {
         let expected = format!("at least {least} bytes for {width}x{height} pixels");
-        return Err(malformed("compressed pixels", SIGNATURE as u64, expected, compressed));
+        return Err(malformed("compressed pixels", SIGNATURE, expected, compressed));
     }
     let samples = samples(decoder);
-    let (samples, colour, depth) =
-        samples.map_err(|e| malformed("content", cursor.position(), "valid chunks and pixels", e))?;
+    let (samples, colour, depth) = samples
+        .map_err(|e| malformed("content", cursor.position() as usize, "valid chunks and pixels", e))?;
     let data = to_rgb(&samples, colour, depth);
     debug_assert_eq!(data.len(), count * Image::CHANNELS);
     Ok(Image { width: width as usize, height: height as usize, data })
 }
 
-/// The decoded samples of the first image, and what they are. Everything up to IEND is read.
+/// The decoded samples of the first image, their colour type and depth. Everything up to IEND is read.
 fn samples(
     decoder: Decoder<&mut Cursor<&[u8]>>,
 ) -> Result<(Vec<u8>, ColorType, BitDepth), png::DecodingError> {
@@ -109,7 +105,7 @@ fn samples(
     Ok((samples, output.color_type, output.bit_depth))
 }
 
-/// Samples of whatever channels and of 8 or 16 bits, big-endian, as 8-bit RGB.
+/// Samples of any colour type with 8 or 16 bits, big-endian, as 8-bit RGB.
 fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
     let channels = colour.samples();
     let sample = |bytes: &[u8]| match *bytes {
@@ -117,7 +113,7 @@ fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
         _ => bytes[0],
     };
     let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
-    // Grey is the first channel where there is no colour; alpha, where there is any, comes last.
+    // Without colour, grey is the first channel; alpha, if any, comes last.
     let [r, g, b] = if channels < 3 { [0, 0, 0] } else { [0, 1, 2] };
     let pixels = samples.chunks_exact(channels * wide);
     pixels
@@ -131,7 +127,7 @@ fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
 /// [`ImageError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side is 0 or beyond 2^31 - 1.
 ///
 /// # Panics
-/// Never: an image of this form can be written, and memory refuses nothing.
+/// Never: an image of this size can be encoded, and writing to memory does not fail.
 pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, ImageError> {
     let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MOST_SIDE);
     let expected = (width as u64).saturating_mul(height as u64).saturating_mul(Image::CHANNELS as u64);

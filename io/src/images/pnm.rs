@@ -1,11 +1,10 @@
 //! Binary PPM and PGM (netpbm, `man 5 ppm`): `P6` or `P5`, width, height, largest sample, then the samples.
 
-use super::error::ImageError;
-use super::format::ImageFormat;
-use super::image::{Image, pixels, to_8_bits};
-use crate::error::Place;
+use super::image::{Image, ImageError, pixels, to_8_bits};
+use crate::error::shown;
+use crate::format::ImageFormat;
 
-/// The header's numbers, one after another.
+/// A reader of the header's numbers.
 ///
 /// Invariant: `at` is at most the length of `bytes`.
 struct Header<'a> {
@@ -33,7 +32,8 @@ impl Header<'_> {
             self.at += 1;
         }
         if self.at == self.bytes.len() {
-            return Err(truncated("header", 0, self.at + 1, self.at, true));
+            let expected = self.at as u64 + 1;
+            return Err(ImageError::truncated(ImageFormat::Pnm, "header", 0, expected, self.at, true));
         }
         if value == 0 || value > most {
             let found = &self.bytes[start..(start + 12).min(self.bytes.len())];
@@ -43,19 +43,12 @@ impl Header<'_> {
     }
 }
 
-fn malformed(what: &'static str, at: usize, expected: String, found: &[u8]) -> ImageError {
-    let (format, place) = (ImageFormat::Pnm, Place::Byte(at as u64));
-    ImageError::Malformed { format, what, place, expected, actual: format!("`{}`", found.escape_ascii()) }
+fn malformed(what: &'static str, at: usize, expected: impl Into<String>, found: &[u8]) -> ImageError {
+    ImageError::malformed(ImageFormat::Pnm, what, at, expected, shown(found))
 }
 
-fn truncated(what: &'static str, at: usize, expected: usize, actual: usize, at_least: bool) -> ImageError {
-    let (expected, actual) = (expected as u64, actual as u64);
-    let (format, place) = (ImageFormat::Pnm, Place::Byte(at as u64));
-    ImageError::Truncated { format, what, place, expected, actual, at_least }
-}
-
-/// The image that `bytes`, which start with `P5` or `P6`, are. Bytes after the image are refused: they are a second
-/// image, or a header that is wrong.
+/// Decodes `bytes`, which start with `P5` or `P6`. Bytes after the image are refused: they are a second image, or the header
+/// is wrong.
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let channels = if bytes[1] == b'6' { 3 } else { 1 };
     let mut header = Header { bytes, at: 2 };
@@ -65,20 +58,21 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
     let count = pixels(width.into(), height.into())?;
     let (separator, start) = (header.at, header.at + 1);
     if !bytes[separator].is_ascii_whitespace() {
-        let expected = "white space before the pixels".to_owned();
-        return Err(malformed("header", separator, expected, &bytes[separator..start]));
+        let found = &bytes[separator..start];
+        return Err(malformed("header", separator, "white space before the pixels", found));
     }
     let wide = if largest > 255 { 2 } else { 1 };
     let (samples, length) = (&bytes[start..], count * channels * wide);
     if samples.len() < length {
-        return Err(truncated("pixels", start, length, samples.len(), false));
+        let format = ImageFormat::Pnm;
+        return Err(ImageError::truncated(format, "pixels", start, length as u64, bytes.len(), false));
     }
     if samples.len() > length {
         let (end, excess) = (start + length, &samples[length..]);
-        return Err(malformed("pixels", end, "the end of the file".into(), &excess[..excess.len().min(8)]));
+        return Err(malformed("pixels", end, "the end of the file", &excess[..excess.len().min(8)]));
     }
     let (width, height) = (width as usize, height as usize);
-    // The usual samples are the image's own.
+    // Samples of 8-bit RGB need no conversion.
     if (largest, channels) == (255, Image::CHANNELS) {
         return Ok(Image { width, height, data: samples.to_owned() });
     }

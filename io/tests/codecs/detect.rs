@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use meissner_io::{Format, IoError, decode, detect};
+use meissner_io::{Format, IoError, UnknownName, decode, detect};
 
 use crate::support::samples;
 
@@ -61,6 +61,6 @@ fn an_output_has_the_format_of_its_extension() {
     for format in Format::ALL.into_iter().filter(|f| f.is_writable()) {
         assert_eq!(Format::from_path(&Path::new("b").with_extension(format.extension())).unwrap(), format);
     }
-    assert!(matches!(of("b"), Err(IoError::UnknownName { .. })));
-    assert!(matches!(of("b.h5"), Err(IoError::UnknownName { actual, .. }) if actual == "h5"));
+    assert!(matches!(of("b"), Err(UnknownName { .. })));
+    assert!(matches!(of("b.h5"), Err(UnknownName { actual, .. }) if actual == "h5"));
 }

@@ -1,58 +1,56 @@
-//! Files that are replaced as a whole.
-//!
-//! Enters: what is to be in the file. Leaves: the file with it. Invariant: whenever the program or the machine stops, the file
-//! is the former one or the new one, whole; what is beside it is at most a temporary file that nothing reads.
+//! Files as wholes: replacing a file in one step, and listing a folder in natural order.
 
+use std::cmp::Ordering;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{self, AtomicU64};
 
-use crate::IoError;
+use crate::error::IoError;
 
-/// Temporary files of this process so far.
+/// Number of temporary files of this process so far.
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
-/// Puts what `write` writes in the place of the file at `path`, which need not exist; a link stays one.
+/// Replaces the file at `path`, which need not exist, with the bytes that `write` writes; a symbolic link stays a link.
 ///
-/// It is written beside it, in the same folder, brought to the disk, and given its name then; on Unix the folder is brought
-/// to the disk, too. A temporary file (`.NAME.PROCESS-COUNT.tmp`) stays behind only where the program is stopped from
-/// outside.
+/// The bytes go to a temporary file in the same folder (`.NAME.PROCESS-COUNT.tmp`), which is synced to the disk and then
+/// renamed; on Unix the folder is synced too. If the program or the machine stops at any time, the file has its former or
+/// its new content, and at most the temporary file is left over.
 ///
 /// # Errors
-/// [`IoError::File`] where the temporary file cannot be created or written, where `write` gives an error, or where the
-/// name cannot be given: the former file is as it was then.
+/// [`IoError::File`] where the temporary file cannot be created, written or renamed, or where `write` gives an error. The
+/// former file is then unchanged.
 pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), IoError> {
-    let fail = |action| move |source| IoError::File { action, path: path.to_owned(), source };
+    let fail = |action| IoError::file(action, path);
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let temporary = beside(&target).map_err(fail("create"))?;
     let file = OpenOptions::new().write(true).create_new(true).open(&temporary).map_err(fail("create"))?;
     let written = fill(file, write).and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
-        // What stopped the writing is told; that the rest stays is not.
+        // The caller gets the error of the writing, not one of the clean-up.
         let _ = fs::remove_file(&temporary);
     }
     written.and_then(|()| sync_folder(&target)).map_err(fail("write"))
 }
 
-/// A name in the folder of `path` that no other temporary file has.
+/// A unique name for a temporary file in the folder of `path`.
 fn beside(path: &Path) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
-    let (process, count) = (std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let (process, count) = (std::process::id(), COUNT.fetch_add(1, atomic::Ordering::Relaxed));
     Ok(path.with_file_name(format!(".{}.{process}-{count}.tmp", name.to_string_lossy())))
 }
 
-/// Writes the file and brings it to the disk.
+/// Writes the file and syncs it to the disk.
 fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out)?;
     out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
 }
 
-/// Brings the name of a file to the disk.
+/// Syncs the name of a file to the disk.
 fn sync_folder(path: &Path) -> io::Result<()> {
     if cfg!(unix) {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -61,10 +59,53 @@ fn sync_folder(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// The entries of a folder in natural order of their names.
+pub(crate) fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
+    let name = |path: &'_ PathBuf| path.file_name().unwrap_or_default().as_encoded_bytes().to_vec();
+    paths.sort_by(|a, b| compare(&name(a), &name(b)));
+    Ok(paths)
+}
+
+/// Compares two names: runs of digits by value (`img2` before `img10`), other bytes one by one; names that are equal so far
+/// (`img1`, `img01`) byte by byte. A total order; O(length), numbers of any length.
+fn compare(a: &[u8], b: &[u8]) -> Ordering {
+    let (mut x, mut y) = (a, b);
+    loop {
+        let order = match (x.first(), y.first()) {
+            (Some(i), Some(j)) if i.is_ascii_digit() && j.is_ascii_digit() => {
+                let (m, n) = (number(&mut x), number(&mut y));
+                m.len().cmp(&n.len()).then_with(|| m.cmp(n))
+            }
+            (Some(i), Some(j)) => {
+                let order = i.cmp(j);
+                (x, y) = (&x[1..], &y[1..]);
+                order
+            }
+            (None, None) => return a.cmp(b),
+            (i, j) => i.cmp(&j),
+        };
+        if order.is_ne() {
+            return order;
+        }
+    }
+}
+
+/// Takes the digits at the start of `text`; returns them without leading zeros.
+fn number<'a>(text: &mut &'a [u8]) -> &'a [u8] {
+    let length = text.iter().position(|b| !b.is_ascii_digit()).unwrap_or(text.len());
+    let (digits, rest) = text.split_at(length);
+    *text = rest;
+    let zeros = digits.iter().position(|&b| b != b'0').unwrap_or(length);
+    &digits[zeros..]
+}
+
 #[cfg(test)]
 mod tests {
     use std::error::Error;
     use std::io::Write;
+
+    use proptest::prelude::*;
 
     use super::*;
 
@@ -126,5 +167,36 @@ mod tests {
         replace_file(&link, |out| out.write_all(b"new")).expect("a place to write to");
         assert_eq!(fs::read(&file).expect("there"), b"new");
         assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+    }
+
+    #[test]
+    fn numbers_in_names_count_by_value() {
+        let sorted =
+            ["a", "img", "img1", "img2", "img02b", "img10", "img010", "img11a9", "img11a10", "imh", "z1.5"];
+        let mut names = sorted;
+        names.reverse();
+        names.sort_by(|a, b| compare(a.as_bytes(), b.as_bytes()));
+        // `img010` and `img10` are the same number: then the bytes decide.
+        let expected =
+            ["a", "img", "img1", "img2", "img02b", "img010", "img10", "img11a9", "img11a10", "imh", "z1.5"];
+        assert_eq!(names, expected);
+    }
+
+    #[test]
+    fn numbers_beyond_64_bits_are_compared_too() {
+        assert!(compare(b"99999999999999999999998", b"99999999999999999999999").is_lt());
+        assert!(compare(b"99999999999999999999999", b"100000000000000000000000").is_lt());
+    }
+
+    proptest! {
+        #[test]
+        fn the_order_is_total(a in "[a-c0-2.]{0,6}", b in "[a-c0-2.]{0,6}", c in "[a-c0-2.]{0,6}") {
+            let order = |x: &str, y: &str| compare(x.as_bytes(), y.as_bytes());
+            prop_assert_eq!(order(&a, &b), order(&b, &a).reverse());
+            prop_assert_eq!(order(&a, &b).is_eq(), a == b);
+            if order(&a, &b).is_le() && order(&b, &c).is_le() {
+                prop_assert!(order(&a, &c).is_le());
+            }
+        }
     }
 }

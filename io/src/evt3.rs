@@ -1,0 +1,283 @@
+//! Prophesee EVT 3.0: events from and to words of 16 bits.
+//!
+//! After the text header ([`crate::prophesee`]) the file consists of words, least significant byte first, that change the
+//! state of time, row and column; only changes are sent:
+//!
+//! | bits 15-12 | word | bits 11-0 |
+//! |---|---|---|
+//! | 0x0 | row | bit 11: which camera of a pair; 10-0: y |
+//! | 0x2 | event at this column | bit 11: polarity; 10-0: x |
+//! | 0x3 | base column of the vectors that follow | bit 11: their polarity; 10-0: x |
+//! | 0x4 | 12 pixels: an event at base + i where bit i is set; the base advances by 12 | bits |
+//! | 0x5 | 8 pixels, likewise; the base advances by 8 | 7-0: bits |
+//! | 0x6 | time, bits 11-0 | microseconds |
+//! | 0x8 | time, bits 23-12 | 4096 microseconds |
+//! | 0xA | external trigger | 11-8: channel; 0: edge |
+//! | 0xE, 0x7, 0xF | vendor's word, and its continuations | |
+//!
+//! Source: the vendor's page "EVT 3.0 Format". Invariants:
+//!
+//! - The 24-bit time wraps where word 0x8 falls by half its range or more, and nowhere else. Sensors under
+//!   load fall by a few microseconds within word 0x6: that is a step back in time, not a wrap after 4 ms.
+//! - Where word 0x8 changes, the lower bits are 0 until the next word 0x6: with the old bits an event would be up to 4 ms
+//!   early.
+//! - Only single events (word 0x2) are written, in the given order: vectors would be shorter, but would reorder the events
+//!   of a row. A silence of a whole period of 2^24 microseconds is written as the two time words of a wrap, so that the
+//!   written times are absolute.
+
+use std::io::{self, Write};
+
+use meissner_engine::{Event, Sensor};
+
+use crate::bytes::{array, units};
+use crate::error::{IoError, Place};
+use crate::format::Format;
+use crate::prophesee::{Header, WrappingClock};
+use crate::recording::{Capacity, Recording, StreamKind, Tally};
+
+/// Coordinates have 11 bits.
+const SIDE: u16 = 2048;
+/// Bits of the time in each of its two words.
+const TIME_BITS: u32 = 12;
+/// The upper word counts from 0 to this value - 1, and wraps.
+const HIGH_RANGE: u16 = 1 << TIME_BITS;
+
+/// Bits 15-12 of the words.
+mod word {
+    pub(super) const Y: u16 = 0x0;
+    pub(super) const X: u16 = 0x2;
+    pub(super) const BASE: u16 = 0x3;
+    pub(super) const VECTOR_12: u16 = 0x4;
+    pub(super) const VECTOR_8: u16 = 0x5;
+    pub(super) const TIME_LOW: u16 = 0x6;
+    pub(super) const CONTINUED_4: u16 = 0x7;
+    pub(super) const TIME_HIGH: u16 = 0x8;
+    pub(super) const TRIGGER: u16 = 0xa;
+    pub(super) const VENDOR: u16 = 0xe;
+    pub(super) const CONTINUED_12: u16 = 0xf;
+}
+
+/// Bytes of a word.
+const WORD: usize = 2;
+
+/// The events of the file `bytes`.
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+    let format = Format::Evt3;
+    let header = Header::parse(format, bytes)?;
+    let sensor = header.sensor(format, SIDE)?;
+    let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
+
+    let mut decoder = Decoder::new(sensor, words.len());
+    for (index, word) in words.enumerate() {
+        let word = u16::from_le_bytes(array(word));
+        decoder.push(word).map_err(|refusal| refusal.at(header.end + index * WORD, sensor))?;
+    }
+    let other_streams = [
+        decoder.triggers.summary("external triggers", StreamKind::Triggers),
+        decoder.vendor.summary("vendor's words", StreamKind::Other),
+        decoder.unplaced.summary("before the first time and row", StreamKind::Unplaced),
+    ];
+    let other_streams = other_streams.into_iter().flatten().collect();
+    Ok(Recording { format, sensor, events: decoder.events, other_streams, salvaged })
+}
+
+/// Why a word is refused; small, so that the loop over the words stays small.
+enum Refusal {
+    Reserved(u16),
+    Outside { x: u32, y: u16 },
+    VectorWithoutBase,
+}
+
+impl Refusal {
+    #[cold]
+    fn at(self, byte: usize, sensor: Option<Sensor>) -> IoError {
+        let (format, place) = (Format::Evt3, Place::Byte(byte as u64));
+        let malformed = |what, expected, actual| IoError::malformed(format, what, place, expected, actual);
+        match self {
+            Self::Outside { x, y } => {
+                let sensor = sensor.unwrap_or(Sensor::new(SIDE, SIDE));
+                IoError::OutsideSensor { format, place, sensor, x, y: y.into() }
+            }
+            Self::Reserved(kind) => {
+                malformed("type of a word", "0x0, 0x2 to 0x8, 0xa, 0xe or 0xf", format!("{kind:#x}"))
+            }
+            Self::VectorWithoutBase => {
+                malformed("vector of events", "a word of its base column before it", "none".to_owned())
+            }
+        }
+    }
+}
+
+/// The state that the words change.
+struct Decoder {
+    /// The sensor, or the range of 11 bits.
+    bounds: Sensor,
+    clock: WrappingClock,
+    /// The newest word 0x8, and its time in microseconds.
+    high: Option<(u16, i64)>,
+    /// The time of the next event.
+    t_us: i64,
+    y: Option<u16>,
+    /// Base column of the next vector, and its polarity.
+    base: Option<(u32, bool)>,
+    events: Vec<Event>,
+    triggers: Tally,
+    vendor: Tally,
+    unplaced: Tally,
+}
+
+impl Decoder {
+    /// For a file of `words` words; usually about half as many events.
+    fn new(sensor: Option<Sensor>, words: usize) -> Self {
+        Self {
+            bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
+            clock: WrappingClock::new(HIGH_RANGE.into()),
+            high: None,
+            t_us: 0,
+            y: None,
+            base: None,
+            events: Vec::with_capacity(words / 2),
+            triggers: Tally::default(),
+            vendor: Tally::default(),
+            unplaced: Tally::default(),
+        }
+    }
+
+    #[inline]
+    fn push(&mut self, word: u16) -> Result<(), Refusal> {
+        let value = word & 0x0fff;
+        let (flag, coordinate) = (word & 0x0800 != 0, word & 0x07ff);
+        match word >> 12 {
+            word::Y => {
+                if coordinate >= self.bounds.height {
+                    return Err(Refusal::Outside { x: 0, y: coordinate });
+                }
+                self.y = Some(coordinate);
+            }
+            word::X => self.pixels(coordinate.into(), 1, flag)?,
+            word::BASE => self.base = Some((coordinate.into(), flag)),
+            word::VECTOR_12 => self.vector(value, 12)?,
+            word::VECTOR_8 => self.vector(value & 0xff, 8)?,
+            word::TIME_LOW => self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value),
+            word::TIME_HIGH => self.time_high(value),
+            word::TRIGGER => self.triggers.add(1),
+            word::VENDOR => self.vendor.add(1),
+            word::CONTINUED_4 | word::CONTINUED_12 => {}
+            reserved => return Err(Refusal::Reserved(reserved)),
+        }
+        Ok(())
+    }
+
+    fn time_high(&mut self, high: u16) {
+        // The word is repeated while nothing happens: then the lower bits are still valid.
+        if self.high.is_none_or(|(newest, _)| newest != high) {
+            self.t_us = self.clock.advance(high.into()) << TIME_BITS;
+            self.high = Some((high, self.t_us));
+        }
+    }
+
+    fn vector(&mut self, bits: u16, length: u32) -> Result<(), Refusal> {
+        let Some((x, on)) = self.base else {
+            return Err(Refusal::VectorWithoutBase);
+        };
+        self.pixels(x, bits, on)?;
+        // A base beyond the sensor is an error only with the next event, so it must stop growing somewhere.
+        self.base = Some(((x + length).min(u32::from(u16::MAX)), on));
+        Ok(())
+    }
+
+    /// An event at `x` + i for every set bit i.
+    #[inline]
+    fn pixels(&mut self, x: u32, mut bits: u16, on: bool) -> Result<(), Refusal> {
+        let (Some(y), Some(_)) = (self.y, self.high) else {
+            self.unplaced.add(bits.count_ones().into());
+            return Ok(());
+        };
+        while bits != 0 {
+            let x = x + bits.trailing_zeros();
+            if x >= u32::from(self.bounds.width) {
+                return Err(Refusal::Outside { x, y });
+            }
+            self.events.push(Event::new(self.t_us, x as u16, y, on));
+            bits &= bits - 1;
+        }
+        Ok(())
+    }
+}
+
+/// Latest time that is written: 12.7 days; such a file starts with 256 KiB of wraps.
+const LATEST_US: i64 = (1 << 40) - 1;
+
+/// The events that the format can hold.
+pub(crate) const CAPACITY: Capacity = Capacity {
+    times: 0..LATEST_US + 1,
+    side: SIDE,
+    sensor: "a sensor of 1 to 2048 pixels a side",
+    steps: "in order, or less than 2^23 us earlier in the same 2^24 us",
+    is_wrap: |newest_us, t_us| {
+        let same_period = newest_us >> (2 * TIME_BITS) == t_us >> (2 * TIME_BITS);
+        let fall = (newest_us >> TIME_BITS) - (t_us >> TIME_BITS);
+        t_us < newest_us && (!same_period || fall >= i64::from(HIGH_RANGE / 2))
+    },
+};
+
+/// Writes the header and the words of `events`, which [`CAPACITY`] allows.
+pub(crate) fn encode(sensor: Option<Sensor>, events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "% evt 3.0")?;
+    match sensor {
+        Some(Sensor { width, height }) => {
+            writeln!(out, "% format EVT3;height={height};width={width}\n% geometry {width}x{height}")?;
+        }
+        None => writeln!(out, "% format EVT3")?,
+    }
+    writeln!(out, "% end")?;
+    let mut state = Written::default();
+    for event in events {
+        state.write(event, out)?;
+    }
+    Ok(())
+}
+
+/// The state of a reader after the words written so far.
+#[derive(Default)]
+struct Written {
+    period: i64,
+    high: Option<u16>,
+    low: Option<u16>,
+    y: Option<u16>,
+}
+
+impl Written {
+    fn write(&mut self, event: &Event, out: &mut impl Write) -> io::Result<()> {
+        while self.period < event.t_us >> (2 * TIME_BITS) {
+            self.write_high(HIGH_RANGE - 1, out)?;
+            self.write_high(0, out)?;
+            self.period += 1;
+        }
+        self.write_high((event.t_us >> TIME_BITS) as u16 & (HIGH_RANGE - 1), out)?;
+        let low = event.t_us as u16 & (HIGH_RANGE - 1);
+        if self.low != Some(low) {
+            put(word::TIME_LOW, low, out)?;
+            self.low = Some(low);
+        }
+        if self.y != Some(event.y) {
+            put(word::Y, event.y, out)?;
+            self.y = Some(event.y);
+        }
+        put(word::X, event.x | u16::from(event.on) << 11, out)
+    }
+
+    fn write_high(&mut self, high: u16, out: &mut impl Write) -> io::Result<()> {
+        if self.high != Some(high) {
+            put(word::TIME_HIGH, high, out)?;
+            self.high = Some(high);
+            // Some readers keep the lower bits after this word, others do not: they are written again.
+            self.low = None;
+        }
+        Ok(())
+    }
+}
+
+fn put(kind: u16, value: u16, out: &mut impl Write) -> io::Result<()> {
+    out.write_all(&(kind << 12 | value).to_le_bytes())
+}

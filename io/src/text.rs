@@ -1,0 +1,305 @@
+//! Lines of text, fields of a line, and decimal numbers: the parts that texts of events and of electrodes share.
+//!
+//! Input: any buffered reader. Output: one line at a time, each as soon as its line feed is there. Invariant: a line has at
+//! most [`LINE_BYTES`] bytes, and nothing beyond its line feed is requested from the reader.
+
+use std::io::{BufRead, ErrorKind};
+
+use crate::error::{IoError, Place, shown};
+use crate::format::Format;
+use crate::limits::LINE_BYTES;
+
+/// Byte order mark that some programs write before UTF-8.
+pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// A line without the spaces around it.
+#[derive(Clone, Copy)]
+pub(crate) struct Line<'a> {
+    pub(crate) text: &'a [u8],
+    /// Counted from 1.
+    pub(crate) number: u64,
+}
+
+impl Line<'_> {
+    /// The error of a malformed part of this line.
+    pub(crate) fn malformed(
+        self,
+        what: &'static str,
+        expected: impl Into<String>,
+        actual: impl Into<String>,
+    ) -> IoError {
+        IoError::malformed(Format::Csv, what, Place::Line(self.number), expected, actual)
+    }
+
+    /// The error of a line that can be read in several ways.
+    pub(crate) fn undecided(self, what: &'static str, readings: impl Into<String>) -> IoError {
+        let (place, line) = (Place::Line(self.number), shown(self.text));
+        IoError::Undecided { format: Format::Csv, what, place, line, readings: readings.into() }
+    }
+}
+
+/// Reads one line after another into one buffer.
+#[derive(Debug)]
+pub(crate) struct Lines<R> {
+    input: R,
+    line: Vec<u8>,
+    /// Number of the line in `line`, from 1.
+    number: u64,
+}
+
+impl<R: BufRead> Lines<R> {
+    pub(crate) fn new(input: R) -> Self {
+        Self { input, line: Vec::new(), number: 0 }
+    }
+
+    /// The bytes of the newest line, at most [`LINE_BYTES`].
+    pub(crate) fn raw(&self) -> &[u8] {
+        &self.line
+    }
+
+    /// The next line; `None` at the end of the input.
+    ///
+    /// `refusal` sees the bytes of the first line, also where it is too long, so that input of another kind is refused by
+    /// its name.
+    pub(crate) fn next(
+        &mut self,
+        refusal: impl FnOnce(&[u8]) -> Option<IoError>,
+    ) -> Result<Option<Line<'_>>, IoError> {
+        let is_first = self.number == 0;
+        let read = self.read();
+        if is_first
+            && !matches!(read, Ok(false))
+            && let Some(error) = refusal(&self.line)
+        {
+            return Err(error);
+        }
+        Ok(if read? { Some(self.current()) } else { None })
+    }
+
+    /// Reads the next line; whether there is one.
+    fn read(&mut self) -> Result<bool, IoError> {
+        self.line.clear();
+        self.number += 1;
+        let (format, place) = (Format::Csv, Place::Line(self.number));
+        loop {
+            let buffer = match self.input.fill_buf() {
+                Ok(buffer) => buffer,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(source) => return Err(IoError::Stream { format, action: "read", place, source }),
+            };
+            if buffer.is_empty() {
+                return Ok(!self.line.is_empty());
+            }
+            let end = buffer.iter().position(|&b| b == b'\n');
+            let length = end.map_or(buffer.len(), |end| end + 1);
+            let actual = (self.line.len() + length) as u64;
+            if actual > LINE_BYTES {
+                // The start of the line shows which kind of input it is.
+                let room = LINE_BYTES as usize - self.line.len();
+                self.line.extend_from_slice(&buffer[..room]);
+                let (limit, at_least) = (LINE_BYTES, end.is_none());
+                return Err(IoError::TooLarge { format, what: "line", place, limit, actual, at_least });
+            }
+            self.line.extend_from_slice(&buffer[..length]);
+            self.input.consume(length);
+            if end.is_some() {
+                return Ok(true);
+            }
+        }
+    }
+
+    /// The newest line.
+    pub(crate) fn current(&self) -> Line<'_> {
+        let mut line = self.line.as_slice();
+        if self.number == 1 {
+            line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
+        }
+        Line { text: line.trim_ascii(), number: self.number }
+    }
+}
+
+/// Whether `line` is a comment.
+pub(crate) fn is_comment(line: &[u8]) -> bool {
+    line.starts_with(b"#") || line.starts_with(b"%")
+}
+
+/// The first 4 KiB of `bytes` without the byte order mark; `None` where they have control characters and so are no text.
+pub(crate) fn text_start(bytes: &[u8]) -> Option<&[u8]> {
+    let start = &bytes[..bytes.len().min(4096)];
+    let start = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
+    let is_text = !start.iter().any(|&b| b == 0x7f || (b < b' ' && !b"\t\r\n".contains(&b)));
+    is_text.then_some(start)
+}
+
+/// The lines of a text that are neither blank nor comments.
+pub(crate) fn content_lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty() && !is_comment(line))
+}
+
+/// A field without the spaces and the quotes around it.
+pub(crate) fn bare(field: &[u8]) -> &[u8] {
+    let field = field.trim_ascii();
+    match field {
+        [b'"', inner @ .., b'"'] => inner.trim_ascii(),
+        _ => field,
+    }
+}
+
+/// The separator of a line's fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Separator {
+    Comma,
+    Semicolon,
+    /// Any number of blanks and tabs.
+    Blanks,
+}
+
+impl Separator {
+    /// The separator of `line`: the first of comma, semicolon and blanks that gives the four fields of an event, else the
+    /// first that occurs.
+    pub(crate) fn of(line: &[u8]) -> Self {
+        const ALL: [Separator; 3] = [Separator::Comma, Separator::Semicolon, Separator::Blanks];
+        let least = |fields: usize| ALL.into_iter().find(|s| s.fields(line).take(fields).count() == fields);
+        least(4).or_else(|| least(2)).unwrap_or(Self::Comma)
+    }
+
+    /// The fields of `line`, without the blanks and the quotes around them.
+    pub(crate) fn fields(self, line: &[u8]) -> Fields<'_> {
+        let rest = if self == Self::Blanks { line.trim_ascii_start() } else { line };
+        Fields { separator: self, rest: Some(rest) }
+    }
+
+    fn separates(self, byte: u8) -> bool {
+        match self {
+            Self::Comma => byte == b',',
+            Self::Semicolon => byte == b';',
+            Self::Blanks => byte.is_ascii_whitespace(),
+        }
+    }
+}
+
+/// The fields of a line.
+pub(crate) struct Fields<'a> {
+    separator: Separator,
+    rest: Option<&'a [u8]>,
+}
+
+impl<'a> Iterator for Fields<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let rest = self.rest?;
+        let end = rest.iter().position(|&byte| self.separator.separates(byte));
+        self.rest = end.map(|end| &rest[end + 1..]);
+        if self.separator == Separator::Blanks {
+            self.rest = self.rest.map(<[u8]>::trim_ascii_start).filter(|rest| !rest.is_empty());
+        }
+        Some(bare(&rest[..end.unwrap_or(rest.len())]))
+    }
+}
+
+/// A decimal number as text: an optional sign, digits, and optionally a point and more digits. No exponent.
+#[derive(Clone, Copy)]
+pub(crate) struct Number<'a> {
+    negative: bool,
+    integer: &'a [u8],
+    /// The digits after the point, where there is one.
+    fraction: Option<&'a [u8]>,
+}
+
+impl<'a> Number<'a> {
+    /// The number in `field`; `None`: the field is no number.
+    pub(crate) fn parse(field: &'a [u8]) -> Option<Self> {
+        let (negative, digits) = match field {
+            [b'-', rest @ ..] => (true, rest),
+            [b'+', rest @ ..] => (false, rest),
+            _ => (false, field),
+        };
+        let point = digits.iter().position(|&b| b == b'.');
+        let integer = &digits[..point.unwrap_or(digits.len())];
+        let fraction = point.map(|point| &digits[point + 1..]);
+        let digits_only = |digits: &[u8]| digits.iter().all(u8::is_ascii_digit);
+        let sound = !integer.is_empty() && digits_only(integer) && fraction.is_none_or(digits_only);
+        sound.then_some(Self { negative, integer, fraction })
+    }
+
+    pub(crate) fn has_point(self) -> bool {
+        self.fraction.is_some()
+    }
+
+    /// Digits after the point.
+    pub(crate) fn decimals(self) -> usize {
+        self.fraction.unwrap_or_default().len()
+    }
+
+    /// Whether the digits after the point are zeros.
+    pub(crate) fn is_whole(self) -> bool {
+        self.fraction.unwrap_or_default().iter().all(|&b| b == b'0')
+    }
+
+    pub(crate) fn is_zero(self) -> bool {
+        self.is_whole() && self.integer.iter().all(|&b| b == b'0')
+    }
+
+    /// The number times 10^`power`, rounded to the nearest integer, halves away from zero; `None` beyond 128 bits.
+    pub(crate) fn scaled(self, power: i32) -> Option<i128> {
+        let fraction = self.fraction.unwrap_or_default();
+        let digit = |index: usize| {
+            self.integer.get(index).or_else(|| fraction.get(index - self.integer.len())).copied()
+        };
+        // The digits before this position are kept, the digit at this position rounds.
+        let end = self.integer.len() as i64 + i64::from(power);
+        let kept = end.max(0) as usize;
+        let digits = (0..kept).map(|index| digit(index).unwrap_or(b'0') - b'0');
+        // 18 digits fit in 64 bits, which is faster.
+        let mut value = if kept <= 18 {
+            digits.fold(0_u64, |value, digit| value * 10 + u64::from(digit)).into()
+        } else {
+            digits
+                .into_iter()
+                .try_fold(0_i128, |value, digit| value.checked_mul(10)?.checked_add(digit.into()))?
+        };
+        let rounds_up = usize::try_from(end).ok().and_then(digit).is_some_and(|digit| digit >= b'5');
+        value = value.checked_add(i128::from(rounds_up))?;
+        Some(if self.negative { -value } else { value })
+    }
+
+    /// The number if it is a whole number.
+    pub(crate) fn whole(self) -> Option<i128> {
+        self.scaled(0).filter(|_| self.is_whole())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Number;
+
+    fn scaled(text: &str, power: i32) -> Option<i128> {
+        Number::parse(text.as_bytes()).and_then(|number| number.scaled(power))
+    }
+
+    #[test]
+    fn digits_beyond_microseconds_round_to_the_nearest_and_halves_away_from_zero() {
+        for (text, power, expected) in [
+            ("0.003811000", 6, 3811),
+            ("0.0038114999999999", 6, 3811),
+            ("0.0038115", 6, 3812),
+            ("-0.0038115", 6, -3812),
+            ("12", 6, 12_000_000),
+            ("1.5", 3, 1500),
+            ("1499", -3, 1),
+            ("1500.0", -3, 2),
+            ("499", -3, 0),
+            ("500", -3, 1),
+            ("49", -3, 0),
+            ("-500", -3, -1),
+            ("1468940293.922985", 6, 1_468_940_293_922_985),
+        ] {
+            assert_eq!(scaled(text, power), Some(expected), "{text}");
+        }
+        assert_eq!(scaled(&"9".repeat(50), 0), None);
+        for wrong in ["", "-", ".5", "1e3", "1.2.3", "0x1", "1,5", "+-1"] {
+            assert!(Number::parse(wrong.as_bytes()).is_none(), "{wrong}");
+        }
+    }
+}
