@@ -78,9 +78,7 @@ fn event(layout: &Layout, record: &[u8]) -> Result<Event, (&'static str, Field, 
 #[inline]
 fn value(field: Field, record: &[u8]) -> i128 {
     let bytes = &record[field.offset..];
-    let Type::Integer { bytes: width, signed, big_endian } = field.kind else {
-        return bytes[0].into();
-    };
+    let Integer { bytes: width, signed, big_endian } = field.kind;
     let unsigned = match (width, big_endian) {
         (1, _) => bytes[0].into(),
         (2, false) => u16::from_le_bytes(array(bytes)).into(),
@@ -103,14 +101,15 @@ fn value(field: Field, record: &[u8]) -> i128 {
 #[derive(Clone, Copy, Debug)]
 struct Field {
     offset: usize,
-    kind: Type,
+    kind: Integer,
 }
 
-/// The types that a field of an event can have.
+/// An integer type; a boolean is a byte without a sign.
 #[derive(Clone, Copy, Debug)]
-enum Type {
-    Bool,
-    Integer { bytes: usize, signed: bool, big_endian: bool },
+struct Integer {
+    bytes: usize,
+    signed: bool,
+    big_endian: bool,
 }
 
 /// The layout of the records.
@@ -132,7 +131,7 @@ struct Layout {
 struct Column<'a> {
     name: &'a [u8],
     offset: usize,
-    kind: Option<Type>,
+    kind: Option<Integer>,
 }
 
 impl Layout {
@@ -234,7 +233,7 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
 }
 
 /// The type that a type string names if an event can have it, and the type's size in bytes. `None`: the size is not fixed.
-fn kind(text: &[u8]) -> Option<(Option<Type>, usize)> {
+fn kind(text: &[u8]) -> Option<(Option<Integer>, usize)> {
     let (big_endian, text) = match text {
         [b'>', rest @ ..] => (true, rest),
         [b'<' | b'=' | b'|', rest @ ..] => (false, rest),
@@ -246,10 +245,10 @@ fn kind(text: &[u8]) -> Option<(Option<Type>, usize)> {
     let size: u32 = std::str::from_utf8(digits).ok()?.parse().ok()?;
     let bytes = size as usize;
     let integer = |signed| {
-        matches!(size, 1 | 2 | 4 | 8).then_some((Some(Type::Integer { bytes, signed, big_endian }), bytes))
+        matches!(size, 1 | 2 | 4 | 8).then_some((Some(Integer { bytes, signed, big_endian }), bytes))
     };
     match class {
-        b'b' if size == 1 => Some((Some(Type::Bool), 1)),
+        b'b' if size == 1 => integer(false),
         b'i' => integer(true),
         b'u' => integer(false),
         b'f' | b'c' | b'V' | b'S' | b'M' | b'm' => Some((None, bytes)),

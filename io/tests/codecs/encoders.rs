@@ -1,4 +1,4 @@
-//! What the encoders refuse, and what a refusal leaves behind.
+//! The events that encoders refuse, and the state after a refusal.
 
 use std::fs;
 use std::io::{self, Write};

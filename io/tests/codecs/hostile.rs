@@ -27,7 +27,7 @@ fn a_file_that_says_its_length_gives_an_error_or_everything_wherever_it_is_cut()
         let whole = decode(&bytes).unwrap();
         for length in 0..bytes.len() {
             match decode_as(format, &bytes[..length]) {
-                // Of AEDAT4 the table behind the packets may be missing in part.
+                // The table after the packets of AEDAT4 may be cut.
                 Ok(recording) => assert!(format == Format::Aedat4 && recording == whole, "cut at {length}"),
                 Err(error) => assert!(
                     matches!(error, IoError::Truncated { .. } | IoError::Malformed { .. }),

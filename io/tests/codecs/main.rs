@@ -1,4 +1,4 @@
-//! What the codecs promise, on bytes that the tests make themselves, and on real recordings where they are at
+//! The promises of the codecs, on bytes that the tests make themselves, and on real recordings where they are at
 //! hand.
 #![forbid(unsafe_code)]
 

@@ -220,7 +220,7 @@ fn a_file_is_found_to_be_such_a_text() {
 }
 
 proptest! {
-    /// Whatever the values: the events that were written, or a refusal, and never others.
+    /// For any values: the events that were written, or a refusal, and never other events.
     #[test]
     fn no_order_is_guessed(
         events in prop::collection::vec(any_event(0..500_i64, 300), 1..60),

@@ -7,7 +7,7 @@ use meissner_io::{ImageError, Place, decode_image};
 
 use crate::support::{Ihdr, chunk, png_with};
 
-/// What an input may take, whatever it asks for; by far more than any here needs.
+/// Longest time that an input may take; far more than any input here needs.
 const CEILING: Duration = Duration::from_secs(10);
 
 /// Bits, the first in the lowest place of a byte (deflate) or in the highest (JPEG).

@@ -139,7 +139,7 @@ fn a_jpeg_whose_chroma_has_more_columns_than_its_luma_is_refused() {
     );
 }
 
-/// Found by fuzzing: the decoder would read a byte behind the palette.
+/// Found by fuzzing: the decoder would read a byte after the palette.
 #[test]
 fn a_palette_that_ends_within_an_entry_is_refused() {
     let ihdr = Ihdr { width: 15, height: 1, depth: 2, colour: 3, interlaced: false };

@@ -1,4 +1,4 @@
-//! What the images promise, on files that the tests make themselves.
+//! The promises of the image readers, on files that the tests make.
 #![forbid(unsafe_code)]
 
 mod bombs;
