@@ -107,82 +107,72 @@ const EVT21: Foreign = Foreign {
     instead: "write it as CSV with Metavision's metavision_file_to_csv, or record in EVT 3.0",
 };
 const DV: &str = "convert it to AEDAT4 with iniVation's DV";
-const STILLS: [&str; 2] = ["a picture in GIF or TIFF", "write it as PNG, JPEG, PPM or PGM"];
-const VIDEO: [&str; 2] = [
-    "a video (MP4, MOV, AVI or Matroska)",
-    "it holds pictures and no events; write them as PNG, with ffmpeg -i VIDEO %06d.png",
-];
+const STILLS: &str = "a picture in GIF or TIFF";
+const AS_STILL: &str = "write it as PNG, JPEG, PPM or PGM";
+const VIDEO: Foreign = Foreign {
+    name: "a video (MP4, MOV, AVI or Matroska)",
+    instead: "it holds pictures and no events; write them as PNG, with ffmpeg -i VIDEO %06d.png",
+};
 
-/// Formats in which people keep recordings and which are not read: where their mark is, the mark, the name, and how to
-/// convert.
-const FOREIGN: &[(usize, &[u8], [&str; 2])] = &[
-    (4, b"ftyp", VIDEO),
-    (0, b"\x1a\x45\xdf\xa3", VIDEO),
-    (257, b"ustar", ["a tar archive", "unpack it with tar -xf"]),
+/// Formats in which people keep recordings and which are not read: first bytes, name, and how to convert.
+const FOREIGN: &[(&[u8], &str, &str)] = &[
     (
-        0,
         b"\x89HDF",
-        [
-            "HDF5",
-            "write its events as a structured .npy with Python's h5py, or Prophesee's as CSV with metavision_file_to_csv",
-        ],
+        "HDF5",
+        "write its events as a structured .npy with Python's h5py, or Prophesee's as CSV with metavision_file_to_csv",
     ),
-    (0, b"\x1f\x8b", ["gzip", "unpack it with gunzip"]),
-    (0, b"BZh", ["bzip2", "unpack it with bunzip2"]),
-    (0, b"\xfd7zXZ\0", ["xz", "unpack it with unxz"]),
-    (0, b"\x28\xb5\x2f\xfd", ["Zstandard", "unpack it with unzstd"]),
-    (0, b"7z\xbc\xaf\x27\x1c", ["a 7z archive", "unpack it with 7z x"]),
+    (b"\x1f\x8b", "gzip", "unpack it with gunzip"),
+    (b"BZh", "bzip2", "unpack it with bunzip2"),
+    (b"\xfd7zXZ\0", "xz", "unpack it with unxz"),
+    (b"\x28\xb5\x2f\xfd", "Zstandard", "unpack it with unzstd"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive", "unpack it with 7z x"),
     (
-        0,
         b"PK\x03\x04",
-        [
-            "a zip archive",
-            "unpack it with unzip; .npz is one, of .npy files, and so are weights of PyTorch (--weights)",
-        ],
+        "a zip archive",
+        "unpack it with unzip; .npz is one, of .npy files, and so are weights of PyTorch (--weights)",
     ),
     (
-        0,
         b"#ROSBAG",
-        [
-            "a ROS bag",
-            "write the events of its dvs_msgs topic as text, such as t x y p, with Python's rosbags or rosbag",
-        ],
+        "a ROS bag",
+        "write the events of its dvs_msgs topic as text, such as t x y p, with Python's rosbags or rosbag",
     ),
     (
-        0,
         b"\x89MCAP",
-        ["MCAP", "write the events of its topic as text, such as t x y p, with Python's mcap or rosbags"],
+        "MCAP",
+        "write the events of its topic as text, such as t x y p, with Python's mcap or rosbags",
     ),
     (
-        0,
         b"SQLite format 3\0",
-        [
-            "an SQLite database, as ROS 2 records bags",
-            "write the events of its topic as text, such as t x y p, with Python's rosbags",
-        ],
+        "an SQLite database, as ROS 2 records bags",
+        "write the events of its topic as text, such as t x y p, with Python's rosbags",
     ),
-    (0, b"#!AER-DAT1", ["AEDAT 1", DV]),
-    (0, b"#!AER-DAT2", ["AEDAT 2", DV]),
-    (0, b"#!AER-DAT3", ["AEDAT 3", DV]),
+    (b"#!AER-DAT1", "AEDAT 1", DV),
+    (b"#!AER-DAT2", "AEDAT 2", DV),
+    (b"#!AER-DAT3", "AEDAT 3", DV),
     (
-        0,
         b"Event Stream",
-        ["Event Stream (.es)", "write its events as a structured .npy with Python's event_stream"],
+        "Event Stream (.es)",
+        "write its events as a structured .npy with Python's event_stream",
     ),
     (
-        0,
         b"MATLAB 5.0 MAT-file",
-        ["a MATLAB file", "write its events as a structured .npy with Python's scipy.io.loadmat"],
+        "a MATLAB file",
+        "write its events as a structured .npy with Python's scipy.io.loadmat",
     ),
-    (0, b"GIF8", STILLS),
-    (0, b"II*\0", STILLS),
-    (0, b"MM\0*", STILLS),
+    (b"GIF8", STILLS, AS_STILL),
+    (b"II*\0", STILLS, AS_STILL),
+    (b"MM\0*", STILLS, AS_STILL),
 ];
 
 /// The format that is known and not read, if a file of it starts with `bytes`.
 fn foreign(bytes: &[u8]) -> Option<Foreign> {
     let has = |at: usize, mark: &[u8]| bytes.get(at..).is_some_and(|tail| tail.starts_with(mark));
-    let avi = (has(0, b"RIFF") && has(8, b"AVI ")).then_some(VIDEO);
-    let listed = || FOREIGN.iter().find(|(at, mark, _)| has(*at, mark)).map(|&(.., foreign)| foreign);
-    avi.or_else(listed).map(|[name, instead]| Foreign { name, instead })
+    if has(4, b"ftyp") || has(0, b"\x1a\x45\xdf\xa3") || (has(0, b"RIFF") && has(8, b"AVI ")) {
+        return Some(VIDEO);
+    }
+    if has(257, b"ustar") {
+        return Some(Foreign { name: "a tar archive", instead: "unpack it with tar -xf" });
+    }
+    let listed = FOREIGN.iter().find(|(start, ..)| bytes.starts_with(start));
+    listed.map(|&(_, name, instead)| Foreign { name, instead })
 }
