@@ -299,6 +299,8 @@ fn an_engine_takes_at_most_the_bytes_that_it_tells_and_at_least_four_fifths_of_t
 struct Watched(Engine, Arc<AtomicU64>);
 
 impl Predictor for Watched {
+    type Input = Event;
+
     fn push(&mut self, event: Event) -> Outcome {
         self.0.push(event)
     }
@@ -310,6 +312,10 @@ impl Predictor for Watched {
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.1.store(COUNT.get(), Ordering::Relaxed);
         self.0.predict()
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
     }
 }
 

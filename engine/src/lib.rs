@@ -10,6 +10,7 @@
 //! |---|---|
 //! | [`Engine`] | a [`Network`] over the events of a sliding window: push, advance, predict, reset, snapshot, restore |
 //! | [`Batch`] | the same network from scratch, on any number of streams: the oracle of the engine |
+//! | [`BatchEngine`] | a batch with the verbs of the engine; [`Predictor`] is what all engines have in common |
 //! | [`frames::FrameEngine`] | a network over frames, with the same verbs |
 //! | [`Event`], [`Sensor`] | a pixel at a time in microseconds, and the size that it is on |
 //! | [`Prediction`], [`Counters`] | values with their time and cost; what was computed, skipped and dropped |
@@ -61,6 +62,7 @@ mod adapt;
 mod admission;
 mod after;
 mod batch;
+mod batch_engine;
 mod cells;
 mod counters;
 mod delta;
@@ -80,6 +82,7 @@ mod metric;
 mod network;
 mod options;
 mod pooled;
+mod predictor;
 mod queues;
 mod readers;
 mod readout;
@@ -94,6 +97,7 @@ mod window;
 
 pub use admission::{Admission, LatePolicy, Outcome};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
+pub use batch_engine::BatchEngine;
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
 pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
@@ -104,6 +108,7 @@ pub use network::{
     Position, Reach, Readout,
 };
 pub use options::Options;
+pub use predictor::Predictor;
 pub use snapshot::{SnapshotOf, snapshot_note};
 pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};

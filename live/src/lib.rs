@@ -12,7 +12,7 @@
 //! | [`Live`] | the controller's: [`Live::predict`] answers by a deadline with a [`Timely`] prediction and its age |
 //! | [`QueueOptions`], [`Overload`] | how many events wait, and which are dropped when more come |
 //! | [`QueueCounters`] | what became of every offered event |
-//! | [`Recorded`], [`Record`] | what an engine accepted, to compare it with a batch |
+//! | [`Recorded`] | an engine beside a batch over the same events, to compare their predictions |
 //!
 //! ```
 //! use std::time::Duration;
@@ -44,9 +44,7 @@
 //! | `shared` | what the threads have in common, and how they wait for each other |
 //! | `input`, `live` | the handles of the two sides |
 //! | `worker`, `pace` | the thread that owns the engine; when it stops taking events for a prediction |
-//! | `predictor` | what the worker needs of an engine |
-//! | `record` | what a batch needs of a stream's past |
-//! | `recorded` | an engine that remembers what it accepted, to be held against a batch |
+//! | `recorded` | an engine beside a batch over the same events |
 //!
 //! Bits: what the engine is given is a sequence of events and moves of time, and its predictions are those of the same
 //! sequence without threads. Which events are in the sequence depends, under overload, on how fast the machine is.
@@ -58,8 +56,6 @@ mod intake;
 mod live;
 mod overload;
 mod pace;
-mod predictor;
-mod record;
 mod recorded;
 mod shared;
 mod worker;
@@ -67,7 +63,6 @@ mod worker;
 pub use error::LiveError;
 pub use input::Input;
 pub use live::{Live, Timely};
+pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};
-pub use predictor::Predictor;
-pub use record::Record;
 pub use recorded::Recorded;

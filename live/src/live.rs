@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use meissner_engine::Event;
+
 use crate::intake::{Intake, Rule};
 use crate::shared::{Answer, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
@@ -46,7 +48,7 @@ pub struct Timely<'a> {
     pub waited: Duration,
 }
 
-impl<P: Predictor + Send + 'static> Live<P> {
+impl<P: Predictor<Input = Event> + Send + 'static> Live<P> {
     /// Starts a worker that owns `predictor`, behind a queue. The first prediction, before any event, is computed here,
     /// so that there always is one.
     ///

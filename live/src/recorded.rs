@@ -1,40 +1,22 @@
-//! An engine that remembers what it accepted, to be held against a batch.
+//! An engine beside a batch over the same events.
 //!
-//! Enters: events and moves of time. Leaves: the same prediction as the engine's, and on request the batch's over the
-//! accepted events. Invariant: engine and record are given the same.
+//! Enters: events and moves of time. Leaves: the engine's predictions, and on request the batch's. Invariant: engine and
+//! batch are given the same.
 
-use std::sync::Arc;
+use meissner_engine::{BatchEngine, EngineError, Event, Outcome, Prediction, Predictor};
 
-use meissner_engine::{EngineError, Event, LatePolicy, Network, Outcome, Prediction, Propose, Sensor};
-
-use crate::{Predictor, Record};
-
-/// An exact engine and the [`Record`] of what it accepted.
+/// An engine, and a [`BatchEngine`] that takes the same events, to compare their predictions.
 #[derive(Clone, Debug)]
 pub struct Recorded<P> {
     predictor: P,
-    record: Record,
+    batch: BatchEngine,
 }
 
-impl<P: Predictor> Recorded<P> {
-    /// Remembers what `predictor`, new and exact, accepts: an engine of `network` on `sensor` that treats late events
-    /// as `late` says. 16 bytes for each event that is remembered, at most [`Self::most`].
-    ///
-    /// # Errors
-    /// [`EngineError::Sensor`] for a sensor without pixels.
-    pub fn new(
-        predictor: P,
-        network: impl Into<Arc<Network>>,
-        sensor: Sensor,
-        late: LatePolicy,
-    ) -> Result<Self, EngineError> {
-        Ok(Self { predictor, record: Record::new(network, sensor, late)? })
-    }
-
-    /// The same, with neighbours among what `propose` proposes, as [`Record::with_proposals`].
-    #[must_use]
-    pub fn with_proposals(self, propose: Propose) -> Self {
-        Self { record: self.record.with_proposals(propose), ..self }
+impl<P: Predictor<Input = Event>> Recorded<P> {
+    /// `predictor` beside `batch`: both of the same network, sensor and late policy, and neither has seen an event. Over
+    /// long streams the batch should have [bounded memory](BatchEngine::with_bounded_memory).
+    pub fn new(predictor: P, batch: BatchEngine) -> Self {
+        Self { predictor, batch }
     }
 
     /// The predictor.
@@ -42,37 +24,39 @@ impl<P: Predictor> Recorded<P> {
         &self.predictor
     }
 
-    /// Most events that are remembered.
-    pub fn most(&self) -> usize {
-        self.record.most()
+    /// The batch.
+    pub fn batch(&self) -> &BatchEngine {
+        &self.batch
     }
 
-    /// Accepted events that are remembered, from the oldest.
-    pub fn events(&self) -> impl Iterator<Item = Event> {
-        self.record.events()
-    }
-
-    /// The prediction from scratch, as [`Record::from_scratch`].
+    /// The batch's prediction over the accepted events.
     ///
     /// # Errors
-    /// As [`Record::from_scratch`].
-    pub fn from_scratch(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.record.from_scratch()
+    /// As [`BatchEngine::predict`].
+    pub fn from_scratch(&mut self) -> Result<Prediction<'_>, EngineError> {
+        self.batch.predict()
     }
 }
 
-impl<P: Predictor> Predictor for Recorded<P> {
+impl<P: Predictor<Input = Event>> Predictor for Recorded<P> {
+    type Input = Event;
+
     fn push(&mut self, event: Event) -> Outcome {
-        self.record.push(event);
+        self.batch.push(event);
         self.predictor.push(event)
     }
 
     fn advance(&mut self, t_us: i64) {
-        self.record.advance(t_us);
+        self.batch.advance(t_us);
         self.predictor.advance(t_us);
     }
 
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.predictor.predict()
+    }
+
+    fn reset(&mut self) {
+        self.batch.reset();
+        self.predictor.reset();
     }
 }

@@ -21,7 +21,7 @@ impl Drop for End<'_> {
 }
 
 /// Pushes and predicts until it is told to end; gives `predictor` back.
-pub(crate) fn run<P: Predictor>(mut predictor: P, shared: &Shared, most: usize) -> P {
+pub(crate) fn run<P: Predictor<Input = Event>>(mut predictor: P, shared: &Shared, most: usize) -> P {
     let _end = End(shared);
     let mut pace = Pace::default();
     let mut batch: Vec<Event> = Vec::with_capacity(most);

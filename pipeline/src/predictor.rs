@@ -3,14 +3,11 @@
 use std::sync::Arc;
 
 use meissner_engine::{
-    Admission, Batch, Counters, Engine, EngineError, Event, LatePolicy, LayerCounters, Network, Options,
-    Outcome, Prediction, Search, Sensor, StaleReadout, Staleness, Stream,
+    BatchEngine, Counters, Engine, EngineError, Event, LatePolicy, Network, Options, Outcome, Prediction,
+    Search, Sensor, StaleReadout, Staleness,
 };
 
 use crate::approximations::Approximations;
-
-/// Forgotten events that are kept before the list is moved up.
-const MOST_FORGOTTEN: usize = 1 << 14;
 
 /// Takes events and predicts.
 pub struct Predictor {
@@ -34,7 +31,7 @@ enum Backend {
     /// What an event changes, behind a readout that may be stale.
     Incremental(Box<StaleReadout>),
     /// Every row, at every prediction.
-    Batch(Box<FromScratch>),
+    Batch(Box<BatchEngine>),
 }
 
 impl Predictor {
@@ -56,7 +53,10 @@ impl Predictor {
                 let engine = Engine::with_options(network, sensor, options)?;
                 Backend::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
             }
-            Mode::Batch => Backend::Batch(Box::new(FromScratch::new(network, sensor, late)?)),
+            Mode::Batch => {
+                let batch = BatchEngine::new(network, sensor)?;
+                Backend::Batch(Box::new(batch.with_late(late).with_search(Search::Grid)))
+            }
         };
         let before = Counters { layers: backend.counters().layers, ..Counters::default() };
         Ok(Self { backend, before })
@@ -138,105 +138,5 @@ impl Backend {
             Self::Incremental(readout) => readout.engine().counters(),
             Self::Batch(batch) => batch.counters(),
         }
-    }
-}
-
-/// A batch with the engine's verbs: the same gate, the same window, every row at every prediction. It searches by the grid,
-/// for speed.
-pub struct FromScratch {
-    batch: Batch,
-    gate: Admission,
-    /// Accepted events: with `frozen` in-edges all of them, else at least the window.
-    events: Vec<Event>,
-    /// Index of the window's oldest event.
-    first: usize,
-    newest_us: Option<i64>,
-    values: Vec<f32>,
-    rows: Vec<u64>,
-    counters: Counters,
-}
-
-impl FromScratch {
-    fn new(network: Arc<Network>, sensor: Sensor, late: LatePolicy) -> Result<Self, EngineError> {
-        let layers = network.layers().len();
-        Ok(Self {
-            batch: Batch::new(network, sensor)?.with_search(Search::Grid),
-            gate: Admission::new(sensor, late),
-            events: Vec::new(),
-            first: 0,
-            newest_us: None,
-            values: Vec::new(),
-            rows: vec![0; layers],
-            counters: Counters { layers: vec![LayerCounters::default(); layers], ..Counters::default() },
-        })
-    }
-
-    fn push(&mut self, event: Event) -> Outcome {
-        let event = match self.gate.admit(event) {
-            Ok(event) => event,
-            Err(reason) => return Outcome::Dropped(reason),
-        };
-        self.expire();
-        if self.nodes() == self.batch.network().parts().capacity {
-            self.first += 1;
-            self.counters.events.evicted += 1;
-        }
-        self.events.push(event);
-        self.newest_us = Some(event.t_us);
-        Outcome::Accepted
-    }
-
-    fn advance(&mut self, t_us: i64) {
-        self.gate.advance(t_us);
-        self.expire();
-    }
-
-    fn expire(&mut self) {
-        let parts = self.batch.network().parts();
-        let oldest_kept = self.gate.now_us().map_or(i64::MIN, |now| now.saturating_sub(parts.span_us));
-        let expired = self.events[self.first..].iter().take_while(|e| e.t_us < oldest_kept).count();
-        self.first += expired;
-        self.counters.events.expired += expired as u64;
-        // Frozen in-edges are those of the whole stream.
-        if !parts.graph.is_frozen() && self.first > MOST_FORGOTTEN.max(self.nodes()) {
-            self.events.drain(..self.first);
-            self.first = 0;
-        }
-    }
-
-    fn nodes(&self) -> usize {
-        self.events.len() - self.first
-    }
-
-    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        let stream = Stream {
-            events: &self.events,
-            epoch_us: self.gate.epoch_us().unwrap_or(0),
-            now_us: self.gate.now_us().unwrap_or(0),
-        };
-        let trace = self.batch.forward(stream)?;
-        let network = self.batch.network();
-        let mut layers = self.counters.layers.iter_mut().zip(&mut self.rows);
-        for (level, trace) in trace.levels.iter().enumerate() {
-            let computed = trace.features[0].rows() as u64;
-            let of_level = network.level(level).blocks.len() + usize::from(level > 0);
-            for (layer, rows) in layers.by_ref().take(of_level) {
-                *rows = computed;
-                layer.recomputed += computed;
-            }
-        }
-        self.counters.predictions.read += 1;
-        self.counters.predictions.cells_recomputed += trace.readout.rows() as u64;
-        self.values = trace.prediction;
-        let nodes = trace.levels[0].features[0].rows() - trace.levels[0].first;
-        Ok(Prediction { values: &self.values, t_us: self.newest_us, nodes, rows: &self.rows })
-    }
-
-    fn counters(&self) -> Counters {
-        let mut counters = self.counters.clone();
-        let (expired, evicted) = (counters.events.expired, counters.events.evicted);
-        counters.events = *self.gate.counters();
-        (counters.events.expired, counters.events.evicted) = (expired, evicted);
-        counters
     }
 }

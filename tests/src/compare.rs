@@ -2,19 +2,17 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{Batch, Engine, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace};
+use meissner_engine::{BatchEngine, Engine, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace};
 use meissner_kernels::Neighbour;
 
 use crate::streams::{Script, Verb};
 
-/// An engine whose every accepted event since the last reset is remembered.
+/// An engine beside a batch over the same events.
 #[derive(Debug)]
 pub struct Watched {
     /// The engine.
     pub engine: Engine,
-    batch: Batch,
-    accepted: Vec<Event>,
-    now: i64,
+    batch: BatchEngine,
 }
 
 impl Watched {
@@ -40,40 +38,38 @@ impl Watched {
         Self {
             engine: Engine::with_options(Arc::clone(&network), sensor, options)
                 .expect("the network is exact"),
-            batch: Batch::new(network, sensor).expect("the sensor has pixels").with_search(search),
-            accepted: Vec::new(),
-            now: 0,
+            batch: BatchEngine::new(network, sensor)
+                .expect("the sensor has pixels")
+                .with_late(options.late)
+                .with_search(search),
         }
     }
 
     /// Pushes an event.
+    ///
+    /// # Panics
+    /// If the batch does something else with it than the engine.
     pub fn push(&mut self, event: Event) -> Outcome {
         let outcome = self.engine.push(event);
-        if outcome == Outcome::Accepted {
-            self.accepted.push(event);
-            self.now = event.t_us;
-        }
+        assert_eq!(self.batch.push(event), outcome, "{event:?}");
         outcome
     }
 
     /// Moves time on.
     pub fn advance(&mut self, t_us: i64) {
         self.engine.advance(t_us);
-        // A time whose distance from the epoch does not fit 64 bits is as little a time as that of such an event.
-        if self.accepted.first().is_some_and(|first| t_us.checked_sub(first.t_us).is_some()) {
-            self.now = self.now.max(t_us);
-        }
+        self.batch.advance(t_us);
     }
 
     /// Forgets everything.
     pub fn reset(&mut self) {
         self.engine.reset();
-        self.accepted.clear();
+        self.batch.reset();
     }
 
     /// The stream as a batch takes it.
     pub fn stream(&self) -> Stream<'_> {
-        Stream { now_us: self.now, ..Stream::new(&self.accepted) }
+        self.batch.stream()
     }
 
     /// What a batch computes.
@@ -81,7 +77,7 @@ impl Watched {
     /// # Errors
     /// Why it does not.
     pub fn trace(&self) -> Result<Trace, String> {
-        self.batch.forward(self.stream()).map_err(|e| e.to_string())
+        self.batch.trace().map_err(|e| e.to_string())
     }
 
     /// The prediction, after asserting that it equals the batch's bit for bit.
@@ -89,7 +85,7 @@ impl Watched {
     /// # Errors
     /// What differs.
     pub fn predict(&mut self) -> Result<Vec<f32>, String> {
-        let expected = self.batch.forward(self.stream()).map_err(|e| e.to_string())?.prediction;
+        let expected = self.trace()?.prediction;
         let got = self.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
         if bits(&got) == bits(&expected) {
             Ok(got)
@@ -103,7 +99,7 @@ impl Watched {
     /// # Errors
     /// What differs first.
     pub fn compare(&mut self) -> Result<(), String> {
-        self.compare_to(&self.batch.clone())
+        self.compare_to(&self.trace()?)
     }
 
     /// The same with another search in the batch.
@@ -111,11 +107,11 @@ impl Watched {
     /// # Errors
     /// What differs first.
     pub fn compare_with(&mut self, search: Search) -> Result<(), String> {
-        self.compare_to(&self.batch.clone().with_search(search))
+        let batch = self.batch.batch().clone().with_search(search);
+        self.compare_to(&batch.forward(self.stream()).map_err(|e| e.to_string())?)
     }
 
-    fn compare_to(&mut self, batch: &Batch) -> Result<(), String> {
-        let trace = batch.forward(self.stream()).map_err(|e| e.to_string())?;
+    fn compare_to(&mut self, trace: &Trace) -> Result<(), String> {
         let got = self.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
         let events = &trace.levels[0];
         let nodes = events.features[0].rows() - events.first;
@@ -185,7 +181,7 @@ impl Watched {
                 }
                 Verb::Advance { dt } => {
                     self.advance(clock + dt);
-                    clock = if self.accepted.is_empty() { clock } else { clock + dt };
+                    clock = if self.batch.events().is_empty() { clock } else { clock + dt };
                     false
                 }
                 Verb::Predict => true,

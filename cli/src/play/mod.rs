@@ -25,7 +25,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use meissner_engine::filters::Chain;
-use meissner_engine::{Engine, Event, Options, Sensor, StaleReadout};
+use meissner_engine::{BatchEngine, Engine, Event, Options, Search, Sensor, StaleReadout};
 use meissner_live::{Live, Predictor, QueueCounters, QueueOptions, Recorded};
 
 use crate::answer::Answers;
@@ -82,8 +82,9 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     interrupt::listen();
     let mut stage = Stage { args, source: &source, sensor, events: &events, plan, report };
     if args.verify {
-        let recorded = Recorded::new(readout, network, sensor, input.late.into())?;
-        let recorded = recorded.with_proposals(meissner_reference::PROPOSE);
+        let search = Search::Proposed(meissner_reference::PROPOSE);
+        let batch = BatchEngine::new(network, sensor)?.with_late(input.late.into()).with_search(search);
+        let recorded = Recorded::new(readout, batch.with_bounded_memory());
         let (played, mut recorded) = stage.play(recorded)?;
         let verified = verify(&mut recorded, &played.values)?;
         stage.end(&played, recorded.predictor(), Some(verified))?;
@@ -171,7 +172,10 @@ struct Played {
 
 impl<W: Write> Stage<'_, W> {
     /// Plays into `predictor`, and gives it back.
-    fn play<P: Predictor + Send + 'static>(&mut self, predictor: P) -> Result<(Played, P), CliError> {
+    fn play<P: Predictor<Input = Event> + Send + 'static>(
+        &mut self,
+        predictor: P,
+    ) -> Result<(Played, P), CliError> {
         let (args, plan) = (self.args, self.plan);
         let overload = args.overload.overload(self.sensor)?;
         let options = QueueOptions::new().with_capacity(args.queue as usize).with_overload(overload);
@@ -259,10 +263,10 @@ impl<W: Write> Stage<'_, W> {
 /// Holds `values` against the batch over what `recorded` accepted.
 fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verified, CliError> {
     let start = Instant::now();
-    let batch = recorded.from_scratch()?;
+    let batch = recorded.from_scratch()?.values.to_vec();
     let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     Ok(Verified {
-        events: recorded.events().count(),
+        events: recorded.batch().events().len(),
         equal: bits(&batch) == bits(values),
         batch_us: microseconds(start.elapsed()),
     })

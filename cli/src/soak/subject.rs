@@ -6,8 +6,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Engine, Event, EventCounters, LatePolicy, Network, Sensor};
-use meissner_live::Record;
+use meissner_engine::{BatchEngine, Engine, Event, EventCounters, Network, Search, Sensor};
 
 use super::disturbance::Disturbance;
 use super::endless::Endless;
@@ -32,15 +31,16 @@ pub(super) struct Checked {
 /// An engine that goes on and on.
 pub(super) struct Subject {
     engine: Engine,
-    record: Record,
+    record: BatchEngine,
     done: Disturbances,
 }
 
 impl Subject {
     /// An engine of `network` with the default options.
     pub(super) fn new(network: Arc<Network>, sensor: Sensor) -> Result<Self, CliError> {
-        let record = Record::new(Arc::clone(&network), sensor, LatePolicy::default())?;
-        let record = record.with_proposals(meissner_reference::PROPOSE);
+        let search = Search::Proposed(meissner_reference::PROPOSE);
+        let record =
+            BatchEngine::new(Arc::clone(&network), sensor)?.with_search(search).with_bounded_memory();
         Ok(Self { engine: Engine::new(network, sensor)?, record, done: Disturbances::default() })
     }
 
@@ -103,13 +103,13 @@ impl Subject {
 
     /// Holds the prediction against the batch.
     pub(super) fn check(&mut self) -> Result<Checked, CliError> {
-        let batch = to_bits(&self.record.from_scratch()?);
+        let batch = to_bits(self.record.predict()?.values);
         let prediction = self.engine.predict()?;
         let bits = to_bits(prediction.values);
         Ok(Checked {
             t_us: prediction.t_us,
             nodes: prediction.nodes,
-            compared: self.record.events().count(),
+            compared: self.record.events().len(),
             equal: bits == batch,
             bits,
         })

@@ -136,6 +136,11 @@ impl Batch {
         &self.network
     }
 
+    /// The sensor.
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
+    }
+
     /// The prediction for each of `streams`, on all of rayon's threads.
     pub fn predict_all(&self, streams: &[Stream<'_>]) -> Vec<Result<Vec<f32>, EngineError>> {
         streams.par_iter().map(|stream| self.forward(*stream).map(|trace| trace.prediction)).collect()

@@ -45,6 +45,8 @@ impl Fake {
 }
 
 impl Predictor for Fake {
+    type Input = Event;
+
     fn push(&mut self, event: Event) -> Outcome {
         drop(self.gate.lock().unwrap_or_else(PoisonError::into_inner));
         if !self.nap.is_zero() {
@@ -67,6 +69,11 @@ impl Predictor for Fake {
         }
         let t_us = self.times().last().copied();
         Ok(Prediction { values: &self.values, t_us, nodes: self.taken, rows: &[] })
+    }
+
+    fn reset(&mut self) {
+        self.verbs.clear();
+        self.taken = 0;
     }
 }
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use meissner_engine::filters::{BackgroundActivity, Chain, Filter};
-use meissner_engine::{Engine, Event, LatePolicy, Network, Options, Sensor};
+use meissner_engine::{
+    BatchEngine, Engine, Event, LatePolicy, Network, Options, Outcome, Places, Search, Sensor,
+};
 use meissner_live::{Live, Overload, Predictor, QueueOptions, Recorded};
 use meissner_models::{Description, Weights};
 use proptest::prelude::*;
@@ -23,7 +25,8 @@ fn network(name: &str, capacity: usize) -> Arc<Network> {
 fn recorded(network: &Arc<Network>, late: LatePolicy) -> Recorded<Engine> {
     let options = Options::new().with_late(late);
     let engine = Engine::with_options(Arc::clone(network), SENSOR, options).expect("the sensor has pixels");
-    Recorded::new(engine, Arc::clone(network), SENSOR, late).expect("the sensor has pixels")
+    let batch = BatchEngine::new(Arc::clone(network), SENSOR).expect("the sensor has pixels");
+    Recorded::new(engine, batch.with_late(late).with_bounded_memory())
 }
 
 /// `count` events around a place that moves, some of them late or outside the sensor.
@@ -75,7 +78,7 @@ fn under_every_policy_the_last_prediction_equals_batch_over_the_accepted_events(
         let mut recorded = live.close().expect("the worker lives");
         assert_eq!(recorded.predictor().counters().events.pushed, counters.delivered, "{name}");
         assert_eq!(recorded.predictor().nodes(), nodes, "{name}");
-        assert_eq!(last, bits(&recorded.from_scratch().expect("nothing is NaN")), "{name}");
+        assert_eq!(last, bits(recorded.from_scratch().expect("nothing is NaN").values), "{name}");
     }
 }
 
@@ -95,9 +98,26 @@ proptest! {
             if i % 150 == 149 {
                 recorded.advance(event.t_us + 40);
                 let predicted = bits(recorded.predict().expect("nothing is NaN").values);
-                prop_assert_eq!(predicted, bits(&recorded.from_scratch().expect("nothing is NaN")));
+                prop_assert_eq!(predicted, bits(recorded.from_scratch().expect("nothing is NaN").values));
             }
         }
-        prop_assert_eq!(recorded.events().count(), recorded.most());
+        prop_assert_eq!(recorded.batch().events().len(), recorded.batch().most_events());
     }
+}
+
+fn no_neighbours(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
+    places.positions.iter().for_each(|_| tell(&[]));
+}
+
+#[test]
+fn a_batch_never_searches_by_the_engines_grid_unless_asked_to() {
+    let new = || BatchEngine::new(network("tactigraph-past", 300), SENSOR).expect("it has pixels");
+    assert!(matches!(new().batch().search(), Search::Exhaustive));
+    // The proposals alone decide: without neighbours the prediction is another one.
+    let predict = |mut batch: BatchEngine| {
+        (0..9)
+            .for_each(|i| assert_eq!(batch.push(Event::new(i, i as u16, 3, i % 2 == 0)), Outcome::Accepted));
+        bits(batch.predict().expect("finite").values)
+    };
+    assert_ne!(predict(new()), predict(new().with_search(Search::Proposed(no_neighbours))));
 }

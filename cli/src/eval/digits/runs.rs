@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use meissner_engine::{Admission, Batch, Engine, EngineError, Event, LatePolicy, Network, Search, Stream};
+use meissner_engine::{BatchEngine, Engine, EngineError, Event, Network, Search};
 use meissner_models::metrics::largest;
 use meissner_models::systems::digits::SENSOR;
 use rayon::ThreadPool;
@@ -70,15 +70,7 @@ enum Machine {
     /// What an event changes.
     Incremental(Box<Engine>),
     /// Every row, at every prediction.
-    Batch(Box<FromScratch>),
-}
-
-/// A batch, searched by the grid, and what it has taken since the reset.
-#[derive(Clone)]
-struct FromScratch {
-    batch: Batch,
-    gate: Admission,
-    events: Vec<Event>,
+    Batch(Box<BatchEngine>),
 }
 
 impl Machine {
@@ -86,52 +78,39 @@ impl Machine {
         let network = Arc::new(network);
         Ok(match mode {
             Mode::Incremental => Self::Incremental(Box::new(Engine::new(network, SENSOR)?)),
-            Mode::Batch => Self::Batch(Box::new(FromScratch {
-                batch: Batch::new(network, SENSOR)?.with_search(Search::Grid),
-                gate: Admission::new(SENSOR, LatePolicy::Drop),
-                events: Vec::new(),
-            })),
+            Mode::Batch => {
+                Self::Batch(Box::new(BatchEngine::new(network, SENSOR)?.with_search(Search::Grid)))
+            }
         })
     }
 
     fn reset(&mut self) {
         match self {
             Self::Incremental(engine) => engine.reset(),
-            Self::Batch(scratch) => {
-                scratch.gate.reset();
-                scratch.events.clear();
-            }
+            Self::Batch(engine) => engine.reset(),
         }
     }
 
     fn push(&mut self, event: Event) {
         match self {
-            Self::Incremental(engine) => {
-                engine.push(event);
-            }
-            Self::Batch(scratch) => scratch.events.extend(scratch.gate.admit(event).ok()),
-        }
+            Self::Incremental(engine) => engine.push(event),
+            Self::Batch(engine) => engine.push(event),
+        };
     }
 
     fn advance(&mut self, t_us: i64) {
         match self {
             Self::Incremental(engine) => engine.advance(t_us),
-            Self::Batch(scratch) => scratch.gate.advance(t_us),
+            Self::Batch(engine) => engine.advance(t_us),
         }
     }
 
     fn predict(&mut self) -> Result<Vec<f32>, EngineError> {
-        match self {
-            Self::Incremental(engine) => Ok(engine.predict()?.values.to_vec()),
-            Self::Batch(scratch) => {
-                let stream = Stream {
-                    events: &scratch.events,
-                    epoch_us: scratch.gate.epoch_us().unwrap_or(0),
-                    now_us: scratch.gate.now_us().unwrap_or(0),
-                };
-                Ok(scratch.batch.forward(stream)?.prediction)
-            }
-        }
+        let prediction = match self {
+            Self::Incremental(engine) => engine.predict(),
+            Self::Batch(engine) => engine.predict(),
+        };
+        Ok(prediction?.values.to_vec())
     }
 
     fn outcome(&mut self, events: &[Event], settings: Settings) -> Result<Outcome, EngineError> {

@@ -1,0 +1,231 @@
+//! A [`Batch`] with the verbs of the engine: events in, predictions out, every row computed again at every prediction.
+//!
+//! Enters: events and moves of time, under the same admission as an engine's. Leaves: the prediction of a batch over the
+//! accepted events. Invariant: the remembered events are all that the next prediction depends on.
+//!
+//! A row of a `frozen` network depends on events that have left the window: block b reads what the neighbours held in
+//! block b - 1, and these are at most a window's capacity of events older. Over B blocks a row of the window thus depends on
+//! no event before the last B + 1 capacities. Without `frozen`, the last capacity of events is enough.
+
+use std::fmt;
+use std::sync::Arc;
+
+use meissner_kernels::Isa;
+
+use crate::admission::{Admission, LatePolicy, Outcome};
+use crate::batch::{Batch, Search, Stream, Trace};
+use crate::counters::{Counters, LayerCounters};
+use crate::engine::Prediction;
+use crate::network::Network;
+use crate::{EngineError, Event, Sensor};
+
+/// Computes every prediction from scratch; otherwise it behaves as an exact [`Engine`](crate::Engine) does. Predictions
+/// are equal bit for bit.
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use meissner_engine::{BatchEngine, EngineError, Event, Network, Search, Sensor};
+/// fn check(network: Arc<Network>, events: &[Event], incremental: &[f32]) -> Result<(), EngineError> {
+///     let mut batch = BatchEngine::new(network, Sensor::new(240, 180))?.with_search(Search::Grid);
+///     batch.push_slice(events);
+///     assert_eq!(batch.predict()?.values, incremental);
+///     Ok(())
+/// }
+/// ```
+#[derive(Clone)]
+pub struct BatchEngine {
+    batch: Batch,
+    admission: Admission,
+    /// Accepted events; the last [`Self::most_events`] are remembered.
+    events: Vec<Event>,
+    most_events: usize,
+    /// Events in the window: the last ones.
+    nodes: usize,
+    newest_us: Option<i64>,
+    values: Vec<f32>,
+    rows: Vec<u64>,
+    counters: Counters,
+}
+
+impl BatchEngine {
+    /// An engine that drops late events, searches neighbours exhaustively, and of a `frozen` network remembers all events
+    /// since the last reset.
+    ///
+    /// # Errors
+    /// [`EngineError::Sensor`] for a sensor without pixels.
+    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
+        let network = network.into();
+        let (parts, layers) = (network.parts(), network.layers().len());
+        Ok(Self {
+            most_events: if parts.graph.is_frozen() { usize::MAX } else { parts.capacity },
+            batch: Batch::new(network, sensor)?,
+            admission: Admission::new(sensor, LatePolicy::default()),
+            events: Vec::new(),
+            nodes: 0,
+            newest_us: None,
+            values: Vec::new(),
+            rows: vec![0; layers],
+            counters: Counters { layers: vec![LayerCounters::default(); layers], ..Counters::default() },
+        })
+    }
+
+    /// The same with another policy for late events. Only for an engine that has not seen an event.
+    #[must_use]
+    pub fn with_late(self, late: LatePolicy) -> Self {
+        Self { admission: Admission::new(self.batch.sensor(), late), ..self }
+    }
+
+    /// The same with another search, as [`Batch::with_search`].
+    #[must_use]
+    pub fn with_search(self, search: Search) -> Self {
+        Self { batch: self.batch.with_search(search), ..self }
+    }
+
+    /// The same with another instruction set, as [`Batch::with_isa`].
+    #[must_use]
+    pub fn with_isa(self, isa: Isa) -> Self {
+        Self { batch: self.batch.with_isa(isa), ..self }
+    }
+
+    /// The same with bounded memory: events on which no prediction depends any more are forgotten, also of a `frozen`
+    /// network. At most twice [`Self::most_events`] are kept, 16 bytes each.
+    #[must_use]
+    pub fn with_bounded_memory(self) -> Self {
+        let parts = self.batch.network().parts();
+        let windows = if parts.graph.is_frozen() { parts.events.blocks.len() + 1 } else { 1 };
+        Self { most_events: parts.capacity.saturating_mul(windows), ..self }
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Arc<Network> {
+        self.batch.network()
+    }
+
+    /// The batch.
+    pub fn batch(&self) -> &Batch {
+        &self.batch
+    }
+
+    /// Takes an event, as [`Engine::push`](crate::Engine::push).
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let event = match self.admission.admit(event) {
+            Ok(event) => event,
+            Err(reason) => return Outcome::Dropped(reason),
+        };
+        self.expire();
+        if self.nodes == self.network().parts().capacity {
+            self.nodes -= 1;
+            self.admission.counters_mut().evicted += 1;
+        }
+        if self.events.len() >= self.most_events.saturating_mul(2) {
+            self.events.drain(..self.events.len() - self.most_events);
+        }
+        self.events.push(event);
+        self.nodes += 1;
+        self.newest_us = Some(event.t_us);
+        Outcome::Accepted
+    }
+
+    /// Takes events one after the other; how many were accepted.
+    pub fn push_slice(&mut self, events: &[Event]) -> usize {
+        events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
+    }
+
+    /// Moves time on to `t_us`, as [`Engine::advance`](crate::Engine::advance).
+    pub fn advance(&mut self, t_us: i64) {
+        self.admission.advance(t_us);
+        self.expire();
+    }
+
+    fn expire(&mut self) {
+        let span_us = self.network().parts().span_us;
+        let oldest_kept = self.now_us().map_or(i64::MIN, |now| now.saturating_sub(span_us));
+        let window = &self.events[self.events.len() - self.nodes..];
+        let expired = window.iter().take_while(|event| event.t_us < oldest_kept).count();
+        self.nodes -= expired;
+        self.admission.counters_mut().expired += expired as u64;
+    }
+
+    /// The prediction for the window as it is. Cost: that of [`Batch::forward`].
+    ///
+    /// # Errors
+    /// As [`Batch::forward`].
+    pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        let trace = self.trace()?;
+        let network = self.batch.network();
+        let mut layers = self.counters.layers.iter_mut().zip(&mut self.rows);
+        for (level, trace) in trace.levels.iter().enumerate() {
+            let computed = trace.features[0].rows() as u64;
+            let of_level = network.level(level).blocks.len() + usize::from(level > 0);
+            for (layer, rows) in layers.by_ref().take(of_level) {
+                *rows = computed;
+                layer.recomputed += computed;
+            }
+        }
+        self.counters.predictions.read += 1;
+        self.counters.predictions.cells_recomputed += trace.readout.rows() as u64;
+        self.values = trace.prediction;
+        Ok(Prediction { values: &self.values, t_us: self.newest_us, nodes: self.nodes, rows: &self.rows })
+    }
+
+    /// Everything that [`Self::predict`] would compute.
+    ///
+    /// # Errors
+    /// As [`Batch::forward`].
+    pub fn trace(&self) -> Result<Trace, EngineError> {
+        self.batch.forward(self.stream())
+    }
+
+    /// What the batch runs on.
+    pub fn stream(&self) -> Stream<'_> {
+        let time = |t_us: Option<i64>| t_us.unwrap_or(0);
+        Stream {
+            events: self.events(),
+            epoch_us: time(self.admission.epoch_us()),
+            now_us: time(self.now_us()),
+        }
+    }
+
+    /// Forgets all events, as [`Engine::reset`](crate::Engine::reset). Counters go on.
+    pub fn reset(&mut self) {
+        self.admission.reset();
+        self.events.clear();
+        (self.nodes, self.newest_us) = (0, None);
+    }
+
+    /// Accepted events that are remembered, from the oldest: those in the window, and earlier ones.
+    pub fn events(&self) -> &[Event] {
+        &self.events[self.events.len().saturating_sub(self.most_events)..]
+    }
+
+    /// Most events that are remembered.
+    pub fn most_events(&self) -> usize {
+        self.most_events
+    }
+
+    /// Number of events in the window.
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// The newest time: of the newest event, or of a later `advance`. `None` before the first event.
+    pub fn now_us(&self) -> Option<i64> {
+        self.admission.now_us()
+    }
+
+    /// Counts of what was done. Every row counts as recomputed.
+    pub fn counters(&self) -> Counters {
+        Counters { events: *self.admission.counters(), ..self.counters.clone() }
+    }
+}
+
+impl fmt::Debug for BatchEngine {
+    /// What tells engines apart, not what they hold.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("BatchEngine")
+            .field("network", &self.network().name())
+            .field("nodes", &self.nodes)
+            .field("now_us", &self.now_us())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,47 @@
+//! What all engines have in common.
+
+use crate::{BatchEngine, Engine, EngineError, Event, Outcome, Prediction, StaleReadout};
+
+/// The verbs of an engine, for code that runs on any of them.
+pub trait Predictor {
+    /// One input: an [`Event`], or a frame with its time.
+    type Input;
+    /// Takes an input, as [`Engine::push`].
+    fn push(&mut self, input: Self::Input) -> Outcome;
+    /// Moves time on, as [`Engine::advance`].
+    fn advance(&mut self, t_us: i64);
+    /// The prediction for all accepted inputs, as [`Engine::predict`].
+    ///
+    /// # Errors
+    /// As [`Engine::predict`].
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError>;
+    /// Forgets all inputs, as [`Engine::reset`].
+    fn reset(&mut self);
+}
+
+/// Implements [`Predictor`] by methods of the same names.
+macro_rules! predictor {
+    ($($engine:ty),*) => {$(
+        impl Predictor for $engine {
+            type Input = Event;
+
+            fn push(&mut self, event: Event) -> Outcome {
+                self.push(event)
+            }
+
+            fn advance(&mut self, t_us: i64) {
+                self.advance(t_us);
+            }
+
+            fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+                self.predict()
+            }
+
+            fn reset(&mut self) {
+                self.reset();
+            }
+        }
+    )*};
+}
+
+predictor!(Engine, StaleReadout, BatchEngine);
