@@ -12,6 +12,8 @@ pub enum DropReason {
     Late,
     /// Its time lies so far from the epoch that the difference cannot be represented.
     TimeOutOfRange,
+    /// It is a frame that the engine refuses: the next prediction is the error that says why.
+    Refused,
 }
 
 impl DropReason {
@@ -21,6 +23,7 @@ impl DropReason {
             Self::OutsideSensor => "outside_sensor",
             Self::Late => "late",
             Self::TimeOutOfRange => "time_out_of_range",
+            Self::Refused => "refused",
         }
     }
 }

@@ -195,7 +195,7 @@ impl Engine {
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.begin();
         self.reported = true;
-        self.step.settle(self.admission.now(), &mut self.log);
+        self.step.compute_changes(self.admission.now(), &mut self.log);
         self.count_rows();
         let (t_us, nodes) = (self.newest_us, self.step.window.len());
         let values = self.step.prediction()?;

@@ -1,7 +1,9 @@
-//! What tells networks and files apart that are meant to be the same: FNV-1a with 64 bits (Fowler, Noll and Vo 1991).
+//! Fingerprints of networks and files, to notice where two that should be equal are not: FNV-1a with 64 bits (Fowler, Noll and Vo 1991).
 //!
 //! Two inputs of one length that differ in one place always have different fingerprints, for each step is a bijection of
 //! the state; others collide by chance, once in 2^64. It is no protection against someone who wants them to collide.
+
+use meissner_kernels::Activation;
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -38,6 +40,17 @@ impl Fingerprint {
 
     pub(crate) fn finish(self) -> u64 {
         self.0
+    }
+}
+
+/// The number by which an activation enters a fingerprint.
+pub(crate) fn activation_code(activation: Activation) -> usize {
+    match activation {
+        Activation::Identity => 0,
+        Activation::Relu => 1,
+        Activation::Elu => 2,
+        Activation::Sigmoid => 3,
+        Activation::Tanh => 4,
     }
 }
 

@@ -17,9 +17,11 @@ mod options;
 mod patch;
 mod shapes;
 mod step;
+mod timed;
 
-pub use compile::{Convolution, FrameNetwork};
+pub use compile::FrameNetwork;
 pub use counters::{FrameCounters, FrameLayerCounters};
 pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
-pub use network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 pub use options::{FrameOptions, Skip};
+pub use timed::{Frame, TimedFrames};

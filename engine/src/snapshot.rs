@@ -15,43 +15,17 @@
 //! checked all the same: counts against the remaining bytes and against what the engine can hold, before anything is
 //! allocated; sizes against those of the network. No value that is read is used as an index.
 
+mod format;
 mod reader;
 mod writer;
 
 use std::fmt;
 
 use crate::EngineError;
+pub(crate) use format::Kind;
 pub use reader::snapshot_note;
 pub(crate) use reader::{Reader, differs};
 pub(crate) use writer::Writer;
-
-const MAGIC: [u8; 8] = *b"MEISSNER";
-/// Goes up with every change of the format, or of the order in which an engine computes.
-const VERSION: u32 = 1;
-/// Bytes before the content.
-const HEADER: usize = 24;
-/// Bytes after it.
-const CHECKSUM: usize = 8;
-/// Counts are below this, so that they can go on, and be summed over layers, for as long as any engine runs: two thousand
-/// years at a million a second.
-const COUNT_LIMIT: u64 = 1 << 56;
-
-/// The kind of engine that a snapshot belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    Events = 1,
-    Frames = 2,
-}
-
-impl Kind {
-    fn name(code: u32) -> String {
-        match code {
-            1 => "an engine over events".to_owned(),
-            2 => "a frame engine".to_owned(),
-            other => format!("kind {other}"),
-        }
-    }
-}
 
 /// An engine that a snapshot can hold.
 pub trait Stored: Clone {

@@ -210,7 +210,7 @@ impl Step {
     }
 
     /// Computes what the steps since the last call affect, up to the prediction at `now`, in microseconds since the epoch.
-    pub(crate) fn settle(&mut self, now: i64, log: &mut Log) {
+    pub(crate) fn compute_changes(&mut self, now: i64, log: &mut Log) {
         self.stopwatch.start();
         let parts = self.network.parts();
         let mut layers = &mut log.layers[..];
@@ -253,7 +253,7 @@ impl Step {
         self.pooled.iter_mut().for_each(PooledGraph::finish);
     }
 
-    /// The prediction as of the last `settle`.
+    /// The prediction as of the last `compute_changes`.
     pub(crate) fn prediction(&self) -> Result<&[f32], EngineError> {
         match self.not_a_number() {
             Some(error) => Err(error),

@@ -5,39 +5,42 @@ use std::sync::Arc;
 use meissner_engine::Event;
 use meissner_engine::filters::{Chain, EventFilter};
 
+use crate::intake::Item;
 use crate::shared::Shared;
 use crate::{LiveError, QueueCounters};
 
 /// Events that are decided about under one lock: so that nobody waits long for it.
 const CHUNK: usize = 512;
 
-/// Offers events to the queue; for the one thread that reads the sensor.
+/// Offers events, or frames, to the queue; for the one thread that reads the sensor.
 #[derive(Debug)]
-pub struct Input {
-    shared: Arc<Shared>,
+pub struct Input<T = Event> {
+    shared: Arc<Shared<T>>,
     /// The filters of `Overload::Filter`: they work here, outside the lock.
     filters: Option<Chain>,
     passes: Vec<bool>,
 }
 
-impl Input {
-    pub(crate) fn new(shared: Arc<Shared>, filters: Option<Chain>) -> Self {
+impl<T: Item> Input<T> {
+    pub(crate) fn new(shared: Arc<Shared<T>>, filters: Option<Chain>) -> Self {
         Self { shared, filters, passes: Vec::with_capacity(CHUNK) }
     }
 
-    /// Offers `events`, in order of arrival: each enters the queue or is dropped and counted. Allocates nothing.
+    /// Offers `events`, in order of arrival: each enters the queue or is dropped and counted. Allocates nothing for
+    /// events; frames are copied.
     ///
     /// Waits under [`Overload::Block`](crate::Overload::Block) where the queue is full, until half of it is free;
     /// otherwise never.
     ///
     /// # Errors
     /// [`LiveError::Closed`] where the worker has ended; what was not decided about is not counted.
-    pub fn push_slice(&mut self, events: &[Event]) -> Result<(), LiveError> {
+    pub fn push_slice(&mut self, events: &[T]) -> Result<(), LiveError> {
         let mut taken = 0;
         for chunk in events.chunks(CHUNK) {
             self.passes.clear();
             if let Some(filters) = &mut self.filters {
-                self.passes.extend(chunk.iter().map(|&event| filters.admit(event)));
+                self.passes
+                    .extend(chunk.iter().map(|item| item.event().is_none_or(|event| filters.admit(event))));
             }
             let decided = self.shared.offer(chunk, &self.passes);
             taken += decided;

@@ -1,7 +1,8 @@
 //! The queue of events, without threads.
 //!
 //! Enters: offered events, and for `Filter` which of them the filters let pass. Leaves: events in the order in which
-//! they came. Invariants: at most `capacity` wait; `offered = delivered + waiting + dropped`; no memory is taken after
+//! they came. Frames can stand in the place of events.
+//! Invariants: at most `capacity` wait; `offered = delivered + waiting + dropped`; no memory is taken after
 //! it was made; what enters depends on the sequence of calls alone, never on how offered events are cut in slices.
 //!
 //! *Positions* count events that entered, from 1: those up to `left()` have left, as delivered or as dropped oldest, those
@@ -13,8 +14,37 @@ mod tests;
 use std::collections::VecDeque;
 
 use meissner_engine::Event;
+use meissner_engine::frames::Frame;
 
 use crate::{Overload, QueueCounters};
+
+/// What can wait in the queue: an [`Event`] or a [`Frame`].
+pub trait Item: Clone + Send + 'static {
+    /// Its time in microseconds.
+    fn t_us(&self) -> i64;
+    /// The event that event filters see; `None` where they do not apply.
+    fn event(&self) -> Option<Event>;
+}
+
+impl Item for Event {
+    fn t_us(&self) -> i64 {
+        self.t_us
+    }
+
+    fn event(&self) -> Option<Event> {
+        Some(*self)
+    }
+}
+
+impl Item for Frame {
+    fn t_us(&self) -> i64 {
+        self.t_us
+    }
+
+    fn event(&self) -> Option<Event> {
+        None
+    }
+}
 
 /// The rule of [`Overload`] that the queue itself applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,8 +70,8 @@ impl From<&Overload> for Rule {
 
 /// A bounded queue under a rule.
 #[derive(Debug)]
-pub(crate) struct Intake {
-    ring: VecDeque<Event>,
+pub(crate) struct Intake<T> {
+    ring: VecDeque<T>,
     capacity: usize,
     rule: Rule,
     congested: bool,
@@ -50,7 +80,7 @@ pub(crate) struct Intake {
     stamps_us: Option<(i64, i64)>,
 }
 
-impl Intake {
+impl<T: Item> Intake<T> {
     /// An empty queue for `capacity` events, at least 1.
     pub(crate) fn new(capacity: usize, rule: Rule) -> Self {
         Self {
@@ -65,7 +95,7 @@ impl Intake {
 
     /// Decides about `events`; `passes` says of each whether the filters let it pass, and is empty where there are none.
     /// How many were decided about: all, but under `Block` those that found room.
-    pub(crate) fn offer(&mut self, events: &[Event], passes: &[bool]) -> usize {
+    pub(crate) fn offer(&mut self, events: &[T], passes: &[bool]) -> usize {
         let room = self.capacity - self.ring.len();
         let taken = match self.rule {
             Rule::Block => {
@@ -106,7 +136,7 @@ impl Intake {
     }
 
     /// Lets `events` in while not congested, and where `stays` is true of their number since the start and their place here.
-    fn one_by_one(&mut self, events: &[Event], stays: impl Fn(u64, usize) -> bool) {
+    fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();
             self.congested =
@@ -124,16 +154,16 @@ impl Intake {
         }
     }
 
-    fn enter(&mut self, events: &[Event]) {
-        self.ring.extend(events);
+    fn enter(&mut self, events: &[T]) {
+        self.ring.extend(events.iter().cloned());
         if let (Some(first), Some(newest)) = (events.first(), events.last()) {
-            self.stamps_us = Some((self.stamps_us.map_or(first.t_us, |(first, _)| first), newest.t_us));
+            self.stamps_us = Some((self.stamps_us.map_or(first.t_us(), |(first, _)| first), newest.t_us()));
         }
         self.counters.high_water = self.counters.high_water.max(self.ring.len() as u64);
     }
 
     /// Appends the oldest events, at most `most`, to `to`; how many there were.
-    pub(crate) fn take(&mut self, most: usize, to: &mut Vec<Event>) -> usize {
+    pub(crate) fn take(&mut self, most: usize, to: &mut Vec<T>) -> usize {
         let taken = most.min(self.ring.len());
         to.extend(self.ring.drain(..taken));
         self.counters.delivered += taken as u64;

@@ -12,6 +12,7 @@
 //! | [`Live`] | the controller's: [`Live::predict`] answers by a deadline with a [`Timely`] prediction and its age |
 //! | [`QueueOptions`], [`Overload`] | how many events wait, and which are dropped when more come |
 //! | [`QueueCounters`] | what became of every offered event |
+//! | [`Predictor`], [`Item`] | the engines that can go live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
 //! | [`Recorded`] | an engine beside a batch over the same events, to compare their predictions |
 //!
 //! ```
@@ -62,6 +63,7 @@ mod worker;
 
 pub use error::LiveError;
 pub use input::Input;
+pub use intake::Item;
 pub use live::{Live, Timely};
 pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};

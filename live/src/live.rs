@@ -5,9 +5,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use meissner_engine::Event;
-
-use crate::intake::{Intake, Rule};
+use crate::intake::{Intake, Item, Rule};
 use crate::shared::{Answer, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
@@ -15,8 +13,8 @@ use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, 
 ///
 /// Dropping it ends the worker after the batch or the prediction at hand; events that wait are not taken any more.
 #[derive(Debug)]
-pub struct Live<P> {
-    shared: Arc<Shared>,
+pub struct Live<P: Predictor<Input: Item>> {
+    shared: Arc<Shared<P::Input>>,
     /// None once it has been joined.
     worker: Option<JoinHandle<P>>,
     /// Why it ended by itself.
@@ -31,13 +29,13 @@ pub struct Timely<'a> {
     pub values: &'a [f32],
     /// Time of the newest event that it covers, as [`meissner_engine::Prediction::t_us`].
     pub t_us: Option<i64>,
-    /// Events in the window.
+    /// Events in the window; of a frame engine, frames since the last reset.
     pub nodes: usize,
     /// Whether it covers all that had entered the queue when it was asked for, but for what was dropped to make room.
     pub fresh: bool,
     /// Whether it was computed for this call; else it is the newest one that had been finished by the deadline.
     pub own: bool,
-    /// Events that had entered the queue when it was asked for and are not covered.
+    /// Events, or frames, that had entered the queue when it was asked for and are not covered.
     pub behind_events: u64,
     /// Stream time from the last event that it covers, or the first one of all where it covers none, to the last one
     /// that had entered the queue when it was asked for, in microseconds.
@@ -48,14 +46,14 @@ pub struct Timely<'a> {
     pub waited: Duration,
 }
 
-impl<P: Predictor<Input = Event> + Send + 'static> Live<P> {
+impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
     /// Starts a worker that owns `predictor`, behind a queue. The first prediction, before any event, is computed here,
     /// so that there always is one.
     ///
     /// # Errors
     /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] where the first prediction fails,
     /// [`LiveError::Thread`] where the thread cannot be started.
-    pub fn spawn(mut predictor: P, options: QueueOptions) -> Result<(Input, Self), LiveError> {
+    pub fn spawn(mut predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
         options.check()?;
         let mut answer = Answer::new(Instant::now());
         answer.copy(predictor.predict()?);
@@ -76,7 +74,7 @@ impl<P: Predictor<Input = Event> + Send + 'static> Live<P> {
     }
 }
 
-impl<P> Live<P> {
+impl<P: Predictor<Input: Item>> Live<P> {
     /// The prediction for what has entered the queue until now, or at the deadline the newest one that is finished,
     /// with its age.
     ///
@@ -153,7 +151,7 @@ fn message(cause: &(dyn Any + Send)) -> String {
     text.or_else(|| cause.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a message".to_owned())
 }
 
-impl<P> Drop for Live<P> {
+impl<P: Predictor<Input: Item>> Drop for Live<P> {
     fn drop(&mut self) {
         self.shared.stop();
         // A panic has been reported where the thread's panics are.

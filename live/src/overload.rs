@@ -25,7 +25,7 @@ pub enum Overload {
         stride: u32,
     },
     /// While congested, only what passes these filters enters. They see every event at any time, so that they know what
-    /// came before when it matters, and work in the thread that offers.
+    /// came before when it matters, and work in the thread that offers. Frames pass all filters.
     Filter(Chain),
 }
 

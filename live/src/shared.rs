@@ -12,9 +12,9 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use meissner_engine::{EngineError, Event, Prediction};
+use meissner_engine::{EngineError, Prediction};
 
-use crate::intake::Intake;
+use crate::intake::{Intake, Item};
 
 /// A call of `predict`.
 #[derive(Clone, Copy, Debug)]
@@ -83,8 +83,8 @@ enum Phase {
 
 /// Behind the lock.
 #[derive(Debug)]
-pub(crate) struct State {
-    pub(crate) intake: Intake,
+pub(crate) struct State<T> {
+    pub(crate) intake: Intake<T>,
     capacity: usize,
     /// Position and time of the newest move of time.
     moved: Option<(u64, i64)>,
@@ -102,14 +102,14 @@ pub(crate) struct State {
 
 /// State, lock and the places to wait at.
 #[derive(Debug)]
-pub(crate) struct Shared {
-    state: Mutex<State>,
+pub(crate) struct Shared<T> {
+    state: Mutex<State<T>>,
     work: Condvar,
     room: Condvar,
     answered: Condvar,
 }
 
-impl State {
+impl<T> State<T> {
     /// Whether the worker has ended or is about to.
     pub(crate) fn is_closed(&self) -> bool {
         self.worker > Phase::Running
@@ -121,8 +121,8 @@ impl State {
     }
 }
 
-impl Shared {
-    pub(crate) fn new(intake: Intake, capacity: usize, answer: Answer) -> Self {
+impl<T: Item> Shared<T> {
+    pub(crate) fn new(intake: Intake<T>, capacity: usize, answer: Answer) -> Self {
         let state = State {
             intake,
             capacity,
@@ -144,11 +144,11 @@ impl Shared {
     }
 
     /// No code that can panic runs under the lock; should it all the same, the state is whole.
-    pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn wake_worker(&self, state: &mut State) {
+    fn wake_worker(&self, state: &mut State<T>) {
         if std::mem::take(&mut state.idle) {
             self.work.notify_one();
         }
@@ -156,7 +156,7 @@ impl Shared {
 
     /// Offers `events`, of which `passes` says what filters let pass; waits where the rule is to wait. How many were
     /// decided about: all, unless the worker ends.
-    pub(crate) fn offer(&self, events: &[Event], passes: &[bool]) -> usize {
+    pub(crate) fn offer(&self, events: &[T], passes: &[bool]) -> usize {
         let mut state = self.lock();
         let mut taken = 0;
         loop {
@@ -172,7 +172,7 @@ impl Shared {
             state.blocked = true;
             // A wake-up for every batch that leaves would cost more than the batch.
             let is_crowded =
-                |state: &mut State| 2 * state.intake.waiting() > state.capacity && !state.is_closed();
+                |state: &mut State<T>| 2 * state.intake.waiting() > state.capacity && !state.is_closed();
             state = self.room.wait_while(state, is_crowded).unwrap_or_else(PoisonError::into_inner);
             state.blocked = false;
             state.intake.counters_mut().blocked += start.elapsed();
@@ -187,7 +187,7 @@ impl Shared {
     }
 
     /// Asks for a prediction of all that has entered, in place of an earlier request.
-    pub(crate) fn ask(&self, due: Option<Instant>) -> (Request, MutexGuard<'_, State>) {
+    pub(crate) fn ask(&self, due: Option<Instant>) -> (Request, MutexGuard<'_, State<T>>) {
         let mut state = self.lock();
         state.asked += 1;
         let target = state.intake.entered();
@@ -203,8 +203,8 @@ impl Shared {
     pub(crate) fn answered<'a>(
         &'a self,
         request: &Request,
-        mut state: MutexGuard<'a, State>,
-    ) -> MutexGuard<'a, State> {
+        mut state: MutexGuard<'a, State<T>>,
+    ) -> MutexGuard<'a, State<T>> {
         while state.answer.request != request.number && !state.has_ended() {
             let left = request.due.map(|due| due.saturating_duration_since(Instant::now()));
             state = match left {
@@ -220,7 +220,7 @@ impl Shared {
 
     /// Waits for something to do and appends at most `most` events to `batch`; none where the worker is to end. Where a
     /// prediction is waited for, nothing beyond what it is to cover is taken, except where that was dropped: then one.
-    pub(crate) fn next(&self, most: usize, batch: &mut Vec<Event>) -> Option<Task> {
+    pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>) -> Option<Task> {
         let mut state = self.lock();
         while !state.is_closed() && state.intake.waiting() == 0 && state.request.is_none() {
             state.idle = true;

@@ -5,36 +5,34 @@
 
 use std::time::Instant;
 
-use meissner_engine::Event;
-
 use crate::Predictor;
+use crate::intake::Item;
 use crate::pace::Pace;
 use crate::shared::Shared;
 
 /// Says that the worker has ended, however it did.
-struct End<'a>(&'a Shared);
+struct End<'a, T: Item>(&'a Shared<T>);
 
-impl Drop for End<'_> {
+impl<T: Item> Drop for End<'_, T> {
     fn drop(&mut self) {
         self.0.end();
     }
 }
 
 /// Pushes and predicts until it is told to end; gives `predictor` back.
-pub(crate) fn run<P: Predictor<Input = Event>>(mut predictor: P, shared: &Shared, most: usize) -> P {
+pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P::Input>, most: usize) -> P {
     let _end = End(shared);
     let mut pace = Pace::default();
-    let mut batch: Vec<Event> = Vec::with_capacity(most);
+    let mut batch = Vec::with_capacity(most);
     let mut covered_us = None;
     while let Some(task) = shared.next(most, &mut batch) {
         let begun = Instant::now();
-        for &event in &batch {
-            predictor.push(event);
-        }
-        covered_us = batch.last().map(|event| event.t_us).or(covered_us);
+        covered_us = batch.last().map(Item::t_us).or(covered_us);
         let mut now = begun;
         if !batch.is_empty() {
-            batch.clear();
+            for item in batch.drain(..) {
+                predictor.push(item);
+            }
             now = Instant::now();
             pace.pushed(now - begun);
         }

@@ -6,13 +6,12 @@
 use meissner_kernels::{FeatureMap, Lanes, Planes};
 
 use super::buffer::Buffer;
-use super::changes::Changes;
+use super::changes::{Changes, Pending};
 use super::compile::{FrameNetwork, Kernel, Unit};
 use super::counters::FrameLayerCounters;
 use super::layers::{Memory, TILE};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
-use super::step::Pending;
 
 /// What a vector that grows may hold for what is asked of it.
 const GROWTH: u128 = 2;

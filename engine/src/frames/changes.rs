@@ -216,6 +216,15 @@ impl Changes {
     }
 }
 
+/// Changes of what a layer reads, since it last ran.
+#[derive(Clone, Debug)]
+pub(super) struct Pending {
+    /// Of an image.
+    pub(super) pixels: Changes,
+    /// Whether there are any.
+    pub(super) any: bool,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,26 +2,16 @@
 
 use meissner_kernels::{
     Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm,
-    PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3, WinogradTile,
+    PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
 };
 
 use super::fingerprint;
-use super::network::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 use super::shapes::{check_shape, misfit, shape, with};
 use crate::EngineError;
 
 /// Images of at most so many channels are kept as planes, if every image of a network is.
 const PLANAR_CHANNELS: usize = 4;
-
-/// How 3 x 3 convolutions of maps with channels last are computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Convolution {
-    /// Product by product.
-    #[default]
-    Direct,
-    /// By Winograd's minimal filtering: fewer products, another rounding: an approximation.
-    Winograd(WinogradTile),
-}
 
 /// A network of layers over images and vectors, ready to run.
 #[derive(Clone, Debug)]
@@ -141,6 +131,12 @@ impl FrameNetwork {
         mark_eager(&mut units);
         let fingerprint = fingerprint::of(&name, input, &layers, convolution);
         Ok(Self { name, units, values, buffers, planar, fingerprint })
+    }
+
+    /// A hash of structure, names and the bits of all parameters. Equal networks have equal fingerprints. Others collide by
+    /// chance alone, though not for someone who wants them to.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
     }
 
     /// Its name.

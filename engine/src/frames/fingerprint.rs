@@ -1,18 +1,9 @@
-//! What tells two frame networks apart: everything that their predictions depend on, and names.
+//! The fingerprint of a frame network: a hash of everything that its predictions depend on, and of names.
 
-use meissner_kernels::{Activation, WinogradTile};
+use meissner_kernels::WinogradTile;
 
-use super::compile::{Convolution, FrameNetwork};
-use super::network::{FrameLayer, FrameLayerKind as Kind, FrameShape};
-use crate::fingerprint::Fingerprint;
-
-impl FrameNetwork {
-    /// What tells this network from others: of structure, names and the bits of all parameters. Equal networks have equal
-    /// ones; others collide by chance alone, though not for someone who wants them to.
-    pub fn fingerprint(&self) -> u64 {
-        self.fingerprint
-    }
-}
+use super::network::{Convolution, FrameLayer, FrameLayerKind as Kind, FrameShape};
+use crate::fingerprint::{Fingerprint, activation_code};
 
 /// The fingerprint of a network's parts. O(parameters).
 pub(super) fn of(name: &str, input: FrameShape, layers: &[FrameLayer], convolution: Convolution) -> u64 {
@@ -58,7 +49,7 @@ fn kind(to: &mut Fingerprint, kind: &Kind) {
             values(to, &[Some(down), Some(up)]);
         }
         Kind::ConvLstm { hidden, weight, bias, peepholes, activation } => {
-            sizes(to, 9, &[*hidden, code(*activation)]);
+            sizes(to, 9, &[*hidden, activation_code(*activation)]);
             values(to, &[Some(weight), Some(bias), peepholes.as_ref()]);
         }
         Kind::Lstm { hidden, weight_ih, weight_hh, bias } => {
@@ -68,7 +59,7 @@ fn kind(to: &mut Fingerprint, kind: &Kind) {
         Kind::Delay { frames } => sizes(to, 11, &[*frames]),
         Kind::Flatten => sizes(to, 12, &[]),
         Kind::Dense { outputs, weight, bias, activation } => {
-            sizes(to, 13, &[*outputs, code(*activation)]);
+            sizes(to, 13, &[*outputs, activation_code(*activation)]);
             values(to, &[Some(weight), bias.as_ref()]);
         }
     }
@@ -84,15 +75,5 @@ fn values(to: &mut Fingerprint, tensors: &[Option<&Vec<f32>>]) {
     for tensor in tensors {
         to.word(tensor.is_some().into());
         tensor.iter().for_each(|values| to.values(values));
-    }
-}
-
-fn code(activation: Activation) -> usize {
-    match activation {
-        Activation::Identity => 0,
-        Activation::Relu => 1,
-        Activation::Elu => 2,
-        Activation::Sigmoid => 3,
-        Activation::Tanh => 4,
     }
 }

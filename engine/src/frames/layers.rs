@@ -7,13 +7,12 @@ use meissner_kernels::{
 };
 
 use super::buffer::Buffer;
-use super::changes::Changes;
+use super::changes::{Changes, Pending};
 use super::compile::{ConvLstm, FrameNetwork, Kernel, Unit, Value};
 use super::counters::FrameLayerCounters;
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use super::patch::{MapPixels, Patch, PatchScratch};
-use super::step::{Pending, spread};
 
 /// Sizes are checked when a network is made.
 const FITS: &str = "the network's shapes fit its kernels";
@@ -388,4 +387,28 @@ const LARGE: usize = 4096;
 fn split(region: Region) -> (Region, Region) {
     let upper = Region { height: region.height / 2, ..region };
     (upper, Region { y: region.y + upper.height, height: region.height - upper.height, ..region })
+}
+
+/// Where a kernel carries what is marked in `from`; `scratch` is overwritten.
+pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch: &mut Changes) {
+    match kernel {
+        Kernel::Conv3(_) | Kernel::PlanarConv(_) => to.spread_of(from),
+        // How an output is rounded depends on all that its tile reads.
+        Kernel::Winograd(conv) => {
+            to.spread_of(from);
+            to.fill_tiles(conv.tile().size(), scratch);
+        }
+        Kernel::MaxPool => to.shrunk_from(from, 2),
+        Kernel::AveragePool(size) => to.shrunk_from(from, *size),
+        Kernel::UpConv(_) => to.doubled_from(from),
+        Kernel::PooledConv(_) => {
+            scratch.become_none(from.size());
+            scratch.spread_of(from);
+            to.shrunk_from(scratch, 2);
+        }
+        Kernel::Conv1(_) | Kernel::PassOn => to.clone_from(from),
+        // A mean over everything couples every pixel.
+        _ if from.is_empty() => to.clear(),
+        _ => to.set_all(),
+    }
 }

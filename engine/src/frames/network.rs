@@ -1,6 +1,6 @@
 //! A frame network: layers over images and vectors, with their parameters, checked against each other.
 
-use meissner_kernels::Activation;
+use meissner_kernels::{Activation, WinogradTile};
 
 /// Shape of what a layer reads or writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,4 +159,14 @@ pub enum FrameLayerKind {
         /// What follows the sum.
         activation: Activation,
     },
+}
+
+/// How 3 x 3 convolutions of maps with channels last are computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Convolution {
+    /// Product by product.
+    #[default]
+    Direct,
+    /// By Winograd's minimal filtering: fewer products, another rounding: an approximation.
+    Winograd(WinogradTile),
 }

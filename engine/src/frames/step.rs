@@ -6,10 +6,10 @@
 mod snapshot;
 
 use super::buffer::Buffer;
-use super::changes::Changes;
+use super::changes::{Changes, Pending};
 use super::compile::{FrameNetwork, Kernel};
 use super::counters::{FrameCounters, FrameLayerCounters};
-use super::layers::{Memory, Run, Scratch};
+use super::layers::{Memory, Run, Scratch, spread};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use crate::EngineError;
@@ -32,15 +32,6 @@ pub(super) struct State {
     stale: bool,
     frames: u64,
     counters: FrameCounters,
-}
-
-/// Changes of what a layer reads, since it last ran.
-#[derive(Clone, Debug)]
-pub(super) struct Pending {
-    /// Of an image.
-    pub(super) pixels: Changes,
-    /// Whether there are any.
-    pub(super) any: bool,
 }
 
 /// What layers make of a frame of zeros, and what differs from it now.
@@ -296,29 +287,5 @@ fn sides(shape: FrameShape) -> [usize; 2] {
     match shape {
         FrameShape::Image { height, width, .. } => [height, width],
         FrameShape::Vector(_) => [0, 0],
-    }
-}
-
-/// Where a kernel carries what is marked in `from`; `scratch` is overwritten.
-pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch: &mut Changes) {
-    match kernel {
-        Kernel::Conv3(_) | Kernel::PlanarConv(_) => to.spread_of(from),
-        // How an output is rounded depends on all that its tile reads.
-        Kernel::Winograd(conv) => {
-            to.spread_of(from);
-            to.fill_tiles(conv.tile().size(), scratch);
-        }
-        Kernel::MaxPool => to.shrunk_from(from, 2),
-        Kernel::AveragePool(size) => to.shrunk_from(from, *size),
-        Kernel::UpConv(_) => to.doubled_from(from),
-        Kernel::PooledConv(_) => {
-            scratch.become_none(from.size());
-            scratch.spread_of(from);
-            to.shrunk_from(scratch, 2);
-        }
-        Kernel::Conv1(_) | Kernel::PassOn => to.clone_from(from),
-        // A mean over everything couples every pixel.
-        _ if from.is_empty() => to.clear(),
-        _ => to.set_all(),
     }
 }

@@ -1,12 +1,12 @@
-//! What tells two networks over events apart: everything that their predictions depend on, and names.
+//! The fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
 
-use meissner_kernels::{Activation, Dense, SplineParts};
+use meissner_kernels::{Dense, SplineParts};
 
 use super::{
     Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
 };
 use crate::Fraction;
-use crate::fingerprint::Fingerprint;
+use crate::fingerprint::{Fingerprint, activation_code};
 
 /// The fingerprint of checked parts. O(parameters).
 pub(super) fn of(parts: &NetworkParts) -> u64 {
@@ -73,13 +73,7 @@ fn block(to: &mut Fingerprint, parts: &SplineParts) {
 
 fn dense(to: &mut Fingerprint, layer: &Dense) {
     [layer.inputs(), layer.channels()].into_iter().for_each(|size| to.size(size));
-    to.word(match layer.activation() {
-        Activation::Identity => 0,
-        Activation::Relu => 1,
-        Activation::Elu => 2,
-        Activation::Sigmoid => 3,
-        Activation::Tanh => 4,
-    });
+    to.size(activation_code(layer.activation()));
     to.values(&layer.weight());
     to.values(layer.bias());
 }

@@ -3,10 +3,6 @@
 use std::fmt;
 
 use crate::Sensor;
-use crate::representations::RepresentationError;
-
-/// Values of the largest frame: 256 MiB of them.
-const LIMIT: u64 = 1 << 26;
 
 /// A rectangle of pixels; pixel (x, y) of the sensor is pixel (x - `Crop::x`, y - `Crop::y`) of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -49,22 +45,6 @@ impl Crop {
     pub(super) fn shape(self, channels: usize) -> [usize; 3] {
         [channels, usize::from(self.height), usize::from(self.width)]
     }
-
-    /// Whether a frame of `channels` channels can show this part of `sensor`.
-    pub(super) fn check(self, sensor: Sensor, channels: usize) -> Result<(), RepresentationError> {
-        let inside = |from: u16, count: u16, extent: u16| {
-            count > 0 && u32::from(from) + u32::from(count) <= u32::from(extent)
-        };
-        if !inside(self.x, self.width, sensor.width) || !inside(self.y, self.height, sensor.height) {
-            return Err(RepresentationError::Crop { crop: self, sensor });
-        }
-        let pixels = u64::from(self.width) * u64::from(self.height);
-        let values = pixels.saturating_mul(channels as u64);
-        if values > LIMIT {
-            return Err(RepresentationError::Size { channels, crop: self, values, limit: LIMIT });
-        }
-        Ok(())
-    }
 }
 
 impl fmt::Display for Crop {
@@ -76,6 +56,7 @@ impl fmt::Display for Crop {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::representations::RepresentationError;
 
     #[test]
     fn pixels_count_from_the_crops_corner_row_by_row() {

@@ -1,9 +1,12 @@
-//! What can go wrong in a representation.
+//! What can go wrong in a representation, and the check of a crop.
 
 use thiserror::Error;
 
 use crate::Sensor;
 use crate::representations::Crop;
+
+/// Values of the largest frame: 256 MiB of them.
+const LIMIT: u64 = 1 << 26;
 
 /// A representation refuses what it was given.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -64,5 +67,23 @@ pub enum RepresentationError {
 impl RepresentationError {
     pub(super) fn option(what: &'static str, expected: &'static str, found: impl ToString) -> Self {
         Self::Option { what, expected, found: found.to_string() }
+    }
+}
+
+impl Crop {
+    /// Whether a frame of `channels` channels can show this part of `sensor`.
+    pub(super) fn check(self, sensor: Sensor, channels: usize) -> Result<(), RepresentationError> {
+        let inside = |from: u16, count: u16, extent: u16| {
+            count > 0 && u32::from(from) + u32::from(count) <= u32::from(extent)
+        };
+        if !inside(self.x, self.width, sensor.width) || !inside(self.y, self.height, sensor.height) {
+            return Err(RepresentationError::Crop { crop: self, sensor });
+        }
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let values = pixels.saturating_mul(channels as u64);
+        if values > LIMIT {
+            return Err(RepresentationError::Size { channels, crop: self, values, limit: LIMIT });
+        }
+        Ok(())
     }
 }

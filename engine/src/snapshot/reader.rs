@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use super::{CHECKSUM, COUNT_LIMIT, HEADER, Kind, MAGIC, VERSION};
+use super::format::{CHECKSUM, COUNT_LIMIT, HEADER, Kind, MAGIC, VERSION};
 use crate::{EngineError, fingerprint};
 
 /// What is left of a snapshot's content.

@@ -1,6 +1,6 @@
 //! State in, the bytes of a snapshot out.
 
-use super::{HEADER, Kind, MAGIC, VERSION};
+use super::format::{CHECKSUM, HEADER, Kind, MAGIC, VERSION};
 use crate::fingerprint;
 
 /// The bytes of a snapshot so far.
@@ -65,7 +65,7 @@ impl Writer {
     pub(crate) fn finish(mut self, note: &[u8]) -> Vec<u8> {
         self.bytes.extend(note);
         self.size(note.len());
-        let length = (self.bytes.len() + super::CHECKSUM) as u64;
+        let length = (self.bytes.len() + CHECKSUM) as u64;
         self.bytes[HEADER - 8..HEADER].copy_from_slice(&length.to_le_bytes());
         let checksum = fingerprint::of_bytes(&self.bytes);
         self.u64(checksum);

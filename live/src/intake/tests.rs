@@ -168,7 +168,7 @@ fn how_offered_events_are_cut_in_slices_does_not_matter() {
 fn thinning_begins_above_half_and_ends_at_a_quarter() {
     let mut intake = Intake::new(8, Rule::Thin { stride: 1000 });
     let event = [Event::new(0, 0, 0, true)];
-    let offer = |intake: &mut Intake| {
+    let offer = |intake: &mut Intake<Event>| {
         let before = intake.waiting();
         intake.offer(&event, &[]);
         intake.waiting() > before

@@ -4,5 +4,6 @@
 mod deadlines;
 mod ends;
 mod fake;
+mod frames;
 mod overload;
 mod recorded;

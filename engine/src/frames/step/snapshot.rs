@@ -4,10 +4,11 @@
 //! with a tolerance. Sizes are those of the engine that reads them, and a mark can only be set on a pixel that there is, so
 //! that whatever the bytes say, the state is one that layers can work on.
 
-use super::{Background, FrameNetwork, Pending, State};
+use super::{Background, State};
 use crate::EngineError;
 use crate::frames::buffer::Buffer;
-use crate::frames::changes::Changes;
+use crate::frames::changes::{Changes, Pending};
+use crate::frames::compile::FrameNetwork;
 use crate::frames::counters::FrameLayerCounters;
 use crate::frames::layers::Memory;
 use crate::snapshot::{Reader, Writer};

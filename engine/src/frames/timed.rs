@@ -1,0 +1,74 @@
+//! A frame engine whose frames have times: what live predictions need.
+
+use super::engine::FrameEngine;
+use crate::{DropReason, EngineError, Outcome, Prediction, Predictor};
+
+/// A frame and its time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Time in microseconds, on any epoch.
+    pub t_us: i64,
+    /// The values, as [`FrameEngine::push`] takes them.
+    pub values: Vec<f32>,
+}
+
+/// A [`FrameEngine`] behind the verbs of all engines: it takes frames in the order of their times.
+///
+/// A frame that is earlier than the newest time is dropped. A frame that the engine refuses is dropped, too, and the next
+/// prediction is the error. Of a [`Prediction`], `nodes` is the number of frames since the last reset.
+#[derive(Clone, Debug)]
+pub struct TimedFrames {
+    engine: FrameEngine,
+    /// Time of the newest frame.
+    newest_us: Option<i64>,
+    /// The newest time: of the newest frame, or of a later `advance`.
+    now_us: Option<i64>,
+    refused: Option<EngineError>,
+}
+
+impl TimedFrames {
+    /// Puts `engine` behind a clock that has not started.
+    pub fn new(engine: FrameEngine) -> Self {
+        Self { engine, newest_us: None, now_us: None, refused: None }
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &FrameEngine {
+        &self.engine
+    }
+}
+
+impl Predictor for TimedFrames {
+    type Input = Frame;
+
+    fn push(&mut self, Frame { t_us, values }: Frame) -> Outcome {
+        if self.now_us.is_some_and(|now| t_us < now) {
+            return Outcome::Dropped(DropReason::Late);
+        }
+        if let Err(error) = self.engine.push(&values) {
+            self.refused = Some(error);
+            return Outcome::Dropped(DropReason::Refused);
+        }
+        (self.newest_us, self.now_us) = (Some(t_us), Some(t_us));
+        Outcome::Accepted
+    }
+
+    /// Moves the clock, once a frame has started it.
+    fn advance(&mut self, t_us: i64) {
+        self.now_us = self.now_us.map(|now| now.max(t_us));
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        if let Some(error) = self.refused.take() {
+            return Err(error);
+        }
+        let prediction = self.engine.predict()?;
+        let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
+        Ok(Prediction { values: prediction.values, t_us: self.newest_us, nodes, rows: &[] })
+    }
+
+    fn reset(&mut self) {
+        self.engine.reset();
+        (self.newest_us, self.now_us, self.refused) = (None, None, None);
+    }
+}

@@ -1,0 +1,29 @@
+//! Constants of the format, and the kinds of engines that have snapshots.
+
+pub(super) const MAGIC: [u8; 8] = *b"MEISSNER";
+/// Goes up with every change of the format, or of the order in which an engine computes.
+pub(super) const VERSION: u32 = 1;
+/// Bytes before the content.
+pub(super) const HEADER: usize = 24;
+/// Bytes after it.
+pub(super) const CHECKSUM: usize = 8;
+/// Counts are below this, so that they can go on, and be summed over layers, for as long as any engine runs: two thousand
+/// years at a million a second.
+pub(super) const COUNT_LIMIT: u64 = 1 << 56;
+
+/// The kind of engine that a snapshot belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Events = 1,
+    Frames = 2,
+}
+
+impl Kind {
+    pub(super) fn name(code: u32) -> String {
+        match code {
+            1 => "an engine over events".to_owned(),
+            2 => "a frame engine".to_owned(),
+            other => format!("kind {other}"),
+        }
+    }
+}
