@@ -22,10 +22,10 @@ use meissner_engine::{
 use meissner_kernels::WinogradTile;
 use meissner_live::{Live, Overload, Predictor, QueueOptions};
 use meissner_models::{Description, Weights};
-use meissner_tests::frame_networks::{Style, network, sequence};
-use meissner_tests::random::Random;
 use meissner_tests::shared::find_shared;
 use meissner_tests::snapshots::sealed;
+use meissner_verify::Random;
+use meissner_verify::frame_networks::{Style, network, sequence};
 
 /// The system's allocator, counted.
 struct Counting;

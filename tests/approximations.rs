@@ -5,9 +5,7 @@ use meissner_engine::{
     Candidates, Engine, EngineError, Event, Network, Outcome, Search, Sensor, StaleReadout, Staleness,
 };
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::{Watched, bits};
-use meissner_tests::networks;
-use meissner_tests::streams::{self, Verb};
+use meissner_verify::{CheckedEngine, Step, bits, networks, strategies};
 use proptest::prelude::*;
 
 /// Some of the ways in which a network may be adapted.
@@ -62,51 +60,46 @@ proptest! {
 
     #[test]
     fn an_adapted_network_is_exact_in_itself(
-        shape in networks::network(), adaptation in adaptation(), script in streams::script(120),
+        shape in strategies::network(), adaptation in adaptation(), script in strategies::script(120),
     ) {
         let network = adaptation.of(shape.build());
-        let mut watched = Watched::new(network, script.sensor, Search::Exhaustive);
-        prop_assert_eq!(watched.run(&script), Ok(()));
+        let mut checked = CheckedEngine::new(network, script.sensor, Search::Exhaustive);
+        prop_assert_eq!(checked.run(&script), Ok(()));
     }
 
     #[test]
     fn a_stale_prediction_is_the_exact_one_of_its_time_and_younger_than_its_bounds(
-        shape in networks::network(), script in streams::script(200), bound in staleness(),
+        shape in strategies::network(), script in strategies::script(200), bound in staleness(),
     ) {
         let network = std::sync::Arc::new(shape.build());
         let engine = || Engine::new(std::sync::Arc::clone(&network), script.sensor).expect("exact");
         let (mut exact, mut stale) = (engine(), StaleReadout::new(engine(), bound).expect("admissible"));
-        let (mut clock, mut accepted) = (script.origin_us, 0);
+        let mut accepted = 0;
         let mut stands: Option<Exact> = None;
         let mut returned = 0;
-        for verb in &script.verbs {
-            match *verb {
-                Verb::Push { dt, x, y, on } => {
-                    let event = script.event(clock, (dt, x, y, on));
+        for step in &script.steps {
+            match *step {
+                Step::Push(event) => {
                     let outcome = exact.push(event);
                     prop_assert_eq!(stale.push(event), outcome);
-                    if outcome == Outcome::Accepted {
-                        clock = event.t_us;
-                        accepted += 1;
-                    }
+                    accepted += u64::from(outcome == Outcome::Accepted);
                 }
-                Verb::Advance { dt } => {
-                    exact.advance(clock + dt);
-                    stale.advance(clock + dt);
-                    clock = exact.now_us().unwrap_or(clock);
+                Step::Advance(t_us) => {
+                    exact.advance(t_us);
+                    stale.advance(t_us);
                 }
-                Verb::Reset => {
+                Step::Reset => {
                     exact.reset();
                     stale.reset();
                     stands = None;
                 }
-                Verb::Snapshot => {
+                Step::Snapshot | Step::Bytes => {
                     let before = stale.clone();
-                    stale.push(script.event(clock, (3, 1, 1, true)));
+                    stale.push(Event::new(exact.now_us().unwrap_or(0) + 3, 1, 1, true));
                     stale.predict().expect("finite");
                     stale = before;
                 }
-                Verb::Predict => {
+                Step::Predict => {
                     let now_us = exact.now_us();
                     let now = exact.predict().expect("finite");
                     let now = Exact {

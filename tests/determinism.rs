@@ -6,10 +6,10 @@ use meissner_engine::{
     StaleReadout, Stream,
 };
 use meissner_kernels::Isa;
-use meissner_tests::compare::bits;
 use meissner_tests::fixed_run::{self, Mode};
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::random::Random;
+use meissner_verify::Random;
+use meissner_verify::bits;
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 
 const SENSOR: Sensor = Sensor { width: 120, height: 90 };
 

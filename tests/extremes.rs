@@ -12,7 +12,7 @@ use meissner_engine::{
     Batch, Engine, EngineError, Event, Fraction, LatePolicy, Network, Options, Reach, Search, Sensor,
     StaleReadout, Staleness, Stream,
 };
-use meissner_tests::networks;
+use meissner_verify::strategies;
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 6, height: 5 };
@@ -71,7 +71,7 @@ proptest! {
 
     #[test]
     fn an_engine_takes_or_drops_any_event_at_any_time(
-        shape in networks::network(), steps in steps(), late in late(), stale in 1i64..5_000,
+        shape in strategies::network(), steps in steps(), late in late(), stale in 1i64..5_000,
     ) {
         let options = Options::new().with_late(late);
         let engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
@@ -92,7 +92,7 @@ proptest! {
 
     #[test]
     fn a_network_of_extreme_numbers_is_refused_or_runs(
-        shape in networks::network(), steps in steps(), scale in scale(), span_us in span(), r in radius(),
+        shape in strategies::network(), steps in steps(), scale in scale(), span_us in span(), r in radius(),
         cell in [fraction(), fraction()], times in [fraction(), fraction()], capacity in 1usize..9,
     ) {
         let mut parts = shape.build().parts().clone();
@@ -134,7 +134,7 @@ proptest! {
 
     #[test]
     fn a_batch_runs_on_any_stream_or_refuses_it(
-        shape in networks::network(), steps in steps(), epoch_us in time(), now_us in time(), sorted in any::<bool>(),
+        shape in strategies::network(), steps in steps(), epoch_us in time(), now_us in time(), sorted in any::<bool>(),
     ) {
         let mut events: Vec<Event> = steps.into_iter().map(|(event, _)| event).collect();
         if sorted {

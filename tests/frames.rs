@@ -6,9 +6,9 @@ use meissner_engine::frames::{
     FrameShape, Skip,
 };
 use meissner_kernels::{Activation, Isa, WinogradTile};
-use meissner_tests::compare::bits;
-use meissner_tests::frame_networks::{Style, network, sequence};
-use meissner_tests::random::Random;
+use meissner_verify::frame_networks::{Style, network, sequence};
+use meissner_verify::strategies::frame_style;
+use meissner_verify::{Random, bits};
 use proptest::prelude::*;
 
 fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
@@ -20,18 +20,6 @@ fn predict(engine: &mut FrameEngine) -> Vec<u32> {
     bits(engine.predict().expect("finite values").values)
 }
 
-fn style() -> impl Strategy<Value = Style> {
-    prop_oneof![
-        3 => Just(Style::Classifier),
-        3 => any::<bool>().prop_map(|squeeze| Style::UNet { squeeze }),
-        2 => Just(Style::ConvolutionsThenLstm),
-        2 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
-            .prop_map(|(hidden, peepholes)| Style::ConvLstm { hidden, peepholes }),
-        1 => Just(Style::Delays),
-        3 => any::<bool>().prop_map(|vector| Style::Committee { vector }),
-    ]
-}
-
 fn cases() -> u32 {
     std::env::var("MEISSNER_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
 }
@@ -41,7 +29,7 @@ proptest! {
 
     #[test]
     fn what_is_skipped_changes_no_bit(
-        style in style(),
+        style in frame_style(),
         channels in 1usize..4,
         (height, width) in (1usize..7, 1usize..25).prop_map(|(h, w)| (4 * h, 4 * w)),
         wide in prop_oneof![Just(3usize), Just(8), Just(16), Just(33)],
@@ -83,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn instruction_sets_give_the_same_bits(style in style(), seed in any::<u64>()) {
+    fn instruction_sets_give_the_same_bits(style in frame_style(), seed in any::<u64>()) {
         let size = [2, 12, 20];
         let parts = network(style, size, 8, seed);
         let run = |isa| {
@@ -100,7 +88,7 @@ proptest! {
     }
 
     #[test]
-    fn a_reset_engine_is_as_new(style in style(), seed in any::<u64>(), sparse in any::<bool>()) {
+    fn a_reset_engine_is_as_new(style in frame_style(), seed in any::<u64>(), sparse in any::<bool>()) {
         let size = [2, 8, 12];
         let parts = network(style, size, 8, seed);
         let options = FrameOptions::new().with_sparse(sparse);

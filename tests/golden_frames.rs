@@ -4,8 +4,8 @@
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
 use meissner_models::Weights;
-use meissner_tests::compare::bits;
 use meissner_tests::shared::{Golden, assert_close, frame_description, shared};
+use meissner_verify::bits;
 
 const PREDICTION: f32 = 1e-4;
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use meissner_engine::{Batch, Engine, Event, LevelTrace, Network, Search, Sensor, Stream, Trace};
 use meissner_kernels::Matrix;
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::bits;
 use meissner_tests::shared::{Golden, assert_close, shared};
+use meissner_verify::bits;
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const LAYER: f32 = 1e-5;

@@ -3,9 +3,8 @@
 //! `MEISSNER_CASES` sets the number of cases (5,000 without it).
 
 use meissner_engine::{Candidates, Event, GraphRule, Reach, Search, Sensor};
-use meissner_tests::compare::Watched;
-use meissner_tests::networks::{self, NetworkShape, PoolShape};
-use meissner_tests::streams::{self, Script};
+use meissner_verify::networks::{NetworkShape, PoolShape};
+use meissner_verify::{CheckedEngine, strategies};
 use proptest::prelude::*;
 
 /// One case of so many.
@@ -19,11 +18,12 @@ proptest! {
     #![proptest_config(config(1))]
 
     #[test]
-    fn incremental_equals_batch_bit_for_bit(shape in networks::network(), script in prop_oneof![7 => streams::script(120), 1 => streams::script(700)]) {
-        let mut watched = Watched::new(shape.build(), script.sensor, Search::Exhaustive);
-        prop_assert_eq!(watched.run(&script), Ok(()));
+    fn incremental_equals_batch_bit_for_bit(shape in strategies::network(), script in prop_oneof![7 => strategies::script(120), 1 => strategies::script(700)]) {
+        let mut checked = CheckedEngine::new(shape.build(), script.sensor, Search::Exhaustive);
+        prop_assert_eq!(checked.run(&script), Ok(()));
+        prop_assert_eq!(checked.refused, 0, "random networks compute numbers");
         // The grid of a batch, which is there for speed, has the same rows in the end.
-        prop_assert_eq!(watched.compare_with(Search::Grid), Ok(()));
+        prop_assert_eq!(checked.compare_with(Search::Grid), Ok(()));
     }
 }
 
@@ -33,10 +33,9 @@ proptest! {
 
     /// The graph is searched in larger cells there.
     #[test]
-    fn incremental_equals_batch_bit_for_bit_on_large_sensors(shape in networks::network(), script in streams::script(60), width in 70..=u16::MAX, height in 70..=u16::MAX) {
-        let script = Script { sensor: Sensor::new(width, height), ..script };
-        let mut watched = Watched::new(shape.build(), script.sensor, Search::Exhaustive);
-        prop_assert_eq!(watched.run(&script), Ok(()));
+    fn incremental_equals_batch_bit_for_bit_on_large_sensors(shape in strategies::network(), script in strategies::script_on((70..=u16::MAX, 70..=u16::MAX), 60)) {
+        let mut checked = CheckedEngine::new(shape.build(), script.sensor, Search::Exhaustive);
+        prop_assert_eq!(checked.run(&script), Ok(()));
     }
 }
 
@@ -58,9 +57,9 @@ fn cells_in_time_above_coarser_cells_in_time_do_not_share_a_slot() {
         head: None,
         seed: 0,
     };
-    let mut watched = Watched::new(shape.build(), Sensor::new(1, 1), Search::Exhaustive);
+    let mut checked = CheckedEngine::new(shape.build(), Sensor::new(1, 1), Search::Exhaustive);
     for t in [0, 189, 219, 240, 256, 256, 256, 256, 256, 256] {
-        watched.push(Event::new(t, 0, 0, false));
-        assert_eq!(watched.compare(), Ok(()));
+        checked.push(Event::new(t, 0, 0, false));
+        assert_eq!(checked.compare(), Ok(()));
     }
 }

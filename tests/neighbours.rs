@@ -2,8 +2,8 @@
 
 use meissner_engine::{Batch, Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor, Stream};
 use meissner_reference::{PROPOSE, from_tree};
-use meissner_tests::networks::NetworkShape;
-use meissner_tests::random::Random;
+use meissner_verify::Random;
+use meissner_verify::networks::NetworkShape;
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 48, height: 36 };

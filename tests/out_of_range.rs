@@ -16,7 +16,7 @@ use meissner_engine::{
     Batch, Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Network, Options, Reach, Sensor,
     StaleReadout, Staleness, Stream,
 };
-use meissner_tests::networks::{BlockShape, NetworkShape};
+use meissner_verify::networks::{BlockShape, NetworkShape};
 
 const SENSOR: Sensor = Sensor { width: 6, height: 5 };
 const LARGEST: Sensor = Sensor { width: u16::MAX, height: u16::MAX };

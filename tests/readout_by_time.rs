@@ -3,7 +3,7 @@
 
 use meissner_engine::{Event, Network, Search, Sensor};
 use meissner_models::{Description, draw};
-use meissner_tests::compare::Watched;
+use meissner_verify::CheckedEngine;
 
 /// Cells of 100 us in a window of 300; the readout has four grids of one cell.
 const NETWORK: &str = r#"[network]
@@ -39,43 +39,43 @@ names = ["a", "b", "c"]
 unit = "1"
 "#;
 
-fn watched() -> Watched {
+fn checked() -> CheckedEngine {
     let description = Description::parse(NETWORK).expect("consistent");
     let network: Network = description.network(&draw(&description, 5)).expect("drawn weights fit");
-    Watched::new(network, Sensor::new(4, 4), Search::Exhaustive)
+    CheckedEngine::new(network, Sensor::new(4, 4), Search::Exhaustive)
 }
 
 /// The readout's values from the newest cell in time to the oldest.
-fn ages(watched: &Watched) -> Vec<f32> {
-    let readout = watched.trace().expect("numbers").readout;
+fn ages(checked: &CheckedEngine) -> Vec<f32> {
+    let readout = checked.trace().expect("numbers").readout;
     (0..readout.rows()).flat_map(|row| readout.values(row).collect::<Vec<_>>()).collect()
 }
 
 #[test]
 fn what_time_moves_on_from_ages_and_leaves() {
-    let mut watched = watched();
-    watched.push(Event::new(1_000, 1, 1, false));
-    assert_eq!(ages(&watched), [-1.0, 0.0, 0.0, 0.0]);
-    watched.push(Event::new(1_120, 1, 1, true));
-    assert_eq!(ages(&watched), [1.0, -1.0, 0.0, 0.0]);
-    watched.advance(1_300);
-    assert_eq!(ages(&watched), [0.0, 0.0, 1.0, -1.0]);
-    watched.advance(1_301);
-    assert_eq!(ages(&watched), [0.0, 0.0, 1.0, 0.0]);
-    watched.advance(1_400);
-    assert_eq!(ages(&watched), [0.0, 0.0, 0.0, 1.0]);
-    watched.advance(1_421);
-    assert_eq!(ages(&watched), [0.0; 4]);
+    let mut checked = checked();
+    checked.push(Event::new(1_000, 1, 1, false));
+    assert_eq!(ages(&checked), [-1.0, 0.0, 0.0, 0.0]);
+    checked.push(Event::new(1_120, 1, 1, true));
+    assert_eq!(ages(&checked), [1.0, -1.0, 0.0, 0.0]);
+    checked.advance(1_300);
+    assert_eq!(ages(&checked), [0.0, 0.0, 1.0, -1.0]);
+    checked.advance(1_301);
+    assert_eq!(ages(&checked), [0.0, 0.0, 1.0, 0.0]);
+    checked.advance(1_400);
+    assert_eq!(ages(&checked), [0.0, 0.0, 0.0, 1.0]);
+    checked.advance(1_421);
+    assert_eq!(ages(&checked), [0.0; 4]);
 }
 
 #[test]
 fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
-    let mut watched = watched();
-    watched.push(Event::new(0, 1, 1, true));
-    let mut seen = vec![watched.predict().expect("equal to batch")];
+    let mut checked = checked();
+    checked.push(Event::new(0, 1, 1, true));
+    let mut seen = vec![checked.predict().expect("equal to batch")];
     for now in [99, 100, 199, 200, 299, 300] {
-        watched.advance(now);
-        seen.push(watched.predict().expect("equal to batch"));
+        checked.advance(now);
+        seen.push(checked.predict().expect("equal to batch"));
     }
     assert_eq!(seen[0], seen[1], "within a cell nothing ages");
     assert!(seen[1] != seen[2] && seen[3] != seen[4] && seen[5] != seen[6], "{seen:?}");
@@ -83,12 +83,12 @@ fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
 
 #[test]
 fn a_reset_begins_with_the_cell_of_the_next_event() {
-    let mut watched = watched();
-    watched.push(Event::new(0, 1, 1, true));
-    watched.push(Event::new(250, 1, 1, true));
-    watched.predict().expect("equal to batch");
-    watched.reset();
-    watched.push(Event::new(777, 2, 2, false));
-    assert_eq!(ages(&watched), [-1.0, 0.0, 0.0, 0.0]);
-    watched.predict().expect("equal to batch");
+    let mut checked = checked();
+    checked.push(Event::new(0, 1, 1, true));
+    checked.push(Event::new(250, 1, 1, true));
+    checked.predict().expect("equal to batch");
+    checked.reset();
+    checked.push(Event::new(777, 2, 2, false));
+    assert_eq!(ages(&checked), [-1.0, 0.0, 0.0, 0.0]);
+    checked.predict().expect("equal to batch");
 }

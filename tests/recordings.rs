@@ -2,8 +2,8 @@
 
 use meissner_engine::Search;
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::Watched;
 use meissner_tests::shared::shared;
+use meissner_verify::CheckedEngine;
 
 const EVENTS: usize = 20_000;
 /// Events from one comparison of predictions to the next; the batch searches by its grid, which is fast and no oracle.
@@ -19,16 +19,16 @@ fn compare(recording: &str, network: &str) {
     let description = Description::shipped(network).expect("a shipped network");
     let weights = Weights::shipped(network).expect("shipped weights");
     let network = std::sync::Arc::new(description.network(&weights).expect("the weights fit"));
-    let mut watched = Watched::new(std::sync::Arc::clone(&network), sensor, Search::Grid);
+    let mut checked = CheckedEngine::new(std::sync::Arc::clone(&network), sensor, Search::Grid);
     for (i, &event) in recording.events.iter().take(EVENTS).enumerate() {
-        watched.push(event);
+        checked.push(event);
         if i % (EVERY * WHOLE) == 0 {
             let all_pairs = i % (2 * EVERY * WHOLE) == 0;
             let oracle =
                 if all_pairs { Search::Exhaustive } else { Search::Proposed(meissner_reference::PROPOSE) };
-            watched.compare_with(oracle).unwrap_or_else(|e| panic!("event {i}: {e}"));
+            checked.compare_with(oracle).unwrap_or_else(|e| panic!("event {i}: {e}"));
         } else if i % EVERY == 0 {
-            watched.predict().unwrap_or_else(|e| panic!("event {i}: {e}"));
+            checked.predict().unwrap_or_else(|e| panic!("event {i}: {e}"));
         }
     }
 }

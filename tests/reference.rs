@@ -11,10 +11,9 @@ use meissner_engine::{
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, ReferenceError};
-use meissner_tests::compare::Watched;
-use meissner_tests::frame_networks::{self, Style};
-use meissner_tests::networks::network;
-use meissner_tests::streams::script;
+use meissner_verify::CheckedEngine;
+use meissner_verify::frame_networks::{self, Style};
+use meissner_verify::strategies::{network, script};
 use proptest::prelude::*;
 
 fn config() -> ProptestConfig {
@@ -75,10 +74,10 @@ proptest! {
         let (network, head) = shape.build_with_head();
         let network = Arc::new(network);
         let reference = EventReference::new(Arc::clone(&network), script.sensor, head).expect("fixed scales");
-        let mut watched = Watched::new(network, script.sensor, Search::Exhaustive);
-        let done = watched.run_with(&script, |watched| {
-            watched.compare()?;
-            compare(&watched.trace()?, &reference.forward(watched.stream()))
+        let mut checked = CheckedEngine::new(network, script.sensor, Search::Exhaustive);
+        let done = checked.run_with(&script, |checked| {
+            checked.compare().map_err(|e| e.to_string())?;
+            compare(&checked.trace().map_err(|e| e.to_string())?, &reference.forward(checked.stream()))
         });
         prop_assert_eq!(done, Ok(()));
     }
@@ -172,11 +171,11 @@ fn three_events_on_a_line_are_what_a_hand_computes() {
     // Columns 0 to 3 hold the first two, of which 0.75 is larger.
     assert_eq!(trace.readout, [[0.75], [0.125]]);
     assert_eq!(trace.prediction, [0.5 + 0.75 + 1.25]);
-    let mut watched = Watched::new(network, sensor, Search::Exhaustive);
+    let mut checked = CheckedEngine::new(network, sensor, Search::Exhaustive);
     for event in events {
-        watched.push(event);
+        checked.push(event);
     }
-    assert_eq!(watched.predict(), Ok(vec![2.5]));
+    assert_eq!(checked.predict(), Ok(vec![2.5]));
 }
 
 #[test]

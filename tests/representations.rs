@@ -9,7 +9,7 @@ use meissner_engine::representations::{
 use meissner_engine::{Event, Sensor};
 use meissner_tests::event_frames::{Frames, History, Kept, What, keep, place, set};
 use meissner_tests::shared::shared;
-use meissner_tests::streams::{self, Script, Verb};
+use meissner_verify::{Step, strategies};
 use proptest::prelude::*;
 
 fn config() -> ProptestConfig {
@@ -21,23 +21,6 @@ fn config() -> ProptestConfig {
 fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
     let (x, y) = (x % sensor.width, y % sensor.height);
     Crop::new(x, y, 1 + width % (sensor.width - x), 1 + height % (sensor.height - y))
-}
-
-/// The verbs of a script with absolute times: events, and moments to advance to.
-fn timed(script: &Script) -> impl Iterator<Item = (i64, &Verb, Option<Event>)> {
-    let mut now = script.origin_us;
-    script.verbs.iter().map(move |verb| match *verb {
-        Verb::Push { dt, x, y, on } => {
-            let event = script.event(now, (dt, x, y, on));
-            now = now.max(event.t_us);
-            (now, verb, Some(event))
-        }
-        Verb::Advance { dt } => {
-            now += dt;
-            (now, verb, None)
-        }
-        _ => (now, verb, None),
-    })
 }
 
 /// Every frame since time began, the open one last.
@@ -68,7 +51,7 @@ proptest! {
 
     #[test]
     fn consecutive_frames_equal_frames_from_all_events(
-        script in streams::script(120),
+        script in strategies::script(120),
         corner in any::<[u16; 4]>(),
         period_us in prop_oneof![40i64..200, 200i64..3_000],
         start in proptest::option::of(-500i64..500),
@@ -83,28 +66,27 @@ proptest! {
         let mut history = History::new(script.sensor, options.start_us);
         let values = what.channels() * options.crop.pixels();
         let mut kept = vec![];
-        for (now, verb, event) in timed(&script) {
-            match verb {
-                Verb::Push { .. } => {
-                    let event = event.expect("a push has one");
+        for step in &script.steps {
+            match *step {
+                Step::Push(event) => {
                     history.push(event);
                     frames.push(event, |completed| keep(&mut kept, values, completed));
                 }
-                Verb::Advance { .. } => {
+                Step::Advance(now) => {
                     history.advance(now);
                     frames.advance(now, |completed| keep(&mut kept, values, completed));
                 }
-                Verb::Predict => {
+                Step::Predict => {
                     let _ = frames.open();
                 }
-                Verb::Reset => {
+                Step::Reset => {
                     kept.extend(frames.open().map(Kept::of));
                     prop_assert_eq!(&kept, &all_frames(what, options, &history));
                     kept.clear();
                     history.reset();
                     frames.reset();
                 }
-                Verb::Snapshot => {}
+                Step::Snapshot | Step::Bytes => {}
             }
         }
         kept.extend(frames.open().map(Kept::of));
@@ -113,7 +95,7 @@ proptest! {
 
     #[test]
     fn a_sliding_frame_equals_the_frame_from_the_events_of_its_span(
-        script in streams::script(200),
+        script in strategies::script(200),
         corner in any::<[u16; 4]>(),
         span_us in prop_oneof![1i64..100, 100i64..3_000],
         capacity in prop_oneof![1usize..40, Just(1_000)],
@@ -123,22 +105,21 @@ proptest! {
         let mut sliding = SlidingSigned::new(sensor, crop, rule, span_us, capacity).expect("admissible");
         let mut history = History::new(sensor, None);
         let mut before = vec![0.0; crop.pixels()];
-        for (now, verb, event) in timed(&script) {
-            match verb {
-                Verb::Push { .. } => {
-                    let event = event.expect("a push has one");
+        for step in &script.steps {
+            match *step {
+                Step::Push(event) => {
                     history.push(event);
                     sliding.push(event);
                 }
-                Verb::Advance { .. } => {
+                Step::Advance(now) => {
                     history.advance(now);
                     sliding.advance(now);
                 }
-                Verb::Reset => {
+                Step::Reset => {
                     history.reset();
                     sliding.reset();
                 }
-                Verb::Predict | Verb::Snapshot => {
+                Step::Predict | Step::Snapshot | Step::Bytes => {
                     let (start_us, mut events) = history.clock().map_or((0, vec![]), |(_, now)| {
                         (now - span_us, history.between(now - span_us, now))
                     });
@@ -155,7 +136,7 @@ proptest! {
 
     #[test]
     fn a_time_surface_decays_from_the_latest_event_of_each_pixel_and_polarity(
-        script in streams::script(200),
+        script in strategies::script(200),
         corner in any::<[u16; 4]>(),
         scale in prop_oneof![0.5f32..20.0, 20f32..5_000.0],
         linear in any::<bool>(),
@@ -164,22 +145,21 @@ proptest! {
         let decay = if linear { Decay::Linear { span_us: scale } } else { Decay::Exponential { tau_us: scale } };
         let mut surface = TimeSurface::new(sensor, crop, decay).expect("admissible");
         let mut history = History::new(sensor, None);
-        for (now, verb, event) in timed(&script) {
-            match verb {
-                Verb::Push { .. } => {
-                    let event = event.expect("a push has one");
+        for step in &script.steps {
+            match *step {
+                Step::Push(event) => {
                     history.push(event);
                     surface.push(event);
                 }
-                Verb::Advance { .. } => {
+                Step::Advance(now) => {
                     history.advance(now);
                     surface.advance(now);
                 }
-                Verb::Reset => {
+                Step::Reset => {
                     history.reset();
                     surface.reset();
                 }
-                Verb::Predict | Verb::Snapshot => {
+                Step::Predict | Step::Snapshot | Step::Bytes => {
                     let surface = surface.surface();
                     let now = history.clock().map(|(_, now)| now);
                     prop_assert_eq!(surface.at_us, now);
@@ -203,7 +183,7 @@ proptest! {
 
     #[test]
     fn a_voxel_grid_equals_its_formula_and_is_free_of_order(
-        script in streams::script(120),
+        script in strategies::script(120),
         corner in any::<[u16; 4]>(),
         bins in 1usize..12,
         centres in any::<bool>(),
@@ -216,7 +196,7 @@ proptest! {
         let mut grid = VoxelGrid::new(sensor, crop, bins, time, 0..=77).expect("admissible");
         grid.push(Event::new(5, crop.x, crop.y, true));
         grid.restart(start..=end).expect("admissible");
-        let events: Vec<Event> = timed(&script).filter_map(|(_, _, event)| event).collect();
+        let events: Vec<Event> = script.steps.iter().filter_map(Step::input).copied().collect();
         let mut expected = vec![0f64; bins * crop.pixels()];
         for &event in &events {
             let pixel = place(crop, &event).filter(|_| (start..=end).contains(&event.t_us));

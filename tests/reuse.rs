@@ -8,7 +8,7 @@ use meissner_engine::{
     Stage,
 };
 use meissner_kernels::{SplineConv, SplineParts};
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 
 const SENSOR: Sensor = Sensor { width: 100, height: 100 };
 const SPAN_US: i64 = 1_000;

@@ -5,10 +5,9 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{Engine, EngineError, LatePolicy, Options, Outcome, Snapshot};
-use meissner_tests::compare::bits;
-use meissner_tests::networks::{self, NetworkShape};
-use meissner_tests::streams::{self, Script, Verb};
+use meissner_engine::{Engine, EngineError, Event, LatePolicy, Options, Snapshot};
+use meissner_verify::networks::NetworkShape;
+use meissner_verify::{Script, Step, bits, strategies};
 use proptest::prelude::*;
 
 fn config() -> ProptestConfig {
@@ -31,23 +30,15 @@ fn engine(shape: &NetworkShape, script: &Script, options: Options) -> Engine {
     Engine::with_options(Arc::new(shape.build()), script.sensor, options).expect("admissible")
 }
 
-/// Does what a verb says, but for predictions; the time afterwards.
-fn act(engine: &mut Engine, script: &Script, verb: &Verb, clock: i64) -> i64 {
-    match *verb {
-        Verb::Push { dt, x, y, on } => {
-            let event = script.event(clock, (dt, x, y, on));
-            let accepted = engine.push(event) == Outcome::Accepted;
-            if accepted { clock.max(event.t_us) } else { clock }
+/// Performs a step, unless it reads a prediction.
+fn act(engine: &mut Engine, step: &Step) {
+    match *step {
+        Step::Push(event) => {
+            engine.push(event);
         }
-        Verb::Advance { dt } => {
-            engine.advance(clock + dt);
-            if engine.now_us().is_some() { clock + dt } else { clock }
-        }
-        Verb::Reset => {
-            engine.reset();
-            clock
-        }
-        Verb::Predict | Verb::Snapshot => clock,
+        Step::Advance(t_us) => engine.advance(t_us),
+        Step::Reset => engine.reset(),
+        Step::Predict | Step::Snapshot | Step::Bytes => {}
     }
 }
 
@@ -80,17 +71,16 @@ proptest! {
 
     #[test]
     fn an_engine_that_goes_on_from_bytes_has_the_same_bits(
-        shape in networks::network(),
-        script in prop_oneof![7 => streams::script(120), 1 => streams::script(700)],
+        shape in strategies::network(),
+        script in prop_oneof![7 => strategies::script(120), 1 => strategies::script(700)],
         options in options(),
         cut in 0.0f64..1.0,
     ) {
-        let cut = (script.verbs.len() as f64 * cut) as usize;
+        let cut = (script.steps.len() as f64 * cut) as usize;
         let mut whole = engine(&shape, &script, options);
-        let mut clock = script.origin_us;
-        for verb in &script.verbs[..cut] {
-            clock = act(&mut whole, &script, verb, clock);
-            if matches!(verb, Verb::Predict | Verb::Snapshot) {
+        for step in &script.steps[..cut] {
+            act(&mut whole, step);
+            if matches!(step, Step::Predict | Step::Snapshot) {
                 let _ = whole.predict();
             }
         }
@@ -98,19 +88,18 @@ proptest! {
         let mut resumed = engine(&shape, &script, options);
         resumed.restore_bytes(&bytes).expect("its own bytes");
         prop_assert_eq!(&resumed.to_bytes(), &bytes, "what is restored is written as it was");
-        for (i, verb) in script.verbs[cut..].iter().enumerate() {
-            let next = act(&mut whole, &script, verb, clock);
-            prop_assert_eq!(act(&mut resumed, &script, verb, clock), next);
-            clock = next;
-            match verb {
-                Verb::Predict => prop_assert_eq!(show(&mut resumed), show(&mut whole), "verb {}", cut + i),
-                Verb::Snapshot => {
+        for (i, step) in script.steps[cut..].iter().enumerate() {
+            act(&mut whole, step);
+            act(&mut resumed, step);
+            match step {
+                Step::Predict => prop_assert_eq!(show(&mut resumed), show(&mut whole), "step {}", cut + i),
+                Step::Snapshot => {
                     // What has gone on for a while is written and read again.
                     let bytes = resumed.snapshot().to_bytes();
                     let snapshot = Snapshot::from_bytes(&bytes).expect("bytes of a snapshot");
                     prop_assert_eq!(&snapshot.to_bytes(), &bytes);
                     resumed = engine(&shape, &script, options);
-                    resumed.push(script.event(clock, (7, 1, 2, true)));
+                    resumed.push(Event::new(script.origin_us, 0, 0, true));
                     resumed.restore(&snapshot).expect("its own bytes");
                 }
                 _ => {}

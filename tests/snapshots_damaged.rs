@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor};
-use meissner_tests::frame_networks::{Style, network, sequence};
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
 use meissner_tests::snapshots::{Restores, sealed};
+use meissner_verify::frame_networks::{Style, network, sequence};
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 
 /// An engine over events that has seen some, and the bytes of one that has seen more.
 fn over_events() -> (Engine, Vec<u8>) {

@@ -6,9 +6,10 @@ use meissner_engine::frames::{
     Skip,
 };
 use meissner_kernels::{Isa, WinogradTile};
-use meissner_tests::compare::bits;
-use meissner_tests::frame_networks::{Style, network, sequence};
 use meissner_tests::snapshots::sealed;
+use meissner_verify::bits;
+use meissner_verify::frame_networks::{Style, network, sequence};
+use meissner_verify::strategies::frame_style;
 use proptest::prelude::*;
 
 fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOptions) -> FrameEngine {
@@ -19,18 +20,6 @@ fn engine(parts: &FrameNetworkParts, convolution: Convolution, options: FrameOpt
 fn predict(engine: &mut FrameEngine) -> (Vec<u32>, u64) {
     let prediction = engine.predict().expect("finite values");
     (bits(prediction.values), prediction.frames)
-}
-
-fn style() -> impl Strategy<Value = Style> {
-    prop_oneof![
-        2 => Just(Style::Classifier),
-        2 => any::<bool>().prop_map(|squeeze| Style::UNet { squeeze }),
-        2 => Just(Style::ConvolutionsThenLstm),
-        3 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
-            .prop_map(|(hidden, peepholes)| Style::ConvLstm { hidden, peepholes }),
-        2 => Just(Style::Delays),
-        3 => any::<bool>().prop_map(|vector| Style::Committee { vector }),
-    ]
 }
 
 fn options() -> impl Strategy<Value = FrameOptions> {
@@ -47,7 +36,7 @@ proptest! {
 
     #[test]
     fn a_frame_engine_that_goes_on_from_bytes_has_the_same_bits(
-        style in style(),
+        style in frame_style(),
         channels in 1usize..4,
         (height, width) in (1usize..7, 1usize..25).prop_map(|(h, w)| (4 * h, 4 * w)),
         wide in prop_oneof![Just(3usize), Just(8), Just(16)],
@@ -88,7 +77,7 @@ proptest! {
 
     #[test]
     fn bytes_that_are_cut_or_flipped_are_refused_and_change_nothing(
-        style in style(),
+        style in frame_style(),
         options in options(),
         place in 0.0f64..1.0,
         bit in 0u32..8,
@@ -114,7 +103,7 @@ proptest! {
 
     #[test]
     fn a_content_that_was_made_up_is_refused_or_gives_other_numbers(
-        style in style(),
+        style in frame_style(),
         options in options(),
         changes in proptest::collection::vec(
             (0.0f64..1.0, prop_oneof![Just(1u64 << 63), Just(u64::MAX), Just(0), any::<u64>()]), 1..4,

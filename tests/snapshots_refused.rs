@@ -7,10 +7,10 @@ use meissner_engine::{
     NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
 };
 use meissner_kernels::{Activation, Dense, Isa, SplineConv, SplineParts};
-use meissner_tests::compare::bits;
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::random::Random;
 use meissner_tests::snapshots::sealed;
+use meissner_verify::Random;
+use meissner_verify::bits;
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 20, height: 10 };

@@ -4,9 +4,9 @@ use meissner_engine::{
     Admission, Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options,
     Outcome, Reach, Search, Sensor,
 };
-use meissner_tests::compare::Watched;
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::random::Random;
+use meissner_verify::CheckedEngine;
+use meissner_verify::Random;
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 
 const SPAN_US: i64 = 1_000;
 const SENSOR: Sensor = Sensor { width: 40, height: 30 };
@@ -42,8 +42,8 @@ const ALL: Candidates = Candidates::All;
 const EVERY: [Candidates; 3] =
     [Candidates::All, Candidates::Past(Lifetime::Window), Candidates::Past(Lifetime::Frozen)];
 
-fn watched(candidates: Candidates) -> Watched {
-    Watched::new(shape(candidates).build(), SENSOR, Search::Exhaustive)
+fn checked(candidates: Candidates) -> CheckedEngine {
+    CheckedEngine::new(shape(candidates).build(), SENSOR, Search::Exhaustive)
 }
 
 fn rows(engine: &Engine, index: usize) -> Vec<u32> {
@@ -52,7 +52,7 @@ fn rows(engine: &Engine, index: usize) -> Vec<u32> {
 
 #[test]
 fn a_late_event_is_dropped_and_counted() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.push(Event::new(100, 1, 1, true));
     assert_eq!(stream.push(Event::new(99, 2, 2, true)), Outcome::Dropped(DropReason::Late));
     assert_eq!(stream.engine.counters().events.late, 1);
@@ -72,7 +72,7 @@ fn a_late_event_enters_at_the_newest_time_where_the_policy_says_so() {
 
 #[test]
 fn an_event_before_the_last_advance_is_late() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.push(Event::new(100, 1, 1, true));
     stream.advance(200);
     assert_eq!(stream.push(Event::new(199, 2, 2, true)), Outcome::Dropped(DropReason::Late));
@@ -82,7 +82,7 @@ fn an_event_before_the_last_advance_is_late() {
 
 #[test]
 fn an_advance_before_the_first_event_or_back_in_time_changes_nothing() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.advance(1_000_000);
     assert_eq!(stream.push(Event::new(5, 1, 1, true)), Outcome::Accepted);
     stream.advance(0);
@@ -93,7 +93,7 @@ fn an_advance_before_the_first_event_or_back_in_time_changes_nothing() {
 /// Found by fuzzing: the comparison with the batch took such a time for the newest one.
 #[test]
 fn an_advance_further_than_63_bits_from_the_epoch_changes_nothing() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     assert_eq!(stream.push(Event::new(-5, 1, 1, true)), Outcome::Accepted);
     stream.advance(i64::MAX);
     assert_eq!((stream.engine.now_us(), stream.engine.nodes()), (Some(-5), 1));
@@ -106,7 +106,7 @@ fn an_advance_further_than_63_bits_from_the_epoch_changes_nothing() {
 #[test]
 fn among_equal_stamps_and_distances_the_later_arrival_comes_first() {
     for candidates in EVERY {
-        let mut stream = watched(candidates);
+        let mut stream = checked(candidates);
         for _ in 0..5 {
             stream.push(Event::new(7, 3, 3, true));
         }
@@ -117,7 +117,7 @@ fn among_equal_stamps_and_distances_the_later_arrival_comes_first() {
 
 #[test]
 fn an_event_outside_the_sensor_is_dropped_and_counted() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     for (x, y) in [(40, 0), (0, 30), (u16::MAX, u16::MAX)] {
         let outcome = stream.push(Event::new(0, x, y, true));
         assert_eq!(outcome, Outcome::Dropped(DropReason::OutsideSensor));
@@ -133,7 +133,7 @@ fn the_largest_sensor_takes_few_mib_and_gives_the_bits_of_the_batch() {
     for candidates in EVERY {
         let sensor = Sensor::new(u16::MAX, u16::MAX);
         let shape = NetworkShape { capacity: 300, ..shape(candidates) };
-        let mut stream = Watched::new(shape.build(), sensor, Search::Exhaustive);
+        let mut stream = CheckedEngine::new(shape.build(), sensor, Search::Exhaustive);
         assert!(stream.engine.state_bytes() < 8 << 20, "{candidates:?}: {}", stream.engine.state_bytes());
         let mut random = Random::new(3);
         for i in 0..600 {
@@ -151,7 +151,7 @@ fn cells_of_a_pooling_without_time_lie_in_the_middle_of_the_span() {
     let mut above = shape(ALL);
     above.pooled[0].mean = false;
     above.pooled.push(PoolShape { cell: [(1, 2), (1, 2)], ..above.pooled[0].clone() });
-    let mut stream = Watched::new(above.build(), SENSOR, Search::Exhaustive);
+    let mut stream = CheckedEngine::new(above.build(), SENSOR, Search::Exhaustive);
     stream.push(Event::new(0, 1, 1, true));
     stream.push(Event::new(900, 39, 29, true));
     for level in &stream.trace().expect("numbers").levels[1..] {
@@ -163,7 +163,7 @@ fn cells_of_a_pooling_without_time_lie_in_the_middle_of_the_span() {
 #[test]
 fn a_time_jump_of_hours_empties_the_window_and_goes_on() {
     for candidates in EVERY {
-        let mut stream = watched(candidates);
+        let mut stream = checked(candidates);
         for i in 0..6 {
             stream.push(Event::new(i, i as u16, 2, true));
         }
@@ -177,7 +177,7 @@ fn a_time_jump_of_hours_empties_the_window_and_goes_on() {
 
 #[test]
 fn a_time_too_far_from_the_epoch_is_dropped_and_counted() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.push(Event::new(-5, 1, 1, true));
     assert_eq!(stream.push(Event::new(i64::MAX, 1, 1, true)), Outcome::Dropped(DropReason::TimeOutOfRange));
     assert_eq!(stream.engine.counters().events.time_out_of_range, 1);
@@ -186,7 +186,7 @@ fn a_time_too_far_from_the_epoch_is_dropped_and_counted() {
 
 #[test]
 fn a_time_too_far_before_an_epoch_is_late() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.push(Event::new(5, 1, 1, true));
     assert_eq!(stream.push(Event::new(i64::MIN, 1, 1, true)), Outcome::Dropped(DropReason::Late));
     assert_eq!(stream.compare(), Ok(()));
@@ -230,7 +230,7 @@ fn a_node_as_far_as_the_last_neighbour_is_found_beyond_the_cells_that_are_nearer
             graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates },
             ..shape(candidates)
         };
-        let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+        let mut stream = CheckedEngine::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
         // Too many nodes to be compared one by one.
         for i in 0..70 {
             stream.push(Event::new(0, 40 + i % 20, 40 + i / 20, true));
@@ -248,7 +248,7 @@ fn a_node_as_far_as_the_last_neighbour_is_found_beyond_the_cells_that_are_nearer
 fn a_reader_whose_neighbour_was_replaced_by_a_farther_one_takes_a_newcomer_in_between() {
     let shape =
         NetworkShape { graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: ALL }, ..shape(ALL) };
-    let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+    let mut stream = CheckedEngine::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
     for (t_us, x, y) in [(0, 5, 4), (10, 4, 4), (10, 60, 60), (SPAN_US + 1, 20, 4)] {
         stream.push(Event::new(t_us, x, y, true));
     }
@@ -264,7 +264,7 @@ fn an_expired_neighbour_is_replaced_by_no_later_node_where_only_the_past_is_read
             graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates },
             ..shape(candidates)
         };
-        let mut stream = Watched::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
+        let mut stream = CheckedEngine::new(shape.build(), Sensor::new(64, 64), Search::Exhaustive);
         stream.push(Event::new(0, 5, 4, true));
         // Too many nodes to be compared one by one.
         for i in 0..70 {
@@ -290,7 +290,7 @@ fn a_search_for_more_neighbours_than_there_are_nodes_ends_also_after_a_reset() {
             graph: GraphRule { reach: Reach::Knn { k: 90 }, candidates },
             ..shape(candidates)
         };
-        let mut stream = Watched::new(shape.build(), SENSOR, Search::Exhaustive);
+        let mut stream = CheckedEngine::new(shape.build(), SENSOR, Search::Exhaustive);
         for _ in 0..2 {
             for i in 0..70 {
                 stream.push(Event::new(i, (i % 40) as u16, (i % 30) as u16, true));
@@ -304,7 +304,7 @@ fn a_search_for_more_neighbours_than_there_are_nodes_ends_also_after_a_reset() {
 #[test]
 fn a_full_window_evicts_the_oldest_event() {
     for candidates in EVERY {
-        let mut stream = watched(candidates);
+        let mut stream = checked(candidates);
         for i in 0..20 {
             stream.push(Event::new(i, (i % 7) as u16, (i % 5) as u16, i % 2 == 0));
             assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
@@ -316,7 +316,7 @@ fn a_full_window_evicts_the_oldest_event() {
 
 #[test]
 fn the_window_holds_events_of_exactly_the_span() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     stream.push(Event::new(0, 1, 1, true));
     stream.push(Event::new(SPAN_US, 2, 2, true));
     assert_eq!(stream.engine.nodes(), 2);
@@ -328,7 +328,7 @@ fn the_window_holds_events_of_exactly_the_span() {
 #[test]
 fn an_expired_neighbour_is_replaced_by_the_next_nearest() {
     for candidates in [ALL, Candidates::Past(Lifetime::Window)] {
-        let mut stream = watched(candidates);
+        let mut stream = checked(candidates);
         stream.push(Event::new(0, 10, 10, true));
         for x in [12, 14, 16, 11] {
             stream.push(Event::new(20, x, 10, true));
@@ -346,7 +346,7 @@ fn an_expired_neighbour_is_replaced_by_the_next_nearest() {
 #[test]
 fn a_list_that_loses_several_neighbours_at_once_is_filled_up_again() {
     for candidates in [ALL, Candidates::Past(Lifetime::Window)] {
-        let mut stream = watched(candidates);
+        let mut stream = checked(candidates);
         for x in [10, 11, 12] {
             stream.push(Event::new(0, x, 10, true));
         }
@@ -362,7 +362,7 @@ fn a_list_that_loses_several_neighbours_at_once_is_filled_up_again() {
 
 #[test]
 fn a_nearer_newcomer_displaces_the_farthest_neighbour() {
-    let mut stream = watched(ALL);
+    let mut stream = checked(ALL);
     for (x, y) in [(30, 20), (10, 11), (11, 10), (10, 14), (10, 10)] {
         stream.push(Event::new(500, x, y, true));
     }
@@ -374,7 +374,7 @@ fn a_nearer_newcomer_displaces_the_farthest_neighbour() {
 
 #[test]
 fn a_reset_forgets_events_clock_and_epoch() {
-    let mut stream = watched(Candidates::Past(Lifetime::Frozen));
+    let mut stream = checked(Candidates::Past(Lifetime::Frozen));
     for i in 0..5 {
         stream.push(Event::new(1_000_000 + i, 3, 3, true));
     }

@@ -12,9 +12,9 @@ use meissner_engine::{
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::bits;
-use meissner_tests::networks::{BlockShape, NetworkShape};
-use meissner_tests::random::Random;
+use meissner_verify::Random;
+use meissner_verify::bits;
+use meissner_verify::networks::{BlockShape, NetworkShape};
 
 const SENSOR: Sensor = Sensor { width: 60, height: 40 };
 

@@ -7,10 +7,9 @@ use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor,
 };
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::{Watched, bits};
-use meissner_tests::networks::{self, BlockShape, NetworkShape};
-use meissner_tests::random::Random;
-use meissner_tests::{stored, streams};
+use meissner_tests::stored;
+use meissner_verify::networks::{BlockShape, NetworkShape};
+use meissner_verify::{CheckedEngine, Random, bits, strategies};
 use proptest::prelude::*;
 
 fn config() -> ProptestConfig {
@@ -23,22 +22,22 @@ proptest! {
 
     #[test]
     fn a_stored_row_is_within_the_tolerance_of_what_its_stored_inputs_give(
-        shape in networks::network(),
-        script in prop_oneof![7 => streams::script(120), 1 => streams::script(500)],
+        shape in strategies::network(),
+        script in prop_oneof![7 => strategies::script(120), 1 => strategies::script(500)],
         tolerance in prop_oneof![Just(0.0f32), Just(1e-6), Just(1e-3), Just(0.05), Just(1.0), Just(f32::MAX)],
         poison in any::<bool>(),
     ) {
         let options = Options::new().with_tolerance(tolerance).with_poison(poison);
-        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
-        prop_assert_eq!(watched.run_with(&script, stored::check), Ok(()));
+        let mut checked = CheckedEngine::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
+        prop_assert_eq!(checked.run_with(&script, stored::check), Ok(()));
     }
 
     #[test]
-    fn a_tolerance_of_zero_equals_batch_in_bits(shape in networks::network(), script in streams::script(120)) {
+    fn a_tolerance_of_zero_equals_batch_in_bits(shape in strategies::network(), script in strategies::script(120)) {
         let options = Options::new().with_tolerance(0.0);
-        let mut watched = Watched::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
-        prop_assert_eq!(watched.run(&script), Ok(()));
-        let counters = watched.engine.counters();
+        let mut checked = CheckedEngine::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
+        prop_assert_eq!(checked.run(&script), Ok(()));
+        let counters = checked.engine.counters();
         prop_assert!(counters.layers.iter().all(|layer| layer.within_tolerance == 0));
     }
 }

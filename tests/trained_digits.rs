@@ -6,7 +6,7 @@
 
 use meissner_engine::{Batch, Engine, Event, Search, Sensor, Stream};
 use meissner_models::{Description, Weights};
-use meissner_tests::compare::bits;
+use meissner_verify::bits;
 use serde_json::Value;
 
 /// Relative to the largest magnitude of a stream's logits, at least 1.

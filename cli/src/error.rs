@@ -14,6 +14,7 @@ use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{DecisionError, SlipError};
 use meissner_pipeline::source::STDIN_NAME;
 use meissner_pipeline::{PipelineError, time};
+use meissner_verify::VerifyError;
 
 use crate::prepare::StreamsError;
 use crate::run;
@@ -216,9 +217,9 @@ pub(crate) enum CliError {
         /// Why.
         source: EngineError,
     },
-    /// A network has no form in f64.
+    /// Nothing could be verified or soaked.
     #[error(transparent)]
-    Reference(meissner_reference::ReferenceError),
+    Verify(VerifyError),
     /// Results are not what is promised; they say how.
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
@@ -252,6 +253,16 @@ impl From<LiveError> for CliError {
         match error {
             LiveError::Engine(error) => error.into(),
             error => Self::Live(error),
+        }
+    }
+}
+
+impl From<VerifyError> for CliError {
+    fn from(error: VerifyError) -> Self {
+        match error {
+            VerifyError::Engine(error) => error.into(),
+            VerifyError::Pipeline(error) => Self::Pipeline(error),
+            error => Self::Verify(error),
         }
     }
 }
@@ -294,6 +305,7 @@ impl CliError {
             | Self::BetweenFrames { .. }
             | Self::NoInput { .. }
             | Self::Decision(_)
+            | Self::Verify(VerifyError::Empty(_) | VerifyError::Line { .. })
             | Self::Digits(DigitsError::Folds { .. })
             | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),

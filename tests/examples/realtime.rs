@@ -7,7 +7,7 @@
 
 use meissner_engine::{Engine, EngineError, Event, Sensor};
 use meissner_models::{Description, Weights};
-use meissner_tests::random::Random;
+use meissner_verify::Random;
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const EVENTS: i64 = 5_000;

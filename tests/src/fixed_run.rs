@@ -12,8 +12,8 @@ use meissner_engine::{Batch, Engine, Event, Options, Search, Sensor, Stream};
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::{Description, Weights};
 
-use crate::frame_networks::{self, Style};
-use crate::random::Random;
+use meissner_verify::Random;
+use meissner_verify::frame_networks::{self, Style};
 
 /// What [`of_events`] gives, on every machine, instruction set and number of threads, from every build.
 pub const EVENTS_EXPECTED: u64 = 0x4b28_a247_4cc2_00ef;

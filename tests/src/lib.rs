@@ -1,15 +1,9 @@
-//! What the whole-engine tests share: random networks and streams, the comparison with a batch, and the files beside
-//! the project.
+//! Helpers of the whole-engine tests: oracles for filters and representations, stored rows, and the files beside the project.
+//! Random networks and streams, and the comparison with a batch, are in `meissner_verify`.
 
-pub mod compare;
 pub mod event_filters;
 pub mod event_frames;
 pub mod fixed_run;
-pub mod frame_networks;
-pub mod networks;
 pub mod shared;
 pub mod snapshots;
 pub mod stored;
-pub mod streams;
-
-pub use meissner_models::random;

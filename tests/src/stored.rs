@@ -7,25 +7,25 @@ use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use meissner_engine::{Event, Fraction, Pooling, Trace};
 use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, maximum, settle};
 
-use crate::compare::{Watched, bits};
+use meissner_verify::{CheckedEngine, bits};
 
 /// Asserts that every stored row of a block is within the engine's tolerance of what its stored inputs give, and that
 /// maxima and prediction are exactly those of the stored rows.
 ///
 /// # Errors
 /// What is not.
-pub fn check(watched: &mut Watched) -> Result<(), String> {
-    let got = watched.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
-    let trace = watched.trace()?;
-    let network = std::sync::Arc::clone(watched.engine.network());
-    let tolerance = watched.engine.tolerance();
+pub fn check(checked: &mut CheckedEngine) -> Result<(), String> {
+    let got = checked.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
+    let trace = checked.trace().map_err(|e| e.to_string())?;
+    let network = std::sync::Arc::clone(checked.engine.network());
+    let tolerance = checked.engine.tolerance();
     let mut below: Option<(Vec<Matrix>, Vec<[i128; 3]>)> = None;
     for (l, level) in trace.levels.iter().enumerate() {
         let channels = network.channels(l);
         let features: Vec<Matrix> = channels
             .iter()
             .enumerate()
-            .map(|(f, &columns)| Matrix::from_rows(columns, &watched.engine.feature(l, f).concat()))
+            .map(|(f, &columns)| Matrix::from_rows(columns, &checked.engine.feature(l, f).concat()))
             .collect();
         let cells: Vec<[i128; 3]> = match l {
             0 => vec![],
@@ -34,7 +34,7 @@ pub fn check(watched: &mut Watched) -> Result<(), String> {
         if let Some((below, below_cells)) = &below {
             let (pooling, _) = &network.parts().pooled[l - 1];
             let keys = if l == 1 {
-                watched.engine.events().iter().map(|&e| cell_of_event(watched, pooling, e)).collect()
+                checked.engine.events().iter().map(|&e| cell_of_event(checked, pooling, e)).collect()
             } else {
                 let inner = &network.parts().pooled[l - 2].0;
                 below_cells.iter().map(|&cell| cell_of_cell(pooling, inner, cell)).collect::<Vec<_>>()
@@ -77,7 +77,7 @@ pub fn check(watched: &mut Watched) -> Result<(), String> {
         below = Some((features, cells));
     }
     let (top, _) = below.unwrap_or_default();
-    let expected = prediction(watched, &trace, &top);
+    let expected = prediction(checked, &trace, &top);
     if bits(&got) == bits(&expected) {
         Ok(())
     } else {
@@ -92,10 +92,10 @@ fn same(what: &str, got: &Matrix, expected: &Matrix) -> Result<(), String> {
 }
 
 /// Cell (x, y, t) of an event.
-fn cell_of_event(watched: &Watched, pooling: &Pooling, event: Event) -> [i128; 3] {
-    let sensor = watched.engine.sensor();
-    let t = i128::from(event.t_us) - i128::from(watched.stream().epoch_us);
-    let span = i128::from(watched.engine.network().parts().span_us);
+fn cell_of_event(checked: &CheckedEngine, pooling: &Pooling, event: Event) -> [i128; 3] {
+    let sensor = checked.engine.sensor();
+    let t = i128::from(event.t_us) - i128::from(checked.stream().epoch_us);
+    let span = i128::from(checked.engine.network().parts().span_us);
     [
         pooling.cell[0].cell(event.x.into(), sensor.width.into()),
         pooling.cell[1].cell(event.y.into(), sensor.height.into()),
@@ -137,9 +137,9 @@ fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [L
 }
 
 /// The prediction that the stored rows of the last level give.
-fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
-    let network = watched.engine.network();
-    let (sensor, readout) = (watched.engine.sensor(), network.parts().readout);
+fn prediction(checked: &CheckedEngine, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
+    let network = checked.engine.network();
+    let (sensor, readout) = (checked.engine.sensor(), network.parts().readout);
     let features = &top[readout.from];
     let cell = |[x, y]: [usize; 2]| y * readout.columns + x;
     let cells: Vec<usize> = if network.levels() == 1 {
@@ -147,7 +147,7 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
             let x = usize::from(e.x) * readout.columns / usize::from(sensor.width);
             cell([x, usize::from(e.y) * readout.rows / usize::from(sensor.height)])
         };
-        watched.engine.events().iter().map(of).collect()
+        checked.engine.events().iter().map(of).collect()
     } else {
         let axis = |p: f64, cells: usize| ((p * cells as f64).floor().max(0.0) as usize).min(cells - 1);
         let positions = &trace.levels[network.levels() - 1].positions;
@@ -155,7 +155,7 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
     };
     let plane = readout.columns * readout.rows;
     let cells: Vec<usize> =
-        cells.into_iter().zip(ages(watched, trace)).map(|(cell, age)| age * plane + cell).collect();
+        cells.into_iter().zip(ages(checked, trace)).map(|(cell, age)| age * plane + cell).collect();
     let mut values = Matrix::zeros(plane * network.readout_times(), features.columns());
     for cell in 0..values.rows() {
         let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
@@ -182,12 +182,12 @@ fn prediction(watched: &Watched, trace: &Trace, top: &[Matrix]) -> Vec<f32> {
 }
 
 /// How many cells in time each row of the last level lies before the newest; 0 where the readout does not ask.
-fn ages(watched: &Watched, trace: &Trace) -> Vec<usize> {
-    let parts = watched.engine.network().parts();
+fn ages(checked: &CheckedEngine, trace: &Trace) -> Vec<usize> {
+    let parts = checked.engine.network().parts();
     let top = &trace.levels[trace.levels.len() - 1];
     let time = parts.pooled.first().and_then(|(pooling, _)| pooling.time).filter(|_| parts.readout.by_time);
     let Some(size) = time else { return vec![0; top.positions.len()] };
-    let stream = watched.stream();
+    let stream = checked.stream();
     let newest = size.cell((stream.now_us - stream.epoch_us).into(), parts.span_us.into());
     top.cells.iter().map(|cell| newest as usize - cell[2] as usize).collect()
 }

@@ -1,4 +1,4 @@
-//! `meissner soak`: what can be asked for.
+//! Arguments of `meissner soak`.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::path::PathBuf;
@@ -7,25 +7,25 @@ use meissner_engine::Sensor;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, ReadArgs, STATUS, sensor};
 
-/// How it measures, at the end of the long help.
+/// The method, at the end of the long help.
 const METHOD: &str = "\
-What is done:
-  Recordings follow one another in rounds. Each begins where the one before ended, after a random silence of 1 us to some 9 minutes, so that time always goes on. Events are pushed one at a time, as fast as possible.
+Method:
+  Recordings follow one another in a loop. Each begins where the recording before it ended, after a random silence of 1 us to some 9 minutes, so that time always goes on. Events are pushed one at a time, as fast as possible.
   Disturbances come between events, at random distances, from a shuffled deck: silences; silences in which time is moved on without an event; the state as bytes, and a new engine that goes on from them; a snapshot in memory, events that are to be forgotten, and the return to the snapshot; a reset. A prediction after a state returns has the bits of the one before.
-  Checkpoints: the prediction against the full recomputation over the accepted events since the last reset (of networks with frozen in-edges the last (blocks + 1) x capacity events, which is all that can reach it), bit for bit.
+  Checkpoints: the prediction against the full recomputation over the accepted events since the last reset (for networks with frozen in-edges over the last (blocks + 1) x capacity events, on which it depends), bit for bit.
   Latencies: each push and each prediction is timed by itself. Disturbances and checkpoints are not timed.
-  Memory: what the process has resident after a checkpoint (Linux only).
+  Memory: resident memory of the process after a checkpoint (Linux only).
 
-What is judged:
+Verdict:
   Bits: at every checkpoint and every return of a state.
   Memory: the median over the last tenth of the checkpoints against the most in the warm-up. The warm-up is the first fifth, and more until the largest batch, up to a half. With fewer than 20 checkpoints memory is not judged.
   A run that breaks either has exit status 1. Latencies are reported as ratios of the last tenth to the first, and not judged: they depend on what else the machine does.
   Everything except times and memory is determined by recordings, network and seed.";
 
-/// What `--json` writes.
+/// The keys that `--json` writes.
 const JSON: &str = "\
 JSON (--json):
-  {\"header\": what ran on what (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null where it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": what is, as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
+  {\"header\": what ran on what (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null where it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": broken promises as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
 
 /// `meissner soak`.
 #[derive(Debug, clap::Args)]

@@ -1,13 +1,16 @@
-//! Results of a soak for people.
+//! Results of a soak as text.
 
 use std::io::{self, Write};
 
-use super::report::{Checkpoint, PartReport, Report};
-use crate::text::Table;
+use meissner_engine::Sensor;
 use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::text::grouped;
+use meissner_verify::soak::{Checkpoint, PartReport, Report};
 
-/// What was measured at a checkpoint, in one line.
+use crate::text::Table;
+
+/// A checkpoint in one line.
 pub(super) fn line(row: &Checkpoint) -> String {
     let p50 = |quantiles: Option<Quantiles>| quantiles.map_or("-".to_owned(), |q| format!("{:.2}", q.p50));
     format!(
@@ -22,17 +25,17 @@ pub(super) fn line(row: &Checkpoint) -> String {
     )
 }
 
-/// Writes everything but the single checkpoints.
-pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
-    let [width, height] = report.sensor;
+/// Writes everything except the single checkpoints.
+pub(super) fn write(
+    out: &mut impl Write,
+    report: &Report,
+    card: &ModelCard,
+    sensor: Sensor,
+) -> io::Result<()> {
     writeln!(out, "recordings   {}", report.recordings.join(", "))?;
-    writeln!(out, "             {width}x{height} pixels, {} more rounds", grouped(report.rounds))?;
-    crate::header::write_model(
-        out,
-        &report.card,
-        &format!("incremental, {}", report.isa),
-        Some(report.sensor),
-    )?;
+    writeln!(out, "             {sensor} pixels, {} more rounds", grouped(report.rounds))?;
+    let mode = format!("incremental, {}", report.isa);
+    crate::header::write_model(out, card, &mode, Some([sensor.width, sensor.height]))?;
     let (events, accepted) = (grouped(report.events), grouped(report.accepted));
     writeln!(
         out,
@@ -64,12 +67,10 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
         )?,
         None => writeln!(out, "memory       not judged: too few checkpoints, or not known on this platform")?,
     }
-    if let Some(ratio) = &report.ratio {
-        for (name, ratio) in [("push", ratio.push), ("predict", ratio.predict)] {
-            if let Some(ratio) = ratio {
-                let (p50, p99) = (ratio.p50, ratio.p99);
-                writeln!(out, "latency      {name}: last tenth to first, median {p50:.2}, p99 {p99:.2}")?;
-            }
+    for (name, ratio) in [("push", report.ratio.push), ("predict", report.ratio.predict)] {
+        if let Some(ratio) = ratio {
+            let (p50, p99) = (ratio.p50, ratio.p99);
+            writeln!(out, "latency      {name}: last tenth to first, median {p50:.2}, p99 {p99:.2}")?;
         }
     }
     report.broken.iter().try_for_each(|broken| writeln!(out, "broken: {broken}"))

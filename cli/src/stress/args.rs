@@ -1,8 +1,8 @@
-//! `meissner stress`: what can be asked for.
+//! Arguments of `meissner stress`.
 
 use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 
-/// How it measures, at the end of the long help.
+/// The method, at the end of the long help.
 const METHOD: &str = "\
 Groups:
   streams    stamps at the limits of f64 and i64, spans from 10 us to 10 s, one
@@ -21,10 +21,10 @@ How it measures:
   Time: on one thread, the least of several passes; `x ordinary` is against the ordinary case of the same network, measured in turns. Times depend on the machine, everything else on the seeds in the program (functions also on the platform's f64 library).
   ULP: distance to the result in f64, in units in the last place of the nearest f32.";
 
-/// What `--json` prints.
+/// The keys that `--json` prints.
 const JSON: &str = "\
 JSON (--json):
-  {\"isa\", \"quick\", \"cases\": [{\"group\", \"case\", \"network\", \"steps\", \"compared\", \"different\", \"refused\", \"refusal\", \"not_numbers\", \"infinite\", \"infinite_inside\", \"prediction\": {\"absolute\", \"relative\", \"rms\"}, \"layer\": {\"layer\", \"relative\"}, \"largest_activation\", \"us\", \"times_ordinary\", \"broken\"}], \"functions\": [{\"function\", \"inputs\", \"ulps\", \"at\", \"bound\", \"not_numbers\", \"broken\"}], \"broken\": how many promises}";
+  {\"header\": input and version (docs/json.md), \"isa\", \"quick\", \"cases\": [{\"group\", \"case\", \"network\", \"steps\", \"compared\", \"different\", \"refused\", \"refusal\", \"not_numbers\", \"infinite\", \"infinite_inside\", \"prediction\": {\"absolute\", \"relative\", \"rms\"}, \"layer\": {\"layer\", \"relative\"}, \"largest_activation\", \"us\", \"times_ordinary\", \"broken\"}], \"functions\": [{\"function\", \"inputs\", \"ulps\", \"at\", \"bound\", \"not_numbers\", \"broken\"}], \"broken\": how many promises}";
 
 /// `meissner stress`.
 #[derive(Debug, clap::Args)]
@@ -43,7 +43,7 @@ pub(crate) struct StressArgs {
     pub(super) quick: bool,
     /// Threads of the sweep over all inputs [default: the machine's cores].
     ///
-    /// Everything else runs on one.
+    /// Everything else runs on one thread.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     pub(super) threads: Option<u16>,
     /// List the cases, and run none.

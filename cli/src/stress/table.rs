@@ -1,11 +1,11 @@
-//! Results for people: a table of cases and one of functions, as text or in Markdown.
+//! A table of cases and one of functions, as text or in Markdown.
 
 use std::io::{self, Write};
 
-use super::functions::FunctionRow;
-use super::row::Row;
-use crate::text::Table;
 use meissner_pipeline::text::grouped;
+use meissner_verify::stress::{CaseResult, FunctionResult};
+
+use crate::text::Table;
 
 const CASES: [&str; 11] = [
     "case",
@@ -22,11 +22,11 @@ const CASES: [&str; 11] = [
 ];
 const FUNCTIONS: [&str; 5] = ["function", "inputs", "largest error (ULP)", "at", "stated"];
 
-/// Writes both tables, and what is broken.
+/// Writes both tables, and the broken promises.
 pub(super) fn write(
     out: &mut dyn Write,
-    rows: &[Row],
-    functions: &[FunctionRow],
+    rows: &[CaseResult],
+    functions: &[FunctionResult],
     markdown: bool,
 ) -> io::Result<()> {
     let mut groups: Vec<&str> = rows.iter().map(|row| row.group).collect();
@@ -72,12 +72,12 @@ fn section(
     writeln!(out)
 }
 
-/// A number with two digits, or nothing.
+/// A number with two digits.
 fn short(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
-fn cells(row: &Row) -> Vec<String> {
+fn cells(row: &CaseResult) -> Vec<String> {
     let nothing = || "-".to_owned();
     let errors = row.prediction.as_ref();
     let equal = match (row.compared, row.different) {
@@ -103,8 +103,8 @@ fn cells(row: &Row) -> Vec<String> {
     ]
 }
 
-/// What stands in the place of an error where not all predictions are finite.
-fn outcome(row: &Row) -> Option<String> {
+/// The text in place of an error if not all predictions are finite.
+fn outcome(row: &CaseResult) -> Option<String> {
     let refused = (row.refused > 0).then(|| format!("{} refused (NaN)", row.refused));
     let infinite = (row.infinite + row.infinite_inside > 0)
         .then(|| format!("{} inf, {} inside", row.infinite, row.infinite_inside));
@@ -112,7 +112,7 @@ fn outcome(row: &Row) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-fn function_cells(row: &FunctionRow) -> Vec<String> {
+fn function_cells(row: &FunctionResult) -> Vec<String> {
     vec![
         row.function.to_owned(),
         grouped(row.inputs),

@@ -238,7 +238,7 @@ outputs = 1
 /// Bytes for the targets that take them as choices.
 fn scripts() -> io::Result<()> {
     for seed in 0..24_u64 {
-        let mut random = meissner_tests::random::Random::new(seed);
+        let mut random = meissner_verify::Random::new(seed);
         let length = 80 + random.below(600);
         let bytes: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
         put("graph", &format!("script{seed}"), &bytes)?;

@@ -1,6 +1,6 @@
 //! A corpus in, changed inputs out: cut, flipped, overwritten, spliced. Equal seeds give equal inputs.
 
-use meissner_tests::random::Random;
+use meissner_verify::Random;
 
 /// Longest input.
 const LONGEST: usize = 1 << 16;

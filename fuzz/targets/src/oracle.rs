@@ -1,15 +1,15 @@
 //! Bytes as a network and a stream: the engine against the batch, bit for bit.
 
 use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor};
-use meissner_tests::compare::Watched;
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::streams::{Script, Verb};
+use meissner_verify::CheckedEngine;
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::{Relative, Script};
 
 use crate::choices::Choices;
 use crate::target::Verdict;
 
-/// Most verbs of a stream, and most comparisons: each is a batch from scratch.
-const VERBS: usize = 120;
+/// Most steps of a stream, and most comparisons: each is a batch from scratch.
+const STEPS: usize = 120;
 const COMPARISONS: usize = 12;
 
 /// The event graph alone: pushes at any time and pixel, `advance`, resets; neighbourhoods against all pairs.
@@ -31,10 +31,10 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
         seed: 1,
     };
     let sensor = Sensor::new(choices.within(1, 70) as u16, choices.within(1, 70) as u16);
-    let mut watched = Watched::new(shape.build(), sensor, Search::Exhaustive);
+    let mut checked = CheckedEngine::new(shape.build(), sensor, Search::Exhaustive);
     let mut now = choices.option(Choices::u64).unwrap_or(0) as i64;
     let mut comparisons = 0;
-    for _ in 0..VERBS {
+    for _ in 0..STEPS {
         if choices.is_empty() {
             break;
         }
@@ -50,19 +50,19 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
                 // A few pixels lie beside the sensor.
                 let pixel = |choice: u8, side: u16| u16::from(choice) % (side + side.div_ceil(16));
                 let (x, y) = (pixel(choices.byte(), sensor.width), pixel(choices.byte(), sensor.height));
-                watched.push(Event::new(now, x, y, verb & 1 == 1));
+                checked.push(Event::new(now, x, y, verb & 1 == 1));
             }
-            220..235 => watched.advance(now),
-            235..238 => watched.reset(),
+            220..235 => checked.advance(now),
+            235..238 => checked.reset(),
             _ if comparisons < COMPARISONS => {
                 comparisons += 1;
-                assert_eq!(watched.compare(), Ok(()));
+                assert_eq!(checked.compare(), Ok(()));
             }
             _ => {}
         }
     }
-    assert_eq!(watched.compare(), Ok(()));
-    assert_eq!(watched.compare_with(Search::Grid), Ok(()));
+    assert_eq!(checked.compare(), Ok(()));
+    assert_eq!(checked.compare_with(Search::Grid), Ok(()));
     Verdict::Accepted
 }
 
@@ -90,15 +90,15 @@ pub(crate) fn interleavings(bytes: &[u8]) -> Verdict {
     // No longer used: its byte keeps what the corpora mean.
     let _ = choices.flag();
     let mut comparisons = 0;
-    let mut verbs = Vec::new();
-    while !choices.is_empty() && verbs.len() < VERBS && comparisons < COMPARISONS {
-        let verb = verb(&mut choices);
-        comparisons += usize::from(!matches!(verb, Verb::Push { .. } | Verb::Advance { .. }));
-        verbs.push(verb);
+    let mut steps = Vec::new();
+    while !choices.is_empty() && steps.len() < STEPS && comparisons < COMPARISONS {
+        let step = relative(&mut choices);
+        comparisons += usize::from(!matches!(step, Relative::Push { .. } | Relative::Advance { .. }));
+        steps.push(step);
     }
-    let script = Script { sensor, origin_us, verbs };
-    let mut watched = Watched::new(shape.build(), sensor, Search::Exhaustive);
-    assert_eq!(watched.run(&script), Ok(()));
+    let script = Script::new(sensor, origin_us, &steps);
+    let mut checked = CheckedEngine::new(shape.build(), sensor, Search::Exhaustive);
+    assert_eq!(checked.run(&script), Ok(()));
     Verdict::Accepted
 }
 
@@ -137,7 +137,7 @@ fn pool(choices: &mut Choices<'_>) -> PoolShape {
     }
 }
 
-fn verb(choices: &mut Choices<'_>) -> Verb {
+fn relative(choices: &mut Choices<'_>) -> Relative {
     match choices.byte() {
         0..200 => {
             let step = choices.byte();
@@ -146,11 +146,11 @@ fn verb(choices: &mut Choices<'_>) -> Verb {
                 180..200 => i64::from(step) - 200,
                 200.. => i64::from(choices.u16()) % 1_500,
             };
-            Verb::Push { dt, x: choices.byte().into(), y: choices.byte().into(), on: choices.flag() }
+            Relative::Push { dt, x: choices.byte().into(), y: choices.byte().into(), on: choices.flag() }
         }
-        200..215 => Verb::Advance { dt: i64::from(choices.u16()) % 3_000 },
-        215..218 => Verb::Reset,
-        218..222 => Verb::Snapshot,
-        222.. => Verb::Predict,
+        200..215 => Relative::Advance { dt: i64::from(choices.u16()) % 3_000 },
+        215..218 => Relative::Reset,
+        218..222 => Relative::Snapshot,
+        222.. => Relative::Predict,
     }
 }

@@ -9,10 +9,10 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptio
 use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor, snapshot_note,
 };
-use meissner_tests::frame_networks::{Style, network, sequence};
-use meissner_tests::networks::{BlockShape, NetworkShape, PoolShape};
-use meissner_tests::random::Random;
 use meissner_tests::snapshots::{Restores, sealed};
+use meissner_verify::Random;
+use meissner_verify::frame_networks::{Style, network, sequence};
+use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 
 use crate::target::Verdict;
 

@@ -1,32 +1,32 @@
-//! What is done to an engine between events: how often, and in what order.
+//! Disturbances of an engine between events, at random distances.
 //!
-//! Enters: a seed. Leaves: disturbances at random distances. Invariant: they come from a deck that is shuffled and dealt to
-//! its end, so that eight in a row from the start of a deck hold each kind.
+//! Enters: a seed. Leaves: disturbances. Invariant: a shuffled deck of eight is dealt to its end before it is shuffled again,
+//! so that each kind comes once or twice in eight.
 
 use meissner_models::random::Random;
 
-/// What is done between two events.
+/// A disturbance between two events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Disturbance {
     /// Nothing happens for a while.
     Silence,
-    /// The same, and time is moved on to the middle of it.
+    /// A silence, and time is moved on to its middle.
     Advance,
-    /// The state as bytes; a new engine goes on from them.
+    /// The state is written as bytes, and a new engine goes on from them.
     Bytes,
-    /// A snapshot in memory; so many events that are to be forgotten; return.
+    /// A snapshot is taken in memory, events follow that are to be forgotten, and the engine returns to the snapshot.
     Snapshot {
         /// Events between snapshot and return.
         detour: u64,
     },
-    /// Everything is forgotten.
+    /// All events are forgotten.
     Reset,
 }
 
-/// Events between snapshot and return are fewer.
+/// Upper bound of the events between a snapshot and the return to it.
 const DETOUR: u64 = 3_000;
 
-/// Disturbances without end.
+/// An endless sequence of disturbances.
 #[derive(Debug)]
 pub(super) struct Deck {
     random: Random,
@@ -38,7 +38,7 @@ pub(super) struct Deck {
 }
 
 impl Deck {
-    /// Disturbances from `random`, one every `mean` events in the mean.
+    /// Random disturbances, on average one every `mean` events.
     pub(super) fn new(mut random: Random, mean: u64) -> Self {
         use Disturbance::{Advance, Bytes, Reset, Silence, Snapshot};
         let snapshot = Snapshot { detour: 0 };
@@ -47,7 +47,7 @@ impl Deck {
         Self { random, mean, left, dealt: cards.len(), cards }
     }
 
-    /// Counts an event; the disturbance that is due before it.
+    /// Counts an event. Returns the disturbance that is due before it.
     pub(super) fn after_an_event(&mut self) -> Option<Disturbance> {
         if self.left > 0 {
             self.left -= 1;
@@ -69,7 +69,7 @@ impl Deck {
     }
 }
 
-/// Events without a disturbance: uniform, so that one comes every `mean` events in the mean.
+/// Number of events without a disturbance: uniform, `mean` - 1 on average.
 fn distance(random: &mut Random, mean: u64) -> u64 {
     random.below(2 * mean - 1)
 }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn they_come_as_often_as_asked_for_and_are_the_seeds() {
+    fn they_come_as_often_as_asked_for_and_are_determined_by_the_seed() {
         let all = disturbances(7, 100_000);
         assert!((900..1_100).contains(&all.len()), "{}", all.len());
         assert_eq!(all, disturbances(7, 100_000));
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn every_deck_holds_each_kind() {
+    fn each_deck_holds_each_kind() {
         for deck in disturbances(1, 100_000).chunks_exact(8) {
             let count = |is: fn(&Disturbance) -> bool| deck.iter().filter(|(_, card)| is(card)).count();
             assert_eq!(count(|card| matches!(card, Disturbance::Silence)), 2);

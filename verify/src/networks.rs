@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
-    Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, Network, NetworkParts,
-    Normalisation, Pooling, Position, Reach, Readout,
+    Block, DenseLayer, Fraction, GraphRule, Level, Network, NetworkParts, Normalisation, Pooling, Position,
+    Readout,
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
-use proptest::prelude::*;
 
 use crate::frame_networks;
-use crate::random::Random;
+use meissner_models::random::Random;
 
 /// A spline block without its numbers.
 #[derive(Clone, Debug)]
@@ -172,76 +171,4 @@ fn level(blocks: &[BlockShape], inputs: usize, random: &mut Random) -> (Level, V
         channels.push(outputs);
     }
     (Level { scale: 0.5 + (random.below(3) as f32) * 0.25, blocks: out }, channels)
-}
-
-fn block() -> impl Strategy<Value = BlockShape> {
-    let kernel = prop_oneof![
-        3 => Just([2, 2, 2]),
-        2 => (2usize..=5, 2usize..=5, 1usize..=5).prop_map(|(x, y, t)| [x, y, t]),
-    ];
-    (
-        prop_oneof![3 => 1usize..=9, 1 => Just(16usize)],
-        kernel,
-        0usize..8,
-        any::<Option<u8>>(),
-        any::<[bool; 4]>(),
-    )
-        .prop_map(|(channels, kernel, input, skip, extras)| BlockShape {
-            channels,
-            kernel,
-            input,
-            skip: skip.map(usize::from),
-            extras,
-        })
-}
-
-fn fraction() -> impl Strategy<Value = (u32, u32)> {
-    prop_oneof![
-        3 => (1u32..=4, 2u32..=9).prop_map(|(n, d)| (n, d)),
-        1 => Just((16, 346)),
-        1 => Just((1, 1)),
-    ]
-}
-
-fn pool() -> impl Strategy<Value = PoolShape> {
-    (
-        0usize..8,
-        [fraction(), fraction()],
-        proptest::option::of((1u32..=3, 1u32..=7)),
-        any::<bool>(),
-        proptest::collection::vec(block(), 0..=2),
-    )
-        .prop_map(|(from, cell, time, mean, blocks)| PoolShape { from, cell, time, mean, blocks })
-}
-
-fn rule() -> impl Strategy<Value = GraphRule> {
-    let reach = prop_oneof![
-        2 => (1usize..=24).prop_map(|k| Reach::Knn { k }),
-        1 => (0.05f64..1.5, 1usize..=24).prop_map(|(r, max)| Reach::Radius { r, max }),
-    ];
-    let candidates = prop_oneof![
-        Just(Candidates::All),
-        Just(Candidates::Past(Lifetime::Window)),
-        Just(Candidates::Past(Lifetime::Frozen)),
-    ];
-    (reach, candidates).prop_map(|(reach, candidates)| GraphRule { reach, candidates })
-}
-
-/// Networks of up to three pooled levels.
-pub fn network() -> impl Strategy<Value = NetworkShape> {
-    (
-        rule(),
-        50i64..2_000,
-        prop_oneof![1 => 1usize..8, 3 => 8usize..80],
-        proptest::collection::vec(block(), 0..=4),
-        proptest::collection::vec(pool(), 0..=3),
-        0usize..8,
-        [1usize..=5, 1usize..=4],
-        proptest::collection::vec(1usize..=9, 1..=3),
-        proptest::option::weighted(0.3, 1usize..=9),
-        any::<u64>(),
-    )
-        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed)| {
-            NetworkShape { graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed }
-        })
 }

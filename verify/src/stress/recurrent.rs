@@ -2,11 +2,11 @@
 
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
 use meissner_kernels::Activation;
+use meissner_models::random::Random;
 
 use super::Size;
-use super::frames::{FrameCase, FrameSubject, Frames, layer};
-use super::row::Expect;
-use meissner_models::random::Random;
+use super::frames::{FrameCase, FrameRun, Frames, layer};
+use super::result::Expect;
 
 /// Columns and rows of an image.
 const SIDES: [usize; 2] = [4, 3];
@@ -98,19 +98,19 @@ pub(super) const GATES: &[Gates] = &[
 ];
 
 /// `gates` in `cell`.
-pub(super) fn case(cell: Cell, gates: &Gates, size: &Size) -> FrameCase {
+pub(super) fn case(cell: Cell, gates: &Gates, size: Size) -> FrameCase {
     FrameCase {
         group: "recurrent",
         name: gates.name,
-        subject: subject(cell, gates),
+        run: run(cell, gates),
         steps: size.frames,
         expect: Expect::Finite,
         within: gates.within,
-        ordinary: subject(cell, &ORDINARY),
+        ordinary: run(cell, &ORDINARY),
     }
 }
 
-fn subject(cell: Cell, gates: &Gates) -> FrameSubject {
+fn run(cell: Cell, gates: &Gates) -> FrameRun {
     let mut random = Random::new(7);
     let [width, height] = SIDES;
     let hidden = if matches!(cell, Cell::Lstm) { 8 } else { 2 };
@@ -146,5 +146,5 @@ fn subject(cell: Cell, gates: &Gates) -> FrameSubject {
     let dense = FrameLayerKind::Dense { outputs: 2, weight, bias, activation: Activation::Identity };
     layers.push(layer("fc", layers.len(), dense));
     let parts = FrameNetworkParts { name: cell.name().to_owned(), input, layers };
-    FrameSubject { parts, convolution: Convolution::Direct, frames: gates.frames }
+    FrameRun { parts, convolution: Convolution::Direct, frames: gates.frames }
 }

@@ -1,17 +1,17 @@
-//! Streams that are built to hurt, through shipped networks.
+//! Streams that strain the arithmetic, through shipped networks.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use meissner_engine::{Event, Network, Sensor};
 use meissner_models::Weights;
-
-use super::Size;
-use super::events::{EventCase, Subject};
-use super::row::Expect;
-use crate::error::CliError;
 use meissner_models::random::Random;
 use meissner_pipeline::PipelineError;
+
+use super::Size;
+use super::events::{EventCase, EventRun};
+use super::result::Expect;
+use crate::error::VerifyError;
 
 /// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
 /// past, with poolings and without.
@@ -119,27 +119,28 @@ fn events(shape: &Shape, count: usize) -> Vec<Event> {
     events
 }
 
-/// The shipped network `name`, with room for [`CAPACITY`] events.
-pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, CliError> {
-    let wrong = |source| PipelineError::Weights { weights: name.into(), source: Box::new(source) };
+/// The shipped network `name` with capacity [`CAPACITY`].
+pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyError> {
     let (description, _) = meissner_pipeline::model::describe(name)?;
-    Ok(description.network(weights).map_err(wrong)?.with_capacity(CAPACITY)?)
+    let network =
+        description.network(weights).map_err(|source| PipelineError::weights(name.to_owned(), source))?;
+    Ok(network.with_capacity(CAPACITY)?)
 }
 
 /// The shipped weights of `name`.
-pub(super) fn weights(name: &str) -> Result<Weights, CliError> {
+pub(super) fn weights(name: &str) -> Result<Weights, VerifyError> {
     Ok(meissner_pipeline::model::weights(name, true, None)?.0)
 }
 
 /// The ordinary stream through `network`.
-pub(super) fn ordinary(network: Network, size: &Size) -> Subject {
-    Subject { network: Arc::new(network), sensor: SENSOR, events: events(&ORDINARY, size.events) }
+pub(super) fn ordinary(network: Network, size: Size) -> EventRun {
+    EventRun { network: Arc::new(network), sensor: SENSOR, events: events(&ORDINARY, size.events) }
 }
 
 /// `shape` through the shipped network `name`.
-pub(super) fn case(shape: &Shape, name: &str, size: &Size) -> Result<EventCase, CliError> {
+pub(super) fn case(shape: &Shape, name: &str, size: Size) -> Result<EventCase, VerifyError> {
     let shipped = network(name, &weights(name)?)?;
-    let subject = Subject {
+    let run = EventRun {
         network: Arc::new(shipped.clone().with_span_us(shape.span_us)?),
         sensor: shape.sensor,
         events: events(shape, size.events),
@@ -147,7 +148,7 @@ pub(super) fn case(shape: &Shape, name: &str, size: &Size) -> Result<EventCase, 
     Ok(EventCase {
         group: "streams",
         name: shape.name,
-        subject,
+        run,
         norms: BTreeMap::new(),
         expect: Expect::Finite,
         within: super::WITHIN,

@@ -3,7 +3,9 @@
 use meissner_engine::frames::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 use meissner_kernels::Activation;
 
-use crate::random::Random;
+use meissner_models::random::Random;
+
+use crate::random_frames::next_frame;
 
 /// What a network is built of, beside sizes and weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -248,17 +250,7 @@ pub fn sequence(count: usize, [channels, height, width]: [usize; 3], seed: u64) 
     let mut frame = vec![0.0; channels * height * width];
     (0..count)
         .map(|_| {
-            match random.below(8) {
-                0 => frame.fill(0.0),
-                1 => frame = random.values(frame.len(), 1.0),
-                2 => {}
-                changes => {
-                    for _ in 0..changes {
-                        let at = random.below(frame.len() as u64) as usize;
-                        frame[at] = if random.below(3) == 0 { 0.0 } else { random.symmetric() };
-                    }
-                }
-            }
+            next_frame(&mut frame, &mut random);
             frame.clone()
         })
         .collect()

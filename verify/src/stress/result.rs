@@ -1,29 +1,30 @@
-//! What a case gave, and which promises it broke.
+//! The result of a case, and the promises that it breaks.
 
 use meissner_engine::EngineError;
+use meissner_pipeline::error::chain;
 use meissner_reference::Difference;
 use serde::Serialize;
 
-use meissner_pipeline::error::chain;
+use crate::difference::bits;
 
-/// What a case is meant to end in.
+/// Values that a case is built to end in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expect {
     /// Finite values.
     Finite,
-    /// More than f32 holds: infinite predictions, or a layer that reports NaN.
+    /// Values beyond f32: infinite predictions, or a layer that reports NaN.
     Overflow,
 }
 
-/// Differences from f64.
+/// Differences of predictions from f64.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Errors {
+pub struct Errors {
     /// Largest.
-    pub(super) absolute: f64,
+    pub absolute: f64,
     /// Largest, as a share of the largest magnitude.
-    pub(super) relative: f64,
+    pub relative: f64,
     /// Root mean square.
-    pub(super) rms: f64,
+    pub rms: f64,
 }
 
 impl From<&Difference> for Errors {
@@ -34,48 +35,53 @@ impl From<&Difference> for Errors {
 
 /// A layer and the largest difference of its values from f64, as a share of its largest magnitude.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct LayerError {
-    pub(super) layer: String,
-    pub(super) relative: f64,
+pub struct LayerError {
+    /// The layer.
+    pub layer: String,
+    /// The share.
+    pub relative: f64,
 }
 
-/// What a case gave.
+/// The result of a case.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Row {
-    pub(super) group: &'static str,
-    pub(super) case: &'static str,
-    pub(super) network: String,
+pub struct CaseResult {
+    /// Group of the case.
+    pub group: &'static str,
+    /// Name of the case.
+    pub case: &'static str,
+    /// The network.
+    pub network: String,
     /// Events that entered, or frames.
-    pub(super) steps: u64,
+    pub steps: u64,
     /// Predictions that were compared with those of a full recomputation.
-    pub(super) compared: u64,
+    pub compared: u64,
     /// Of these, those with other bits or another error.
-    pub(super) different: u64,
+    pub different: u64,
     /// Predictions that were refused because a layer computed NaN.
-    pub(super) refused: u64,
-    /// Why something was refused, the first time.
-    pub(super) refusal: Option<String>,
+    pub refused: u64,
+    /// The first reason for which a prediction was refused.
+    pub refusal: Option<String>,
     /// Values of predictions that are NaN.
-    pub(super) not_numbers: u64,
+    pub not_numbers: u64,
     /// Values of predictions that are infinite.
-    pub(super) infinite: u64,
+    pub infinite: u64,
     /// Values of layers that are infinite where a prediction was given.
-    pub(super) infinite_inside: u64,
-    /// Of predictions; none where no prediction was given.
-    pub(super) prediction: Option<Errors>,
-    /// The layer that is furthest off, of networks over events.
-    pub(super) layer: Option<LayerError>,
+    pub infinite_inside: u64,
+    /// Differences of predictions from f64; `None` without predictions.
+    pub prediction: Option<Errors>,
+    /// The layer with the largest relative difference, of networks over events.
+    pub layer: Option<LayerError>,
     /// Largest finite magnitude of any activation.
-    pub(super) largest_activation: f64,
+    pub largest_activation: f64,
     /// Microseconds of an event or a frame with its prediction.
-    pub(super) us: Option<f64>,
-    /// That, as a multiple of the ordinary case's.
-    pub(super) times_ordinary: Option<f64>,
+    pub us: Option<f64>,
+    /// The same as a multiple of the ordinary case's.
+    pub times_ordinary: Option<f64>,
     /// Promises that are broken.
-    pub(super) broken: Vec<String>,
+    pub broken: Vec<String>,
 }
 
-impl Row {
+impl CaseResult {
     pub(super) fn new(group: &'static str, case: &'static str, network: impl Into<String>) -> Self {
         Self {
             group,
@@ -98,14 +104,14 @@ impl Row {
         }
     }
 
-    /// Counts a prediction beside that of a full recomputation: equal where the bits, or the errors, are.
+    /// Counts a prediction and the one of a full recomputation: they are equal if their bits or their errors are.
     pub(super) fn compare(
         &mut self,
         got: &Result<Vec<f32>, EngineError>,
         want: &Result<Vec<f32>, EngineError>,
     ) {
         let equal = match (got, want) {
-            (Ok(got), Ok(want)) => same_bits(got, want),
+            (Ok(got), Ok(want)) => bits(got) == bits(want),
             (Err(got), Err(want)) => got == want,
             _ => false,
         };
@@ -123,7 +129,7 @@ impl Row {
         }
     }
 
-    /// Notes which promises are broken, where predictions may be `within` of f64.
+    /// The same with the promises that are broken. The relative error against f64 may be `within`.
     pub(super) fn judge(mut self, expect: Expect, within: f64) -> Self {
         let mut broken = Vec::new();
         if self.different > 0 {
@@ -158,46 +164,41 @@ impl Row {
     }
 }
 
-/// Whether both are the same bits.
-pub(super) fn same_bits(a: &[f32], b: &[f32]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn row(got: &[f32], want: &[f32]) -> Row {
-        let mut row = Row::new("streams", "a case", "a network");
-        row.compare(&Ok(got.to_vec()), &Ok(want.to_vec()));
-        row
+    fn result(got: &[f32], want: &[f32]) -> CaseResult {
+        let mut result = CaseResult::new("streams", "a case", "a network");
+        result.compare(&Ok(got.to_vec()), &Ok(want.to_vec()));
+        result
     }
 
     #[test]
     fn other_bits_break_a_promise() {
-        assert!(row(&[1.0], &[1.0]).judge(Expect::Finite, 1.0).broken.is_empty());
-        assert_eq!(row(&[0.0], &[-0.0]).judge(Expect::Finite, 1.0).broken.len(), 1);
-        assert_eq!(row(&[1.0], &[1.0, 1.0]).judge(Expect::Finite, 1.0).broken.len(), 1);
+        assert!(result(&[1.0], &[1.0]).judge(Expect::Finite, 1.0).broken.is_empty());
+        assert_eq!(result(&[0.0], &[-0.0]).judge(Expect::Finite, 1.0).broken.len(), 1);
+        assert_eq!(result(&[1.0], &[1.0, 1.0]).judge(Expect::Finite, 1.0).broken.len(), 1);
     }
 
     #[test]
-    fn what_is_not_finite_must_be_expected() {
-        let infinite = || row(&[f32::INFINITY], &[f32::INFINITY]);
+    fn infinite_values_must_be_expected() {
+        let infinite = || result(&[f32::INFINITY], &[f32::INFINITY]);
         assert_eq!(infinite().judge(Expect::Finite, 1.0).broken.len(), 1);
         assert!(infinite().judge(Expect::Overflow, 1.0).broken.is_empty());
-        assert_eq!(row(&[1.0], &[1.0]).judge(Expect::Overflow, 1.0).broken.len(), 1);
+        assert_eq!(result(&[1.0], &[1.0]).judge(Expect::Overflow, 1.0).broken.len(), 1);
     }
 
     #[test]
     fn a_predicted_nan_breaks_a_promise_even_where_an_overflow_is_expected() {
-        assert_eq!(row(&[f32::NAN], &[f32::NAN]).judge(Expect::Overflow, 1.0).broken.len(), 2);
+        assert_eq!(result(&[f32::NAN], &[f32::NAN]).judge(Expect::Overflow, 1.0).broken.len(), 2);
     }
 
     #[test]
     fn an_error_beyond_the_bound_breaks_a_promise() {
-        let mut row = row(&[1.0], &[1.0]);
-        row.prediction = Some(Errors { absolute: 1e-3, relative: 1e-3, rms: 1e-3 });
-        assert!(row.clone().judge(Expect::Finite, 1e-2).broken.is_empty());
-        assert_eq!(row.judge(Expect::Finite, 1e-4).broken.len(), 1);
+        let mut result = result(&[1.0], &[1.0]);
+        result.prediction = Some(Errors { absolute: 1e-3, relative: 1e-3, rms: 1e-3 });
+        assert!(result.clone().judge(Expect::Finite, 1e-2).broken.is_empty());
+        assert_eq!(result.judge(Expect::Finite, 1e-4).broken.len(), 1);
     }
 }

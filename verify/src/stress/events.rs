@@ -1,88 +1,83 @@
-//! A network over events, run over a stream in three ways: event by event, from scratch, and in f64.
+//! A network over a stream of events, computed event by event, from scratch, and in f64.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{
-    Batch, Engine, EngineError, Event, Network, Options, Outcome, Search, Sensor, Stream, Trace,
-};
+use meissner_engine::{Engine, EngineError, Event, Network, Search, Sensor, Trace};
 use meissner_reference::{BatchNorm, Difference, EventReference, EventTrace};
 
-use super::row::{Errors, Expect, LayerError, Row, same_bits};
-use crate::error::CliError;
+use super::result::{CaseResult, Errors, Expect, LayerError};
+use crate::checked::CheckedEngine;
+use crate::error::VerifyError;
+use crate::run::poisoned;
 
-/// A stream through a network.
+/// A network and a stream for it.
 #[derive(Clone, Debug)]
-pub(super) struct Subject {
+pub(super) struct EventRun {
     pub(super) network: Arc<Network>,
     pub(super) sensor: Sensor,
     pub(super) events: Vec<Event>,
 }
 
-/// A stream through a network, and what is known of it.
+/// A run, and its expected result.
 #[derive(Clone, Debug)]
 pub(super) struct EventCase {
     pub(super) group: &'static str,
     pub(super) name: &'static str,
-    pub(super) subject: Subject,
+    pub(super) run: EventRun,
     /// Batch norms as they were before they were folded.
     pub(super) norms: BTreeMap<String, BatchNorm>,
     pub(super) expect: Expect,
     /// Largest relative error of a prediction.
     pub(super) within: f64,
-    /// What its time is compared with.
-    pub(super) ordinary: Subject,
+    /// The run with which its time is compared.
+    pub(super) ordinary: EventRun,
 }
 
 /// Predictions of a stream that are compared with a batch.
 const COMPARED: usize = 32;
-/// Of these, every so many are computed in f64, too.
+/// One in so many of these is computed in f64, too.
 const PER_REFERENCE: usize = 8;
 
 impl EventCase {
     /// Runs the case, with `passes` of timing.
-    pub(super) fn run(&self, passes: usize) -> Result<Row, CliError> {
-        let Subject { network, sensor, events } = &self.subject;
-        let mut row = Row::new(self.group, self.name, network.name());
-        let options = Options::new().with_poison(true);
-        let mut engine = Engine::with_options(Arc::clone(network), *sensor, options)?;
+    pub(super) fn run(&self, passes: usize) -> Result<CaseResult, VerifyError> {
+        let EventRun { network, sensor, events } = &self.run;
+        let mut row = CaseResult::new(self.group, self.name, network.name());
         let search = Search::Proposed(meissner_reference::PROPOSE);
-        let batch = Batch::new(Arc::clone(network), *sensor)?.with_search(search);
-        // Parameters of no shipped network's head are needed: none that is stressed has one.
-        let reference =
-            EventReference::new(Arc::clone(network), *sensor, None).map_err(CliError::Reference)?;
-        let reference = reference.with_norms(&self.norms);
-        let mut errors = Found::default();
-        let mut accepted = Vec::with_capacity(events.len());
+        let engine = poisoned(Arc::clone(network), *sensor)?;
+        let mut checked = CheckedEngine::of(engine, Arc::clone(network), *sensor, search)?;
+        // No network that is stressed has a head.
+        let reference = EventReference::new(Arc::clone(network), *sensor, None)?.with_norms(&self.norms);
+        let mut errors = LayerErrors::default();
         let stride = events.len().div_ceil(COMPARED);
         for (i, &event) in events.iter().enumerate() {
-            if engine.push(event) == Outcome::Accepted {
-                accepted.push(event);
-            }
+            checked.push(event);
             if (i + 1) % stride == 0 || i + 1 == events.len() {
-                let got = engine.predict().map(|prediction| prediction.values.to_vec());
-                let trace = batch.forward(Stream::new(&accepted));
-                compare(&mut row, &engine, &got, &trace);
-                let last = i + 1 == events.len();
-                if let Ok(trace) = &trace
-                    && (last || (i + 1) / stride % PER_REFERENCE == 0)
-                {
-                    errors.add(network, trace, &reference.forward(Stream::new(&accepted)));
+                let trace = checked.trace();
+                let got = checked.engine.predict().map(|prediction| prediction.values.to_vec());
+                let want = trace.as_ref().map(|trace| trace.prediction.clone()).map_err(Clone::clone);
+                row.compare(&got, &want);
+                let Ok(trace) = trace else { continue };
+                // Counted at the prediction, if that is another one.
+                row.different += u64::from(got.is_ok() && checked.compare_rows(&trace).is_err());
+                if i + 1 == events.len() || (i + 1) / stride % PER_REFERENCE == 0 {
+                    errors.add(network, &trace, &reference.forward(checked.stream()));
                 }
             }
         }
-        row.steps = accepted.len() as u64;
+        row.steps = checked.engine.counters().events.accepted;
         errors.write(network, &mut row);
         self.time(&mut row, passes)?;
         Ok(row.judge(self.expect, self.within))
     }
 
-    fn time(&self, row: &mut Row, passes: usize) -> Result<(), CliError> {
+    fn time(&self, row: &mut CaseResult, passes: usize) -> Result<(), VerifyError> {
         let (mut own, mut ordinary) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..passes {
             ordinary = ordinary.min(self.ordinary.us_an_event()?);
-            own = own.min(self.subject.us_an_event()?);
+            own = own.min(self.run.us_an_event()?);
         }
         if passes > 0 {
             (row.us, row.times_ordinary) = (Some(own), Some(own / ordinary));
@@ -91,55 +86,29 @@ impl EventCase {
     }
 }
 
-impl Subject {
+impl EventRun {
     /// Microseconds of an event and the prediction after it, mean over the stream.
     fn us_an_event(&self) -> Result<f64, EngineError> {
         let mut engine = Engine::new(Arc::clone(&self.network), self.sensor)?;
         let start = Instant::now();
         for &event in &self.events {
             engine.push(event);
-            // What a layer that computes NaN costs is asked here, too.
+            // A prediction that is refused is timed, too.
             let _ = engine.predict();
         }
         Ok(start.elapsed().as_secs_f64() * 1e6 / self.events.len() as f64)
     }
 }
 
-/// Notes whether the engine has what the batch computed.
-fn compare(
-    row: &mut Row,
-    engine: &Engine,
-    got: &Result<Vec<f32>, EngineError>,
-    trace: &Result<Trace, EngineError>,
-) {
-    let want = trace.as_ref().map(|trace| trace.prediction.clone()).map_err(Clone::clone);
-    row.compare(got, &want);
-    let Ok(trace) = trace else { return };
-    for (l, level) in trace.levels.iter().enumerate() {
-        for (f, feature) in level.features.iter().enumerate() {
-            let stored = engine.feature(l, f);
-            let rows = level.first..feature.rows();
-            let equal = stored.len() == rows.len()
-                && rows
-                    .zip(&stored)
-                    .all(|(row, got)| same_bits(&feature.values(row).collect::<Vec<_>>(), got));
-            if !equal {
-                row.different += 1;
-                return;
-            }
-        }
-    }
-}
-
 /// Differences from f64.
 #[derive(Default)]
-struct Found {
+struct LayerErrors {
     prediction: Difference,
     /// Of each feature that a block wrote, level by level.
     layers: BTreeMap<(usize, usize), Difference>,
 }
 
-impl Found {
+impl LayerErrors {
     fn add(&mut self, network: &Network, got: &Trace, want: &EventTrace) {
         self.prediction.add_all(&got.prediction, &want.prediction);
         for (l, (got, want)) in got.levels.iter().zip(&want.levels).enumerate() {
@@ -153,7 +122,7 @@ impl Found {
         }
     }
 
-    fn write(&self, network: &Network, row: &mut Row) {
+    fn write(&self, network: &Network, row: &mut CaseResult) {
         if self.prediction.values > 0 {
             row.prediction = Some(Errors::from(&self.prediction));
         }

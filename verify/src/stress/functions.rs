@@ -14,19 +14,21 @@ const NEAR: u32 = 512;
 
 /// The largest error of a function.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct FunctionRow {
-    pub(super) function: &'static str,
+pub struct FunctionResult {
+    /// Name of the function.
+    pub function: &'static str,
     /// Inputs that were computed.
-    pub(super) inputs: u64,
+    pub inputs: u64,
     /// Largest error in units in the last place.
-    pub(super) ulps: f64,
-    /// Where it is.
-    pub(super) at: f32,
-    /// What the function's documentation states.
-    pub(super) bound: f64,
+    pub ulps: f64,
+    /// The input with this error.
+    pub at: f32,
+    /// The bound that the function's documentation states.
+    pub bound: f64,
     /// Inputs that are not NaN and whose results are.
-    pub(super) not_numbers: u64,
-    pub(super) broken: Vec<String>,
+    pub not_numbers: u64,
+    /// Promises that are broken.
+    pub broken: Vec<String>,
 }
 
 /// The largest error of a part.
@@ -53,8 +55,9 @@ impl Worst {
     }
 }
 
-/// The largest error of `function` over all bit patterns, or over a part of them; `done` hears of every share of 1 / 256.
-pub(super) fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionRow {
+/// The largest error of `function` over all bit patterns, or over a part of them where `quick`. `done` is called
+/// after every 256th part.
+pub fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionResult {
     let worst = if quick {
         let strided: Vec<u32> = (0..1u64 << 32).step_by(STRIDE as usize).map(|bits| bits as u32).collect();
         let worst = strided.par_chunks(CHUNK as usize).map(|bits| over(function, bits.iter().copied()));
@@ -78,7 +81,7 @@ pub(super) fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -
     if not_numbers > 0 {
         broken.push(format!("{not_numbers} inputs that are numbers become NaN"));
     }
-    FunctionRow { function: function.name(), inputs, ulps, at, bound, not_numbers, broken }
+    FunctionResult { function: function.name(), inputs, ulps, at, bound, not_numbers, broken }
 }
 
 /// The largest error over some bit patterns.

@@ -1,4 +1,4 @@
-//! Weights that are built to hurt, under an ordinary stream.
+//! Weights that strain the arithmetic, under an ordinary stream.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,16 +10,16 @@ use meissner_reference::BatchNorm;
 
 use super::Size;
 use super::events::EventCase;
-use super::row::Expect;
+use super::result::Expect;
 use super::streams::{self, ordinary};
-use crate::error::CliError;
+use crate::error::VerifyError;
 
 /// The networks whose weights are changed.
 pub(super) const NETWORKS: [&str; 2] = ["graphres", "tactigraph-past"];
-/// What batch norm adds to a variance.
+/// The constant that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
-/// What is changed.
+/// A change of weights.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     /// Weights of every block times this.
@@ -34,7 +34,7 @@ enum Change {
     Variance(f32),
 }
 
-/// A change, and what is to come of it.
+/// A change, and its expected result.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Altered {
     pub(super) name: &'static str,
@@ -65,7 +65,7 @@ pub(super) const ALTERED: &[Altered] = &[
 ];
 
 /// `altered` in the shipped network `name`.
-pub(super) fn case(altered: &Altered, name: &str, size: &Size) -> Result<EventCase, CliError> {
+pub(super) fn case(altered: &Altered, name: &str, size: Size) -> Result<EventCase, VerifyError> {
     let weights = streams::weights(name)?;
     let shipped = streams::network(name, &weights)?;
     let (changed, norms) = match altered.change {
@@ -73,14 +73,14 @@ pub(super) fn case(altered: &Altered, name: &str, size: &Size) -> Result<EventCa
         _ => (changed(&shipped, altered.change)?, BTreeMap::new()),
     };
     let ordinary = ordinary(shipped, size);
-    let mut subject = ordinary.clone();
-    subject.network = Arc::new(changed);
+    let mut run = ordinary.clone();
+    run.network = Arc::new(changed);
     let (expect, within) = (altered.expect, altered.within);
-    Ok(EventCase { group: "weights", name: altered.name, subject, norms, expect, within, ordinary })
+    Ok(EventCase { group: "weights", name: altered.name, run, norms, expect, within, ordinary })
 }
 
 /// `network` with other weights.
-fn changed(network: &Network, change: Change) -> Result<Network, CliError> {
+fn changed(network: &Network, change: Change) -> Result<Network, VerifyError> {
     let mut parts: NetworkParts = network.parts().clone();
     let mut place = 0;
     let levels = std::iter::once(&mut parts.events).chain(parts.pooled.iter_mut().map(|(_, level)| level));
@@ -142,7 +142,7 @@ fn with_variance(
     name: &str,
     weights: &Weights,
     variance: f32,
-) -> Result<(Network, BTreeMap<String, BatchNorm>), CliError> {
+) -> Result<(Network, BTreeMap<String, BatchNorm>), VerifyError> {
     let tensors = weights.iter().map(|(name, tensor)| {
         let changed = tensor
             .values()

@@ -3,11 +3,10 @@
 
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
 use meissner_kernels::WinogradTile;
-
-use super::Size;
-use super::frames::{FrameCase, FrameSubject, Frames, layer};
-use super::row::Expect;
 use meissner_models::random::Random;
+
+use super::frames::{FrameCase, FrameRun, Frames, layer};
+use super::result::Expect;
 
 const CHANNELS: usize = 8;
 const HEIGHT: usize = 14;
@@ -15,8 +14,8 @@ const WIDTH: usize = 18;
 /// Frames of a case: each differs from the one before in some pixels, so that others are skipped.
 const FRAMES: u64 = 12;
 
-/// The ways to convolve.
-pub(super) const WAYS: [Convolution; 3] = [
+/// The algorithms.
+pub(super) const CONVOLUTIONS: [Convolution; 3] = [
     Convolution::Direct,
     Convolution::Winograd(WinogradTile::Two),
     Convolution::Winograd(WinogradTile::Four),
@@ -33,7 +32,7 @@ pub(super) struct Images {
     edges: bool,
     /// Whether tiles of four overflow.
     overflows: bool,
-    /// Largest relative error of each way.
+    /// Largest relative error of each algorithm.
     within: [f64; 3],
 }
 
@@ -111,21 +110,21 @@ pub(super) const IMAGES: &[Images] = &[
     },
 ];
 
-/// `images` by way `way` of [`WAYS`].
-pub(super) fn case(images: &Images, way: usize, _: &Size) -> FrameCase {
-    let overflows = images.overflows && way == 2;
+/// `images`, convolved as [`CONVOLUTIONS`] has it at `index`.
+pub(super) fn case(images: &Images, index: usize) -> FrameCase {
+    let overflows = images.overflows && index == 2;
     FrameCase {
         group: "winograd",
         name: images.name,
-        subject: subject(images, WAYS[way]),
+        run: run(images, CONVOLUTIONS[index]),
         steps: FRAMES,
         expect: if overflows { Expect::Overflow } else { Expect::Finite },
-        within: images.within[way],
-        ordinary: subject(&ORDINARY, WAYS[way]),
+        within: images.within[index],
+        ordinary: run(&ORDINARY, CONVOLUTIONS[index]),
     }
 }
 
-fn subject(images: &Images, convolution: Convolution) -> FrameSubject {
+fn run(images: &Images, convolution: Convolution) -> FrameRun {
     let mut random = Random::new(3);
     let mut conv = |inputs: usize, channels: usize, scale: f32, edges: bool| {
         let mut weight = random.values(channels * inputs * 9, scale);
@@ -144,5 +143,5 @@ fn subject(images: &Images, convolution: Convolution) -> FrameSubject {
     ];
     let input = FrameShape::Image { channels: CHANNELS, height: HEIGHT, width: WIDTH };
     let parts = FrameNetworkParts { name: "two convolutions".to_owned(), input, layers };
-    FrameSubject { parts, convolution, frames: images.frames }
+    FrameRun { parts, convolution, frames: images.frames }
 }

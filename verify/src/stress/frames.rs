@@ -9,8 +9,8 @@ use meissner_engine::frames::{
 };
 use meissner_reference::{Difference, FrameReference};
 
-use super::row::{Errors, Expect, Row};
-use crate::error::CliError;
+use super::result::{CaseResult, Errors, Expect};
+use crate::error::VerifyError;
 use meissner_models::random::Random;
 
 /// The frame of a step.
@@ -18,37 +18,37 @@ pub(super) type Frames = fn(step: u64, &mut Random, frame: &mut [f32]);
 
 /// A network and its frames.
 #[derive(Clone, Debug)]
-pub(super) struct FrameSubject {
+pub(super) struct FrameRun {
     pub(super) parts: FrameNetworkParts,
     pub(super) convolution: Convolution,
     pub(super) frames: Frames,
 }
 
-/// A network and its frames, and what is known of them.
+/// A run, and its expected result.
 #[derive(Clone, Debug)]
 pub(super) struct FrameCase {
     pub(super) group: &'static str,
     pub(super) name: &'static str,
-    pub(super) subject: FrameSubject,
+    pub(super) run: FrameRun,
     pub(super) steps: u64,
     pub(super) expect: Expect,
     /// Largest relative error of a prediction.
     pub(super) within: f64,
-    /// What its time is compared with.
-    pub(super) ordinary: FrameSubject,
+    /// The run with which its time is compared.
+    pub(super) ordinary: FrameRun,
 }
 
 /// Frames that are timed.
 const TIMED: u64 = 20_000;
-/// Frames between two looks at all layers.
-const LOOKED_AT: u64 = 997;
+/// Frames from one reading of all layers to the next.
+const LAYERS_EVERY: u64 = 997;
 
 /// A layer that reads the one before.
 pub(super) fn layer(name: &str, from: usize, kind: FrameLayerKind) -> FrameLayer {
     FrameLayer { name: name.to_owned(), from, kind }
 }
 
-impl FrameSubject {
+impl FrameRun {
     fn engine(&self, skip: Skip) -> Result<FrameEngine, EngineError> {
         let network = Arc::new(FrameNetwork::new(self.parts.clone(), self.convolution)?);
         FrameEngine::with_options(network, FrameOptions::new().with_skip(skip))
@@ -75,7 +75,7 @@ impl FrameSubject {
         let start = Instant::now();
         for frame in frames.chunks_exact(frame.len()) {
             engine.push(frame)?;
-            // What a layer that computes NaN costs is asked here, too.
+            // A prediction that is refused is timed, too.
             let _ = engine.predict();
         }
         Ok(start.elapsed().as_secs_f64() * 1e6 / steps as f64)
@@ -84,18 +84,18 @@ impl FrameSubject {
 
 impl FrameCase {
     /// Runs the case, with `passes` of timing.
-    pub(super) fn run(&self, passes: usize) -> Result<Row, CliError> {
-        let parts = &self.subject.parts;
-        let mut row = Row::new(self.group, self.name, self.subject.label());
-        let mut skipping = self.subject.engine(Skip::Exact)?;
-        let mut whole = self.subject.engine(Skip::Nothing)?;
+    pub(super) fn run(&self, passes: usize) -> Result<CaseResult, VerifyError> {
+        let parts = &self.run.parts;
+        let mut row = CaseResult::new(self.group, self.name, self.run.label());
+        let mut skipping = self.run.engine(Skip::Exact)?;
+        let mut whole = self.run.engine(Skip::Nothing)?;
         let mut reference = FrameReference::new(parts.clone())?;
         let mut random = Random::new(1);
         let mut frame = vec![0.0; parts.input.values()];
         let mut wide = Vec::with_capacity(frame.len());
         let mut errors = Difference::default();
         for step in 0..self.steps {
-            (self.subject.frames)(step, &mut random, &mut frame);
+            (self.run.frames)(step, &mut random, &mut frame);
             skipping.push(&frame)?;
             whole.push(&frame)?;
             wide.clear();
@@ -106,7 +106,7 @@ impl FrameCase {
                 errors.add_all(got, want);
             }
             row.compare(&got, &whole.predict().map(|prediction| prediction.values.to_vec()));
-            if step % LOOKED_AT == 0 || step + 1 == self.steps {
+            if step % LAYERS_EVERY == 0 || step + 1 == self.steps {
                 let layers = (0..parts.layers.len()).flat_map(|layer| reference.layer(layer));
                 row.largest_activation = layers.fold(row.largest_activation, |m, v| m.max(v.abs()));
             }
@@ -117,7 +117,7 @@ impl FrameCase {
         let steps = self.steps.min(TIMED);
         for _ in 0..passes {
             ordinary = ordinary.min(self.ordinary.us_a_frame(steps)?);
-            own = own.min(self.subject.us_a_frame(steps)?);
+            own = own.min(self.run.us_a_frame(steps)?);
         }
         if passes > 0 {
             (row.us, row.times_ordinary) = (Some(own), Some(own / ordinary));

@@ -1,0 +1,107 @@
+//! `meissner soak`: one engine over recordings in an endless loop, disturbed all the while. The work is done by
+//! [`meissner_verify::soak`].
+
+mod args;
+mod table;
+
+use std::io::{BufWriter, Write, stdout};
+use std::path::Path;
+
+use meissner_engine::Sensor;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::lost::{Lost, Warning};
+use meissner_pipeline::model::Model;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_verify::soak::{Recording, Report, Settings, Soak};
+use serde::Serialize;
+
+pub(crate) use args::SoakArgs;
+
+use crate::bench::{peak_resident_bytes, resident_bytes};
+use crate::error::CliError;
+use crate::output;
+use crate::progress::Progress;
+use crate::tell::tell;
+use crate::text::Folded;
+
+/// What is written as JSON.
+#[derive(Serialize)]
+struct Document {
+    header: Header,
+    warnings: Vec<Warning>,
+    #[serde(flatten)]
+    report: Report,
+}
+
+/// Runs the subcommand.
+pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
+    let model = Model::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
+    let (recordings, sensor) = recordings(args, model.card.stride())?;
+    if let Some(path) = &args.json {
+        output::check_writable(path)?;
+    }
+    let document = run(args, &model, recordings, sensor)?;
+    if let Some(path) = &args.json {
+        output::write(path, output::json(&document)?)?;
+    }
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), true);
+    table::write(&mut out, &document.report, &model.card, sensor)?;
+    out.flush()?;
+    match document.report.broken.len() {
+        0 => Ok(()),
+        broken => Err(CliError::Broken(broken)),
+    }
+}
+
+/// The recordings, and a sensor large enough for all of them.
+fn recordings(args: &SoakArgs, stride: usize) -> Result<(Vec<Recording>, Sensor), CliError> {
+    let named: Vec<Option<&Path>> = if args.recordings.is_empty() {
+        vec![None]
+    } else {
+        args.recordings.iter().map(|path| Some(path.as_path())).collect()
+    };
+    let mut extent = Sensor::new(0, 0);
+    let mut recordings = Vec::with_capacity(named.len());
+    for recording in named {
+        let source = args.read.open(recording, args.sensor.is_some(), true)?.every(stride);
+        let sensor = source.sensor(args.sensor)?;
+        extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
+        let name = source.name.clone();
+        let events = source.collect::<Result<Vec<_>, _>>()?;
+        recordings.push(Recording::new(name, events)?);
+    }
+    Ok((recordings, extent))
+}
+
+fn run(
+    args: &SoakArgs,
+    model: &Model,
+    recordings: Vec<Recording>,
+    sensor: Sensor,
+) -> Result<Document, CliError> {
+    let checkpoints = args.events.div_ceil(args.checkpoint_every);
+    let settings =
+        Settings { seed: args.seed, every: args.every, disturb_every: args.disturb_every, checkpoints };
+    let mut soak = Soak::new(model.network.clone(), sensor, recordings, settings)?;
+    let progress = Progress::new(Some(args.events), false);
+    interrupt::listen();
+    for number in 1..=checkpoints {
+        let until = args.events.min(number.saturating_mul(args.checkpoint_every));
+        while soak.events() < until && !interrupt::requested() {
+            soak.push()?;
+            progress.set(soak.events());
+        }
+        let line = table::line(soak.checkpoint(resident_bytes)?);
+        progress.suspend(|| tell(format_args!("checkpoint {number} of {checkpoints}: {line}")));
+        if interrupt::requested() {
+            break;
+        }
+    }
+    progress.finish();
+    let lost = Lost { events: soak.counters(), sensor, outside_crop: 0, lines_refused: 0 };
+    let report = soak.report(args.memory_growth, peak_resident_bytes());
+    let names = report.recordings.join(", ");
+    let input = InputCard::events(&names, &"recordings in a loop", sensor, None);
+    let header = Header::new("soak", input, model.card.clone());
+    Ok(Document { header, warnings: lost.warn(&names), report })
+}

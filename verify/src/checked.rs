@@ -1,0 +1,312 @@
+//! An engine over events beside the batch over the same stream.
+//!
+//! Enters: the steps of a stream. Leaves: the first difference in outcomes, neighbourhoods, rows and predictions. Invariant:
+//! the batch is given exactly the events that the admission rules accept.
+
+use std::fmt::Display;
+use std::sync::Arc;
+
+use meissner_engine::{
+    BatchEngine, Engine, EngineError, Event, LatePolicy, Network, Options, Outcome, Search, Sensor, Stream,
+    Trace,
+};
+use meissner_kernels::Neighbour;
+
+use crate::difference::{Difference, first_difference};
+use crate::incremental::IncrementalEvents;
+use crate::run::Checked;
+use crate::step::{Script, Step};
+
+/// An engine beside a batch over the same events.
+#[derive(Clone, Debug)]
+pub struct CheckedEngine<E = Engine> {
+    /// The engine.
+    pub engine: E,
+    batch: BatchEngine,
+    /// Comparisons at which both sides refused to predict, for the same reason.
+    pub refused: u64,
+    /// Rows that were compared.
+    pub rows: u64,
+}
+
+impl CheckedEngine {
+    /// An engine that fills expired rows with NaN, so that a stale read shows.
+    ///
+    /// # Panics
+    /// If the engine refuses the network.
+    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor, search: Search) -> Self {
+        Self::with_options(network, sensor, search, Options::new().with_poison(true))
+    }
+
+    /// An engine with these options.
+    ///
+    /// # Panics
+    /// If the engine refuses the network or the options.
+    pub fn with_options(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        search: Search,
+        options: Options,
+    ) -> Self {
+        let network = network.into();
+        let engine = Engine::with_options(Arc::clone(&network), sensor, options)
+            .expect("an exact network and valid options");
+        Self::of(engine, network, sensor, search).expect("the sensor has pixels").with_late(options.late)
+    }
+}
+
+impl<E: IncrementalEvents> CheckedEngine<E> {
+    /// `engine`, new, of `network` on `sensor`, which drops late events. The batch searches by `search`.
+    ///
+    /// # Errors
+    /// [`EngineError::Sensor`] for a sensor without pixels.
+    pub fn of(
+        engine: E,
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        search: Search,
+    ) -> Result<Self, EngineError> {
+        let batch = BatchEngine::new(network, sensor)?.with_search(search);
+        Ok(Self { engine, batch, refused: 0, rows: 0 })
+    }
+
+    /// The same for an engine that treats late events as `late` says.
+    #[must_use]
+    pub fn with_late(self, late: LatePolicy) -> Self {
+        Self { batch: self.batch.with_late(late), ..self }
+    }
+
+    /// The same, but events on which no row of the window depends any more are forgotten, as
+    /// [`BatchEngine::with_bounded_memory`].
+    #[must_use]
+    pub fn with_bounded_memory(self) -> Self {
+        Self { batch: self.batch.with_bounded_memory(), ..self }
+    }
+
+    /// Pushes an event into the engine and into the batch.
+    ///
+    /// # Panics
+    /// If the outcomes differ.
+    pub fn push(&mut self, event: Event) -> Outcome {
+        let outcome = self.remember(event);
+        assert_eq!(self.engine.push(&event), Ok(outcome), "{event:?}");
+        outcome
+    }
+
+    /// Pushes an event into the batch alone.
+    pub(crate) fn remember(&mut self, event: Event) -> Outcome {
+        self.batch.push(event)
+    }
+
+    /// Moves time on.
+    pub fn advance(&mut self, t_us: i64) {
+        self.engine.advance(t_us);
+        self.batch.advance(t_us);
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        self.engine.reset();
+        self.batch.reset();
+    }
+
+    /// The engine returns to its state as bytes.
+    ///
+    /// # Errors
+    /// The engine refuses the bytes.
+    pub fn through_bytes(&mut self) -> Result<(), EngineError> {
+        let bytes = self.engine.to_bytes();
+        self.engine.reset();
+        self.engine.restore_bytes(&bytes)
+    }
+
+    /// The engine takes `events`, predicts, and returns to the state that it had before.
+    ///
+    /// # Errors
+    /// The engine refuses its own snapshot.
+    pub fn detour(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), EngineError> {
+        let snapshot = self.engine.snapshot();
+        for event in events {
+            self.engine.push(&event)?;
+        }
+        // A prediction that is not a number is forgotten with the events.
+        let _ = self.engine.predict();
+        self.engine.restore(&snapshot)
+    }
+
+    /// The events that the batch remembers, from the oldest.
+    pub fn accepted(&self) -> &[Event] {
+        self.batch.events()
+    }
+
+    /// The stream as the batch takes it.
+    pub fn stream(&self) -> Stream<'_> {
+        self.batch.stream()
+    }
+
+    /// Everything that the batch computes.
+    ///
+    /// # Errors
+    /// As [`BatchEngine::trace`].
+    pub fn trace(&self) -> Result<Trace, EngineError> {
+        self.batch.trace()
+    }
+
+    /// The prediction, which must equal the batch's; empty where both refuse for the same reason.
+    ///
+    /// # Errors
+    /// They differ.
+    pub fn predict(&mut self) -> Result<Vec<f32>, Difference> {
+        let expected = self.trace().map(|trace| trace.prediction);
+        let found = self.engine.predict();
+        self.refused += u64::from(!Difference::of_predictions(&found, &expected)?);
+        Ok(found.unwrap_or_default())
+    }
+
+    /// Compares prediction, neighbourhoods and every row of every layer with the batch's, bit for bit. Where both refuse to
+    /// predict for the same reason, nothing else is compared.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn compare(&mut self) -> Result<(), Difference> {
+        self.compare_with(self.batch.batch().search())
+    }
+
+    /// As [`Self::compare`], with another search in the batch.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn compare_with(&mut self, search: Search) -> Result<(), Difference> {
+        let trace = self.batch.batch().clone().with_search(search).forward(self.stream());
+        let prediction = self.engine.predict();
+        let (trace, prediction) = match (trace, prediction) {
+            (Ok(trace), Ok(prediction)) => (trace, prediction),
+            (trace, prediction) => {
+                Difference::of_predictions(&prediction, &trace.map(|trace| trace.prediction))?;
+                self.refused += 1;
+                return Ok(());
+            }
+        };
+        self.compare_neighbourhoods(&trace)?;
+        self.compare_rows(&trace)?;
+        Difference::of_predictions(&Ok(prediction), &Ok(trace.prediction)).map(drop)
+    }
+
+    fn compare_neighbourhoods(&self, trace: &Trace) -> Result<(), Difference> {
+        let events = &trace.levels[0];
+        let (nodes, first) = (events.features[0].rows() - events.first, events.first as u32);
+        if self.engine.nodes() != nodes {
+            return Err(Difference::Nodes { found: self.engine.nodes(), expected: nodes });
+        }
+        for event in 0..nodes {
+            let edges = events.edges.row(events.first + event).iter();
+            // A frozen neighbour may have left the window; the engine does not list it any more.
+            let present = edges.filter(|n| n.row >= first);
+            let expected: Vec<Neighbour> = present.map(|n| Neighbour { row: n.row - first, ..*n }).collect();
+            let found = self.engine.neighbourhood(event);
+            if found != expected {
+                return Err(Difference::Neighbourhood { event, found, expected });
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn compare_rows(&mut self, trace: &Trace) -> Result<(), Difference> {
+        for (l, level) in trace.levels.iter().enumerate() {
+            for (f, feature) in level.features.iter().enumerate() {
+                let found = self.engine.rows(l, f);
+                let expected =
+                    (level.first..feature.rows()).map(|row| feature.values(row).collect::<Vec<_>>());
+                let expected: Vec<Vec<f32>> = expected.collect();
+                self.rows += expected.len() as u64;
+                let values = |rows: &[Vec<f32>]| rows.iter().map(Vec::len).sum();
+                if found.len() != expected.len() || values(&found) != values(&expected) {
+                    let (found, expected) = (values(&found), values(&expected));
+                    return Err(Difference::Size { layer: self.layer(l, f), found, expected });
+                }
+                for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                    if let Some((channel, found, expected)) = first_difference(found, expected) {
+                        return Err(Difference::Row {
+                            layer: self.layer(l, f),
+                            row,
+                            channel,
+                            found,
+                            expected,
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The layer that writes a feature.
+    fn layer(&self, level: usize, feature: usize) -> String {
+        let network = self.batch.network();
+        match (level, feature) {
+            (0, 0) => "events".to_owned(),
+            (_, 0) => network.parts().pooled[level - 1].0.name.clone(),
+            _ => network.level(level).blocks[feature - 1].name.clone(),
+        }
+    }
+
+    /// Runs a script, comparing at every prediction, after every reset and return, and at the end.
+    ///
+    /// # Errors
+    /// Where and what differs first.
+    pub fn run(&mut self, script: &Script) -> Result<(), String> {
+        self.run_with(script, Self::compare)
+    }
+
+    /// As [`Self::run`], with `check` in place of the comparison.
+    ///
+    /// # Errors
+    /// Where and what differs first.
+    pub fn run_with<D: Display>(
+        &mut self,
+        script: &Script,
+        mut check: impl FnMut(&mut Self) -> Result<(), D>,
+    ) -> Result<(), String> {
+        for (i, step) in script.steps.iter().enumerate() {
+            self.step(step).map_err(|e| format!("step {i}: {e}"))?;
+            if !matches!(step, Step::Push(_) | Step::Advance(_)) {
+                check(self).map_err(|e| format!("step {i}: {e}"))?;
+            }
+        }
+        check(self).map_err(|e| format!("at the end: {e}"))
+    }
+}
+
+impl<E: IncrementalEvents> Checked for CheckedEngine<E> {
+    type Input = Event;
+
+    fn step(&mut self, step: &Step) -> Result<(), Difference> {
+        match *step {
+            Step::Push(event) => {
+                let expected = self.remember(event);
+                let found = self.engine.push(&event).map_err(|e| Difference::failed("push", &e))?;
+                if found != expected {
+                    return Err(Difference::Outcome { found, expected });
+                }
+            }
+            Step::Advance(t_us) => self.advance(t_us),
+            Step::Predict => {}
+            Step::Reset => self.reset(),
+            Step::Snapshot => {
+                let now = self.batch.now_us().unwrap_or(0);
+                let ahead = (0..5).map(|i| Event::new(now.saturating_add(40 * i), i as u16, 1, true));
+                self.detour(ahead).map_err(|e| Difference::failed("restore", &e))?;
+            }
+            Step::Bytes => self.through_bytes().map_err(|e| Difference::failed("restore_bytes", &e))?,
+        }
+        Ok(())
+    }
+
+    fn compare(&mut self) -> Result<(), Difference> {
+        self.compare()
+    }
+
+    fn counts(&self) -> (u64, u64) {
+        (self.rows, self.refused)
+    }
+}

@@ -1,0 +1,121 @@
+//! The verbs of an engine under test.
+
+use meissner_engine::frames::{FrameEngine, FrameSnapshot};
+use meissner_engine::{Engine, EngineError, Event, Outcome, Snapshot};
+use meissner_kernels::Neighbour;
+
+/// An engine that is verified. [`Engine`] and [`FrameEngine`] implement it; so can an engine of your own.
+pub trait Incremental {
+    /// One input: an [`Event`], or the values of a frame.
+    type Input: Clone + std::fmt::Debug;
+    /// A state in memory.
+    type Snapshot;
+
+    /// Takes an input.
+    ///
+    /// # Errors
+    /// The engine refuses a frame.
+    fn push(&mut self, input: &Self::Input) -> Result<Outcome, EngineError>;
+    /// The prediction for all accepted inputs.
+    ///
+    /// # Errors
+    /// [`EngineError::NotANumber`] if a layer computed NaN.
+    fn predict(&mut self) -> Result<Vec<f32>, EngineError>;
+    /// Forgets all inputs.
+    fn reset(&mut self);
+    /// The state, to return to.
+    fn snapshot(&self) -> Self::Snapshot;
+    /// Returns to a state.
+    ///
+    /// # Errors
+    /// The snapshot belongs to another network.
+    fn restore(&mut self, snapshot: &Self::Snapshot) -> Result<(), EngineError>;
+    /// The state as bytes.
+    fn to_bytes(&self) -> Vec<u8>;
+    /// Returns to a state that is stored as bytes.
+    ///
+    /// # Errors
+    /// The bytes are no state of this network.
+    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError>;
+}
+
+/// An engine over events, with its rows.
+pub trait IncrementalEvents: Incremental<Input = Event> {
+    /// Moves time on to `t_us`.
+    fn advance(&mut self, t_us: i64);
+    /// Number of events in the window.
+    fn nodes(&self) -> usize;
+    /// In-edges of an event, by its place in the window, as [`Engine::neighbourhood`].
+    fn neighbourhood(&self, index: usize) -> Vec<Neighbour>;
+    /// Rows of a feature of a level as of the last prediction, as [`Engine::feature`].
+    fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>>;
+}
+
+/// Implements the verbs that both engines have under the same names.
+macro_rules! same_verbs {
+    ($snapshot:ty) => {
+        type Snapshot = $snapshot;
+
+        fn predict(&mut self) -> Result<Vec<f32>, EngineError> {
+            self.predict().map(|prediction| prediction.values.to_vec())
+        }
+
+        fn reset(&mut self) {
+            self.reset();
+        }
+
+        fn snapshot(&self) -> Self::Snapshot {
+            self.snapshot()
+        }
+
+        fn restore(&mut self, snapshot: &Self::Snapshot) -> Result<(), EngineError> {
+            self.restore(snapshot)
+        }
+
+        fn to_bytes(&self) -> Vec<u8> {
+            self.to_bytes()
+        }
+
+        fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+            self.restore_bytes(bytes)
+        }
+    };
+}
+
+impl Incremental for Engine {
+    type Input = Event;
+
+    fn push(&mut self, input: &Event) -> Result<Outcome, EngineError> {
+        Ok(self.push(*input))
+    }
+
+    same_verbs!(Snapshot);
+}
+
+impl IncrementalEvents for Engine {
+    fn advance(&mut self, t_us: i64) {
+        self.advance(t_us);
+    }
+
+    fn nodes(&self) -> usize {
+        self.nodes()
+    }
+
+    fn neighbourhood(&self, index: usize) -> Vec<Neighbour> {
+        self.neighbourhood(index)
+    }
+
+    fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>> {
+        self.feature(level, feature)
+    }
+}
+
+impl Incremental for FrameEngine {
+    type Input = Vec<f32>;
+
+    fn push(&mut self, input: &Vec<f32>) -> Result<Outcome, EngineError> {
+        self.push(input).map(|()| Outcome::Accepted)
+    }
+
+    same_verbs!(FrameSnapshot);
+}

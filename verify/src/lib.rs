@@ -1,0 +1,68 @@
+//! Verifies that incremental results equal full recomputation, bit for bit. Nothing here parses arguments or prints.
+//!
+//! [`verify`] runs a network over random streams. At every comparison, each row of each layer, each neighbourhood and the
+//! prediction of the incremental engine must have the bits of the batch. A stream on which they differ is shrunk to a
+//! minimal stream, which [`Stream::to_text`] writes and [`replay`] runs again. In your own test suite:
+//!
+//! ```
+//! use meissner_models::{Description, Weights};
+//! use meissner_verify::verify;
+//!
+//! # fn test() -> Result<(), Box<dyn std::error::Error>> {
+//! // #[test]
+//! // fn my_network_is_incremental() -> Result<(), Box<dyn std::error::Error>> {
+//! let description = Description::shipped("tactigraph-past").expect("a shipped network");
+//! let weights = Weights::shipped("tactigraph-past").expect("its weights");
+//! let network = description.network(&weights)?;
+//! let summary = verify(network, None, 3, 1)?; // on sensors of several sizes, 3 streams of seed 1
+//! assert_eq!(summary.cases, 3);
+//! # Ok(())
+//! # }
+//! # test().expect("incremental equals batch");
+//! ```
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`verify`], [`verify_with`], [`verify_recording`], [`verify_frames`], [`replay`] | random streams and recordings, to a [`Summary`] or a [`Mismatch`] |
+//! | [`Incremental`], [`IncrementalEvents`] | the verbs of an engine under test: implement them to verify an engine of your own |
+//! | [`CheckedEngine`], [`CheckedFrames`] | an engine beside its full recomputation, for streams of your own |
+//! | [`Stream`], [`Step`], [`Script`] | streams as data |
+//! | [`networks`], [`frame_networks`] | random networks |
+//! | `strategies` | proptest strategies for streams and networks (feature `proptest`) |
+//! | [`stress`] | streams, weights, states and images that strain the arithmetic, with errors against f64 |
+//! | [`soak`] | one engine over recordings in an endless loop, disturbed at random |
+//!
+//! Everything except timings and memory is determined by seeds and inputs.
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod checked;
+mod checked_frames;
+mod difference;
+mod error;
+pub mod frame_networks;
+mod incremental;
+pub mod networks;
+mod random_frames;
+mod random_stream;
+mod run;
+mod shrink;
+pub mod soak;
+mod step;
+#[cfg(feature = "proptest")]
+pub mod strategies;
+mod stream;
+pub mod stress;
+
+pub use checked::CheckedEngine;
+pub use checked_frames::CheckedFrames;
+pub use difference::{Difference, bits};
+pub use error::VerifyError;
+pub use incremental::{Incremental, IncrementalEvents};
+pub use meissner_models::random::Random;
+pub use run::{
+    Mismatch, Settings, Summary, replay, replay_frames, verify, verify_frames, verify_frames_with,
+    verify_recording, verify_with,
+};
+pub use step::{Relative, Script, Step};
+pub use stream::Stream;

@@ -1,0 +1,203 @@
+//! Random streams of events that look for what an engine may get wrong.
+
+use meissner_engine::{Event, Network, Sensor};
+use meissner_models::random::Random;
+
+use crate::step::Step;
+use crate::stream::Stream;
+
+/// How the events of a stream are spread over sensor and time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scene {
+    /// All pixels are equally likely.
+    Uniform,
+    /// Most events come from a few neighbouring pixels.
+    HotSpot,
+    /// All events come from one pixel.
+    OnePixel,
+    /// All events have one time.
+    OneInstant,
+    /// Few events are in the window at a time.
+    Sparse,
+    /// Many events at once, and then silence for longer than the window.
+    Bursts,
+    /// Times and pixels lie on multiples of fractions of span and sensor, where cells begin.
+    Grid,
+    /// The window is full.
+    Full,
+}
+
+const SCENES: [Scene; 8] = [
+    Scene::Uniform,
+    Scene::HotSpot,
+    Scene::OnePixel,
+    Scene::OneInstant,
+    Scene::Sparse,
+    Scene::Bursts,
+    Scene::Grid,
+    Scene::Full,
+];
+/// Where time starts.
+const ORIGINS: [i64; 4] = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
+/// Events in a window of an ordinary scene.
+const NODES: u64 = 24;
+
+/// A random stream for `network`: on `sensor`, or on one of several sizes. In every other stream, and where the window is to
+/// be full, the capacity is below that of the network.
+pub(crate) fn random_stream(network: &Network, sensor: Option<Sensor>, random: &mut Random) -> Stream {
+    let scene = SCENES[random.below(SCENES.len() as u64) as usize];
+    let sensor = sensor.unwrap_or_else(|| Sensor::new(side(random), side(random)));
+    let small = scene == Scene::Full || random.below(2) == 0;
+    let capacity = small.then(|| network.parts().capacity.min(1 + random.below(32) as usize));
+    // Long streams are rare: every comparison is a full recomputation.
+    let count = if random.below(8) == 0 { 240 } else { random.below(80) };
+    let each = random.below(2) == 0;
+    let mut source = Source { scene, sensor, span_us: network.parts().span_us as u64, now: 0, hot: [0; 2] };
+    source.now = ORIGINS[random.below(4) as usize];
+    source.hot = [random.below(sensor.width.into()), random.below(sensor.height.into())];
+    let mut steps = Vec::new();
+    for _ in 0..count {
+        steps.push(Step::Push(source.event(random)));
+        match random.below(120) {
+            0..6 => steps.push(Step::Advance(source.advance(random))),
+            6..8 => steps.push(Step::Reset),
+            8..11 => steps.push(Step::Snapshot),
+            11..14 => steps.push(Step::Bytes),
+            // Between two comparisons, several events change the same rows.
+            14..26 => steps.push(Step::Predict),
+            _ if each => steps.push(Step::Predict),
+            _ => {}
+        }
+    }
+    Stream { sensor: Some(sensor), capacity, steps }
+}
+
+/// Columns or rows of a sensor.
+fn side(random: &mut Random) -> u16 {
+    let (low, high) = [(1, 12), (12, 70), (70, 700)][random.below(3) as usize];
+    (low + random.below(high - low)) as u16
+}
+
+/// Where events come from.
+struct Source {
+    scene: Scene,
+    sensor: Sensor,
+    span_us: u64,
+    now: i64,
+    /// The hot spot.
+    hot: [u64; 2],
+}
+
+impl Source {
+    fn event(&mut self, random: &mut Random) -> Event {
+        let gap = self.gap(random);
+        let time = self.now.saturating_add(gap as i64);
+        if random.below(24) == 0 {
+            // Late, and dropped.
+            let late = 1 + random.below(self.span_us / 8 + 1);
+            return self.at(self.now.saturating_sub(late as i64), random);
+        }
+        self.now = time;
+        self.at(time, random)
+    }
+
+    fn gap(&self, random: &mut Random) -> u64 {
+        let span = self.span_us;
+        let ordinary = random.below(2 * span / NODES + 1);
+        if random.below(6) == 0 {
+            return 0;
+        }
+        match self.scene {
+            Scene::Uniform | Scene::HotSpot | Scene::OnePixel => ordinary,
+            Scene::OneInstant => 0,
+            Scene::Sparse => random.below(span),
+            Scene::Bursts if random.below(16) == 0 => span + random.below(2 * span),
+            Scene::Bursts => random.below(span / 200 + 1),
+            Scene::Grid => span / 16 * random.below(4),
+            Scene::Full => random.below(span / 256 + 1),
+        }
+    }
+
+    fn at(&self, t_us: i64, random: &mut Random) -> Event {
+        let extent = [u64::from(self.sensor.width), u64::from(self.sensor.height)];
+        let mut pixel = [0, 1].map(|axis| match self.scene {
+            Scene::OnePixel => self.hot[axis],
+            Scene::HotSpot if random.below(8) > 0 => (self.hot[axis] + random.below(3)).min(extent[axis] - 1),
+            Scene::Grid => extent[axis] * random.below(16) / 16,
+            _ => random.below(extent[axis]),
+        });
+        if random.below(40) == 0 {
+            // Outside the sensor, and dropped.
+            let axis = random.below(2) as usize;
+            pixel[axis] = extent[axis] + random.below(3);
+        }
+        Event::new(t_us, pixel[0] as u16, pixel[1] as u16, random.below(2) == 1)
+    }
+
+    fn advance(&mut self, random: &mut Random) -> i64 {
+        let by = if random.below(3) == 0 {
+            random.below(3 * self.span_us)
+        } else {
+            random.below(self.span_us / 8 + 1)
+        };
+        self.now = self.now.saturating_add(by as i64);
+        self.now
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::networks::{BlockShape, NetworkShape};
+    use meissner_engine::{Candidates, DropReason, GraphRule, LatePolicy, Reach};
+
+    #[test]
+    fn streams_hold_every_difficulty_and_are_determined_by_their_seed() {
+        let graph = GraphRule { reach: Reach::Knn { k: 4 }, candidates: Candidates::All };
+        let block = BlockShape { channels: 2, kernel: [2; 3], input: 0, skip: None, extras: [true; 4] };
+        let network = NetworkShape {
+            graph,
+            span_us: 1_000,
+            capacity: 500,
+            blocks: vec![block],
+            pooled: vec![],
+            from: 1,
+            grid: [1, 1],
+            dense: vec![1],
+            head: None,
+            seed: 1,
+        }
+        .build();
+        let (mut sides, mut evicted, mut late, mut outside) = (Vec::new(), 0, 0, 0);
+        let mut kinds = [0; 6];
+        for seed in 0..300 {
+            let stream = random_stream(&network, None, &mut Random::new(seed));
+            assert_eq!(stream.steps, random_stream(&network, None, &mut Random::new(seed)).steps);
+            let sensor = stream.sensor.expect("streams of events have a sensor");
+            sides.push(sensor.width);
+            let mut admission = meissner_engine::Admission::new(sensor, LatePolicy::Drop);
+            for step in &stream.steps {
+                let kind = match step {
+                    Step::Push(event) => {
+                        match admission.admit(*event) {
+                            Err(DropReason::OutsideSensor) => outside += 1,
+                            Err(DropReason::Late) => late += 1,
+                            _ => {}
+                        }
+                        0
+                    }
+                    Step::Advance(_) => 1,
+                    Step::Predict => 2,
+                    Step::Reset => 3,
+                    Step::Snapshot => 4,
+                    Step::Bytes => 5,
+                };
+                kinds[kind] += 1;
+            }
+            evicted += usize::from(stream.capacity.is_some_and(|capacity| capacity < stream.steps.len() / 4));
+        }
+        assert!(kinds.iter().all(|&count| count > 50), "{kinds:?}");
+        assert!(evicted > 50 && late > 50 && outside > 50, "{evicted} {late} {outside}");
+        assert!(sides.iter().any(|&side| side < 12) && sides.iter().any(|&side| side > 70), "{sides:?}");
+    }
+}

@@ -1,0 +1,224 @@
+//! One engine over recordings in an endless loop, disturbed at random: a search for errors that only time brings.
+//!
+//! Enters: recordings. Leaves: latencies, comparisons with the batch at checkpoints, and the promises that are broken.
+//! Invariant: engine and batch are given the same events, except those that the engine is to forget. Everything except
+//! latencies and memory is determined by recordings, network and seed.
+
+mod disturbance;
+mod endless;
+mod report;
+#[cfg(test)]
+mod tests;
+
+pub use endless::Recording;
+pub use report::{Calls, Checkpoint, Disturbances, Memory, PartReport, Ratio, Report};
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use meissner_engine::{Engine, EngineError, EventCounters, Network, Options, Search, Sensor};
+use meissner_models::random::Random;
+use meissner_pipeline::latency::Latency;
+
+use crate::checked::CheckedEngine;
+use crate::difference::bits;
+use crate::error::VerifyError;
+use disturbance::{Deck, Disturbance};
+use endless::Endless;
+use report::{Part, judged, ratios};
+
+/// What a soak does how often.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Seed of silences and disturbances.
+    pub seed: u64,
+    /// Events from one prediction to the next.
+    pub every: u64,
+    /// Mean number of events from one disturbance to the next.
+    pub disturb_every: u64,
+    /// Number of checkpoints, of which the first and the last tenth are compared.
+    pub checkpoints: u64,
+}
+
+/// A soak under way.
+pub struct Soak {
+    settings: Settings,
+    checked: CheckedEngine,
+    stream: Endless,
+    deck: Deck,
+    events: u64,
+    done: Disturbances,
+    start: Instant,
+    /// Since the last checkpoint.
+    latencies: Calls<Latency>,
+    first: Part,
+    last: Part,
+    checkpoints: Vec<Checkpoint>,
+}
+
+impl Soak {
+    /// An engine of `network` with the default options, before the first of `recordings`, of which there must be one.
+    ///
+    /// # Errors
+    /// The engine refuses the network or the sensor.
+    pub fn new(
+        network: impl Into<Arc<Network>>,
+        sensor: Sensor,
+        recordings: Vec<Recording>,
+        settings: Settings,
+    ) -> Result<Self, VerifyError> {
+        let network = network.into();
+        let engine = Engine::new(Arc::clone(&network), sensor)?;
+        let search = Search::Proposed(meissner_reference::PROPOSE);
+        Ok(Self {
+            checked: CheckedEngine::of(engine, network, sensor, search)?.with_bounded_memory(),
+            stream: Endless::new(recordings, Random::new(settings.seed)),
+            deck: Deck::new(Random::new(!settings.seed), settings.disturb_every),
+            events: 0,
+            done: Disturbances::default(),
+            start: Instant::now(),
+            latencies: Calls::new(),
+            first: Part::new(),
+            last: Part::new(),
+            checkpoints: Vec::new(),
+            settings,
+        })
+    }
+
+    /// Events so far.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+
+    /// Counts of accepted and dropped events.
+    pub fn counters(&self) -> EventCounters {
+        self.checked.engine.counters().events
+    }
+
+    /// Performs the disturbance that is due, pushes the next event, and reads the prediction that is due.
+    ///
+    /// # Errors
+    /// A layer computed NaN, or the engine refuses a state of its own.
+    pub fn push(&mut self) -> Result<(), VerifyError> {
+        if let Some(disturbance) = self.deck.after_an_event() {
+            self.disturb(disturbance)?;
+        }
+        let event = self.stream.next();
+        self.events += 1;
+        let start = Instant::now();
+        self.checked.engine.push(event);
+        let pushed = Instant::now();
+        if self.events.is_multiple_of(self.settings.every) {
+            self.checked.engine.predict()?;
+            self.latencies.predict.record(pushed.elapsed());
+        }
+        self.latencies.push.record(pushed - start);
+        self.checked.remember(event);
+        Ok(())
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) -> Result<(), EngineError> {
+        match disturbance {
+            Disturbance::Silence => {
+                self.stream.fall_silent();
+                self.done.silences += 1;
+            }
+            Disturbance::Advance => {
+                self.checked.advance(self.stream.fall_silent());
+                self.done.advances += 1;
+            }
+            Disturbance::Bytes => {
+                let before = self.prediction()?;
+                let engine = &mut self.checked.engine;
+                let bytes = engine.to_bytes();
+                let mut restored = Engine::new(Arc::clone(engine.network()), engine.sensor())?;
+                restored.restore_bytes(&bytes)?;
+                *engine = restored;
+                self.done.bytes += 1;
+                self.compare_return(&before)?;
+            }
+            Disturbance::Snapshot { detour } => {
+                let before = self.prediction()?;
+                let mut ahead = self.stream.clone();
+                self.checked.detour((0..detour).map(|_| ahead.next()))?;
+                self.done.snapshots += 1;
+                self.compare_return(&before)?;
+            }
+            Disturbance::Reset => {
+                self.checked.reset();
+                self.done.resets += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn prediction(&mut self) -> Result<Vec<u32>, EngineError> {
+        Ok(bits(self.checked.engine.predict()?.values))
+    }
+
+    /// Counts the return to a state that does not predict as it did.
+    fn compare_return(&mut self, before: &[u32]) -> Result<(), EngineError> {
+        self.done.returns_that_differ += u64::from(self.prediction()? != before);
+        Ok(())
+    }
+
+    /// Compares the prediction with the batch's. `resident_bytes` is read after the batch.
+    ///
+    /// # Errors
+    /// A layer computed NaN.
+    pub fn checkpoint(
+        &mut self,
+        resident_bytes: impl FnOnce() -> Option<u64>,
+    ) -> Result<&Checkpoint, VerifyError> {
+        let batch = bits(&self.checked.trace()?.prediction);
+        let latencies = std::mem::replace(&mut self.latencies, Calls::new());
+        let compared = self.checked.accepted().len();
+        let prediction = self.checked.engine.predict()?;
+        let found = bits(prediction.values);
+        let row = Checkpoint {
+            events: self.events,
+            t_us: prediction.t_us,
+            nodes: prediction.nodes,
+            compared,
+            equal: found == batch,
+            bits: found.iter().map(|bits| format!("{bits:08x}")).collect(),
+            latency_us: latencies.quantiles(),
+            resident_bytes: resident_bytes(),
+            seconds: self.start.elapsed().as_secs_f64(),
+        };
+        let (number, part) = (self.checkpoints.len() as u64, self.settings.checkpoints.div_ceil(10));
+        if number < part {
+            self.first.add(&row, &latencies);
+        }
+        if number >= self.settings.checkpoints.saturating_sub(part) {
+            self.last.add(&row, &latencies);
+        }
+        self.checkpoints.push(row);
+        Ok(&self.checkpoints[number as usize])
+    }
+
+    /// The result. Resident memory may grow by `memory_growth` percent after warm-up.
+    pub fn report(self, memory_growth: u32, peak_resident_bytes: Option<u64>) -> Report {
+        let accepted = self.counters().accepted;
+        let (first, last) = (self.first.report(), self.last.report());
+        let report = Report {
+            recordings: self.stream.names(),
+            rounds: self.stream.rounds(),
+            isa: Options::default().isa.name(),
+            seed: self.settings.seed,
+            every: self.settings.every,
+            events: self.events,
+            accepted,
+            disturbances: self.done,
+            ratio: ratios(&first, &last),
+            first,
+            last,
+            memory: None,
+            peak_resident_bytes,
+            seconds: self.start.elapsed().as_secs_f64(),
+            broken: Vec::new(),
+            checkpoints: self.checkpoints,
+        };
+        judged(report, memory_growth)
+    }
+}

@@ -1,0 +1,218 @@
+//! Results of a soak, and the promises that it breaks.
+
+use meissner_pipeline::latency::{Latency, Quantiles};
+use meissner_pipeline::text::grouped;
+use serde::Serialize;
+
+/// A value for each call of the engine.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Calls<T> {
+    /// `Engine::push`.
+    pub push: T,
+    /// `Engine::predict`.
+    pub predict: T,
+}
+
+impl Calls<Latency> {
+    pub(super) fn new() -> Self {
+        Self { push: Latency::new(), predict: Latency::new() }
+    }
+
+    pub(super) fn quantiles(&self) -> Calls<Option<Quantiles>> {
+        Calls { push: self.push.quantiles(), predict: self.predict.quantiles() }
+    }
+}
+
+/// Number of disturbances of each kind, and of returns to a state after which the prediction differed.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Disturbances {
+    /// Silences.
+    pub silences: u64,
+    /// Silences in which time was moved on.
+    pub advances: u64,
+    /// States as bytes.
+    pub bytes: u64,
+    /// Snapshots in memory.
+    pub snapshots: u64,
+    /// Resets.
+    pub resets: u64,
+    /// Returns to a state after which the prediction had other bits.
+    pub returns_that_differ: u64,
+}
+
+/// A comparison with the batch, and measurements since the checkpoint before.
+#[derive(Clone, Debug, Serialize)]
+pub struct Checkpoint {
+    /// Events so far.
+    pub events: u64,
+    /// Time of the newest event.
+    pub t_us: Option<i64>,
+    /// Events in the window.
+    pub nodes: usize,
+    /// Events that the batch went over.
+    pub compared: usize,
+    /// Whether the prediction has the bits of the batch.
+    pub equal: bool,
+    /// Bits of the prediction, hexadecimal.
+    pub bits: Vec<String>,
+    /// Latencies of the calls.
+    pub latency_us: Calls<Option<Quantiles>>,
+    /// Resident memory of the process, where the platform reports it.
+    pub resident_bytes: Option<u64>,
+    /// Time since the start.
+    pub seconds: f64,
+}
+
+/// Several checkpoints together.
+#[derive(Debug)]
+pub(super) struct Part {
+    latencies: Calls<Latency>,
+    resident: Vec<u64>,
+}
+
+impl Part {
+    pub(super) fn new() -> Self {
+        Self { latencies: Calls::new(), resident: Vec::new() }
+    }
+
+    pub(super) fn add(&mut self, row: &Checkpoint, latencies: &Calls<Latency>) {
+        self.latencies.push.add(&latencies.push);
+        self.latencies.predict.add(&latencies.predict);
+        self.resident.extend(row.resident_bytes);
+    }
+
+    pub(super) fn report(self) -> PartReport {
+        PartReport { latency_us: self.latencies.quantiles(), resident_bytes: median(self.resident) }
+    }
+}
+
+/// Results of several checkpoints.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PartReport {
+    /// Latencies of the calls.
+    pub latency_us: Calls<Option<Quantiles>>,
+    /// Median of the resident memory.
+    pub resident_bytes: Option<u64>,
+}
+
+/// Quantiles of the end as multiples of those of the start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ratio {
+    /// Of the medians.
+    pub p50: f64,
+    /// Of the 99th percentiles.
+    pub p99: f64,
+}
+
+/// Resident memory after warm-up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Memory {
+    /// Largest value in the warm-up.
+    pub warm_bytes: u64,
+    /// Median over the last tenth.
+    pub end_bytes: u64,
+    /// Growth from the first to the second.
+    pub growth_percent: f64,
+}
+
+/// The result of a soak.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Names of the recordings.
+    pub recordings: Vec<String>,
+    /// Recordings that began after the first.
+    pub rounds: u64,
+    /// Instruction set.
+    pub isa: &'static str,
+    /// Seed of silences and disturbances.
+    pub seed: u64,
+    /// Events from one prediction to the next.
+    pub every: u64,
+    /// Events.
+    pub events: u64,
+    /// Events that entered the window.
+    pub accepted: u64,
+    /// Disturbances.
+    pub disturbances: Disturbances,
+    /// The first tenth of the checkpoints.
+    pub first: PartReport,
+    /// The last tenth.
+    pub last: PartReport,
+    /// Latencies of the last tenth as multiples of those of the first.
+    pub ratio: Calls<Option<Ratio>>,
+    /// Memory after warm-up; `None` if it is not judged.
+    pub memory: Option<Memory>,
+    /// Largest resident memory of the process.
+    pub peak_resident_bytes: Option<u64>,
+    /// Duration.
+    pub seconds: f64,
+    /// A sentence for each broken promise.
+    pub broken: Vec<String>,
+    /// All checkpoints.
+    pub checkpoints: Vec<Checkpoint>,
+}
+
+/// The middle of `values`, the upper one of two.
+fn median(mut values: Vec<u64>) -> Option<u64> {
+    values.sort_unstable();
+    values.get(values.len() / 2).copied()
+}
+
+/// With fewer checkpoints, warm-up and end cannot be told apart.
+const FEWEST: usize = 20;
+
+/// `report` with ratios, memory after warm-up, and a sentence for each broken promise. Resident memory may grow by
+/// `memory_growth` percent.
+pub(super) fn judged(report: Report, memory_growth: u32) -> Report {
+    let memory = memory(&report.checkpoints);
+    let mut broken: Vec<String> = report.checkpoints.iter().filter_map(differs).collect();
+    if report.disturbances.returns_that_differ > 0 {
+        let count = grouped(report.disturbances.returns_that_differ);
+        broken.push(format!(
+            "expected the same prediction after the return to a state, found other bits {count} times"
+        ));
+    }
+    if let Some(memory) = memory.filter(|memory| memory.growth_percent > f64::from(memory_growth)) {
+        broken.push(format!(
+            "expected resident memory to grow by at most {memory_growth} % after warm-up, found {:.1} %: {} to {} bytes",
+            memory.growth_percent,
+            grouped(memory.warm_bytes),
+            grouped(memory.end_bytes)
+        ));
+    }
+    Report { memory, broken, ..report }
+}
+
+fn differs(row: &Checkpoint) -> Option<String> {
+    (!row.equal).then(|| {
+        let (events, compared) = (grouped(row.events), grouped(row.compared as u64));
+        format!("expected the bits of the batch over {compared} events after event {events}, found others")
+    })
+}
+
+/// The last tenth against the largest value of the warm-up. None if memory is unknown or the checkpoints are too few.
+fn memory(rows: &[Checkpoint]) -> Option<Memory> {
+    if rows.len() < FEWEST {
+        return None;
+    }
+    let resident = |rows: &[Checkpoint]| rows.iter().filter_map(|row| row.resident_bytes).collect::<Vec<_>>();
+    let warm_bytes = resident(&rows[..warm_up(rows)]).into_iter().max()?;
+    let end_bytes = median(resident(&rows[rows.len() - rows.len().div_ceil(10)..]))?;
+    let growth_percent = 100.0 * (end_bytes as f64 / warm_bytes as f64 - 1.0);
+    Some(Memory { warm_bytes, end_bytes, growth_percent })
+}
+
+/// Checkpoints of the warm-up: a fifth, or more until the largest batch, which takes most of the memory, but at most half.
+fn warm_up(rows: &[Checkpoint]) -> usize {
+    let most = rows.iter().map(|row| row.compared).max();
+    let largest = rows.iter().position(|row| Some(row.compared) == most).map_or(0, |at| at + 1);
+    largest.max(rows.len() / 5).min(rows.len() / 2)
+}
+
+pub(super) fn ratios(first: &PartReport, last: &PartReport) -> Calls<Option<Ratio>> {
+    let of = |first: Option<Quantiles>, last: Option<Quantiles>| {
+        first.zip(last).map(|(first, last)| Ratio { p50: last.p50 / first.p50, p99: last.p99 / first.p99 })
+    };
+    let (first, last) = (&first.latency_us, &last.latency_us);
+    Calls { push: of(first.push, last.push), predict: of(first.predict, last.predict) }
+}

@@ -1,0 +1,151 @@
+//! Strategies for proptest: streams, and networks of every kind that the engine runs.
+
+use meissner_engine::{Candidates, GraphRule, Lifetime, Reach, Sensor};
+use proptest::prelude::*;
+
+use crate::frame_networks::Style as FrameStyle;
+use crate::networks::{BlockShape, NetworkShape, PoolShape};
+use crate::step::{Relative, Script};
+
+/// How events are spread over the sensor and over time.
+#[derive(Clone, Copy, Debug)]
+enum Style {
+    Anywhere,
+    OnePixel,
+    FewPixels,
+    OneInstant,
+}
+
+fn relative(style: Style) -> impl Strategy<Value = Relative> {
+    let dt = match style {
+        Style::OneInstant => Just(0i64).boxed(),
+        _ => prop_oneof![4 => 0i64..4, 4 => 0i64..60, 1 => 0i64..1_500, 1 => -9i64..0].boxed(),
+    };
+    let pixels = match style {
+        Style::OnePixel => 1u16,
+        Style::FewPixels => 4,
+        Style::Anywhere | Style::OneInstant => u16::MAX,
+    };
+    let push =
+        (dt, 0..pixels, 0..pixels, any::<bool>()).prop_map(|(dt, x, y, on)| Relative::Push { dt, x, y, on });
+    prop_oneof![
+        40 => push,
+        2 => prop_oneof![3 => 0i64..80, 1 => 0i64..3_000].prop_map(|dt| Relative::Advance { dt }),
+        8 => Just(Relative::Predict),
+        1 => Just(Relative::Snapshot),
+    ]
+}
+
+/// Scripts of up to `most` steps, twice as many where there is a reset, on small sensors.
+pub fn script(most: usize) -> impl Strategy<Value = Script> {
+    script_on((prop_oneof![1u16..12, 12u16..70], prop_oneof![1u16..12, 12u16..70]), most)
+}
+
+/// Scripts of up to `most` steps on sensors of these columns and rows.
+pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl Strategy<Value = Script> {
+    let style = prop_oneof![
+        4 => Just(Style::Anywhere),
+        1 => Just(Style::OnePixel),
+        1 => Just(Style::FewPixels),
+        1 => Just(Style::OneInstant),
+    ];
+    let origin = prop_oneof![Just(0i64), Just(1_700_000_000_000_000), Just(-77), Just(i64::MIN / 2)];
+    let steps = style.prop_flat_map(move |style| {
+        let run = || proptest::collection::vec(relative(style), 1..most);
+        (run(), proptest::option::weighted(0.2, run())).prop_map(|(mut steps, second)| {
+            if let Some(second) = second {
+                steps.push(Relative::Reset);
+                steps.extend(second);
+            }
+            steps
+        })
+    });
+    (sensor, origin, steps).prop_map(|((width, height), origin_us, steps)| {
+        Script::new(Sensor::new(width, height), origin_us, &steps)
+    })
+}
+
+fn block() -> impl Strategy<Value = BlockShape> {
+    let kernel = prop_oneof![
+        3 => Just([2, 2, 2]),
+        2 => (2usize..=5, 2usize..=5, 1usize..=5).prop_map(|(x, y, t)| [x, y, t]),
+    ];
+    (
+        prop_oneof![3 => 1usize..=9, 1 => Just(16usize)],
+        kernel,
+        0usize..8,
+        any::<Option<u8>>(),
+        any::<[bool; 4]>(),
+    )
+        .prop_map(|(channels, kernel, input, skip, extras)| BlockShape {
+            channels,
+            kernel,
+            input,
+            skip: skip.map(usize::from),
+            extras,
+        })
+}
+
+fn fraction() -> impl Strategy<Value = (u32, u32)> {
+    prop_oneof![
+        3 => (1u32..=4, 2u32..=9).prop_map(|(n, d)| (n, d)),
+        1 => Just((16, 346)),
+        1 => Just((1, 1)),
+    ]
+}
+
+fn pool() -> impl Strategy<Value = PoolShape> {
+    (
+        0usize..8,
+        [fraction(), fraction()],
+        proptest::option::of((1u32..=3, 1u32..=7)),
+        any::<bool>(),
+        proptest::collection::vec(block(), 0..=2),
+    )
+        .prop_map(|(from, cell, time, mean, blocks)| PoolShape { from, cell, time, mean, blocks })
+}
+
+fn rule() -> impl Strategy<Value = GraphRule> {
+    let reach = prop_oneof![
+        2 => (1usize..=24).prop_map(|k| Reach::Knn { k }),
+        1 => (0.05f64..1.5, 1usize..=24).prop_map(|(r, max)| Reach::Radius { r, max }),
+    ];
+    let candidates = prop_oneof![
+        Just(Candidates::All),
+        Just(Candidates::Past(Lifetime::Window)),
+        Just(Candidates::Past(Lifetime::Frozen)),
+    ];
+    (reach, candidates).prop_map(|(reach, candidates)| GraphRule { reach, candidates })
+}
+
+/// Networks of up to three pooled levels.
+pub fn network() -> impl Strategy<Value = NetworkShape> {
+    (
+        rule(),
+        50i64..2_000,
+        prop_oneof![1 => 1usize..8, 3 => 8usize..80],
+        proptest::collection::vec(block(), 0..=4),
+        proptest::collection::vec(pool(), 0..=3),
+        0usize..8,
+        [1usize..=5, 1usize..=4],
+        proptest::collection::vec(1usize..=9, 1..=3),
+        proptest::option::weighted(0.3, 1usize..=9),
+        any::<u64>(),
+    )
+        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed)| {
+            NetworkShape { graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed }
+        })
+}
+
+/// Kinds of frame networks.
+pub fn frame_style() -> impl Strategy<Value = FrameStyle> {
+    prop_oneof![
+        3 => Just(FrameStyle::Classifier),
+        3 => any::<bool>().prop_map(|squeeze| FrameStyle::UNet { squeeze }),
+        2 => Just(FrameStyle::ConvolutionsThenLstm),
+        2 => (prop_oneof![Just(3usize), Just(8)], any::<bool>())
+            .prop_map(|(hidden, peepholes)| FrameStyle::ConvLstm { hidden, peepholes }),
+        1 => Just(FrameStyle::Delays),
+        3 => any::<bool>().prop_map(|vector| FrameStyle::Committee { vector }),
+    ]
+}
