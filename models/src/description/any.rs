@@ -1,16 +1,16 @@
-//! A description of either kind of network.
+//! What descriptions of all kinds have in common: they are parsed, loaded, and matched with weights.
 
 use std::path::Path;
 
-use super::frames::{FrameDescription, TABLE};
-use super::{Description, DescriptionError, Needed, checked, classes, text};
-use crate::ModelError;
+use super::Description;
+use super::document::{Document, INPUT, LOGIT, checked, text};
+use super::frames::FrameDescription;
+use super::problem::{DescriptionError, Problems};
+use super::tensors::{Needed, unused};
+use crate::error::ModelError;
+use crate::weights::Weights;
 
-/// What messages call the two kinds.
-pub(super) const EVENTS: &str = "a network over events, with a table [graph]";
-pub(super) const FRAMES: &str = "a frame network, with a table [input]";
-
-/// A checked description of either kind of network.
+/// A checked description of either kind of network. A table `[input]` marks a frame network.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnyDescription {
     /// A network over the graph of events.
@@ -19,60 +19,87 @@ pub enum AnyDescription {
     Frames(FrameDescription),
 }
 
+/// The result of an expression for the description of either kind.
+macro_rules! either {
+    ($any:expr, $description:ident => $result:expr) => {
+        match $any {
+            AnyDescription::Events($description) => $result,
+            AnyDescription::Frames($description) => $result,
+        }
+    };
+}
+
 impl AnyDescription {
-    /// Checks the text of a description file: a table `[input]` marks a frame network.
-    ///
-    /// # Errors
-    /// As [`Description::parse`].
-    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
-        checked(text, |document, problems| match document.line_of(TABLE) {
+    fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
+        match document.line_of(INPUT) {
             Some(_) => FrameDescription::check(document, problems).map(Self::Frames),
             None => Description::check(document, problems).map(Self::Events),
-        })
-    }
-
-    /// Reads and checks a description file.
-    ///
-    /// # Errors
-    /// As [`Description::load`].
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        Ok(Self::parse(&text(path.as_ref())?)?)
+        }
     }
 
     /// Name, for reports.
     pub fn name(&self) -> &str {
-        match self {
-            Self::Events(description) => description.name(),
-            Self::Frames(description) => description.name(),
-        }
+        either!(self, description => description.name())
     }
 
     /// Names of the predicted values, and their unit.
     pub fn outputs(&self) -> (&[String], &str) {
-        match self {
-            Self::Events(description) => description.outputs(),
-            Self::Frames(description) => description.outputs(),
-        }
+        either!(self, description => description.outputs())
     }
 
-    /// Names of the classes whose logits are predicted; `None` for other values.
-    pub fn classes(&self) -> Option<&[String]> {
-        classes(self.outputs())
-    }
-
-    pub(crate) fn needed(&self) -> Vec<Needed> {
-        match self {
-            Self::Events(description) => description.needed(),
-            Self::Frames(description) => description.needed(),
-        }
-    }
-
-    /// What weights that are trained for this description carry as metadata `preparation`; `None` for frames that are not
-    /// made of readings of electrodes.
+    /// The metadata `preparation` of weights that are trained for this description; `None` where frames are not made from
+    /// readings of electrodes.
     pub fn preparation(&self) -> Option<String> {
         match self {
             Self::Events(description) => Some(description.preparation()),
             Self::Frames(description) => description.preparation(),
         }
     }
+
+    pub(crate) fn needed(&self) -> Vec<Needed> {
+        either!(self, description => description.needed())
+    }
 }
+
+macro_rules! common {
+    ($($description:ty),*) => {$(
+        impl $description {
+            /// Checks the text of a description file.
+            ///
+            /// # Errors
+            /// Every inconsistency with its layer and line. Inconsistencies that follow from others are left out.
+            pub fn parse(text: &str) -> Result<Self, DescriptionError> {
+                checked(text, Self::check)
+            }
+
+            /// Reads and checks a description file.
+            ///
+            /// # Errors
+            /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
+            /// [`ModelError::Description`] as [`Self::parse`].
+            pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+                Ok(Self::parse(&text(path.as_ref())?)?)
+            }
+
+            /// Names of the classes whose logits are predicted; `None` for other values.
+            pub fn classes(&self) -> Option<&[String]> {
+                let (names, unit) = self.outputs();
+                (unit == LOGIT).then_some(names)
+            }
+
+            /// Names and shapes of the tensors that the network needs, running statistics included.
+            pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
+                self.needed().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect()
+            }
+
+            /// Names in `weights` that the network does not read, in order.
+            ///
+            /// # Errors
+            /// [`ModelError::Ambiguous`] where several prefixes make the names fit.
+            pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
+                unused(self.name(), self.needed(), weights)
+            }
+        }
+    )*};
+}
+common!(Description, FrameDescription, AnyDescription);

@@ -9,9 +9,11 @@ use meissner_engine::frames::{Convolution, FrameLayer as Part, FrameNetwork, Fra
 use meissner_engine::{Block, DenseLayer, EngineError, Level, Network, NetworkParts, Pooling, Readout};
 use meissner_kernels::{Dense, KernelError, SplineConv, SplineParts};
 
-use super::tensors::{Tensors, unused};
-use super::{Description, Layer, LayerKind, frames};
-use crate::{ModelError, Weights};
+use super::layer::{Layer, LayerKind};
+use super::tensors::Tensors;
+use super::{Description, frames};
+use crate::error::ModelError;
+use crate::weights::Weights;
 
 impl Description {
     /// The network with `weights`, whose names may all carry one further prefix such as "module.".
@@ -35,14 +37,6 @@ impl Description {
         let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
         Ok(Network::new(tensors.finish(parts)?)?)
-    }
-
-    /// Names in `weights` that [`Self::network`] does not read, in order.
-    ///
-    /// # Errors
-    /// [`ModelError::Ambiguous`] as [`Self::network`].
-    pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
-        unused(&self.name, self.needed(), weights)
     }
 
     /// `None` where a tensor does not fit.

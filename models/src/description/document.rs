@@ -1,23 +1,37 @@
 //! The parts of a description file that every kind of network has: TOML, tables, names, the list of layers.
 //!
-//! Enters: text. Leaves: a [`Document`], of which tables are read key by key.
+//! Enters: a file or its text. Leaves: a [`Document`], whose tables are read key by key.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::LOGIT;
-use super::problem::{ProblemKind, Problems};
+use super::problem::{DescriptionError, ProblemKind, Problems};
 use super::table::{Given, Lines, Table, shown};
+use crate::bounded;
+use crate::error::ModelError;
 
-/// More layers than anyone writes; keeps drawings and searches small.
+/// Largest description file that is read: the most layers that a network may have, at 256 bytes each. One wrong byte can
+/// take 700 bytes of messages, most of them from the TOML parser.
+const LARGEST_FILE: u64 = 1 << 18;
+/// The table that marks a frame network.
+pub(super) const INPUT: &str = "input";
+/// The names of the two kinds of networks in messages.
+pub(super) const EVENT_NETWORK: &str = "a network over events, with a table [graph]";
+pub(super) const FRAME_NETWORK: &str = "a frame network, with a table [input]";
+/// The unit of the outputs of classes: a softmax makes probabilities of such values.
+pub(super) const LOGIT: &str = "logit";
+
+/// Most layers of a network; it bounds drawings and searches.
 const MOST_LAYERS: usize = 1024;
 /// Longest name of a network, a layer or an output.
 const LONGEST_NAME: usize = 80;
 /// The tables of layers.
 pub(super) const LAYER: &str = "layer";
-/// What [`name`] reads.
+/// The values that [`name`] accepts.
 pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
 
 /// A parsed file.
@@ -26,7 +40,7 @@ pub(super) struct Document<'i> {
     pub(super) lines: Lines,
 }
 
-/// A table that stands at `line`.
+/// A table that starts on `line`.
 #[derive(Clone, Copy)]
 pub(super) struct Entries<'d, 'i> {
     entries: &'d DeTable<'i>,
@@ -38,6 +52,44 @@ pub(super) struct Entries<'d, 'i> {
 pub(super) struct Output {
     pub(super) names: Option<Given<Vec<String>>>,
     pub(super) unit: String,
+}
+
+/// The text of the file at `path`.
+pub(super) fn text(path: &Path) -> Result<String, ModelError> {
+    String::from_utf8(bounded::read(path, LARGEST_FILE)?).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let found = format!("expected text in UTF-8, found other bytes at byte {at}");
+        ModelError::Read { path: path.to_owned(), source: io::Error::new(io::ErrorKind::InvalidData, found) }
+    })
+}
+
+/// The result of `check` for a file without problems.
+pub(super) fn checked<T>(
+    text: &str,
+    check: impl FnOnce(&Document<'_>, &mut Problems) -> Option<T>,
+) -> Result<T, DescriptionError> {
+    let mut problems = Problems::default();
+    let checked = Document::parse(text, &mut problems).and_then(|document| check(&document, &mut problems));
+    match checked {
+        Some(checked) if problems.0.is_empty() => Ok(checked),
+        _ => Err(DescriptionError::new(problems.0)),
+    }
+}
+
+/// Layers by name, each with its index. A second layer of a name is reported, and the first keeps the name.
+pub(super) fn by_name<'f>(
+    layers: impl Iterator<Item = (&'f str, usize)>,
+    problems: &mut Problems,
+) -> BTreeMap<&'f str, usize> {
+    let (mut names, mut lines) = (BTreeMap::new(), Vec::new());
+    for (i, (name, line)) in layers.enumerate() {
+        lines.push(line);
+        let first = if name.is_empty() { i } else { *names.entry(name).or_insert(i) };
+        if first != i {
+            problems.add(line, Some(name), ProblemKind::DuplicateName { first: lines[first] });
+        }
+    }
+    names
 }
 
 impl<'i> Document<'i> {
@@ -52,13 +104,13 @@ impl<'i> Document<'i> {
         errors.is_empty().then_some(Self { root, lines })
     }
 
-    /// The line of a table that only networks of another kind have.
+    /// The line of a table at the top, where the file has it.
     pub(super) fn line_of(&self, key: &str) -> Option<usize> {
         self.root.get_ref().get(key).map(|value| self.lines.of(value.span().start))
     }
 
-    /// Reports where the tables at the top are not `tables` (each with what it is), `[[layer]]` and, where there are any,
-    /// those of `lists`. Leaves those of `tables` there are.
+    /// The tables at the top of the file, in the order of `tables`, which has the key and a description of each. A missing or
+    /// unknown table is reported. `[[layer]]` must also be there, and the tables of `lists` may be there.
     pub(super) fn tables<const N: usize>(
         &self,
         tables: [(&'static str, &str); N],
@@ -80,12 +132,12 @@ impl<'i> Document<'i> {
         found
     }
 
-    /// The keys of a table, to be asked for.
+    /// A table, whose keys can then be asked for.
     pub(super) fn open<'t>(&'t self, table: Entries<'t, 'i>, problems: &'t mut Problems) -> Table<'t, 'i> {
         Table::new(table.entries, &self.lines, table.line, None, problems)
     }
 
-    /// The tables of `list`, such as [`LAYER`], at most [`MOST_LAYERS`]; anything else in their place is reported.
+    /// The tables of `list`, such as [`LAYER`], at most [`MOST_LAYERS`]. Anything else in their place is reported.
     pub(super) fn layers(&self, list: &'static str, problems: &mut Problems) -> Vec<Entries<'_, 'i>> {
         let layers = self.root.get_ref().get(list).and_then(|value| value.get_ref().as_array());
         let Some(layers) = layers else { return Vec::new() };
@@ -107,7 +159,7 @@ impl<'i> Document<'i> {
         tables
     }
 
-    /// The keys of a layer's table, and its name; `input` is a name that is taken.
+    /// A layer's table and its name, which must differ from `input`.
     pub(super) fn layer<'t>(
         &'t self,
         layer: Entries<'t, 'i>,
@@ -134,8 +186,7 @@ impl<'i> Document<'i> {
         let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
         let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
         let unit = table.required("unit", "the predicted values' unit, such as \"rad\"", name);
-        // Known, where it is not there either.
-        table.optional("classes", "", |_| Some(()));
+        table.ignore(&["classes"]);
         table.finish();
         Output { names, unit: unit.map(|given| given.value).unwrap_or_default() }
     }
@@ -149,10 +200,7 @@ fn classes(mut table: Table<'_, '_>) -> Output {
             .filter(|names| names.len() > 1 && names.iter().collect::<BTreeSet<_>>().len() == names.len())
     });
     for key in ["names", "unit"] {
-        if let Some(given) = table.optional(key, "", |_| Some(())) {
-            let with = "names in place of classes, whose values are logits";
-            table.report(given.line, ProblemKind::Inapplicable { key, with });
-        }
+        table.inapplicable(key, "names in place of classes, whose values are logits");
     }
     table.finish();
     Output { names, unit: LOGIT.to_owned() }
@@ -170,7 +218,7 @@ impl Entries<'_, '_> {
     }
 }
 
-/// A name that reports and tables can show.
+/// A name that messages and tables can show.
 pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
     let name = value.as_str()?;
     let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);

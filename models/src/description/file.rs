@@ -11,7 +11,7 @@ use toml::de::DeValue;
 use super::document::{Document, LAYER, NAME, name};
 use super::frames;
 use super::layer::activation_word;
-use super::problem::{ProblemKind, Problems};
+use super::problem::Problems;
 use super::table::{Given, Table, integer};
 
 /// The input of a network: the name that layers refer to it by.
@@ -150,17 +150,15 @@ impl File {
     fn graph(&mut self, mut table: Table<'_, '_>) {
         let normalisation = self.normalisation;
         let reach = match table.choice("kind", &[("knn", true), ("radius", false)], None) {
-            Some(true) => table.integer("k", NEIGHBOURS, None).map(|k| Reach::Knn { k: k as usize }),
+            Some(true) => table.size("k", NEIGHBOURS, None).map(|k| Reach::Knn { k }),
             Some(false) => {
                 let r = table.positive("r", |r| (r * r).is_finite());
-                let max = table.integer("max", NEIGHBOURS, None);
-                r.zip(max).map(|(r, max)| Reach::Radius { r, max: max as usize })
+                let max = table.size("max", NEIGHBOURS, None);
+                r.zip(max).map(|(r, max)| Reach::Radius { r, max })
             }
             None => {
-                // Without a kind there is no telling which of these keys belong.
-                table.optional("k", "", |_| Some(()));
-                table.optional("r", "", |_| Some(()));
-                table.optional("max", "", |_| Some(()));
+                // The keys of an unknown kind are unknown.
+                table.ignore(&["k", "r", "max"]);
                 None
             }
         };
@@ -169,13 +167,13 @@ impl File {
                 let lifetimes = [("window", Lifetime::Window), ("frozen", Lifetime::Frozen)];
                 table.choice("lifetime", &lifetimes, None).map(Candidates::Past)
             }
-            past_unknown => {
-                let lifetime = table.optional("lifetime", "", |_| Some(()));
-                if let (Some(_), Some(lifetime)) = (past_unknown, lifetime) {
-                    let with = "candidates = \"past\"";
-                    table.report(lifetime.line, ProblemKind::Inapplicable { key: "lifetime", with });
-                }
-                past_unknown.map(|_| Candidates::All)
+            Some(false) => {
+                table.inapplicable("lifetime", "candidates = \"past\"");
+                Some(Candidates::All)
+            }
+            None => {
+                table.ignore(&["lifetime"]);
+                None
             }
         };
         if normalisation == Normalisation::PerGraph
@@ -213,7 +211,7 @@ fn read_layer(
         }
         _ => None,
     };
-    // Of an unknown kind there is no telling which keys belong.
+    // The keys of an unknown kind are unknown.
     if !matches!(kind, FileKind::Unknown) {
         table.finish();
     }
@@ -224,7 +222,7 @@ fn read_layer(
 fn spline(table: &mut Table<'_, '_>) -> FileKind {
     let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
     FileKind::Spline {
-        channels: table.integer("channels", CHANNELS, None).map(|v| v as usize),
+        channels: table.size("channels", CHANNELS, None),
         kernel: table.required("kernel", expected, kernel).map(|given| given.value),
         skip: table.optional("skip", "the name of a layer, or \"events\"", name),
         root: table.boolean("root", false),
@@ -270,7 +268,7 @@ fn dense(table: &mut Table<'_, '_>) -> FileKind {
     let activations =
         [Activation::Identity, Activation::Relu, Activation::Elu].map(|kind| (activation_word(kind), kind));
     FileKind::Dense {
-        outputs: table.integer("outputs", CHANNELS, None).map(|v| v as usize),
+        outputs: table.size("outputs", CHANNELS, None),
         bias: table.boolean("bias", true),
         activation: table.choice("activation", &activations, Some(Activation::Identity)).unwrap_or_default(),
     }
@@ -283,10 +281,10 @@ fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> Option<f32>
         let fits = |scale: f64| scale as f32 > 0.0 && (scale as f32).is_finite();
         return table.positive("scale", fits).map(|scale| scale as f32);
     }
-    if let Some(given) = table.optional("scale", "", |_| Some(())) {
-        let with = "normalisation = \"fixed\": per graph it is the largest difference over its edges";
-        table.report(given.line, ProblemKind::Inapplicable { key: "scale", with });
-    }
+    table.inapplicable(
+        "scale",
+        "normalisation = \"fixed\": per graph it is the largest difference over its edges",
+    );
     Some(1.0)
 }
 

@@ -112,6 +112,24 @@ impl LayerKind {
     }
 }
 
+impl fmt::Display for LayerKind {
+    /// Its word with its options, in short.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        match self {
+            Self::Spline { kernel: [x, y, t], root, bias, norm, elu, .. } => {
+                write!(f, " {x}x{y}x{t}")?;
+                let words = [(" root", *root), (" bias", *bias), (" no norm", !*norm), (" no elu", !*elu)];
+                words.iter().filter(|(_, given)| *given).try_for_each(|(word, _)| f.write_str(word))
+            }
+            Self::Pool { cell, .. } => write!(f, " {cell}"),
+            Self::Readout { columns, rows, times: 1 } => write!(f, " {columns}x{rows}"),
+            Self::Readout { columns, rows, times } => write!(f, " {columns}x{rows}x{times}"),
+            Self::Dense { activation, .. } => write!(f, " {}", activation_word(*activation)),
+        }
+    }
+}
+
 /// Size of a pooling's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Cell {

@@ -1,43 +1,59 @@
-//! How the graphs that weights were trained on were built: what a description and its weights must agree on.
+//! How the input of a training was prepared: weights and description must agree on it.
 //!
-//! Weights say it in their metadata under `preparation`, as a JSON object with the words of a description:
+//! Weights state it in their metadata under `preparation`, as a JSON object with the words of a description. For a network
+//! over events these are the words of its graph:
 //!
 //! ```text
 //! {"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed","scales":[0.1,0.1176],
 //!  "span_us":300000,"cells":[["1/8","1/8","1/3"]]}
 //! ```
 //!
-//! `scales` are those of the edge attributes, level by level, and are missing with "per-graph"; `cells` are those of the
-//! poolings. Weights may leave out `lifetime`: while no event leaves the window, both lifetimes give the same graph. The
-//! published contact-angle checkpoint carries no metadata; it is recognised and has the preparation of the shipped network
+//! `scales` are the scales of edge attributes, level by level, and are missing with "per-graph". `cells` are the cells of the
+//! poolings. Weights may leave out `lifetime`, because both lifetimes give the same graph until an event leaves the window.
+//! The published contact-angle checkpoint has no metadata. It is recognised and has the preparation of the shipped network
 //! `graphres-published`.
 //!
-//! A network is not built from weights that say otherwise than its description, unless that is asked for. Weights that say
-//! nothing are taken as they are, and [`Description::agreement`] tells.
+//! For a network over readings of electrodes these are the words of `[input]`:
+//!
+//! ```text
+//! {"frames":"tactile-image","steps":5,"scaling":"image"}
+//! {"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.0]]}
+//! ```
+//!
+//! The sampling of readings does not count: a network that was trained on windows without overlap may run on sliding windows.
+//!
+//! A network is not built from weights that state another preparation than its description, unless this is asked for. Weights
+//! without a statement are accepted, and `agreement` reports it.
 
 use meissner_engine::{Normalisation, Reach};
 use serde_json::{Map, Value, json};
 
-use super::frames::preparation::{KEY, normal};
-use super::{Description, LayerKind};
-use crate::{ModelError, Weights};
+use super::Description;
+use super::frames::{FrameDescription, FrameSource};
+use super::layer::LayerKind;
+use crate::error::ModelError;
+use crate::weights::Weights;
 
+/// The key of the metadata.
+const KEY: &str = "preparation";
+/// The keys of the object for readings, in order.
+const READING_KEYS: [&str; 3] = ["frames", "steps", "scaling"];
 /// The network whose preparation the published checkpoint has.
 const PUBLISHED: &str = "graphres-published";
 /// The key that weights may leave out.
 const LIFETIME: &str = "lifetime";
 
-/// What weights say about the preparation of their training's input, compared with a description.
+/// Whether weights state the same preparation of their training's input as a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Agreement {
-    /// The same as the description.
+    /// They state the same preparation.
     Same,
-    /// Nothing, for they were drawn from a seed.
+    /// They state none because they were drawn from a seed.
     Drawn,
-    /// Nothing.
+    /// They state none.
     Unstated,
-    /// Something else.
+    /// They state another preparation.
     Other,
 }
 
@@ -52,15 +68,24 @@ impl Agreement {
         }
     }
 
-    /// That of `weights` without a statement.
-    pub(super) fn without_statement(weights: &Weights) -> Self {
-        if weights.is_drawn() { Self::Drawn } else { Self::Unstated }
+    /// Compares the preparation `expected` by a description with the one that `weights` state.
+    fn of(weights: &Weights, expected: Option<&str>, stated: Option<&str>) -> Self {
+        let Some(stated) = stated else {
+            return if weights.is_drawn() { Self::Drawn } else { Self::Unstated };
+        };
+        let (Some(mut expected), Some(found)) = (expected.and_then(entries), entries(stated)) else {
+            return Self::Other;
+        };
+        if !found.contains_key(LIFETIME) {
+            expected.remove(LIFETIME);
+        }
+        if expected == found { Self::Same } else { Self::Other }
     }
 }
 
 impl Description {
-    /// What weights that are trained for this description carry as metadata `preparation`: the rule of the graph, the scales
-    /// of edge attributes, the span and the poolings' cells, as a JSON object.
+    /// The metadata `preparation` of weights that are trained for this description: the rule of the graph, the scales of edge
+    /// attributes, the span and the cells of the poolings, as a JSON object.
     pub fn preparation(&self) -> String {
         let summary = self.graph_summary();
         let mut entries = vec![("kind", json!(summary.kind))];
@@ -89,42 +114,58 @@ impl Description {
         format!("{{{}}}", text.join(","))
     }
 
-    /// Whether `weights` were trained on graphs as this description builds them, by what they say.
+    /// Whether `weights` were trained on graphs as this description builds them, by their own statement.
     pub fn agreement(&self, weights: &Weights) -> Agreement {
-        match stated(weights) {
-            None => Agreement::without_statement(weights),
-            Some(found) if self.says_the_same(&found) => Agreement::Same,
-            Some(_) => Agreement::Other,
-        }
+        Agreement::of(weights, Some(&self.preparation()), stated_or_published(weights).as_deref())
     }
 
-    /// `Ok` where `weights` do not say how their graphs were built, or say the same as this description.
+    /// `Ok` where `weights` state the same preparation as this description, or none.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
         if self.agreement(weights) != Agreement::Other {
             return Ok(());
         }
         Err(ModelError::Preparation {
-            network: self.name.clone(),
+            network: self.name().to_owned(),
             expected: self.preparation(),
-            found: stated(weights).unwrap_or_default(),
+            found: stated_or_published(weights).unwrap_or_default(),
             published: weights.is_published().then_some(PUBLISHED),
         })
     }
+}
 
-    fn says_the_same(&self, found: &str) -> bool {
-        let read = |text: &str| serde_json::from_str::<Map<String, Value>>(text).ok().map(normal);
-        let (Some(mut expected), Some(found)) = (read(&self.preparation()), read(found)) else {
-            return false;
-        };
-        if !found.contains_key(LIFETIME) {
-            expected.remove(LIFETIME);
+impl FrameDescription {
+    /// The metadata `preparation` of weights that are trained for this description: frames, steps and scaling in the words of
+    /// `[input]`, as a JSON object. `None` where frames are not made from readings of electrodes.
+    pub fn preparation(&self) -> Option<String> {
+        let (FrameSource::TactileImage(_) | FrameSource::Electrodes(_)) = self.source() else { return None };
+        let settings = serde_json::to_value(self.source()).unwrap_or_default();
+        let entries = READING_KEYS.iter().filter_map(|&key| Some(format!("{key:?}:{}", settings.get(key)?)));
+        Some(format!("{{{}}}", entries.collect::<Vec<_>>().join(",")))
+    }
+
+    /// Whether `weights` were trained on frames as this description makes them, by their own statement.
+    pub fn agreement(&self, weights: &Weights) -> Agreement {
+        let stated = weights.metadata().get(KEY).map(String::as_str);
+        Agreement::of(weights, self.preparation().as_deref(), stated)
+    }
+
+    /// `Ok` where `weights` state the same preparation as this description, or none.
+    pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
+        if self.agreement(weights) != Agreement::Other {
+            return Ok(());
         }
-        expected == found
+        let none = || format!("none, since frames = {:?}", self.source().word());
+        Err(ModelError::Preparation {
+            network: self.name().to_owned(),
+            expected: self.preparation().unwrap_or_else(none),
+            found: weights.metadata().get(KEY).cloned().unwrap_or_default(),
+            published: None,
+        })
     }
 }
 
-/// The preparation that `weights` state, or that they are known to have.
-fn stated(weights: &Weights) -> Option<String> {
+/// The preparation that `weights` state, or that of the published checkpoint where these are its weights.
+fn stated_or_published(weights: &Weights) -> Option<String> {
     let known = || {
         let published = weights.is_published().then(|| Description::shipped(PUBLISHED)).flatten();
         published.map(|description| description.preparation())
@@ -132,84 +173,21 @@ fn stated(weights: &Weights) -> Option<String> {
     weights.metadata().get(KEY).cloned().or_else(known)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{Agreement, KEY};
-    use crate::{Description, ModelError, Weights, draw};
+/// The entries of a JSON object that count, with numbers as the engine takes them: 3488 and 3488.0 are equal.
+fn entries(text: &str) -> Option<Map<String, Value>> {
+    let entries: Map<String, Value> = serde_json::from_str(text).ok()?;
+    let counting = entries.into_iter().filter(|(key, _)| key != "sampling");
+    Some(counting.map(|(key, value)| (key, rounded(value))).collect())
+}
 
-    fn shipped(name: &str) -> Description {
-        Description::shipped(name).expect("shipped")
-    }
-
-    fn prepared(description: &Description, preparation: &str) -> Weights {
-        draw(description, 1).with_metadata([(KEY.to_owned(), preparation.to_owned())].into())
-    }
-
-    #[test]
-    fn the_preparation_of_an_event_network_has_the_words_of_its_file() {
-        assert_eq!(
-            shipped("digits-past").preparation(),
-            r#"{"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed","scales":[0.1,0.1176],"span_us":300000,"cells":[["1/8","1/8","1/3"]]}"#
-        );
-        assert_eq!(
-            shipped("graphres-published").preparation(),
-            r#"{"kind":"knn","k":16,"candidates":"all","normalisation":"per-graph","span_us":150000,"cells":[["16/346","12/260"]]}"#
-        );
-    }
-
-    #[test]
-    fn weights_of_other_graphs_are_refused_and_taken_only_where_that_is_asked_for() {
-        let graphres = shipped("graphres");
-        let own = graphres.preparation();
-        assert!(graphres.network(&prepared(&graphres, &own)).is_ok());
-        for (from, to) in [
-            ("\"k\":16", "\"k\":8"),
-            ("\"all\"", "\"past\""),
-            ("\"fixed\"", "\"per-graph\""),
-            ("[0.5,0.4]", "[0.5,0.5]"),
-            ("150000", "100000"),
-            ("16/346", "1/8"),
-            ("\"k\":16,", ""),
-        ] {
-            let found = own.replace(from, to);
-            assert_ne!(found, own, "{from}");
-            let weights = prepared(&graphres, &found);
-            assert_eq!(graphres.agreement(&weights), Agreement::Other, "{found}");
-            let error = graphres.network(&weights).expect_err(&found);
-            assert!(matches!(&error, ModelError::Preparation { .. }), "{error}");
-            assert!(error.to_string().contains(&found) && error.to_string().contains(&own), "{error}");
-            assert!(graphres.network_regardless(&weights).is_ok());
-        }
-    }
-
-    #[test]
-    fn weights_that_say_nothing_are_taken_and_the_agreement_tells() {
-        let graphres = shipped("graphres");
-        let silent = Weights::new(draw(&graphres, 1).iter().map(|(name, t)| (name.to_owned(), t.clone())));
-        assert_eq!(graphres.agreement(&silent), Agreement::Unstated);
-        assert!(graphres.network(&silent).is_ok());
-        let drawn = Weights::shipped("graphres").expect("shipped");
-        assert_eq!(graphres.agreement(&drawn), Agreement::Drawn);
-    }
-
-    #[test]
-    fn weights_without_a_lifetime_fit_both() {
-        let (past, frozen) = (shipped("digits-past"), shipped("digits-frozen"));
-        let without = past.preparation().replace("\"lifetime\":\"window\",", "");
-        assert_eq!(past.agreement(&prepared(&past, &without)), Agreement::Same);
-        assert_eq!(frozen.agreement(&prepared(&past, &without)), Agreement::Same);
-        assert_eq!(frozen.agreement(&prepared(&past, &past.preparation())), Agreement::Other);
-    }
-
-    #[test]
-    fn every_shipped_network_over_events_fits_its_weights() {
-        for name in Description::shipped_names() {
-            let weights = Weights::shipped(name).expect("shipped");
-            let expected = if name.starts_with("digits") { Agreement::Same } else { Agreement::Drawn };
-            assert_eq!(shipped(name).agreement(&weights), expected, "{name}");
-            let card = weights.card().expect("a card");
-            assert_eq!(card.trained, Some(name.starts_with("digits")), "{name}");
-            assert_eq!(card.sensor.is_some(), name.starts_with("digits"), "{name}");
-        }
+/// `value` with its numbers, also those of nested lists, as f32.
+fn rounded(value: Value) -> Value {
+    match value {
+        // The parser limits the depth of lists to 128.
+        Value::Array(list) => list.into_iter().map(rounded).collect(),
+        value => value.as_f64().map_or(value, |number| Value::from(number as f32)),
     }
 }
+
+#[cfg(test)]
+mod tests;

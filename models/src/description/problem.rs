@@ -1,4 +1,4 @@
-//! What can be inconsistent in a description file, each with the line it stands on.
+//! The inconsistencies of a description file, each with its line.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ pub struct Problem {
     pub line: usize,
     /// The layer it concerns, if any.
     pub layer: Option<String>,
-    /// What is inconsistent.
+    /// The inconsistency.
     pub kind: ProblemKind,
 }
 
@@ -25,14 +25,14 @@ impl fmt::Display for Problem {
     }
 }
 
-/// What is inconsistent.
+/// The kinds of inconsistencies.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ProblemKind {
     /// The text is not TOML.
     #[error("not TOML: {0}")]
     Syntax(String),
-    /// A key that nothing reads.
+    /// An unknown key.
     #[error("unknown key {key:?}: expected one of {expected}")]
     UnknownKey {
         /// The key.
@@ -40,30 +40,30 @@ pub enum ProblemKind {
         /// The keys of this table.
         expected: String,
     },
-    /// A key without which the table says too little.
+    /// A required key is missing.
     #[error("missing key {key:?}: expected {expected}")]
     MissingKey {
         /// The key.
         key: &'static str,
-        /// What it should hold.
+        /// The expected value.
         expected: String,
     },
-    /// A key that only has a meaning beside other values.
+    /// A key that has a meaning only with other values.
     #[error("{key}: expected only with {with}")]
     Inapplicable {
         /// The key.
         key: &'static str,
-        /// What it needs.
+        /// The values that it needs.
         with: &'static str,
     },
-    /// A value of another type or out of range.
+    /// A value of another type or out of range, or a reference to a layer that cannot be read here.
     #[error("{key}: expected {expected}, found {found}")]
     Value {
         /// The key.
         key: &'static str,
-        /// What it should hold.
+        /// The expected value.
         expected: String,
-        /// What it holds.
+        /// The value.
         found: String,
     },
     /// Two layers of one name.
@@ -79,7 +79,7 @@ pub enum ProblemKind {
         key: &'static str,
         /// Name of the network's input; of a head's, the readout's name.
         input: String,
-        /// Which layers can be referred to.
+        /// The layers that can be referred to.
         place: &'static str,
         /// The name it refers to.
         found: String,
@@ -94,52 +94,24 @@ pub enum ProblemKind {
         /// Line of that layer.
         line: usize,
     },
-    /// A reference to a layer of a kind that cannot be read here.
-    #[error("{key}: expected {expected}, found {found}")]
-    ReferenceKind {
+    /// A reference to a layer with another number of channels or another size.
+    #[error("{key} {reference:?}: expected {expected}, found {found}")]
+    Size {
         /// The key that refers.
         key: &'static str,
-        /// Kinds that can be read here.
-        expected: &'static str,
-        /// What is referred to.
-        found: String,
-    },
-    /// A skip that comes from another level.
-    #[error("skip: expected a layer over {expected}, found {reference:?} over {found}")]
-    Level {
         /// The layer referred to.
         reference: String,
-        /// The layer's own level.
+        /// The expected size.
         expected: String,
-        /// Level of the layer referred to.
-        found: String,
-    },
-    /// A skip with another number of channels.
-    #[error("skip {reference:?}: expected {expected} channels, found {found}")]
-    Channels {
-        /// The layer referred to.
-        reference: String,
-        /// Channels of the layer.
-        expected: usize,
-        /// Channels of the layer referred to.
-        found: usize,
-    },
-    /// Images that are joined and have other sizes.
-    #[error("with {reference:?}: expected an image of {expected} pixels, found one of {found}")]
-    Size {
-        /// The layer referred to.
-        reference: String,
-        /// Rows x columns of the layer's first input.
-        expected: String,
-        /// Rows x columns of the layer referred to.
+        /// The size.
         found: String,
     },
     /// A layer whose output would have no pixels, or more values than networks are for.
     #[error("expected {expected}, found {found}")]
     Extent {
-        /// What the output should be.
+        /// The bounds of the output.
         expected: String,
-        /// What it would be.
+        /// The output.
         found: String,
     },
     /// A description of the other kind of network.
@@ -150,7 +122,7 @@ pub enum ProblemKind {
         /// The kind that the file describes.
         found: &'static str,
     },
-    /// Layers that read each other in a circle.
+    /// Layers that read each other in a cycle.
     #[error("expected an acyclic graph, found the cycle {0}")]
     Cycle(String),
     /// A layer that the prediction does not depend on.
@@ -162,13 +134,13 @@ pub enum ProblemKind {
         /// Line of the head's first layer.
         head: usize,
     },
-    /// A kind of layer that every network needs.
+    /// A missing kind of layer that every network needs.
     #[error("expected {expected} layer, found none")]
     MissingLayer {
-        /// Which kind.
+        /// The kind.
         expected: &'static str,
     },
-    /// A second layer of a kind that there is one of.
+    /// A second readout.
     #[error("expected one readout, found another on line {first}")]
     SecondReadout {
         /// Line of the first.
@@ -202,21 +174,21 @@ pub enum ProblemKind {
     },
 }
 
-/// Everything that is inconsistent in a description file, by line.
+/// All inconsistencies of a description file, by line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptionError {
     problems: Vec<Problem>,
 }
 
 impl DescriptionError {
-    /// Sorts `problems` by line; there must be one.
+    /// Sorts `problems` by line; there must be at least one.
     pub(super) fn new(mut problems: Vec<Problem>) -> Self {
         debug_assert!(!problems.is_empty(), "an error needs a problem");
         problems.sort_by_key(|p| p.line);
         Self { problems }
     }
 
-    /// What is inconsistent, by line.
+    /// The inconsistencies, by line.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }

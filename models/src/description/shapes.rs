@@ -111,7 +111,7 @@ impl Shapes<'_> {
         let expected =
             if rows { "\"events\", a spline or a pool layer" } else { "the readout or a dense layer" };
         let found = self.describe(source);
-        self.report(line, layer, ProblemKind::ReferenceKind { key, expected, found });
+        self.report(line, layer, ProblemKind::Value { key, expected: expected.to_owned(), found });
         None
     }
 
@@ -235,17 +235,15 @@ impl Shapes<'_> {
     ) -> Option<usize> {
         let Output::Feature { level: found_level, channels: found, index, .. } = output else { return None };
         if found_level != level {
-            let kind = ProblemKind::Level {
-                reference: given.value.clone(),
-                expected: self.level_name(level),
-                found: self.level_name(found_level),
-            };
-            self.report(given.line, layer, kind);
+            let expected = format!("a layer over {}", self.level_name(level));
+            let found = format!("{:?} over {}", given.value, self.level_name(found_level));
+            self.report(given.line, layer, ProblemKind::Value { key: "skip", expected, found });
             return None;
         }
         let (expected, found) = (channels?, found?);
         if expected != found {
-            let kind = ProblemKind::Channels { reference: given.value.clone(), expected, found };
+            let (expected, found) = (format!("{expected} channels"), found.to_string());
+            let kind = ProblemKind::Size { key: "skip", reference: given.value.clone(), expected, found };
             self.report(given.line, layer, kind);
             return None;
         }

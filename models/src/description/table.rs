@@ -126,6 +126,16 @@ impl<'t, 'i> Table<'t, 'i> {
         self.defaulted(key, &expected, default, read)
     }
 
+    /// As [`Self::integer`], for ranges from 0.
+    pub(super) fn size(
+        &mut self,
+        key: &'static str,
+        range: RangeInclusive<i64>,
+        default: Option<i64>,
+    ) -> Option<usize> {
+        self.integer(key, range, default).map(|size| size as usize)
+    }
+
     /// A number above 0 that `fits` accepts.
     pub(super) fn positive(&mut self, key: &'static str, fits: impl FnOnce(f64) -> bool) -> Option<f64> {
         let expected = "a finite number above 0";
@@ -166,6 +176,19 @@ impl<'t, 'i> Table<'t, 'i> {
                 Some(default)
             }
             _ => self.required(key, expected, read).map(|given| given.value),
+        }
+    }
+
+    /// Accepts `keys` with any value, or absent.
+    pub(super) fn ignore(&mut self, keys: &[&'static str]) {
+        self.asked.extend(keys);
+    }
+
+    /// Reports `key`, where the table has it, as a key that belongs only `with` other values.
+    pub(super) fn inapplicable(&mut self, key: &'static str, with: &'static str) {
+        self.asked.push(key);
+        if let Some(line) = self.line_of(key) {
+            self.report(line, ProblemKind::Inapplicable { key, with });
         }
     }
 

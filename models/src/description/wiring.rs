@@ -11,6 +11,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::{Dfs, Reversed};
 
+use super::document::by_name;
 use super::file::{EVENTS, File, FileKind};
 use super::problem::{ProblemKind, Problems};
 
@@ -44,7 +45,7 @@ type Graph = DiGraph<(), ()>;
 /// Resolves the references of `file`.
 pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let before = problems.0.len();
-    let names = names(file, problems);
+    let names = by_name(file.layers.iter().map(|layer| (layer.name.as_str(), layer.line)), problems);
     let (from, skip) = sources(file, &names, problems);
     let mut graph = Graph::new();
     for _ in 0..=file.layers.len() {
@@ -79,19 +80,6 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
         report_unused(file, &graph, prediction, readout, problems);
     }
     Wiring { from, skip, order, prediction }
-}
-
-/// Names to layers; the first of a name has it.
-fn names<'f>(file: &'f File, problems: &mut Problems) -> BTreeMap<&'f str, usize> {
-    let mut names = BTreeMap::new();
-    for (i, layer) in file.layers.iter().enumerate().filter(|(_, layer)| !layer.name.is_empty()) {
-        let first: usize = *names.entry(layer.name.as_str()).or_insert(i);
-        if first != i {
-            let kind = ProblemKind::DuplicateName { first: file.layers[first].line };
-            problems.add(layer.line, Some(&layer.name), kind);
-        }
-    }
-    names
 }
 
 /// What each layer reads and adds.

@@ -1,83 +1,43 @@
-//! A network in the DOT language: a cluster for each level, what is joined dashed.
+//! A network in the DOT language: a cluster for each level, dashed edges for second inputs.
 
-use std::fmt::Write;
+use super::view::View;
 
-use super::view::{Node, View};
-use crate::{AnyDescription, Description, FrameDescription};
-
-impl Description {
-    /// The graph in the DOT language of Graphviz.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_dot(&self) -> String {
-        self.view().to_dot()
+/// The DOT text of `view`.
+pub(super) fn dot(view: &View<'_>) -> String {
+    let mut lines = vec![
+        format!("digraph {} {{", quoted(view.name)),
+        "  rankdir = TB;".to_owned(),
+        "  node [shape = box, fontname = \"sans-serif\"];".to_owned(),
+    ];
+    for (band, label) in view.bands.iter().enumerate() {
+        lines.push(format!("  subgraph cluster_{band} {{"));
+        lines.push(format!("    label = {};", quoted(label)));
+        lines.extend(members(view, Some(band)).map(|line| format!("    {line}")));
+        lines.push("  }".to_owned());
     }
+    lines.extend(members(view, None).map(|line| format!("  {line}")));
+    for node in &view.nodes {
+        let name = quoted(node.name);
+        lines.push(format!("  {} -> {name};", quoted(node.from)));
+        lines.extend(node.joins.map(|(joins, mark)| {
+            format!("  {} -> {name} [style = dashed, label = {}];", quoted(joins), quoted(mark))
+        }));
+    }
+    lines.push("}\n".to_owned());
+    lines.join("\n")
 }
 
-impl FrameDescription {
-    /// The layers in the DOT language of Graphviz.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_dot(&self) -> String {
-        self.view().to_dot()
-    }
-}
-
-impl AnyDescription {
-    /// The network in the DOT language of Graphviz.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_dot(&self) -> String {
-        match self {
-            Self::Events(description) => description.to_dot(),
-            Self::Frames(description) => description.to_dot(),
-        }
-    }
-}
-
-impl View<'_> {
-    fn to_dot(&self) -> String {
-        let mut dot = String::new();
-        self.write_dot(&mut dot).expect("writing to a string does not fail");
-        dot
-    }
-
-    fn write_dot(&self, dot: &mut String) -> std::fmt::Result {
-        writeln!(dot, "digraph {} {{", quoted(self.name))?;
-        writeln!(dot, "  rankdir = TB;\n  node [shape = box, fontname = \"sans-serif\"];")?;
-        for (band, label) in self.bands.iter().enumerate() {
-            writeln!(dot, "  subgraph cluster_{band} {{")?;
-            writeln!(dot, "    label = {};", quoted(label))?;
-            self.write_members(dot, "    ", Some(band))?;
-            writeln!(dot, "  }}")?;
-        }
-        self.write_members(dot, "  ", None)?;
-        for node in &self.nodes {
-            writeln!(dot, "  {} -> {};", quoted(node.from), quoted(node.name))?;
-            if let Some((joins, mark)) = node.joins {
-                let (joins, name) = (quoted(joins), quoted(node.name));
-                writeln!(dot, "  {joins} -> {name} [style = dashed, label = {}];", quoted(mark))?;
-            }
-        }
-        writeln!(dot, "}}")
-    }
-
-    /// The boxes of a band, or of none.
-    fn write_members(&self, dot: &mut String, indent: &str, band: Option<usize>) -> std::fmt::Result {
-        if self.input.band == band {
-            let (name, label) = (self.input.name, format!("{}\n{}", self.input.name, self.input.short));
-            writeln!(dot, "{indent}{} [shape = oval, label = {}];", quoted(name), quoted(&label))?;
-        }
-        self.nodes.iter().filter(|node| node.band == band).try_for_each(|node| write_node(dot, indent, node))
-    }
-}
-
-fn write_node(dot: &mut String, indent: &str, node: &Node<'_>) -> std::fmt::Result {
-    let label = format!("{}\n{}\n{}", node.name, node.what, node.shapes.join(" -> "));
-    writeln!(dot, "{indent}{} [label = {}];", quoted(node.name), quoted(&label))
+/// The boxes of a band, or of none.
+fn members(view: &View<'_>, band: Option<usize>) -> impl Iterator<Item = String> {
+    let input = &view.input;
+    let label = quoted(&format!("{}\n{}", input.name, input.word));
+    let input =
+        (input.band == band).then(|| format!("{} [shape = oval, label = {label}];", quoted(input.name)));
+    let nodes = view.nodes.iter().filter(move |node| node.band == band).map(|node| {
+        let label = format!("{}\n{}\n{}", node.name, node.kind, node.shapes.join(" -> "));
+        format!("{} [label = {}];", quoted(node.name), quoted(&label))
+    });
+    input.into_iter().chain(nodes)
 }
 
 /// A quoted identifier or label.

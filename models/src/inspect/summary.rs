@@ -1,10 +1,11 @@
-//! What a description says, as data for `--json`.
+//! A description as data, for `--json`.
 
+use meissner_engine::frames::FrameShape;
 use meissner_engine::{Candidates, Lifetime, Normalisation, Reach};
 use serde::Serialize;
 
-use crate::description::Needed;
-use crate::{Description, FrameLayer, Layer, LayerKind};
+use crate::description::frames::{FrameDescription, FrameLayer, FrameSource, serialize_shape};
+use crate::description::{AnyDescription, Description, Layer, LayerKind, Needed};
 
 /// A description as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,8 +37,53 @@ pub struct Summary {
     pub outputs: Vec<String>,
     /// Their unit.
     pub unit: String,
-    /// What weights that are trained for it carry as metadata `preparation`.
+    /// The metadata `preparation` of weights that are trained for it.
     pub preparation: String,
+}
+
+/// A description of a frame network as data.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct FrameSummary {
+    /// Name of the network.
+    pub name: String,
+    /// Shape of a frame.
+    #[serde(serialize_with = "serialize_shape")]
+    pub input: FrameShape,
+    /// The source of the frames.
+    pub source: FrameSource,
+    /// The layers, each after those it reads.
+    pub layers: Vec<FrameLayer>,
+    /// Trained parameters, without running statistics.
+    pub parameters: usize,
+    /// Values in the tensors it needs, with running statistics.
+    pub values: usize,
+    /// Products of weights with values, each with the sum that it enters, for one frame.
+    pub multiply_adds: usize,
+    /// Values that it keeps from frame to frame.
+    pub state: usize,
+    /// The tensors it needs.
+    pub tensors: Vec<TensorSummary>,
+    /// The metadata `preparation` of weights that are trained for it; none where frames are not made from readings of
+    /// electrodes.
+    pub preparation: Option<String>,
+    /// Shape of the prediction.
+    #[serde(serialize_with = "serialize_shape")]
+    pub output: FrameShape,
+    /// Names of the predicted values, or of the channels of a predicted image.
+    pub outputs: Vec<String>,
+    /// Their unit.
+    pub unit: String,
+}
+
+/// A description of either kind as data; only a frame network has "input".
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum AnySummary {
+    /// Of a network over events.
+    Events(Summary),
+    /// Of a frame network.
+    Frames(FrameSummary),
 }
 
 /// Rule of the event graph, in the words of a description file.
@@ -94,7 +140,7 @@ pub struct TensorSummary {
     pub shape: Vec<usize>,
     /// Type of its values; F16, BF16 and F64 are converted to it.
     pub dtype: &'static str,
-    /// What it holds: what its axes are, outermost first.
+    /// Its content and its axes, outermost first.
     pub meaning: &'static str,
     /// Of a spline kernel, for the index along x, y and t: slot = the sum of index times stride.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -102,31 +148,22 @@ pub struct TensorSummary {
 }
 
 impl TensorSummary {
-    fn new(layer: &str, needed: Needed, slot_strides: Option<[usize; 3]>) -> Self {
-        let Needed { name, shape, meaning, .. } = needed;
-        // The kernel alone has slots.
-        let slot_strides = slot_strides.filter(|_| shape.len() == 3);
-        Self { name, layer: layer.to_owned(), shape, dtype: "F32", meaning, slot_strides }
+    /// The tensors of a layer, in order; a spline kernel has `slot_strides`.
+    fn of(layer: &str, needed: Vec<Needed>, slot_strides: Option<[usize; 3]>) -> impl Iterator<Item = Self> {
+        needed.into_iter().map(move |Needed { name, shape, meaning, .. }| {
+            // The kernel alone has slots.
+            let slot_strides = slot_strides.filter(|_| shape.len() == 3);
+            Self { name, layer: layer.to_owned(), shape, dtype: "F32", meaning, slot_strides }
+        })
     }
 
-    /// Those of layers of a frame network or a head, in order.
-    pub(super) fn of_frames(layers: &[FrameLayer]) -> impl Iterator<Item = Self> {
-        let of = |layer: &FrameLayer| {
-            layer.tensors().into_iter().map(|t| Self::new(&layer.name, t, None)).collect()
-        };
-        layers.iter().flat_map(move |layer| -> Vec<Self> { of(layer) })
-    }
-
-    fn of_events(layers: &[Layer]) -> impl Iterator<Item = Self> {
-        let of = |layer: &Layer| {
-            let strides = layer.slot_strides();
-            layer.tensors().into_iter().map(|t| Self::new(&layer.name, t, strides)).collect()
-        };
-        layers.iter().flat_map(move |layer| -> Vec<Self> { of(layer) })
+    /// The tensors of layers of a frame network or a head, in order.
+    fn of_frames(layers: &[FrameLayer]) -> impl Iterator<Item = Self> {
+        layers.iter().flat_map(|layer| Self::of(&layer.name, layer.tensors(), None))
     }
 
     /// Its number of values.
-    pub(super) fn values(&self) -> usize {
+    fn values(&self) -> usize {
         self.shape.iter().product()
     }
 }
@@ -134,8 +171,9 @@ impl TensorSummary {
 impl Description {
     /// The description as data.
     pub fn summary(&self) -> Summary {
-        let tensors = TensorSummary::of_events(self.layers()).chain(TensorSummary::of_frames(self.head()));
-        let tensors: Vec<TensorSummary> = tensors.collect();
+        let layers = self.layers().iter();
+        let of_layers = layers.flat_map(|l| TensorSummary::of(&l.name, l.tensors(), l.slot_strides()));
+        let tensors: Vec<_> = of_layers.chain(TensorSummary::of_frames(self.head())).collect();
         let (outputs, unit) = self.outputs();
         Summary {
             name: self.name().to_owned(),
@@ -188,6 +226,39 @@ impl Description {
         };
         let scale = (self.normalisation() == Normalisation::Fixed).then(|| self.scale());
         GraphSummary { kind, most: rule.reach.most(), radius, candidates, lifetime, scale }
+    }
+}
+
+impl FrameDescription {
+    /// The description as data.
+    pub fn summary(&self) -> FrameSummary {
+        let tensors: Vec<_> = TensorSummary::of_frames(self.layers()).collect();
+        let (outputs, unit) = self.outputs();
+        FrameSummary {
+            name: self.name().to_owned(),
+            input: self.input(),
+            source: *self.source(),
+            layers: self.layers().to_vec(),
+            parameters: self.parameters(),
+            values: tensors.iter().map(TensorSummary::values).sum(),
+            multiply_adds: self.multiply_adds(),
+            state: self.layers().iter().map(|layer| layer.state).sum(),
+            tensors,
+            preparation: self.preparation(),
+            output: self.output(),
+            outputs: outputs.to_vec(),
+            unit: unit.to_owned(),
+        }
+    }
+}
+
+impl AnyDescription {
+    /// The description as data.
+    pub fn summary(&self) -> AnySummary {
+        match self {
+            Self::Events(description) => AnySummary::Events(description.summary()),
+            Self::Frames(description) => AnySummary::Frames(description.summary()),
+        }
     }
 }
 

@@ -1,11 +1,10 @@
-//! A network as an SVG picture: one box a layer from top to bottom, a band for each level, what is read from further up
-//! as curves at the sides: what is joined on the right, other inputs on the left.
+//! A network as an SVG picture: one box for each layer from top to bottom, a band for each level. Inputs that are not the
+//! box above are curves at the sides: second inputs on the right, others on the left.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::{Result, Write};
 
 use super::view::{Node, View};
-use crate::{AnyDescription, Description, FrameDescription};
 
 /// Left edge, width and height of a box, and the distance from one box's top to the next one's.
 const LEFT: usize = 150;
@@ -25,37 +24,11 @@ const LARGEST_BEND: usize = 120;
 /// Fill of bands.
 const BANDS: [&str; 2] = ["#eef4fb", "#f3f1fa"];
 
-impl Description {
-    /// The graph as a standalone SVG picture.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_svg(&self) -> String {
-        Drawing::new(&self.view()).svg()
-    }
-}
-
-impl FrameDescription {
-    /// The layers as a standalone SVG picture.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_svg(&self) -> String {
-        Drawing::new(&self.view()).svg()
-    }
-}
-
-impl AnyDescription {
-    /// The network as a standalone SVG picture.
-    ///
-    /// # Panics
-    /// Never: it is written to a string.
-    pub fn to_svg(&self) -> String {
-        match self {
-            Self::Events(description) => description.to_svg(),
-            Self::Frames(description) => description.to_svg(),
-        }
-    }
+/// The SVG text of `view`.
+pub(super) fn svg(view: &View<'_>) -> String {
+    let mut svg = String::new();
+    Drawing::new(view).write(&mut svg).expect("writing to a string does not fail");
+    svg
 }
 
 struct Drawing<'a> {
@@ -75,32 +48,22 @@ impl<'a> Drawing<'a> {
         let rows = std::iter::once((view.input.name, view.input.band))
             .chain(view.nodes.iter().map(|node| (node.name, node.band)));
         for (name, level) in rows {
-            match level {
-                Some(level) if bands.last().is_none_or(|band| band.0 != level) => {
-                    // Band, label, box: the previous band has ended MARGIN below its last box.
+            if let Some(level) = level {
+                if bands.last().is_none_or(|band| band.0 != level) {
+                    // The previous band ended MARGIN below its last box. This band starts with its label.
                     bands.push((level, y - MARGIN, 0));
                     y += LABEL;
                 }
-                _ => {}
+                let (_, _, bottom) = bands.last_mut().expect("a band of this level");
+                *bottom = y + HEIGHT + MARGIN;
             }
             tops.insert(name, y);
-            if level.is_some()
-                && let Some(band) = bands.last_mut()
-            {
-                band.2 = y + HEIGHT + MARGIN;
-            }
             y += PITCH;
         }
         Self { view, tops, bands, height: y }
     }
 
-    fn svg(&self) -> String {
-        let mut svg = String::new();
-        self.write(&mut svg).expect("writing to a string does not fail");
-        svg
-    }
-
-    fn write(&self, svg: &mut String) -> std::fmt::Result {
+    fn write(&self, svg: &mut String) -> Result {
         let (title, height) = (escaped(self.view.name), self.height);
         writeln!(
             svg,
@@ -128,7 +91,7 @@ impl<'a> Drawing<'a> {
             )?;
         }
         let input = &self.view.input;
-        self.write_box(svg, input.name, "#ffffff", &input.what, &input.shape)?;
+        self.write_box(svg, input.name, "#ffffff", &input.about, &input.shape)?;
         for node in &self.view.nodes {
             self.write_node(svg, node)?;
         }
@@ -136,36 +99,29 @@ impl<'a> Drawing<'a> {
         writeln!(svg, "</svg>")
     }
 
-    fn write_node(&self, svg: &mut String, node: &Node<'_>) -> std::fmt::Result {
+    fn write_node(&self, svg: &mut String, node: &Node<'_>) -> Result {
         let mut shape = node.shapes.join(" \u{2192} ");
         if let Some(parameters) = node.parameters {
             write!(shape, ", {parameters} parameters")?;
         }
-        self.write_box(svg, node.name, node.fill, &node.what, &shape)
+        self.write_box(svg, node.name, node.fill, &node.kind, &shape)
     }
 
-    fn write_box(
-        &self,
-        svg: &mut String,
-        name: &str,
-        fill: &str,
-        what: &str,
-        shape: &str,
-    ) -> std::fmt::Result {
+    fn write_box(&self, svg: &mut String, name: &str, fill: &str, about: &str, shape: &str) -> Result {
         let top = self.tops[name];
         let (first, second, right) = (top + 18, top + 36, LEFT + WIDTH - 12);
-        let (name, what, shape) = (escaped(&shortened(name)), escaped(what), escaped(shape));
+        let (name, about, shape) = (escaped(&shortened(name)), escaped(about), escaped(shape));
         writeln!(
             svg,
             "<rect x=\"{LEFT}\" y=\"{top}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" rx=\"5\" fill=\"{fill}\" \
              stroke=\"#777777\"/><text x=\"{0}\" y=\"{first}\" font-weight=\"bold\">{name}</text>\
-             <text x=\"{0}\" y=\"{second}\">{what}</text>\
+             <text x=\"{0}\" y=\"{second}\">{about}</text>\
              <text x=\"{right}\" y=\"{second}\" text-anchor=\"end\">{shape}</text>",
             LEFT + 12
         )
     }
 
-    fn write_edges(&self, svg: &mut String) -> std::fmt::Result {
+    fn write_edges(&self, svg: &mut String) -> Result {
         let mut above = self.view.input.name;
         for node in &self.view.nodes {
             let top = self.tops[node.name];
@@ -185,7 +141,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// A curve from the box of `from` to the box at `top`: on the right with a mark, on the left without.
-    fn write_curve(&self, svg: &mut String, from: &str, top: usize, mark: Option<&str>) -> std::fmt::Result {
+    fn write_curve(&self, svg: &mut String, from: &str, top: usize, mark: Option<&str>) -> Result {
         let right = mark.is_some();
         let x = if right { LEFT + WIDTH } else { LEFT };
         let start = self.tops[from] + HEIGHT / 2;

@@ -2,26 +2,23 @@
 
 use std::fmt;
 
-use super::frames;
 use super::summary::Summary;
-use crate::description::{Cost, FieldStart, Per, ReceptiveField, activation_word};
-use crate::{Description, FrameLayer, Layer, LayerKind};
+use crate::description::frames::{FrameDescription, FrameLayer};
+use crate::description::{
+    AnyDescription, Cost, Description, FieldStart, Layer, LayerKind, Per, ReceptiveField,
+};
 
-const HEADINGS: [&str; 7] =
+/// Columns of a table over events.
+const EVENT_HEADINGS: [&str; 7] =
     ["layer", "kind", "reads", "shape", "parameters", "multiply-adds a row", "receptive field of a row"];
-
-impl Description {
-    /// What `meissner inspect` prints: the network's rule, a line for each layer, and the totals.
-    pub fn to_table(&self) -> String {
-        self.to_string()
-    }
-}
+/// Columns of a table over frames.
+const FRAME_HEADINGS: [&str; 7] = ["layer", "kind", "reads", "shape", "parameters", "multiply-adds", "state"];
 
 impl fmt::Display for Description {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let summary = self.summary();
         head(&summary, f)?;
-        aligned(HEADINGS, self.layers().iter().map(row).chain(self.head().iter().map(head_row)), f)?;
+        aligned(EVENT_HEADINGS, self.layers().iter().map(row).chain(self.head().iter().map(head_row)), f)?;
         foot(self, &summary, f)
     }
 }
@@ -68,7 +65,7 @@ fn row(layer: &Layer) -> [String; 7] {
     };
     [
         layer.name.clone(),
-        kind(layer),
+        layer.kind.to_string(),
         reads,
         format!("{} -> {}", layer.inputs, layer.outputs),
         layer.parameters.to_string(),
@@ -77,41 +74,58 @@ fn row(layer: &Layer) -> [String; 7] {
     ]
 }
 
-/// A layer of the head: all of it is evaluated for a prediction, which the whole window reaches.
+/// The row of a layer of the head. All of it is evaluated for a prediction, which depends on the whole window.
 fn head_row(layer: &FrameLayer) -> [String; 7] {
     let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: Per::Prediction };
     let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };
-    let [name, kind, reads, shape, parameters, ..] = frames::row(layer);
+    let [name, kind, reads, shape, parameters, ..] = frame_row(layer);
     [name, kind, reads, shape, parameters, cost.to_string(), field.to_string()]
 }
 
-/// A layer's kind with its options, short.
-pub(super) fn kind(layer: &Layer) -> String {
-    match &layer.kind {
-        LayerKind::Spline { kernel: [x, y, t], root, bias, norm, elu, .. } => {
-            let mut text = format!("spline {x}x{y}x{t}");
-            for (word, given) in
-                [(" root", *root), (" bias", *bias), (" no norm", !*norm), (" no elu", !*elu)]
-            {
-                if given {
-                    text.push_str(word);
-                }
-            }
-            text
-        }
-        LayerKind::Pool { cell, .. } => format!("pool {cell}"),
-        LayerKind::Readout { columns, rows, times: 1 } => format!("readout {columns}x{rows}"),
-        LayerKind::Readout { columns, rows, times } => format!("readout {columns}x{rows}x{times}"),
-        LayerKind::Dense { activation, .. } => format!("dense {}", activation_word(*activation)),
+impl fmt::Display for FrameDescription {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let summary = self.summary();
+        writeln!(f, "network    {}", summary.name)?;
+        writeln!(f, "input      {}", summary.input)?;
+        writeln!(f, "frames     {}", summary.source)?;
+        writeln!(f, "output     {} ({}), {}\n", summary.outputs.join(", "), summary.unit, summary.output)?;
+        aligned(FRAME_HEADINGS, self.layers().iter().map(frame_row), f)?;
+        writeln!(f, "\nparameters {} trained, {} values in all", summary.parameters, summary.values)?;
+        write!(
+            f,
+            "a frame: {} multiply-adds, {} values kept to the next",
+            summary.multiply_adds, summary.state
+        )
     }
 }
 
-/// Columns of a terminal that people can count on.
+fn frame_row(layer: &FrameLayer) -> [String; 7] {
+    [
+        layer.name.clone(),
+        layer.kind.to_string(),
+        layer.with().map_or_else(|| layer.from.clone(), |with| format!("{}, {with}", layer.from)),
+        format!("{} -> {}", layer.input, layer.output),
+        layer.parameters.to_string(),
+        layer.multiply_adds.to_string(),
+        layer.state.to_string(),
+    ]
+}
+
+impl fmt::Display for AnyDescription {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Events(description) => description.fmt(f),
+            Self::Frames(description) => description.fmt(f),
+        }
+    }
+}
+
+/// Columns that every terminal has.
 const WIDTH: usize = 80;
 
-/// Writes headings and rows in columns as wide as they must be; where they are wider than a terminal, the columns stand in
-/// several tables, each with the first column, and with an empty line between them.
-pub(super) fn aligned<const N: usize>(
+/// Writes headings and rows in columns as wide as their content. Where they are wider than a terminal, the columns are split
+/// into several tables with an empty line between them. Each table has the first column.
+fn aligned<const N: usize>(
     headings: [&str; N],
     rows: impl Iterator<Item = [String; N]>,
     f: &mut fmt::Formatter<'_>,

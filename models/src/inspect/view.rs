@@ -1,11 +1,9 @@
-//! What the pictures draw: boxes one after the other, what each reads, and the bands that group them.
+//! The content of a picture of a network: boxes in order, the inputs of each, and the bands that group them.
 //!
 //! Enters: a description of either kind. Leaves: a [`View`], from which DOT and SVG are written.
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
-use crate::{Description, Layer, LayerKind};
-
-use super::table::kind;
+use crate::description::{AnyDescription, Description, Layer, LayerKind};
 
 /// A network as a picture shows it.
 pub(super) struct View<'a> {
@@ -21,10 +19,10 @@ pub(super) struct View<'a> {
 /// The box of the network's input.
 pub(super) struct Input {
     pub(super) name: &'static str,
-    /// In a word.
-    pub(super) short: String,
-    /// In a line.
-    pub(super) what: String,
+    /// One word about it.
+    pub(super) word: String,
+    /// One line about it.
+    pub(super) about: String,
     pub(super) shape: String,
     pub(super) band: Option<usize>,
 }
@@ -32,15 +30,15 @@ pub(super) struct Input {
 /// The box of a layer.
 pub(super) struct Node<'a> {
     pub(super) name: &'a str,
-    pub(super) what: String,
-    /// What it reads and writes.
+    pub(super) kind: String,
+    /// Of its input and its output.
     pub(super) shapes: [String; 2],
-    /// `None` where it could not have any.
+    /// `None` for a kind of layer without parameters.
     pub(super) parameters: Option<usize>,
     pub(super) fill: &'static str,
     pub(super) band: Option<usize>,
     pub(super) from: &'a str,
-    /// What else it reads, and what it does with it.
+    /// Its second input, and the mark of the connection.
     pub(super) joins: Option<(&'a str, &'static str)>,
 }
 
@@ -58,8 +56,8 @@ impl Description {
             about: format!("{} parameters, window {} ms", self.parameters(), self.span_us() as f64 / 1000.0),
             input: Input {
                 name: "events",
-                short: "polarity".to_owned(),
-                what: "polarity of each event: -1 or 1".to_owned(),
+                word: "polarity".to_owned(),
+                about: "polarity of each event: -1 or 1".to_owned(),
                 shape: "1 channel".to_owned(),
                 band: Some(0),
             },
@@ -68,7 +66,7 @@ impl Description {
         }
     }
 
-    /// What the rows of a level are.
+    /// The label of a level, which names its rows.
     fn level_label(&self, level: usize) -> String {
         let starts =
             |layer: &&Layer| matches!(layer.kind, LayerKind::Pool { .. }) && layer.level == Some(level);
@@ -92,13 +90,22 @@ fn node(layer: &Layer) -> Node<'_> {
     };
     Node {
         name: &layer.name,
-        what: kind(layer),
+        kind: layer.kind.to_string(),
         shapes: [layer.inputs.to_string(), layer.outputs.to_string()],
         parameters: has_parameters.then_some(layer.parameters),
         fill,
         band: layer.level,
         from: &layer.from,
         joins,
+    }
+}
+
+impl AnyDescription {
+    pub(super) fn view(&self) -> View<'_> {
+        match self {
+            Self::Events(description) => description.view(),
+            Self::Frames(description) => description.view(),
+        }
     }
 }
 
@@ -113,8 +120,8 @@ impl FrameDescription {
             ),
             input: Input {
                 name: FRAME,
-                short: self.source().word().to_owned(),
-                what: self.source().word().to_owned(),
+                word: self.source().word().to_owned(),
+                about: self.source().word().to_owned(),
                 shape: self.input().to_string(),
                 band: None,
             },
@@ -139,7 +146,7 @@ fn frame_node(layer: &FrameLayer) -> Node<'_> {
     };
     Node {
         name: &layer.name,
-        what: layer.kind.to_string(),
+        kind: layer.kind.to_string(),
         shapes: [layer.input.to_string(), layer.output.to_string()],
         parameters: has_parameters.then_some(layer.parameters),
         fill,

@@ -10,9 +10,11 @@
 use meissner_engine::frames::{FrameLayer as Part, FrameLayerKind as Kind, FrameNetworkParts, FrameShape};
 use meissner_kernels::Activation;
 
-use super::super::tensors::{Tensors, unused};
-use super::{FrameDescription, FrameKind, FrameLayer};
-use crate::{ModelError, Weights};
+use super::FrameDescription;
+use super::layer::{FrameKind, FrameLayer};
+use crate::description::tensors::Tensors;
+use crate::error::ModelError;
+use crate::weights::Weights;
 
 impl FrameDescription {
     /// The network with `weights`, whose names may all carry one further prefix such as "module.".
@@ -36,18 +38,10 @@ impl FrameDescription {
         let layers = tensors.finish(layers)?;
         Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers })
     }
-
-    /// Names in `weights` that [`Self::network_parts`] does not read, in order.
-    ///
-    /// # Errors
-    /// [`ModelError::Ambiguous`] as [`Self::network_parts`].
-    pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
-        unused(&self.name, self.needed(), weights)
-    }
 }
 
 /// The engine's layers; `None` where a tensor does not fit.
-pub(in super::super) fn parts(layers: &[FrameLayer], tensors: &mut Tensors<'_>) -> Option<Vec<Part>> {
+pub(in crate::description) fn parts(layers: &[FrameLayer], tensors: &mut Tensors<'_>) -> Option<Vec<Part>> {
     // Every layer is read before any is missed, so that every tensor that does not fit is noted.
     let parts: Vec<Option<Part>> = layers.iter().map(|layer| part(layer, tensors)).collect();
     parts.into_iter().collect()

@@ -7,13 +7,12 @@ use std::ops::RangeInclusive;
 use meissner_kernels::Activation;
 use toml::de::DeValue;
 
-use super::super::document::{Document, LAYER, NAME, Output, name};
-use super::super::layer::activation_word;
-use super::super::problem::Problems;
-use super::super::table::{Given, Table, integer};
 use super::input::{self, Input};
-use super::layer::FrameKind;
-use super::{CHANNELS, FRAME, SIDES, TABLE};
+use super::layer::{CHANNELS, FRAME, FrameKind, SIDES};
+use crate::description::document::{Document, INPUT, LAYER, NAME, Output, name};
+use crate::description::layer::activation_word;
+use crate::description::problem::Problems;
+use crate::description::table::{Given, Table, integer};
 
 /// Values that a dense layer writes.
 const OUTPUTS: RangeInclusive<i64> = 1..=1 << 16;
@@ -50,17 +49,17 @@ pub(super) struct File {
 
 /// A `[[layer]]` table, or a `[[head]]` table of a network over events.
 #[derive(Debug)]
-pub(in super::super) struct FileLayer {
-    pub(in super::super) name: String,
-    pub(in super::super) line: usize,
-    /// What it reads; `None` is the layer before it.
-    pub(in super::super) from: Option<Given<String>>,
-    /// What it joins to that.
-    pub(in super::super) with: Option<Given<String>>,
+pub(in crate::description) struct FileLayer {
+    pub(in crate::description) name: String,
+    pub(in crate::description) line: usize,
+    /// Its input; `None` is the layer before it.
+    pub(in crate::description) from: Option<Given<String>>,
+    /// Its second input.
+    pub(in crate::description) with: Option<Given<String>>,
     /// Prefix of its tensors.
-    pub(in super::super) weights: String,
-    /// What it computes; `None` where something about it was reported.
-    pub(in super::super) kind: Option<FrameKind>,
+    pub(in crate::description) weights: String,
+    /// Its computation; `None` where a problem of it was reported.
+    pub(in crate::description) kind: Option<FrameKind>,
 }
 
 /// Reads `document`; whatever is wrong goes to `problems`.
@@ -68,7 +67,7 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
     let [network, input, output] = document.tables(
         [
             ("network", "a table with the network's name"),
-            (TABLE, "a table with a frame's shape and source"),
+            (INPUT, "a table with a frame's shape and source"),
             ("output", "a table with the prediction's names and unit"),
         ],
         &[],
@@ -91,8 +90,8 @@ pub(super) fn read(document: &Document<'_>, problems: &mut Problems) -> File {
     File { name, input, layers, output }
 }
 
-/// Reads a layer's table; `input` is what messages call that which the first layer reads.
-pub(in super::super) fn read_layer(
+/// Reads a layer's table. `input` is the name of the network's input in messages.
+pub(in crate::description) fn read_layer(
     mut table: Table<'_, '_>,
     layer_name: String,
     line: usize,
@@ -107,7 +106,7 @@ pub(in super::super) fn read_layer(
     let trained = matches!(word, Some("conv" | "upconv" | "squeeze_excite" | "conv_lstm" | "lstm" | "dense"));
     let weights =
         trained.then(|| table.optional("weights", "the prefix of the layer's tensor names", name)).flatten();
-    // Of an unknown kind there is no telling which keys belong.
+    // The keys of an unknown kind are unknown.
     if word.is_some() {
         table.finish();
     }
@@ -115,29 +114,28 @@ pub(in super::super) fn read_layer(
     FileLayer { name: layer_name, line, from, with, weights, kind }
 }
 
-/// The keys of a kind. All are read before any is missed, so that every problem is reported.
+/// Reads the keys of a kind. All keys are read before one that is missing ends it, so every problem is reported.
 fn kind(
     word: &str,
     reference: &str,
     table: &mut Table<'_, '_>,
     with: &mut Option<Given<String>>,
 ) -> Option<FrameKind> {
-    let size = |value: Option<i64>| value.map(|v| v as usize);
     Some(match word {
         "conv" => {
-            let channels = size(table.integer("channels", CHANNELS, None));
+            let channels = table.size("channels", CHANNELS, None);
             let kernel = kernel(table);
             let (bias, norm) = (table.boolean("bias", true), norm(table));
             let activation = activation(table, &[Activation::Identity, Activation::Relu]);
             FrameKind::Conv { channels: channels?, kernel: kernel?, bias, norm, activation: activation? }
         }
         "upconv" => {
-            let channels = size(table.integer("channels", CHANNELS, None));
+            let channels = table.size("channels", CHANNELS, None);
             let bias = table.boolean("bias", true);
             FrameKind::UpConv { channels: channels?, bias }
         }
         "max_pool" => FrameKind::MaxPool,
-        "average_pool" => FrameKind::AveragePool { size: size(table.integer("size", SIDES, None))? },
+        "average_pool" => FrameKind::AveragePool { size: table.size("size", SIDES, None)? },
         "global_average" => FrameKind::GlobalAverage,
         "sum" => FrameKind::Sum,
         "concat" => {
@@ -145,23 +143,23 @@ fn kind(
             FrameKind::Concat { with: with.as_ref()?.value.clone() }
         }
         "squeeze_excite" => {
-            FrameKind::SqueezeExcite { reduction: size(table.integer("reduction", CHANNELS, Some(16)))? }
+            FrameKind::SqueezeExcite { reduction: table.size("reduction", CHANNELS, Some(16))? }
         }
         "conv_lstm" => {
-            let hidden = size(table.integer("hidden", CHANNELS, None));
+            let hidden = table.size("hidden", CHANNELS, None);
             let peepholes = table.boolean("peepholes", false);
             let activation = activation(table, &[Activation::Tanh, Activation::Sigmoid]);
             FrameKind::ConvLstm { hidden: hidden?, peepholes, activation: activation? }
         }
         "lstm" => {
-            let hidden = size(table.integer("hidden", CHANNELS, None));
-            let layer = size(table.integer("layer", STACKED, Some(0)));
+            let hidden = table.size("hidden", CHANNELS, None);
+            let layer = table.size("layer", STACKED, Some(0));
             FrameKind::Lstm { hidden: hidden?, layer: layer? }
         }
-        "delay" => FrameKind::Delay { frames: size(table.integer("frames", FRAMES, None))? },
+        "delay" => FrameKind::Delay { frames: table.size("frames", FRAMES, None)? },
         "flatten" => FrameKind::Flatten,
         _ => {
-            let outputs = size(table.integer("outputs", OUTPUTS, None));
+            let outputs = table.size("outputs", OUTPUTS, None);
             let (bias, norm) = (table.boolean("bias", true), norm(table));
             let activation = activation(table, &[Activation::Identity, Activation::Relu, Activation::Elu]);
             FrameKind::Dense { outputs: outputs?, bias, norm, activation: activation? }

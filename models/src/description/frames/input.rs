@@ -8,10 +8,10 @@ use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{Sampling, Scaling, SignedRule};
 use toml::de::DeValue;
 
-use super::super::problem::ProblemKind;
-use super::super::table::{Table, integer, number};
+use super::layer::{CHANNELS, SIDES};
 use super::source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
-use super::{CHANNELS, SIDES};
+use crate::description::problem::ProblemKind;
+use crate::description::table::{Table, integer, number};
 use crate::systems::contact_area::ContactSettings;
 
 /// Values of a frame that is a vector.
@@ -32,23 +32,19 @@ pub(super) struct Input {
 pub(super) fn read(mut table: Table<'_, '_>) -> Input {
     let shape = match table.choice("kind", &[("image", true), ("vector", false)], None) {
         Some(true) => {
-            let channels = table.integer("channels", CHANNELS, None);
-            let height = table.integer("height", SIDES, None);
-            let width = table.integer("width", SIDES, None);
-            channels.zip(height).zip(width).map(|((channels, height), width)| FrameShape::Image {
-                channels: channels as usize,
-                height: height as usize,
-                width: width as usize,
+            let channels = table.size("channels", CHANNELS, None);
+            let (height, width) = (table.size("height", SIDES, None), table.size("width", SIDES, None));
+            let sides = height.zip(width);
+            channels.zip(sides).map(|(channels, (height, width))| FrameShape::Image {
+                channels,
+                height,
+                width,
             })
         }
-        Some(false) => {
-            table.integer("values", VALUES, None).map(|values| FrameShape::Vector(values as usize))
-        }
+        Some(false) => table.size("values", VALUES, None).map(FrameShape::Vector),
         None => {
-            // Without a kind there is no telling which of these keys belong.
-            for key in ["channels", "height", "width", "values"] {
-                table.optional(key, "", |_| Some(()));
-            }
+            // The keys of an unknown kind are unknown.
+            table.ignore(&["channels", "height", "width", "values"]);
             None
         }
     };
@@ -88,10 +84,7 @@ fn signed(table: &mut Table<'_, '_>) -> Option<FrameSource> {
     let rule = table.choice("rule", &rules, Some(SignedRule::Sum));
     let place = crop(table);
     let timing = if table.line_of("period_us").is_some() {
-        if let Some(span) = table.optional("span_us", "", |_| Some(())) {
-            let with = "no period_us: a frame shows a sliding span or consecutive periods";
-            table.report(span.line, ProblemKind::Inapplicable { key: "span_us", with });
-        }
+        table.inapplicable("span_us", "no period_us: a frame shows a sliding span or consecutive periods");
         let period_us = table.integer("period_us", TIMES_US, None);
         period_us.map(|period_us| SignedTiming::Consecutive { period_us })
     } else {
@@ -114,7 +107,7 @@ fn crop(table: &mut Table<'_, '_>) -> Option<CropPlace> {
 
 /// The settings of frames that are made of readings, as images or as they are.
 fn readings(table: &mut Table<'_, '_>, image: bool) -> Option<Readings> {
-    let steps = table.integer("steps", STEPS, None);
+    let steps = table.size("steps", STEPS, None);
     let expected =
         "\"consecutive\", \"sliding\" or the stride from one reading to the next (from 1 to 65536)";
     let sampling = table.defaulted("sampling", expected, Some(Sampling::Consecutive), |value| {
@@ -136,7 +129,7 @@ fn readings(table: &mut Table<'_, '_>, image: bool) -> Option<Readings> {
         table.report(scaling.line, ProblemKind::Inapplicable { key: "scaling", with });
         return None;
     }
-    Some(Readings { steps: steps? as usize, sampling: sampling?, scaling: scaling.value })
+    Some(Readings { steps: steps?, sampling: sampling?, scaling: scaling.value })
 }
 
 fn scaling(value: &DeValue<'_>) -> Option<Scaling> {

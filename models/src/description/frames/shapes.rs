@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 
 use meissner_engine::frames::FrameShape;
 
-use super::super::problem::{ProblemKind, Problems};
-use super::super::table::Given;
-use super::super::tensors::Needed;
 use super::file::FileLayer;
-use super::layer::{FrameKind, FrameLayer};
-use super::{LONGEST_SIDE, MOST_CHANNELS};
+use super::layer::{FrameKind, FrameLayer, LONGEST_SIDE, MOST_CHANNELS};
+use crate::description::document::by_name;
+use crate::description::problem::{ProblemKind, Problems};
+use crate::description::table::Given;
+use crate::description::tensors::Needed;
 
 /// Most values of one tensor: 256 MiB of f32.
 const LARGEST_TENSOR: usize = 1 << 26;
@@ -22,20 +22,20 @@ const MOST_VALUES: usize = 1 << 28;
 
 /// Layers as they are written, one above the other.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Stack<'a> {
-    pub(in super::super) layers: &'a [FileLayer],
+pub(in crate::description) struct Stack<'a> {
+    pub(in crate::description) layers: &'a [FileLayer],
     /// The name by which layers refer to what the first one reads.
-    pub(in super::super) input: &'a str,
+    pub(in crate::description) input: &'a str,
     /// Its shape; `None` where something about it was reported.
-    pub(in super::super) shape: Option<FrameShape>,
+    pub(in crate::description) shape: Option<FrameShape>,
     /// Where the layers stand that can be referred to, as messages say it.
-    pub(in super::super) place: &'static str,
+    pub(in crate::description) place: &'static str,
     /// Whether layers may remember what they read before.
-    pub(in super::super) state: bool,
+    pub(in crate::description) state: bool,
     /// Names of the predicted values.
-    pub(in super::super) names: Option<&'a Given<Vec<String>>>,
+    pub(in crate::description) names: Option<&'a Given<Vec<String>>>,
     /// Whether an image that is predicted has a name for each channel, rather than for each value.
-    pub(in super::super) by_channel: bool,
+    pub(in crate::description) by_channel: bool,
 }
 
 /// What is known about the frame or a layer's output.
@@ -45,6 +45,9 @@ struct Known {
     /// About the mean square of its values, where weights are drawn.
     square: f64,
 }
+
+/// A key that refers to an input, its line, and the input: 0 is the frame, i + 1 is layer i.
+type Reference = (&'static str, usize, usize);
 
 struct Shapes<'a> {
     stack: Stack<'a>,
@@ -59,16 +62,9 @@ struct Shapes<'a> {
 }
 
 /// Checks what the layers read against what is there.
-pub(in super::super) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
+pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
     let before = problems.0.len();
-    let mut names = BTreeMap::new();
-    for (i, layer) in stack.layers.iter().enumerate().filter(|(_, layer)| !layer.name.is_empty()) {
-        let first: usize = *names.entry(layer.name.as_str()).or_insert(i);
-        if first != i {
-            let kind = ProblemKind::DuplicateName { first: stack.layers[first].line };
-            problems.add(layer.line, Some(&layer.name), kind);
-        }
-    }
+    let names = by_name(stack.layers.iter().map(|layer| (layer.name.as_str(), layer.line)), problems);
     let known = vec![stack.shape.map(|shape| Known { shape, square: 1.0 })];
     let values = stack.shape.map_or(0, FrameShape::values);
     let mut shapes = Shapes { stack, problems, names, known, reads: Vec::new(), values, parameters: 0 };
@@ -129,35 +125,25 @@ impl Shapes<'_> {
         }
     }
 
-    /// Channels, rows and columns of what is read; reports a vector.
-    fn image(
-        &mut self,
-        layer: &FileLayer,
-        key: &'static str,
-        line: usize,
-        read: usize,
-    ) -> Option<[usize; 3]> {
-        match self.known[read]?.shape {
-            FrameShape::Image { channels, height, width } => Some([channels, height, width]),
-            FrameShape::Vector(_) => {
-                let found = self.describe(read);
-                self.report(line, layer, ProblemKind::ReferenceKind { key, expected: "an image", found });
-                None
-            }
+    /// Channels, rows and columns of an input; reports a vector.
+    fn image(&mut self, layer: &FileLayer, (key, line, read): Reference) -> Option<[usize; 3]> {
+        if let FrameShape::Image { channels, height, width } = self.known[read]?.shape {
+            return Some([channels, height, width]);
         }
+        let (expected, found) = ("an image".to_owned(), self.describe(read));
+        self.report(line, layer, ProblemKind::Value { key, expected, found });
+        None
     }
 
-    /// Number of values that are read; reports an image.
-    fn vector(&mut self, layer: &FileLayer, key: &'static str, line: usize, read: usize) -> Option<usize> {
-        match self.known[read]?.shape {
-            FrameShape::Vector(values) => Some(values),
-            FrameShape::Image { .. } => {
-                let (found, expected) =
-                    (self.describe(read), "a vector (an image becomes one in a flatten layer)");
-                self.report(line, layer, ProblemKind::ReferenceKind { key, expected, found });
-                None
-            }
+    /// Number of values of an input; reports an image.
+    fn vector(&mut self, layer: &FileLayer, (key, line, read): Reference) -> Option<usize> {
+        if let FrameShape::Vector(values) = self.known[read]?.shape {
+            return Some(values);
         }
+        let expected = "a vector (an image becomes one in a flatten layer)".to_owned();
+        let found = self.describe(read);
+        self.report(line, layer, ProblemKind::Value { key, expected, found });
+        None
     }
 
     fn layer(&mut self, layer: &FileLayer) -> Option<FrameLayer> {
@@ -169,7 +155,7 @@ impl Shapes<'_> {
         self.reads.push([read, joined]);
         let (kind, read) = (layer.kind.clone()?, read?);
         let line = layer.from.as_ref().map_or(layer.line, |given| given.line);
-        let output = self.output(layer, &kind, line, read, joined)?;
+        let output = self.output(layer, &kind, ("from", line, read), joined)?;
         let input = self.known[read]?;
         let other = joined.and_then(|joined| self.known[joined]).unwrap_or(input);
         let from = read.checked_sub(1).map_or(self.stack.input, |i| &self.stack.layers[i].name).to_owned();
@@ -202,26 +188,25 @@ impl Shapes<'_> {
         &mut self,
         layer: &FileLayer,
         kind: &FrameKind,
-        line: usize,
-        read: usize,
+        from: Reference,
         joined: Option<usize>,
     ) -> Option<FrameShape> {
         let image = |channels, height, width| FrameShape::Image { channels, height, width };
         let output = match *kind {
             FrameKind::Dense { outputs, .. } => {
-                self.vector(layer, "from", line, read)?;
+                self.vector(layer, from)?;
                 FrameShape::Vector(outputs)
             }
             FrameKind::Lstm { hidden, .. } => {
-                self.vector(layer, "from", line, read)?;
+                self.vector(layer, from)?;
                 FrameShape::Vector(hidden)
             }
             FrameKind::Delay { frames } => {
-                FrameShape::Vector(self.vector(layer, "from", line, read)?.saturating_mul(frames))
+                FrameShape::Vector(self.vector(layer, from)?.saturating_mul(frames))
             }
-            FrameKind::Concat { ref with } => self.joined(layer, with, read, joined?)?,
+            FrameKind::Concat { ref with } => self.joined(layer, with, from, joined?)?,
             _ => {
-                let [channels, height, width] = self.image(layer, "from", line, read)?;
+                let [channels, height, width] = self.image(layer, from)?;
                 match *kind {
                     FrameKind::Conv { channels, .. } | FrameKind::ConvLstm { hidden: channels, .. } => {
                         image(channels, height, width)
@@ -253,19 +238,27 @@ impl Shapes<'_> {
     }
 
     /// Shape of two images side by side, or of two vectors one behind the other.
-    fn joined(&mut self, layer: &FileLayer, with: &str, read: usize, joined: usize) -> Option<FrameShape> {
+    fn joined(
+        &mut self,
+        layer: &FileLayer,
+        with: &str,
+        (_, _, read): Reference,
+        joined: usize,
+    ) -> Option<FrameShape> {
         let line = layer.with.as_ref().map_or(layer.line, |given| given.line);
+        let joined = ("with", line, joined);
         let (channels, height, width) = match self.known[read]?.shape {
             FrameShape::Vector(values) => {
-                let others = self.vector(layer, "with", line, joined)?;
-                return Some(FrameShape::Vector(values.saturating_add(others)));
+                return Some(FrameShape::Vector(values.saturating_add(self.vector(layer, joined)?)));
             }
             FrameShape::Image { channels, height, width } => (channels, height, width),
         };
-        let [others, rows, columns] = self.image(layer, "with", line, joined)?;
+        let [others, rows, columns] = self.image(layer, joined)?;
         if [rows, columns] != [height, width] {
-            let (expected, found) = (format!("{height} x {width}"), format!("{rows} x {columns}"));
-            self.report(line, layer, ProblemKind::Size { reference: with.to_owned(), expected, found });
+            let expected = format!("an image of {height} x {width} pixels");
+            let found = format!("one of {rows} x {columns}");
+            let kind = ProblemKind::Size { key: "with", reference: with.to_owned(), expected, found };
+            self.report(line, layer, kind);
             return None;
         }
         Some(FrameShape::Image { channels: channels + others, height, width })
@@ -290,7 +283,7 @@ impl Shapes<'_> {
 }
 
 /// What is reported of an output of `shape` that does not [fit](fits).
-pub(in super::super) fn extent(shape: FrameShape) -> ProblemKind {
+pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
     let expected = format!(
         "an output of at most {MOST_CHANNELS} channels and 1 to {LONGEST_SIDE} pixels a side, or at most {MOST_VALUES} \
          values"
@@ -299,7 +292,7 @@ pub(in super::super) fn extent(shape: FrameShape) -> ProblemKind {
 }
 
 /// Whether a value of `shape` is within bounds.
-pub(in super::super) fn fits(shape: FrameShape) -> bool {
+pub(in crate::description) fn fits(shape: FrameShape) -> bool {
     match shape {
         FrameShape::Vector(values) => values <= MOST_VALUES,
         FrameShape::Image { channels, height, width } => {

@@ -63,38 +63,21 @@ mod build;
 mod file;
 mod input;
 mod layer;
-pub(super) mod preparation;
 mod shapes;
 mod source;
-mod tensors;
-
-use std::ops::RangeInclusive;
-use std::path::Path;
 
 use meissner_engine::frames::FrameShape;
 
-use super::document::Document;
+use super::document::{Document, EVENT_NETWORK, FRAME_NETWORK, INPUT};
 use super::problem::{ProblemKind, Problems};
-use super::tensors::report_shared;
-use super::{DescriptionError, Needed, any, checked, classes, text};
-use crate::ModelError;
+use super::tensors::{Needed, report_shared};
 
 pub(super) use build::parts;
 pub(super) use file::{FileLayer, read_layer};
-pub(crate) use layer::serialize_shape;
+pub(crate) use layer::{FRAME, serialize_shape};
 pub use layer::{FrameKind, FrameLayer};
 pub(super) use shapes::{Stack, check, extent, fits};
 pub use source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
-
-/// The table that marks a frame network.
-pub(super) const TABLE: &str = "input";
-/// The input of a network: the name that layers refer to it by.
-pub(crate) const FRAME: &str = "frame";
-/// Bounds of images.
-const LONGEST_SIDE: usize = 4096;
-const MOST_CHANNELS: usize = 4096;
-const SIDES: RangeInclusive<i64> = 1..=LONGEST_SIDE as i64;
-const CHANNELS: RangeInclusive<i64> = 1..=MOST_CHANNELS as i64;
 
 /// A checked description of a frame network.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,19 +91,12 @@ pub struct FrameDescription {
 }
 
 impl FrameDescription {
-    /// Checks the text of a description file.
-    ///
-    /// # Errors
-    /// Every inconsistency with its layer and line; those that follow from another are left out.
-    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
-        checked(text, Self::check)
-    }
-
+    /// Checks a parsed file.
     pub(super) fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
-        if document.line_of(TABLE).is_none()
+        if document.line_of(INPUT).is_none()
             && let Some(line) = document.line_of("graph")
         {
-            let (expected, found) = (any::FRAMES, any::EVENTS);
+            let (expected, found) = (FRAME_NETWORK, EVENT_NETWORK);
             problems.add(line, None, ProblemKind::Family { expected, found });
             return None;
         }
@@ -141,15 +117,6 @@ impl FrameDescription {
         Some(Self { name: file.name, input: input.shape?, source: input.source?, layers, outputs, unit })
     }
 
-    /// Reads and checks a description file.
-    ///
-    /// # Errors
-    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
-    /// [`ModelError::Description`] as [`Self::parse`].
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        Ok(Self::parse(&text(path.as_ref())?)?)
-    }
-
     /// Name, for reports.
     pub fn name(&self) -> &str {
         &self.name
@@ -160,7 +127,7 @@ impl FrameDescription {
         self.input
     }
 
-    /// What makes the frames.
+    /// The source of the frames.
     pub fn source(&self) -> &FrameSource {
         &self.source
     }
@@ -180,11 +147,6 @@ impl FrameDescription {
         (&self.outputs, &self.unit)
     }
 
-    /// Names of the classes whose logits are predicted; `None` for other values.
-    pub fn classes(&self) -> Option<&[String]> {
-        classes(self.outputs())
-    }
-
     /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
     pub fn parameters(&self) -> usize {
         self.layers.iter().map(|layer| layer.parameters).sum()
@@ -193,11 +155,6 @@ impl FrameDescription {
     /// Products of weights with values, each with the sum that it enters, for one frame.
     pub fn multiply_adds(&self) -> usize {
         self.layers.iter().map(|layer| layer.multiply_adds).sum()
-    }
-
-    /// Names and shapes of the tensors that [`Self::network_parts`] needs, running statistics included.
-    pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
-        self.needed().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect()
     }
 
     pub(crate) fn needed(&self) -> Vec<Needed> {

@@ -106,23 +106,16 @@ mod table;
 mod tensors;
 mod wiring;
 
-use std::io;
-use std::path::Path;
-
 use meissner_engine::{GraphRule, Normalisation};
 
-use crate::ModelError;
-
 pub use any::AnyDescription;
-pub use preparation::Agreement;
-
 pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
+pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};
 
-pub(crate) use layer::activation_word;
 pub(crate) use tensors::{Needed, Role};
 
-use document::Document;
+use document::{Document, EVENT_NETWORK, FRAME_NETWORK, INPUT};
 use frames::FrameLayer;
 use problem::Problems;
 
@@ -136,7 +129,7 @@ use problem::Problems;
 ///
 /// let error = Description::parse("[network]\nname = \"mine\"\nspan = 5\n").unwrap_err();
 /// let lines: Vec<usize> = error.problems().iter().map(|problem| problem.line).collect();
-/// assert!(lines.contains(&3), "{error}"); // every inconsistency with its line: `span` is no key
+/// assert!(lines.contains(&3), "{error}"); // every inconsistency with its line: `span` is not a key
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
@@ -153,17 +146,10 @@ pub struct Description {
 }
 
 impl Description {
-    /// Checks the text of a description file.
-    ///
-    /// # Errors
-    /// Every inconsistency with its layer and line; those that follow from another are left out.
-    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
-        checked(text, Self::check)
-    }
-
+    /// Checks a parsed file.
     fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
-        if let Some(line) = document.line_of(frames::TABLE) {
-            let (expected, found) = (any::EVENTS, any::FRAMES);
+        if let Some(line) = document.line_of(INPUT) {
+            let (expected, found) = (EVENT_NETWORK, FRAME_NETWORK);
             problems.add(line, None, ProblemKind::Family { expected, found });
             return None;
         }
@@ -190,15 +176,6 @@ impl Description {
         })
     }
 
-    /// Reads and checks a description file.
-    ///
-    /// # Errors
-    /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
-    /// [`ModelError::Description`] as [`Self::parse`].
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        Ok(Self::parse(&text(path.as_ref())?)?)
-    }
-
     /// Name, for reports.
     pub fn name(&self) -> &str {
         &self.name
@@ -214,7 +191,7 @@ impl Description {
         self.capacity
     }
 
-    /// What edge attributes and grids are relative to.
+    /// The reference of edge attributes and grids.
     pub fn normalisation(&self) -> Normalisation {
         self.normalisation
     }
@@ -232,11 +209,6 @@ impl Description {
     /// Names of the predicted values, and their unit.
     pub fn outputs(&self) -> (&[String], &str) {
         (&self.outputs, &self.unit)
-    }
-
-    /// Names of the classes whose logits are predicted; `None` for other values.
-    pub fn classes(&self) -> Option<&[String]> {
-        classes(self.outputs())
     }
 
     /// The layers, each after those it reads, without those of a head.
@@ -260,49 +232,8 @@ impl Description {
         layers.chain(self.head.iter().map(|layer| layer.parameters)).sum()
     }
 
-    /// Names and shapes of the tensors that [`Self::network`] needs, running statistics included.
-    pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
-        self.needed().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect()
-    }
-
     pub(crate) fn needed(&self) -> Vec<Needed> {
         let layers = self.layers.iter().flat_map(Layer::tensors);
         layers.chain(self.head.iter().flat_map(FrameLayer::tensors)).collect()
     }
-}
-
-/// The unit of the outputs of classes: a softmax makes probabilities of such values.
-pub(crate) const LOGIT: &str = "logit";
-
-/// The names where they are those of classes.
-fn classes<'a>((names, unit): (&'a [String], &str)) -> Option<&'a [String]> {
-    (unit == LOGIT).then_some(names)
-}
-
-/// What `check` makes of a file without problems.
-fn checked<T>(
-    text: &str,
-    check: impl FnOnce(&Document<'_>, &mut Problems) -> Option<T>,
-) -> Result<T, DescriptionError> {
-    let mut problems = Problems::default();
-    let checked = Document::parse(text, &mut problems).and_then(|document| check(&document, &mut problems));
-    match checked {
-        Some(checked) if problems.0.is_empty() => Ok(checked),
-        _ => Err(DescriptionError::new(problems.0)),
-    }
-}
-
-/// Largest description file that is read: the most layers that there may be, at 256 bytes each. A byte that is at fault may
-/// become 700, most of them the TOML parser's.
-const LARGEST_FILE: u64 = 1 << 18;
-
-/// The text of the file at `path`.
-fn text(path: &Path) -> Result<String, ModelError> {
-    let bytes = crate::bounded::read(path, LARGEST_FILE)?;
-    String::from_utf8(bytes).map_err(|error| {
-        let (at, source) = (error.utf8_error().valid_up_to(), io::ErrorKind::InvalidData);
-        let source =
-            io::Error::new(source, format!("expected text in UTF-8, found other bytes at byte {at}"));
-        ModelError::Read { path: path.to_owned(), source }
-    })
 }
