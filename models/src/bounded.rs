@@ -1,7 +1,7 @@
-//! Files that are read up to a bound.
+//! Reads files up to a bound.
 //!
-//! Enters: a path and the most bytes. Leaves: the file's bytes. Invariant: no more than the bound and one byte is read,
-//! whatever length the file system reports: a device or a pipe has none.
+//! Enters: a path and a bound. Leaves: the bytes of the file. Invariant: at most one byte more than the bound is read, also
+//! from a device or a pipe, which has no length.
 
 use std::fs::File;
 use std::io::Read;

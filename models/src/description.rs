@@ -1,14 +1,16 @@
 //! Network descriptions: a TOML file, checked into an acyclic graph of layers with shapes.
 //!
 //! Enters: text. Leaves: a [`Description`], or every inconsistency of the file with its line. Invariant: a description
-//! that exists makes a network of any weights that have its tensors; what remains to go wrong lies in the weights.
+//! makes a network of any weights that have its tensors. After the check, only the weights can be wrong.
+//!
+//! This example has every table and key of a network over events:
 //!
 //! ```toml
 //! [network]
 //! name = "small"               # for reports
-//! span_us = 150000             # length of the window in microseconds (this is the default)
-//! capacity = 32768             # most events of the window (this is the default)
-//! normalisation = "fixed"      # or "per-graph": how the published checkpoint was trained, batch only
+//! span_us = 150000             # length of the window in microseconds; default: 150000
+//! capacity = 32768             # most events of the window; default: 32768
+//! normalisation = "fixed"      # default; or "per-graph", as the published checkpoint was trained: batch only
 //!
 //! [graph]
 //! kind = "knn"                 # with k; or "radius", with r (in shares of sensor and span) and max
@@ -19,59 +21,60 @@
 //! [[layer]]
 //! name = "conv1"
 //! kind = "spline"
-//! from = "events"              # default: the layer before, for the first one the events
-//! channels = 8
-//! kernel = 2                   # or [x, y] without time, or [x, y, t]
-//! skip = "events"              # optional: a layer of this level with as many channels
-//! root = false                 # these four are the defaults
-//! bias = false
-//! norm = true
-//! elu = true
-//! weights = "blocks.0"         # prefix of its tensors; default: its name
+//! from = "events"              # default: the layer before; for the first layer the events
+//! channels = 8                 # of each row that the layer writes
+//! kernel = 2                   # along x, y and t; or [x, y] without time, or [x, y, t]
+//! skip = "events"              # optional: a layer that is added, on the same level and with as many channels
+//! root = false                 # default; true: a weight for the row itself
+//! bias = false                 # default
+//! norm = true                  # default: batch norm
+//! elu = true                   # default: ELU after the convolution
+//! weights = "blocks.0"         # prefix of the names of its tensors; default: its name
 //!
 //! [[layer]]
 //! name = "pool1"
 //! kind = "pool"
-//! cell = ["16/346", "12/260"]  # fractions of the sensor
-//! time = "1/3"                 # of the span; optional: without it all times fall into one cell
-//! position = "mean"            # or "centre"
-//! scale = 0.4                  # of the edge attributes of the level that starts here
+//! cell = ["16/346", "12/260"]  # size of a cell along x and y, as fractions of the sensor
+//! time = "1/3"                 # size along t, as a fraction of the span; default: one cell for all times
+//! position = "mean"            # default: a cell lies at the mean of its members; or "centre"
+//! scale = 0.4                  # of the edge attributes on the level that starts here
 //!
 //! [[layer]]
 //! name = "grid"
 //! kind = "readout"
 //! grid = [4, 4]                # columns, rows
-//! by_time = false              # the default; true: a grid for each of the poolings' cells in time, the newest first
+//! by_time = false              # default; true: a grid for each cell in time of the poolings, the newest first
 //!
 //! [[layer]]
 //! name = "fc"
 //! kind = "dense"
 //! outputs = 2
-//! bias = true                  # the default
-//! activation = "identity"      # the default; or "relu", "elu"
+//! bias = true                  # default
+//! activation = "identity"      # default; or "relu", "elu"
 //!
 //! [output]
 //! names = ["roll", "pitch"]    # of the predicted values, in order
-//! unit = "rad"                 # of all of them
+//! unit = "rad"                 # of all predicted values
 //! ```
 //!
-//! A network that tells classes apart names them in place of `names` and `unit`; its values are logits, of which a softmax
-//! makes probabilities. (`names` with `unit = "logit"` say the same.)
+//! A network that predicts classes has `classes` in place of `names` and `unit`. Its values are logits, and a softmax turns
+//! them into probabilities. (`names` with `unit = "logit"` mean the same.)
 //!
 //! ```toml
 //! [output]
 //! classes = ["left", "right", "none"]
 //! ```
 //!
-//! In place of dense layers, tables `[[head]]` describe a frame network that reads the readout as an image: a column and a
-//! row for those of the grid, channel `age C + c` for channel c of the grid that is `age` cells in time old. Kinds and keys
-//! are those of [frame networks' layers](frames), without those that remember frames (`conv_lstm`, `lstm`, `delay`).
+//! Tables `[[head]]` can take the place of dense layers. They describe a frame network that reads the readout as an image with
+//! the columns and rows of the grid. Channel `age C + c` of this image is channel c of the grid that is `age` cells in time
+//! old. Kinds and keys are those of [the layers of frame networks](frames), without the layers that remember frames
+//! (`conv_lstm`, `lstm`, `delay`).
 //!
 //! ```toml
 //! [[head]]
 //! name = "image1"
 //! kind = "conv"
-//! from = "grid"                # default: the layer before, for the first one the readout
+//! from = "grid"                # default: the layer before; for the first layer the readout
 //! channels = 32
 //! kernel = 3
 //! bias = false
@@ -84,20 +87,19 @@
 //! kind = "flatten"
 //!
 //! [[head]]
-//! name = "out"                 # the last one predicts: a name of the output for each value that it writes
+//! name = "out"                 # the last layer predicts; [output] has a name for each value that it writes
 //! kind = "dense"
 //! outputs = 2
 //! ```
 //!
-//! The tables `[[layer]]` stand in any order; who reads whom gives the order, and the order of the file decides what it leaves open. The
-//! tables `[[head]]` stand in the order of evaluation.
+//! The tables `[[layer]]` may stand in any order. A layer is evaluated after the layers that it reads, and otherwise in the
+//! order of the file. The tables `[[head]]` must stand in the order of evaluation.
 
 mod any;
 mod build;
 mod document;
 mod file;
 pub mod frames;
-mod head;
 mod layer;
 mod preparation;
 mod problem;
@@ -159,7 +161,7 @@ impl Description {
         }
         let wiring = wiring::wire(&file, problems);
         let layers = shapes::check(&file, &wiring, problems);
-        let head = head::check(&file, &layers, problems);
+        let head = shapes::check_head(&file, &layers, problems);
         let readers = layers.iter().map(Layer::reader).chain(head.iter().map(FrameLayer::reader));
         tensors::report_shared(readers, problems);
         Some(Self {

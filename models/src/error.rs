@@ -1,4 +1,4 @@
-//! What can go wrong between a description, a weights file and a network.
+//! The errors between a description, a weights file and a network.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub enum ModelError {
         /// Why.
         source: std::io::Error,
     },
-    /// A file is larger than any weights are.
+    /// A file is too large.
     #[error("{}: expected at most {limit} bytes, found {found}", path.display())]
     Large {
         /// The file.
@@ -33,10 +33,10 @@ pub enum ModelError {
     /// A description is inconsistent.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// Bytes are not a weights file that is understood.
+    /// Bytes are not a weights file that can be read.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// Weights lack tensors of a network, or hold others in their place.
+    /// Weights lack tensors of a network, or have other tensors in their place.
     #[error("weights do not fit network {network:?}: {problems}")]
     Weights {
         /// Name of the network.
@@ -55,7 +55,7 @@ pub enum ModelError {
         /// The prefixes.
         prefixes: Vec<String>,
     },
-    /// Weights were trained on graphs or frames that were made in another way than the description says.
+    /// Weights were trained on graphs or frames of another preparation than the description's.
     #[error(
         "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its description says, \
          found {found}{}",
@@ -68,19 +68,19 @@ pub enum ModelError {
         network: String,
         /// The description's preparation.
         expected: String,
-        /// That of the weights.
+        /// The preparation of the weights.
         found: String,
-        /// The shipped network that computes what they were trained as, where they are those of the published checkpoint.
+        /// The shipped network that fits them, for the weights of the published checkpoint.
         published: Option<&'static str>,
     },
-    /// Metadata of weights holds something other than its key is for.
+    /// Metadata of weights has an invalid value.
     #[error("weights: expected metadata {key:?} with {expected}, found {found:?}")]
     Metadata {
         /// The key.
         key: &'static str,
-        /// What it should hold.
+        /// The expected value.
         expected: &'static str,
-        /// What it holds.
+        /// The value.
         found: String,
     },
     /// The engine refused the network.
@@ -107,7 +107,7 @@ impl fmt::Display for TensorProblems {
 pub struct TensorProblem {
     /// Its name.
     pub tensor: String,
-    /// What does not fit.
+    /// The part that does not fit.
     pub kind: TensorProblemKind,
 }
 
@@ -115,7 +115,7 @@ pub struct TensorProblem {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TensorProblemKind {
-    /// It is not there.
+    /// It is missing.
     #[error("expected shape {expected:?}, found no such tensor")]
     Missing {
         /// The shape it should have.
@@ -132,13 +132,13 @@ pub enum TensorProblemKind {
     /// Its values are not floating-point numbers.
     #[error("expected floating-point values, found {found}")]
     Dtype {
-        /// What they are.
+        /// Their type.
         found: String,
     },
     /// A value is NaN or infinite (as f32).
     #[error("expected finite values, found {value} at index {index}")]
     NotFinite {
-        /// Where, counted flat.
+        /// Its index in row-major order.
         index: usize,
         /// The value.
         value: f32,
@@ -146,17 +146,17 @@ pub enum TensorProblemKind {
     /// A running variance is negative.
     #[error("expected variances of at least 0, found {value} at index {index}")]
     Variance {
-        /// Where.
+        /// Its index.
         index: usize,
         /// The value.
         value: f32,
     },
-    /// Batch norm folded into a product and a sum leaves f32's range.
+    /// Batch norm, folded into a product and a sum, is out of f32's range.
     #[error("expected a {what} within f32's range once folded, found {value} for channel {index}")]
     Folded {
         /// "scale" or "shift".
         what: &'static str,
-        /// Which channel.
+        /// The channel.
         index: usize,
         /// The folded value.
         value: f64,

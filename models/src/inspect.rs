@@ -2,7 +2,6 @@
 //!
 //! Enters: a checked description of either kind. Leaves: text. Invariant: equal descriptions give equal bytes.
 
-mod dot;
 mod summary;
 mod svg;
 mod table;
@@ -25,7 +24,7 @@ macro_rules! reports {
 
             /// The network in the DOT language of Graphviz.
             pub fn to_dot(&self) -> String {
-                dot::dot(&self.view())
+                view::dot(&self.view())
             }
 
             /// The network as a standalone SVG picture.

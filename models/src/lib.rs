@@ -1,16 +1,16 @@
-//! Network descriptions and weights: what a network is, in a file, and the numbers that it computes with.
+//! Network descriptions and weights: the layers of a network, in a file, and the numbers that it computes with.
 //!
-//! - [`Description`]: a TOML file checked into an acyclic graph of layers ([`description`] has the format)
-//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`Card`]: what they say about themselves;
-//!   [`TensorFile`]: arrays to be written
+//! - [`Description`]: a TOML file, checked into an acyclic graph of layers ([`description`] has the format)
 //! - [`FrameDescription`]: the same for a network over frames ([`description::frames`] has the format), and
-//!   [`AnyDescription`] for whichever a file holds
+//!   [`AnyDescription`] for a file of either kind
+//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`Card`]: their metadata; [`TensorFile`]:
+//!   arrays to be written
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
 //! - [`random`]: numbers from a seed, the same on every machine
-//! - [`metrics`]: confusion, accuracy, precision, recall, F1, and how sure they are
-//! - [`systems`]: what stands around a network: normalisation, windows, reports, overlays
+//! - [`metrics`]: confusion, accuracy, precision, recall, F1, and their uncertainty
+//! - [`systems`]: normalisation, windows, reports and overlays around a network
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
@@ -31,7 +31,13 @@ pub mod inspect;
 pub mod metrics;
 pub mod random;
 mod shipped;
-pub mod systems;
+/// What surrounds a network in the system that it serves: from the values of the sensor to the input of the network, and from
+/// the output of the network to the quantities that a controller reads.
+pub mod systems {
+    pub mod contact_area;
+    pub mod digits;
+    pub mod slip;
+}
 mod weights;
 
 pub use description::frames::{FrameDescription, FrameKind, FrameLayer, FrameSource};

@@ -140,8 +140,8 @@ fn layers_with_a_state_are_refused() {
         assert_eq!(
             found,
             format!(
-                "line {line}: layer \"past\": kind: expected a layer without state: how often predictions are read must \
-                 not matter, found \"{word}\""
+                "line {line}: layer \"past\": kind: expected a layer without state: predictions cannot depend on how often \
+                 they are read, found \"{word}\""
             )
         );
     }

@@ -1,4 +1,4 @@
-//! What descriptions of all kinds have in common: they are parsed, loaded, and matched with weights.
+//! The methods that descriptions of all kinds share: parsing, loading, names of classes and of tensors.
 
 use std::path::Path;
 

@@ -98,7 +98,7 @@ impl Description {
 
     /// The head that consists of `layers`, if there is one.
     fn head_of(&self, layers: Vec<Part>) -> Result<Option<Arc<FrameNetwork>>, ModelError> {
-        // The first layer of a head has nothing else to read than the image.
+        // The first layer of a head always reads the image.
         let Some(first) = self.head.first() else { return Ok(None) };
         let parts = FrameNetworkParts { name: self.name.clone(), input: first.input, layers };
         Ok(Some(Arc::new(FrameNetwork::new(parts, Convolution::Direct)?)))

@@ -132,7 +132,7 @@ impl<'i> Document<'i> {
         found
     }
 
-    /// A table, whose keys can then be asked for.
+    /// A table, to be read key by key.
     pub(super) fn open<'t>(&'t self, table: Entries<'t, 'i>, problems: &'t mut Problems) -> Table<'t, 'i> {
         Table::new(table.entries, &self.lines, table.line, None, problems)
     }

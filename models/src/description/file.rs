@@ -1,4 +1,4 @@
-//! A description file as it is written: tables and keys typed and in range, nothing resolved yet.
+//! A description file as it is written: values are typed and in range, references are not resolved.
 //!
 //! Enters: a [`Document`]. Leaves: a [`File`], with `None` for whatever was reported as a problem.
 
@@ -18,15 +18,15 @@ use super::table::{Given, Table, integer};
 pub(super) const EVENTS: &str = "events";
 /// The tables of a frame network that reads the readout.
 const HEAD: &str = "head";
-/// Length of the window where a file does not say: 150 ms.
+/// Default length of the window: 150 ms.
 const DEFAULT_SPAN_US: i64 = 150_000;
-/// Most events of a window where a file does not say.
+/// Default of the most events of a window.
 const DEFAULT_CAPACITY: i64 = 32_768;
-/// What the engine accepts.
+/// The ranges that the engine accepts.
 const SPANS_US: RangeInclusive<i64> = 1..=Network::LONGEST_SPAN_US;
 const CAPACITIES: RangeInclusive<i64> = 1..=Network::LARGEST_CAPACITY as i64;
 const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MOST_NEIGHBOURS as i64;
-/// What the kernels accept.
+/// The ranges that the kernels accept.
 const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MOST_CHANNELS as i64;
 const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
 
@@ -40,7 +40,7 @@ pub(super) struct File {
     pub(super) graph: Option<GraphRule>,
     pub(super) scale: Option<f32>,
     pub(super) layers: Vec<FileLayer>,
-    /// What reads the readout in place of dense layers; empty where there are to be dense layers.
+    /// The layers that read the readout in place of dense layers; empty for a network with dense layers.
     pub(super) head: Vec<frames::FileLayer>,
     pub(super) outputs: Option<Given<Vec<String>>>,
     pub(super) unit: String,
@@ -51,14 +51,14 @@ pub(super) struct File {
 pub(super) struct FileLayer {
     pub(super) name: String,
     pub(super) line: usize,
-    /// What it reads; `None` is the layer before it.
+    /// Its input; `None` is the layer before it.
     pub(super) from: Option<Given<String>>,
     /// Prefix of its tensors.
     pub(super) weights: String,
     pub(super) kind: FileKind,
 }
 
-/// What a `[[layer]]` table says beyond its name and input.
+/// The keys of a `[[layer]]` table that depend on its kind.
 #[derive(Debug)]
 pub(super) enum FileKind {
     Spline {

@@ -1,7 +1,7 @@
 //! Descriptions of frame networks: a TOML file, checked into layers over images and vectors.
 //!
-//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency of the file with its line. A table `[input]` in
-//! place of `[graph]` marks a frame network.
+//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency of the file with its line. A frame network has a table
+//! `[input]` in place of `[graph]`:
 //!
 //! ```toml
 //! [network]
@@ -12,25 +12,25 @@
 //! channels = 2
 //! height = 115
 //! width = 115
-//! frames = "event-counts"      # what makes the frames, with its settings
-//! period_us = 10000            # (this is the default)
-//! crop = "centre"              # (this is the default) or first column and row, such as [116, 72]
-//! maximum = 8                  # count that becomes 1
+//! frames = "event-counts"      # source of the frames, with its settings (see below)
+//! period_us = 10000            # default
+//! crop = "centre"              # default; or the first column and row, such as [116, 72]
+//! maximum = 8                  # the count that becomes 1
 //!
 //! [[layer]]
 //! name = "conv1"
 //! kind = "conv"
-//! from = "frame"               # default: the layer before, for the first one the frame
+//! from = "frame"               # default: the layer before; for the first layer the frame
 //! channels = 3
 //! kernel = 3                   # or 1
-//! bias = true                  # the default
-//! norm = "bn1"                 # prefix of batch norm's tensors; default: no batch norm
+//! bias = true                  # default
+//! norm = "bn1"                 # prefix of the names of batch norm's tensors; default: no batch norm
 //! activation = "relu"          # default: "identity"
-//! weights = "convs.0"          # prefix of its tensors; default: its name
+//! weights = "convs.0"          # prefix of the names of its tensors; default: its name
 //!
 //! [output]
-//! names = ["force"]            # of the last layer's values; for an image, of its channels
-//! unit = "N"                   # or, in place of both, classes = ["left", "right"]
+//! names = ["force"]            # of the values of the last layer, or of the channels of a predicted image
+//! unit = "N"                   # or classes = ["left", "right"] in place of names and unit
 //! ```
 //!
 //! | `frames` | a frame | settings |
@@ -57,7 +57,8 @@
 //! | `flatten` | image -> vector | | |
 //! | `dense` | vector -> vector | `outputs`, `bias = true`, `norm`, `activation = "identity"`, `"relu"` or `"elu"` | `weight`, `bias` |
 //!
-//! Layers stand in the order of evaluation: each reads layers above it, the last one predicts, and it depends on all.
+//! Layers stand in the order of evaluation. Each layer reads layers above it. The last layer predicts, and it must depend on
+//! all layers.
 
 mod build;
 mod file;

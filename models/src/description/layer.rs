@@ -1,4 +1,4 @@
-//! A checked layer: what it computes, its shapes, what it costs, and what it sees.
+//! A checked layer: its computation, shapes, tensors, cost and receptive field.
 
 use std::fmt;
 
@@ -16,10 +16,10 @@ pub struct Layer {
     pub name: String,
     /// Line of the file, counted from 1.
     pub line: usize,
-    /// What it computes.
+    /// Its computation.
     #[serde(flatten)]
     pub kind: LayerKind,
-    /// What it reads: a layer's name or "events".
+    /// Its input: the name of a layer or "events".
     pub from: String,
     /// Level whose rows it writes, 0 for the events; none for the readout and the dense layers.
     pub level: Option<usize>,
@@ -29,9 +29,9 @@ pub struct Layer {
     pub outputs: usize,
     /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
     pub parameters: usize,
-    /// What one row, or one prediction, costs.
+    /// Cost of a row or of a prediction.
     pub cost: Cost,
-    /// What one row depends on.
+    /// The rows that a row depends on.
     pub field: ReceptiveField,
     /// Prefix of its tensors' names.
     #[serde(skip)]
@@ -50,7 +50,7 @@ const SPLINE: &str = "spline kernel: (slot, input channel, output channel)";
 const DENSE: &str = "dense layer: (output, input); of a readout the inputs are cell after cell, row by row, each with its \
                      channels";
 
-/// What a layer computes.
+/// The computation of a layer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 #[non_exhaustive]
@@ -75,7 +75,7 @@ pub enum LayerKind {
         /// The cells.
         #[serde(flatten)]
         cell: Cell,
-        /// Where a cell lies.
+        /// Position of a cell.
         #[serde(serialize_with = "serialize_position")]
         position: Position,
         /// Scale of the edge attributes of the level that starts here.
@@ -87,21 +87,21 @@ pub enum LayerKind {
         columns: usize,
         /// Cells along y.
         rows: usize,
-        /// How often the grid is there: 1, or once for each cell in time that a window can fill.
+        /// Number of grids: 1, or one for each cell in time that a window can fill.
         times: usize,
     },
     /// Dense layer.
     Dense {
         /// Whether there is a bias.
         bias: bool,
-        /// What follows the sum.
+        /// Activation after the sum.
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
 }
 
 impl LayerKind {
-    /// The word a file has for it.
+    /// Its word in a file.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Spline { .. } => "spline",
@@ -163,11 +163,11 @@ pub struct Cost {
     /// In-edges that are counted: at the event level the most that the graph's rule allows; at a pooled level the cells
     /// that touch one (8, or 26 with cells in time), an assumption: edges of events may reach further.
     pub in_edges: Option<usize>,
-    /// What is evaluated once.
+    /// The unit of the cost.
     pub per: Per,
 }
 
-/// What is evaluated once at a [`Cost`].
+/// The unit of a [`Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Per {
@@ -188,7 +188,7 @@ impl fmt::Display for Cost {
     }
 }
 
-/// Which rows' inputs can reach a row, level by level from its own down to the events.
+/// The rows whose inputs can reach a row, level by level from its own level down to the events.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ReceptiveField {
     /// From the row's own level down to the event level.
@@ -256,7 +256,7 @@ impl Layer {
         format!("{}.{part}", self.weights)
     }
 
-    /// How far apart slots lie that differ by 1 along x, y and t; `None` for a layer without a spline kernel.
+    /// Distance of slots that differ by 1 along x, y and t; `None` for a layer without a spline kernel.
     pub(crate) fn slot_strides(&self) -> Option<[usize; 3]> {
         match self.kind {
             LayerKind::Spline { kernel: [x, y, _], .. } => Some([1, x, x * y]),
@@ -326,7 +326,7 @@ pub(super) fn serialize_activation<S: Serializer>(activation: &Activation, s: S)
     s.serialize_str(activation_word(*activation))
 }
 
-/// The word a file has for an activation.
+/// The word of an activation in a file.
 pub(crate) const fn activation_word(activation: Activation) -> &'static str {
     match activation {
         Activation::Identity => "identity",

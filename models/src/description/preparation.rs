@@ -106,7 +106,7 @@ impl Description {
         entries.push(("normalisation", json!(if fixed { "fixed" } else { "per-graph" })));
         let mut text: Vec<String> = entries.iter().map(|(key, value)| format!("{key:?}:{value}")).collect();
         if fixed {
-            // The shortest digits of an f32, which those of the equal f64 are not.
+            // The shortest digits of an f32. The shortest digits of the equal f64 can be longer.
             text.push(format!("\"scales\":[{}]", scales.join(",")));
         }
         text.push(format!("\"span_us\":{}", self.span_us));

@@ -117,7 +117,7 @@ pub enum ProblemKind {
     /// A description of the other kind of network.
     #[error("expected {expected}, found {found}")]
     Family {
-        /// The kind that was asked for.
+        /// The kind that the caller wants.
         expected: &'static str,
         /// The kind that the file describes.
         found: &'static str,

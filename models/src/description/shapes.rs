@@ -1,12 +1,14 @@
 //! Levels, channels, costs and receptive fields, layer after layer in the order of evaluation.
 //!
-//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s; layers of which something was reported are left
-//! out. Invariant: where nothing was reported, all layers are there, the levels are a chain, and the engine accepts them.
+//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s, without the layers that have problems. Invariant: where
+//! no problem was reported, all layers are there, the levels are a chain, and the engine accepts the layers.
 
+use meissner_engine::frames::FrameShape;
 use meissner_engine::{Network, Reach};
 use meissner_kernels::{SplineConv, spline_multiply_adds};
 
 use super::file::{EVENTS, File, FileKind, FileLayer};
+use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
@@ -18,18 +20,18 @@ const LARGEST_TENSOR: usize = 1 << 26;
 /// Most parameters of a network: 1 GiB of f32.
 const MOST_PARAMETERS: usize = 1 << 28;
 
-/// What is known about a layer's output.
+/// The known properties of a layer's output.
 #[derive(Clone, Copy, Debug)]
 enum Output {
     /// A feature: a row for each node of a level.
     Feature { level: usize, channels: Option<usize>, hops: usize, index: usize },
     /// One vector.
     Values { outputs: Option<usize> },
-    /// Something about it was reported.
+    /// A problem of it was reported.
     Unknown,
 }
 
-/// A level: the events, or what a pooling starts.
+/// A level: the events, or the cells of a pooling.
 #[derive(Debug)]
 struct Level {
     /// Layer that starts it.
@@ -49,7 +51,7 @@ struct Shapes<'a> {
     levels: Vec<Level>,
 }
 
-/// Checks what the layers read against what is there.
+/// Checks the layers and their inputs.
 pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Vec<Layer> {
     let events = Level { pool: None, cell: None, features: 1, below: Vec::new() };
     let outputs = vec![Output::Unknown; file.layers.len()];
@@ -73,7 +75,7 @@ impl Shapes<'_> {
         }
     }
 
-    /// What `source` is, as a message has it.
+    /// `source`, as messages name it.
     fn describe(&self, source: Source) -> String {
         let Source::Layer(layer) = source else { return format!("{EVENTS:?}") };
         let layer = &self.file.layers[layer];
@@ -143,7 +145,7 @@ impl Shapes<'_> {
         }
     }
 
-    /// A checked layer without what only its kind knows.
+    /// A checked layer without the fields that depend on its kind.
     fn checked(layer: &FileLayer, kind: LayerKind, inputs: usize, outputs: usize) -> Layer {
         Layer {
             name: layer.name.clone(),
@@ -224,7 +226,7 @@ impl Shapes<'_> {
         })
     }
 
-    /// The feature that a skip adds, where level and channels are those of the layer.
+    /// The feature that a skip adds, if its level and channels are the same as the layer's.
     fn skip(
         &mut self,
         layer: &FileLayer,
@@ -358,7 +360,7 @@ impl Shapes<'_> {
         })
     }
 
-    /// Reports the first layer with which the network is too large, where nothing else was reported.
+    /// Reports the first layer with which the network is too large, if there are no other problems.
     fn parameters(&mut self, layers: &[Layer]) {
         if !self.problems.0.is_empty() {
             return;
@@ -404,4 +406,51 @@ impl Layer {
         self.parameters = self.tensors().iter().map(Needed::parameters).sum();
         self
     }
+}
+
+/// Checks the head of `file`, which reads the readout of `layers` as an image:
+///
+/// ```text
+/// channels = (channels of a cell) (cells in time),   height = rows,   width = columns
+/// ```
+///
+/// Layers with problems are left out. Without problems, the engine accepts the layers as the head of the network.
+pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems) -> Vec<FrameLayer> {
+    if file.head.is_empty() {
+        return Vec::new();
+    }
+    for layer in file.head.iter().filter(|layer| !layer.name.is_empty()) {
+        if let Some(first) = file.layers.iter().find(|first| first.name == layer.name) {
+            let kind = ProblemKind::DuplicateName { first: first.line };
+            problems.add(layer.line, Some(&layer.name), kind);
+        }
+    }
+    // A missing readout was reported.
+    let Some(readout) = file.layers.iter().find(|layer| matches!(layer.kind, FileKind::Readout { .. }))
+    else {
+        return Vec::new();
+    };
+    let image = layers.iter().find(|layer| layer.line == readout.line).and_then(image);
+    let shape = image.filter(|&image| frames::fits(image));
+    if let Some(image) = image
+        && shape.is_none()
+    {
+        problems.add(readout.line, Some(&readout.name), frames::extent(image));
+    }
+    let stack = frames::Stack {
+        layers: &file.head,
+        input: &readout.name,
+        shape,
+        place: "of a table [[head]]",
+        state: false,
+        names: file.outputs.as_ref(),
+        by_channel: false,
+    };
+    frames::check(stack, problems)
+}
+
+/// The image that a head reads of the readout `layer`.
+fn image(layer: &Layer) -> Option<FrameShape> {
+    let LayerKind::Readout { columns, rows, times } = layer.kind else { return None };
+    Some(FrameShape::Image { channels: layer.inputs.saturating_mul(times), height: rows, width: columns })
 }

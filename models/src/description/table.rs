@@ -2,7 +2,7 @@
 //!
 //! Enters: a parsed table with the spans of its keys and values. Leaves: typed values, and a problem for each key that
 //! is missing, unknown, of another type or out of range. Invariant: `None` for a required or mistyped value always comes
-//! with a problem, so whoever goes on with `None` never has to report it again.
+//! with a problem, so `None` never has to be reported again.
 
 use std::ops::RangeInclusive;
 
@@ -37,7 +37,7 @@ impl Lines {
     }
 }
 
-/// A table whose keys are asked for one after the other.
+/// A table whose keys are read one after the other.
 pub(super) struct Table<'t, 'i> {
     entries: &'t DeTable<'i>,
     lines: &'t Lines,
@@ -63,7 +63,7 @@ impl<'t, 'i> Table<'t, 'i> {
         self.problems.add(line, self.layer.as_deref(), kind);
     }
 
-    /// Reports that the value of `key` at `line` is not what was expected.
+    /// Reports that the value of `key` at `line` is not as expected.
     pub(super) fn refuse(
         &mut self,
         line: usize,
@@ -192,7 +192,7 @@ impl<'t, 'i> Table<'t, 'i> {
         }
     }
 
-    /// Reports every key that was not asked for.
+    /// Reports every key that was not read.
     pub(super) fn finish(mut self) {
         self.asked.sort_unstable();
         self.asked.dedup();

@@ -13,7 +13,7 @@ use super::problem::{ProblemKind, Problems};
 use crate::error::{TensorProblem, TensorProblemKind, TensorProblems};
 use crate::{ModelError, Weights};
 
-/// What batch norm adds to a variance.
+/// The term that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
 /// A tensor that a layer needs.
@@ -22,27 +22,27 @@ pub(crate) struct Needed {
     pub(crate) name: String,
     pub(crate) shape: Vec<usize>,
     pub(crate) role: Role,
-    /// What it holds and what its axes are, for whoever writes weights.
+    /// Its content and its axes, for people who write weights.
     pub(crate) meaning: &'static str,
 }
 
-/// What a tensor is there for.
+/// The role of a tensor in its layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {
-    /// Products, so many of which enter a sum.
+    /// Factors of products that are summed.
     Weight {
-        /// How many.
+        /// Number of products in a sum.
         inputs: usize,
     },
-    /// A product of its own.
+    /// A factor of a product that is not summed.
     Scale,
-    /// What is added.
+    /// Terms of a sum.
     Shift,
     /// Running mean.
     Mean,
     /// Running variance.
     Variance {
-        /// What it is where weights are drawn.
+        /// Its middle where weights are drawn.
         about: f64,
     },
 }
@@ -119,8 +119,8 @@ pub(super) fn unused(
     Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
 }
 
-/// What stands before every name: nothing where all are there as they are, else the one prefix under which all are,
-/// else the one under which most are.
+/// The prefix of all names: none if all names are there without one, else the one prefix under which all names are there,
+/// else the prefix under which most names are there.
 fn prefix(network: &str, needed: &[String], weights: &Weights) -> Result<String, ModelError> {
     let mut prefixes = BTreeSet::from([String::new()]);
     for name in weights.names() {
@@ -137,14 +137,14 @@ fn prefix(network: &str, needed: &[String], weights: &Weights) -> Result<String,
     }
     let whole: Vec<String> = prefixes.iter().filter(|p| held(p) == needed.len()).cloned().collect();
     match &whole[..] {
-        // Of equals the shortest: names without a prefix are what a reader expects to be told about.
+        // Of equal ones the shortest: readers of a message expect names without a prefix.
         [] => Ok(prefixes.into_iter().max_by_key(|p| (held(p), usize::MAX - p.len())).unwrap_or_default()),
         [prefix] => Ok(prefix.clone()),
         _ => Err(ModelError::Ambiguous { network: network.to_owned(), prefixes: whole }),
     }
 }
 
-/// Gives tensors of the expected shape, and notes those that do not fit.
+/// Finds tensors of the expected shape, and notes tensors that do not fit.
 pub(super) struct Tensors<'a> {
     network: &'a str,
     weights: &'a Weights,
@@ -153,7 +153,7 @@ pub(super) struct Tensors<'a> {
 }
 
 impl<'a> Tensors<'a> {
-    /// The tensors of `network`, which needs those of `needed`.
+    /// The tensors of `network`, which needs `needed`.
     pub(super) fn new(
         network: &'a str,
         needed: Vec<Needed>,

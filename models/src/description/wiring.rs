@@ -1,4 +1,4 @@
-//! Who reads whom: names resolved, an acyclic graph, an order of evaluation.
+//! The inputs of layers: names are resolved, the graph is acyclic, and there is an order of evaluation.
 //!
 //! Enters: a [`File`]. Leaves: a [`Wiring`] over the file's layers by index. Invariant: `order` holds every layer that
 //! no cycle leads to, each after those it reads, ties in the order of the file.
@@ -15,23 +15,23 @@ use super::document::by_name;
 use super::file::{EVENTS, File, FileKind};
 use super::problem::{ProblemKind, Problems};
 
-/// What a layer reads.
+/// An input of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     /// The network's input.
     Events,
     /// A layer, by its place in the file.
     Layer(usize),
-    /// Something that was reported.
+    /// A reference that was reported.
     Unknown,
 }
 
 /// The graph of a file's layers.
 #[derive(Debug)]
 pub(super) struct Wiring {
-    /// What each layer reads.
+    /// The input of each layer.
     pub(super) from: Vec<Source>,
-    /// What each layer adds.
+    /// The skip of each layer.
     pub(super) skip: Vec<Option<Source>>,
     /// Layers in an order of evaluation.
     pub(super) order: Vec<usize>,
@@ -82,7 +82,7 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     Wiring { from, skip, order, prediction }
 }
 
-/// What each layer reads and adds.
+/// The input and the skip of each layer.
 fn sources(
     file: &File,
     names: &BTreeMap<&str, usize>,
@@ -175,7 +175,7 @@ fn order(graph: &Graph) -> Vec<usize> {
     order
 }
 
-/// Line to report what the whole file lacks at: its last layer's.
+/// The line for problems of the whole file: that of its last layer.
 fn end(file: &File) -> usize {
     file.layers.last().map_or(1, |layer| layer.line)
 }

@@ -31,7 +31,7 @@ pub enum DigitsError {
     Folds {
         /// Number of recordings.
         recordings: usize,
-        /// Number of folds that was asked for.
+        /// Requested number of folds.
         found: usize,
     },
 }

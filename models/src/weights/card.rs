@@ -1,14 +1,14 @@
-//! What weights say about themselves, as far as a run depends on it.
+//! The card of weights: the metadata that a run depends on.
 //!
 //! Enters: the metadata of a weights file. Leaves: a [`Card`]. The metadata is `__metadata__` of safetensors; a `PyTorch`
 //! state dict has none.
 //!
-//! | key | what it says |
+//! | key | meaning |
 //! |---|---|
 //! | `trained` | `true` or `false`; without it, `generator` says drawn, and `trained_on`, `held_out` or `recipe` say trained |
 //! | `about` | one line for reports |
-//! | `preparation` | how the input of the training was prepared: [`Description::preparation`](crate::Description::preparation) |
-//! | `stride` | every how many events the network was trained on; 1 where it is missing |
+//! | `preparation` | preparation of the input of the training: [`Description::preparation`](crate::Description::preparation) |
+//! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
 
 use std::hash::Hasher;
@@ -27,18 +27,18 @@ const PUBLISHED_TENSOR: &str = "fc.weight";
 const PUBLISHED_VALUES: usize = 1024;
 /// FNV-1a with 64 bits of the bytes of these values.
 const PUBLISHED_DIGEST: u64 = 0xd37f_dd17_d69b_3d94;
-/// What reports call the published checkpoint.
+/// The remark of the published checkpoint in reports.
 const PUBLISHED_ABOUT: &str = "the published GraphRes checkpoint";
 
-/// What weights say about themselves.
+/// The metadata of weights that a run depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Card {
-    /// Whether they were trained; `Some(false)` for weights drawn from a seed, `None` where they do not say.
+    /// Whether they were trained; `Some(false)` for weights drawn from a seed, `None` where it is unknown.
     pub trained: Option<bool>,
-    /// Their own remark in one line.
+    /// Their remark in one line.
     pub about: Option<String>,
-    /// How the input of their training was prepared, as JSON; `None` where they do not say.
+    /// The preparation of the input of their training, as JSON; `None` where the metadata has none.
     pub preparation: Option<String>,
     /// The network was trained on every `stride`-th event; at least 1.
     pub stride: usize,
@@ -49,11 +49,10 @@ pub struct Card {
 }
 
 impl Weights {
-    /// What these weights say about themselves. The published contact-angle checkpoint says nothing and is recognised by its
-    /// values.
+    /// The card of these weights. The published contact-angle checkpoint has no metadata and is recognised by its values.
     ///
     /// # Errors
-    /// [`ModelError::Metadata`] where `stride`, `sensor` or `trained` is there and holds something else.
+    /// [`ModelError::Metadata`] where `stride`, `sensor` or `trained` has an invalid value.
     pub fn card(&self) -> Result<Card, ModelError> {
         let published = self.is_published();
         let about = self.metadata().get("about").cloned();
@@ -96,7 +95,7 @@ impl Weights {
         self.metadata().get("generator").is_some_and(|generator| generator == DRAWN_BY)
     }
 
-    /// What `key` holds, where it is there, as `read` understands it.
+    /// The value of `key` as `read` understands it, if the key is there.
     fn remark<T>(
         &self,
         key: &'static str,

@@ -389,7 +389,7 @@ impl<'a> Unpickler<'a> {
         Ok(())
     }
 
-    /// BUILD: attributes of an `OrderedDict` (a state dict's `_metadata`), which say nothing about its tensors.
+    /// BUILD: attributes of an `OrderedDict` (a state dict's `_metadata`), which do not concern its tensors.
     fn build(&mut self) -> Result<(), FormatError> {
         self.pop()?;
         match self.stack.last() {
@@ -400,7 +400,7 @@ impl<'a> Unpickler<'a> {
 }
 
 impl Value<'_> {
-    /// What it is, for messages.
+    /// Its kind, for messages.
     pub(super) fn kind(&self) -> &'static str {
         match self {
             Self::None => "None",

@@ -17,7 +17,7 @@ enum Values {
 }
 
 impl Tensor {
-    /// A tensor of `shape` in row-major order; `None` where `values` are not as many as `shape` says.
+    /// A tensor of `shape` in row-major order; `None` where `shape` has another number of values.
     pub fn new(shape: Vec<usize>, values: Vec<f32>) -> Option<Self> {
         let count = shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d))?;
         (count == values.len()).then_some(Self { shape, values: Values::Float(values) })

@@ -1,4 +1,4 @@
-//! A description file of a frame network as it is written: tables and keys typed and in range, nothing resolved yet.
+//! A description file of a frame network as it is written: values are typed and in range, references are not resolved.
 //!
 //! Enters: a [`Document`]. Leaves: a [`File`], with `None` for whatever was reported as a problem.
 

@@ -1,4 +1,4 @@
-//! The `[input]` table: shape of a frame, and what makes it.
+//! The `[input]` table: shape and source of the frames.
 //!
 //! Enters: a table. Leaves: an [`Input`], with `None` for whatever was reported as a problem.
 
@@ -18,7 +18,7 @@ use crate::systems::contact_area::ContactSettings;
 const VALUES: RangeInclusive<i64> = 1..=1 << 16;
 /// Lengths of windows in microseconds: up to an hour.
 const TIMES_US: RangeInclusive<i64> = 1..=3_600_000_000;
-/// What the engine accepts.
+/// The range that the engine accepts.
 const STEPS: RangeInclusive<i64> = 1..=1 << 16;
 
 /// A network's input.
@@ -199,7 +199,7 @@ fn real(value: &DeValue<'_>) -> Option<f32> {
     number(value).map(|v| v as f32).filter(|v| v.is_finite())
 }
 
-/// As many numbers as asked for.
+/// A list of exactly N numbers.
 fn numbers<const N: usize>(value: &DeValue<'_>) -> Option<[f64; N]> {
     let values: Option<Vec<f64>> = value.as_array()?.iter().map(|v| number(v.get_ref())).collect();
     values?.try_into().ok()

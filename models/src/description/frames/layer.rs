@@ -25,15 +25,15 @@ pub struct FrameLayer {
     pub name: String,
     /// Line of the file, counted from 1.
     pub line: usize,
-    /// What it computes.
+    /// Its computation.
     #[serde(flatten)]
     pub kind: FrameKind,
-    /// What it reads: a layer's name or "frame"; for the first layers of a head the readout's name.
+    /// Its input: the name of a layer or "frame"; in a head the name of a layer or of the readout.
     pub from: String,
-    /// Shape of what it reads.
+    /// Shape of its input.
     #[serde(serialize_with = "serialize_shape")]
     pub input: FrameShape,
-    /// Shape of what it writes.
+    /// Shape of its output.
     #[serde(serialize_with = "serialize_shape")]
     pub output: FrameShape,
     /// Values that it keeps from frame to frame.
@@ -45,10 +45,10 @@ pub struct FrameLayer {
     /// Prefix of its tensors' names.
     #[serde(skip)]
     pub(crate) weights: String,
-    /// What it reads: 0 is the frame, i + 1 is layer i.
+    /// Its input: 0 is the frame, i + 1 is layer i.
     #[serde(skip)]
     pub(crate) reads: usize,
-    /// The other image or vector that it joins to what it reads.
+    /// Its second input, an image or a vector.
     #[serde(skip)]
     pub(crate) joins: Option<usize>,
     /// About the mean square of the values that it reads, where weights are drawn.
@@ -56,7 +56,7 @@ pub struct FrameLayer {
     pub(crate) square: f64,
 }
 
-/// What a layer of a frame network computes.
+/// The computation of a layer of a frame network.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -71,7 +71,7 @@ pub enum FrameKind {
         bias: bool,
         /// Prefix of the tensors of batch norm, where there is any.
         norm: Option<String>,
-        /// What follows: nothing or max(x, 0).
+        /// Activation: identity or max(x, 0).
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
@@ -85,7 +85,7 @@ pub enum FrameKind {
     },
     /// Maximum over 2 x 2 pixels; an odd last row or column is left out.
     MaxPool,
-    /// Mean over squares of pixels; what does not fill a square is left out.
+    /// Mean over squares of pixels; pixels that do not fill a square are left out.
     AveragePool {
         /// Pixels on each axis.
         size: usize,
@@ -94,9 +94,9 @@ pub enum FrameKind {
     GlobalAverage,
     /// Sum of each channel.
     Sum,
-    /// The channels of what it reads, then those of another image; or the values of two vectors.
+    /// The channels of two images, or the values of two vectors, one after the other.
     Concat {
-        /// The other one: a layer's name or "frame".
+        /// The second input: the name of a layer or "frame".
         with: String,
     },
     /// Squeeze-and-excitation.
@@ -108,9 +108,9 @@ pub enum FrameKind {
     ConvLstm {
         /// Channels of the hidden state.
         hidden: usize,
-        /// Whether the gates look at the cell.
+        /// Whether the gates read the cell.
         peepholes: bool,
-        /// Of the candidate, and of the cell on its way out: tanh or sigmoid.
+        /// Activation of the candidate and of the cell's output: tanh or sigmoid.
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
@@ -136,14 +136,14 @@ pub enum FrameKind {
         bias: bool,
         /// Prefix of the tensors of batch norm, where there is any.
         norm: Option<String>,
-        /// What follows the sum.
+        /// Activation after the sum.
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
 }
 
 impl FrameKind {
-    /// The word a file has for it.
+    /// Its word in a file.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Conv { .. } => "conv",
@@ -207,7 +207,7 @@ fn extents(shape: FrameShape) -> (usize, [usize; 2]) {
 }
 
 impl FrameLayer {
-    /// The other image or vector that it joins to what it reads: a layer's name or "frame".
+    /// Its second input, an image or a vector: the name of a layer or "frame".
     pub fn with(&self) -> Option<&str> {
         match &self.kind {
             FrameKind::Concat { with } => Some(with),
@@ -313,7 +313,8 @@ impl FrameLayer {
     }
 
     /// About the mean square of the values that it writes, with drawn weights and values around 0 before each
-    /// activation: running variances are drawn around it, as trained ones are around what they normalise.
+    /// activation. Running variances are drawn around it, because trained running variances are near the variance of their
+    /// input.
     pub(super) fn mean_square(&self) -> f64 {
         match &self.kind {
             FrameKind::Conv { norm, activation, .. } | FrameKind::Dense { norm, activation, .. } => {

@@ -1,8 +1,7 @@
-//! Who reads whom, and shapes, costs and bounds, layer after layer in the order of the file.
+//! The inputs of layers, and shapes, costs and bounds, layer after layer in the order of the file.
 //!
-//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s; layers of which something was reported are left out.
-//! Invariant: where nothing was reported, all layers are there, every one reads what stands above it, and the last one,
-//! which predicts, depends on all.
+//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, without the layers that have problems. Invariant: where no
+//! problem was reported, all layers are there, each reads layers above it, and the last one, which predicts, depends on all.
 
 use std::collections::BTreeMap;
 
@@ -24,13 +23,13 @@ const MOST_VALUES: usize = 1 << 28;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::description) struct Stack<'a> {
     pub(in crate::description) layers: &'a [FileLayer],
-    /// The name by which layers refer to what the first one reads.
+    /// The name of the input of the first layer.
     pub(in crate::description) input: &'a str,
-    /// Its shape; `None` where something about it was reported.
+    /// Its shape; `None` where a problem of it was reported.
     pub(in crate::description) shape: Option<FrameShape>,
     /// Where the layers stand that can be referred to, as messages say it.
     pub(in crate::description) place: &'static str,
-    /// Whether layers may remember what they read before.
+    /// Whether layers may have state.
     pub(in crate::description) state: bool,
     /// Names of the predicted values.
     pub(in crate::description) names: Option<&'a Given<Vec<String>>>,
@@ -38,7 +37,7 @@ pub(in crate::description) struct Stack<'a> {
     pub(in crate::description) by_channel: bool,
 }
 
-/// What is known about the frame or a layer's output.
+/// The known properties of the frame or of a layer's output.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     shape: FrameShape,
@@ -55,13 +54,13 @@ struct Shapes<'a> {
     names: BTreeMap<&'a str, usize>,
     /// Of the frame, then of each layer so far.
     known: Vec<Option<Known>>,
-    /// What each layer so far reads: 0 is the frame, i + 1 is layer i.
+    /// The inputs of each layer so far: 0 is the frame, i + 1 is layer i.
     reads: Vec<[Option<usize>; 2]>,
     values: usize,
     parameters: usize,
 }
 
-/// Checks what the layers read against what is there.
+/// Checks the layers and their inputs.
 pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
     let before = problems.0.len();
     let names = by_name(stack.layers.iter().map(|layer| (layer.name.as_str(), layer.line)), problems);
@@ -79,7 +78,7 @@ pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -
         problems.add(1, None, ProblemKind::MissingLayer { expected: "at least one" });
     }
     output_names(stack, &layers, problems);
-    // Where a kind is unknown or a reference failed, what nothing reads may be meant to be read.
+    // With an unknown kind or reference, a layer that seems unused may be meant to be read.
     if problems.0.len() == before && stack.layers.iter().all(|layer| layer.kind.is_some()) {
         report_unused(stack.layers, &reads, problems);
     }
@@ -91,7 +90,7 @@ impl Shapes<'_> {
         self.problems.add(line, Some(&layer.name), kind);
     }
 
-    /// What `given` refers to: 0 is the frame, i + 1 is layer i.
+    /// The input that `given` refers to: 0 is the frame, i + 1 is layer i.
     fn refer(&mut self, layer: &FileLayer, key: &'static str, given: &Given<String>) -> Option<usize> {
         if given.value == self.stack.input {
             return Some(0);
@@ -113,7 +112,7 @@ impl Shapes<'_> {
         }
     }
 
-    /// What messages call the frame or a layer.
+    /// The frame or a layer, as messages name it.
     fn describe(&self, read: usize) -> String {
         let shape = self.known[read].map_or_else(String::new, |known| format!(" ({})", known.shape));
         match read.checked_sub(1).map(|i| &self.stack.layers[i]) {
@@ -176,14 +175,15 @@ impl Shapes<'_> {
         };
         let checked = checked.counted();
         if checked.state > 0 && !self.stack.state {
-            let expected = "a layer without state: how often predictions are read must not matter".to_owned();
+            let expected =
+                "a layer without state: predictions cannot depend on how often they are read".to_owned();
             let found = format!("{:?}", checked.kind.word());
             self.report(layer.line, layer, ProblemKind::Value { key: "kind", expected, found });
         }
         self.bounded(layer, checked)
     }
 
-    /// Shape of what a layer of `kind` writes.
+    /// Shape of the output of a layer of `kind`.
     fn output(
         &mut self,
         layer: &FileLayer,
@@ -237,7 +237,7 @@ impl Shapes<'_> {
         None
     }
 
-    /// Shape of two images side by side, or of two vectors one behind the other.
+    /// Shape of two images or of two vectors, one after the other.
     fn joined(
         &mut self,
         layer: &FileLayer,
@@ -264,7 +264,7 @@ impl Shapes<'_> {
         Some(FrameShape::Image { channels: channels + others, height, width })
     }
 
-    /// `checked`, unless with it the network is too large.
+    /// `checked`, unless the network is too large with it.
     fn bounded(&mut self, layer: &FileLayer, checked: FrameLayer) -> Option<FrameLayer> {
         let largest = checked.tensors().iter().map(Needed::values).max().unwrap_or(0);
         self.values = self.values.saturating_add(checked.output.values()).saturating_add(checked.state);
@@ -282,7 +282,7 @@ impl Shapes<'_> {
     }
 }
 
-/// What is reported of an output of `shape` that does not [fit](fits).
+/// The problem of an output of `shape` that does not [fit](fits).
 pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
     let expected = format!(
         "an output of at most {MOST_CHANNELS} channels and 1 to {LONGEST_SIDE} pixels a side, or at most {MOST_VALUES} \

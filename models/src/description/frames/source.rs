@@ -1,4 +1,4 @@
-//! What makes the frames that a network reads, with its settings: plain data for whoever runs it.
+//! The source of the frames that a network reads, with its settings: plain data for the program that runs the network.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::systems::contact_area::{ContactError, ForceNormalisation, ImageNormalisation, PixelSize};
 
-/// What makes the frames of a network.
+/// The source of the frames of a network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameSource {
@@ -27,11 +27,11 @@ pub enum FrameSource {
     /// Polarities of events: [`SignedWindows`](meissner_engine::representations::SignedWindows) or
     /// [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
     Signed {
-        /// Which events a frame shows.
+        /// The events that a frame shows.
         timing: SignedTiming,
         /// Pixels that are shown.
         place: CropPlace,
-        /// What a pixel shows of its events.
+        /// The value of a pixel, from its events.
         rule: SignedRule,
     },
     /// Images of 12 x 11 from 24 electrodes ([`TactileWindow`](meissner_engine::representations::TactileWindow)).
@@ -42,7 +42,7 @@ pub enum FrameSource {
     Picture(PictureSettings),
 }
 
-/// Where the shown pixels lie on the sensor; the network's input says how many they are.
+/// Place of the shown pixels on the sensor; the network's input has their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CropPlace {
     /// In the middle; with an odd rest one pixel further to the left and the top.
@@ -73,12 +73,12 @@ impl CropPlace {
 /// Which events a signed frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignedTiming {
-    /// Those of the last microseconds, at any time.
+    /// The events of the last microseconds, at any time.
     Sliding {
-        /// How many.
+        /// Length in microseconds.
         span_us: i64,
     },
-    /// Those of consecutive windows.
+    /// The events of consecutive windows.
     Consecutive {
         /// Length of a window in microseconds.
         period_us: i64,
@@ -86,14 +86,14 @@ pub enum SignedTiming {
 }
 
 /// How readings become the frames of a sequence. The network's state starts from zero with each sequence, and the
-/// prediction is that of its last frame.
+/// prediction is the one for its last frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     /// Frames of a sequence.
     pub steps: usize,
-    /// Which readings stand together.
+    /// The readings of one sequence.
     pub sampling: Sampling,
-    /// What becomes 0 and 1.
+    /// The values that become 0 and 1.
     pub scaling: Scaling,
 }
 
@@ -112,12 +112,12 @@ pub struct PictureSettings {
     pub pixel_mm: [f64; 2],
     /// Force in N per pixel above which there is contact.
     pub threshold_n: f32,
-    /// Reports whose total forces the median is taken of.
+    /// Number of reports in the running median of total forces.
     pub median_window: usize,
 }
 
 impl PictureSettings {
-    /// What stands before the network.
+    /// From a picture to the input of the network.
     ///
     /// # Errors
     /// As [`ImageNormalisation::new`]; never for the settings of a checked description.
@@ -125,7 +125,7 @@ impl PictureSettings {
         ImageNormalisation::new(self.mean, self.std)
     }
 
-    /// What stands behind the network.
+    /// From the output of the network to forces.
     ///
     /// # Errors
     /// As [`ForceNormalisation::new`]; never for the settings of a checked description.
@@ -133,7 +133,7 @@ impl PictureSettings {
         ForceNormalisation::new(self.force_mean, self.force_std)
     }
 
-    /// What a pixel covers.
+    /// Size of a pixel.
     ///
     /// # Errors
     /// As [`PixelSize::new`]; never for the settings of a checked description.
@@ -143,7 +143,7 @@ impl PictureSettings {
 }
 
 impl FrameSource {
-    /// The word a file has for it.
+    /// Its word in a file.
     pub fn word(&self) -> &'static str {
         match self {
             Self::EventCounts { .. } => "event-counts",
@@ -162,7 +162,7 @@ impl FrameSource {
         }
     }
 
-    /// What shapes its frames have, where `shape` is none of them.
+    /// The shapes that its frames can have, where `shape` is not one of them.
     pub(super) fn refuses(&self, shape: FrameShape) -> Option<String> {
         let (expected, fits) = match (self, shape) {
             (Self::TactileImage(_), _) => {
