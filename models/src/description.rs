@@ -162,8 +162,9 @@ impl Description {
         let wiring = wiring::wire(&file, problems);
         let layers = shapes::check(&file, &wiring, problems);
         let head = shapes::check_head(&file, &layers, problems);
-        let readers = layers.iter().map(Layer::reader).chain(head.iter().map(FrameLayer::reader));
-        tensors::report_shared(readers, problems);
+        let of_layers = layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors()));
+        let of_head = head.iter().map(|layer| (&*layer.name, layer.line, layer.tensors()));
+        tensors::report_shared(of_layers.chain(of_head), problems);
         Some(Self {
             name: file.name,
             span_us: file.span_us,

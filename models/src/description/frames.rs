@@ -112,7 +112,7 @@ impl FrameDescription {
             by_channel: true,
         };
         let layers = check(stack, problems);
-        report_shared(layers.iter().map(FrameLayer::reader), problems);
+        report_shared(layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors())), problems);
         let input = file.input?;
         let (outputs, unit) = (file.output.names?.value, file.output.unit);
         Some(Self { name: file.name, input: input.shape?, source: input.source?, layers, outputs, unit })

@@ -6,7 +6,7 @@ use meissner_engine::{Fraction, Position};
 use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
-use super::tensors::{Needed, Role};
+use super::tensors::{Listing, Needed};
 
 /// A layer of a checked description.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -46,6 +46,8 @@ pub struct Layer {
 
 /// Meaning of a spline convolution's kernel.
 const SPLINE: &str = "spline kernel: (slot, input channel, output channel)";
+/// Meaning of a root weight.
+const ROOT: &str = "what the row itself is read through: (output channel, input channel)";
 /// Meaning of a dense layer's weight.
 const DENSE: &str = "dense layer: (output, input); of a readout the inputs are cell after cell, row by row, each with its \
                      channels";
@@ -267,40 +269,20 @@ impl Layer {
     /// The tensors it needs, in the order of their use.
     pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (c, o) = (self.inputs, self.outputs);
-        let needed = |part: &str, shape: &[usize], role, meaning| Needed {
-            name: self.tensor(part),
-            shape: shape.to_vec(),
-            role,
-            meaning,
+        let tensors = Listing::new(&self.weights);
+        let tensors = match self.kind {
+            LayerKind::Spline { kernel, root, bias, norm, .. } => tensors
+                .weight("conv.weight", &[kernel.iter().product(), c, o], c, SPLINE)
+                .when(root, |tensors| tensors.weight("conv.lin.weight", &[o, c], c, ROOT))
+                .when(bias, |tensors| tensors.shift("conv.bias", &[o], "bias: (output channel)"))
+                // Averaging over edges shrinks the variance. Running variances are drawn small, as trained ones are.
+                .when(norm, |tensors| tensors.norm(&self.tensor("norm"), o, 0.25)),
+            LayerKind::Dense { bias, .. } => tensors
+                .weight("weight", &[o, c], c, DENSE)
+                .when(bias, |tensors| tensors.shift("bias", &[o], "bias: (output)")),
+            LayerKind::Pool { .. } | LayerKind::Readout { .. } => tensors,
         };
-        let weight = Role::Weight { inputs: c };
-        let mut tensors = Vec::new();
-        match self.kind {
-            LayerKind::Spline { kernel, root, bias, norm, .. } => {
-                let kernel = &[kernel.iter().product(), c, o];
-                tensors.push(needed("conv.weight", kernel, weight, SPLINE));
-                if root {
-                    let meaning = "what the row itself is read through: (output channel, input channel)";
-                    tensors.push(needed("conv.lin.weight", &[o, c], weight, meaning));
-                }
-                if bias {
-                    tensors.push(needed("conv.bias", &[o], Role::Shift, "bias: (output channel)"));
-                }
-                if norm {
-                    // Averaging over edges shrinks the variance, so running variances are drawn small, as trained ones
-                    // are.
-                    tensors.extend(Needed::norm(&self.tensor("norm"), o, 0.25));
-                }
-            }
-            LayerKind::Dense { bias, .. } => {
-                tensors.push(needed("weight", &[o, c], weight, DENSE));
-                if bias {
-                    tensors.push(needed("bias", &[o], Role::Shift, "bias: (output)"));
-                }
-            }
-            LayerKind::Pool { .. } | LayerKind::Readout { .. } => {}
-        }
-        tensors
+        tensors.needed()
     }
 }
 

@@ -12,7 +12,7 @@ use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
-use super::tensors::{Needed, Reader};
+use super::tensors::Needed;
 use super::wiring::{Source, Wiring};
 
 /// Most values of one tensor: 256 MiB of f32.
@@ -397,11 +397,6 @@ impl Shapes<'_> {
 }
 
 impl Layer {
-    /// The tensors with who reads them.
-    pub(super) fn reader(&self) -> Reader<'_> {
-        Reader { layer: &self.name, line: self.line, tensors: self.tensors() }
-    }
-
     fn counted(mut self) -> Self {
         self.parameters = self.tensors().iter().map(Needed::parameters).sum();
         self

@@ -48,26 +48,6 @@ pub(crate) enum Role {
 }
 
 impl Needed {
-    /// Batch norm over `channels`, in the order of its use.
-    pub(crate) fn norm(prefix: &str, channels: usize, about: f64) -> [Self; 4] {
-        let parts = [
-            ("weight", Role::Scale, "batch norm's gamma: (channel)"),
-            ("bias", Role::Shift, "batch norm's beta: (channel)"),
-            ("running_mean", Role::Mean, "batch norm's running mean: (channel)"),
-            (
-                "running_var",
-                Role::Variance { about },
-                "batch norm's running variance, to which 1e-5 is added: (channel)",
-            ),
-        ];
-        parts.map(|(part, role, meaning)| Self {
-            name: format!("{prefix}.{part}"),
-            shape: vec![channels],
-            role,
-            meaning,
-        })
-    }
-
     /// Number of values.
     pub(crate) fn values(&self) -> usize {
         self.shape.iter().product()
@@ -82,19 +62,70 @@ impl Needed {
     }
 }
 
-/// A layer with the tensors that it reads.
-pub(super) struct Reader<'l> {
-    pub(super) layer: &'l str,
-    pub(super) line: usize,
-    pub(super) tensors: Vec<Needed>,
+/// The tensors of a layer, listed in the order of their use.
+pub(crate) struct Listing<'l> {
+    prefix: &'l str,
+    needed: Vec<Needed>,
 }
 
-/// Reports layers that would read one tensor.
-pub(super) fn report_shared<'l>(readers: impl Iterator<Item = Reader<'l>>, problems: &mut Problems) {
-    let mut by_line: Vec<Reader<'_>> = readers.filter(|reader| !reader.layer.is_empty()).collect();
-    by_line.sort_by_key(|reader| reader.line);
+impl<'l> Listing<'l> {
+    /// No tensors of a layer whose tensors have names with this prefix.
+    pub(crate) fn new(prefix: &'l str) -> Self {
+        Self { prefix, needed: Vec::new() }
+    }
+
+    fn with(mut self, part: &str, shape: &[usize], role: Role, meaning: &'static str) -> Self {
+        let name = format!("{}.{part}", self.prefix);
+        self.needed.push(Needed { name, shape: shape.to_vec(), role, meaning });
+        self
+    }
+
+    /// Factors of products, of which `inputs` enter a sum.
+    pub(crate) fn weight(self, part: &str, shape: &[usize], inputs: usize, meaning: &'static str) -> Self {
+        self.with(part, shape, Role::Weight { inputs }, meaning)
+    }
+
+    /// Terms of sums.
+    pub(crate) fn shift(self, part: &str, shape: &[usize], meaning: &'static str) -> Self {
+        self.with(part, shape, Role::Shift, meaning)
+    }
+
+    /// The result of `add` if `there`.
+    pub(crate) fn when(self, there: bool, add: impl FnOnce(Self) -> Self) -> Self {
+        if there { add(self) } else { self }
+    }
+
+    /// Batch norm over `channels`, with tensors of a prefix of their own. Running variances are drawn around `about`.
+    pub(crate) fn norm(mut self, prefix: &str, channels: usize, about: f64) -> Self {
+        let norm = Listing::new(prefix)
+            .with("weight", &[channels], Role::Scale, "batch norm's gamma: (channel)")
+            .shift("bias", &[channels], "batch norm's beta: (channel)")
+            .with("running_mean", &[channels], Role::Mean, "batch norm's running mean: (channel)")
+            .with(
+                "running_var",
+                &[channels],
+                Role::Variance { about },
+                "batch norm's running variance, to which 1e-5 is added: (channel)",
+            );
+        self.needed.extend(norm.needed);
+        self
+    }
+
+    /// The tensors.
+    pub(crate) fn needed(self) -> Vec<Needed> {
+        self.needed
+    }
+}
+
+/// Reports layers that would read one tensor; a layer has a name, a line and its tensors.
+pub(super) fn report_shared<'l>(
+    layers: impl Iterator<Item = (&'l str, usize, Vec<Needed>)>,
+    problems: &mut Problems,
+) {
+    let mut by_line: Vec<_> = layers.filter(|(layer, ..)| !layer.is_empty()).collect();
+    by_line.sort_by_key(|(_, line, _)| *line);
     let mut first: BTreeMap<String, &str> = BTreeMap::new();
-    for Reader { layer, line, tensors } in by_line {
+    for (layer, line, tensors) in by_line {
         for Needed { name, .. } in tensors {
             let other = *first.entry(name.clone()).or_insert(layer);
             // Layers of one name were reported as such, and share their tensors because of it.
@@ -252,7 +283,7 @@ impl Norm {
 
 #[cfg(test)]
 mod tests {
-    use super::{Needed, Tensors};
+    use super::{Listing, Tensors};
     use crate::{Tensor, Weights};
 
     #[test]
@@ -263,8 +294,8 @@ mod tests {
             let values = (0..8).map(|channel| value(part, channel)).collect();
             (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
         }));
-        let needed = Needed::norm("blocks.0.norm", 8, 1.0);
-        let mut tensors = Tensors::new("any", needed.into(), &weights).expect("one prefix");
+        let needed = Listing::new("").norm("blocks.0.norm", 8, 1.0).needed();
+        let mut tensors = Tensors::new("any", needed, &weights).expect("one prefix");
         let (scale, shift) = tensors.norm("blocks.0.norm", 8).expect("all four tensors").rounded();
         let mut rounded_between = Vec::new();
         for channel in 0..8 {

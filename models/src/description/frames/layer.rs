@@ -7,7 +7,7 @@ use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
 use crate::description::layer::{activation_word, serialize_activation};
-use crate::description::tensors::{Needed, Reader, Role};
+use crate::description::tensors::{Listing, Needed};
 
 /// The input of a network: the name that layers refer to it by.
 pub(crate) const FRAME: &str = "frame";
@@ -221,55 +221,45 @@ impl FrameLayer {
     }
 
     /// The tensors it needs, in the order of their use.
-    pub(crate) fn tensors(&self) -> Vec<Needed> {
+    pub(crate) fn tensors<'l>(&'l self) -> Vec<Needed> {
         let (i, [rows, columns]) = extents(self.input);
-        let needed = |part: &str, shape: &[usize], role, meaning| Needed {
-            name: self.tensor(part),
-            shape: shape.to_vec(),
-            role,
-            meaning,
+        let biased = |tensors: Listing<'l>, bias: bool, o: usize| {
+            tensors.when(bias, |tensors| tensors.shift("bias", &[o], "bias: (output channel)"))
         };
-        let weight = |part: &str, shape: &[usize], inputs, meaning| {
-            needed(part, shape, Role::Weight { inputs }, meaning)
+        let normed = |tensors: Listing<'l>, norm: &Option<String>, o: usize| match norm {
+            Some(prefix) => tensors.norm(prefix, o, GAIN * self.square),
+            None => tensors,
         };
-        let shift = |part: &str, shape: &[usize], meaning| needed(part, shape, Role::Shift, meaning);
-        let biased = |bias: bool, o: usize| bias.then(|| shift("bias", &[o], "bias: (output channel)"));
-        let norm = |norm: &Option<String>, o: usize| {
-            norm.iter().flat_map(|prefix| Needed::norm(prefix, o, GAIN * self.square)).collect::<Vec<_>>()
-        };
-        let mut tensors = Vec::new();
-        match self.kind {
-            FrameKind::Conv { channels: o, kernel: k, bias, norm: ref prefix, .. } => {
-                tensors.push(weight("weight", &[o, i, k, k], k * k * i, CONV));
-                tensors.extend(biased(bias, o));
-                tensors.extend(norm(prefix, o));
+        let tensors = Listing::new(&self.weights);
+        let tensors = match self.kind {
+            FrameKind::Conv { channels: o, kernel: k, bias, ref norm, .. } => {
+                let tensors = tensors.weight("weight", &[o, i, k, k], k * k * i, CONV);
+                normed(biased(tensors, bias, o), norm, o)
             }
             FrameKind::UpConv { channels: o, bias } => {
-                tensors.push(weight("weight", &[i, o, 2, 2], i, UPCONV));
-                tensors.extend(biased(bias, o));
+                biased(tensors.weight("weight", &[i, o, 2, 2], i, UPCONV), bias, o)
             }
             FrameKind::SqueezeExcite { reduction } => {
                 let reduced = i / reduction;
-                tensors.push(weight("down.weight", &[reduced, i], i, "from means: (value, channel)"));
-                tensors.push(weight("up.weight", &[i, reduced], reduced, "to factors: (channel, value)"));
+                tensors.weight("down.weight", &[reduced, i], i, "from means: (value, channel)").weight(
+                    "up.weight",
+                    &[i, reduced],
+                    reduced,
+                    "to factors: (channel, value)",
+                )
             }
-            FrameKind::ConvLstm { hidden: h, peepholes, .. } => {
-                tensors.push(weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h), GATES));
-                tensors.push(shift("gates.bias", &[4 * h], GATE_BIAS));
-                if peepholes {
-                    tensors.push(shift("peephole", &[3, h, rows, columns], PEEPHOLE));
-                }
-            }
-            FrameKind::Lstm { hidden: h, layer } => {
-                tensors.push(weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i, LSTM_INPUT));
-                tensors.push(weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h, LSTM_HIDDEN));
-                tensors.push(shift(&format!("bias_ih_l{layer}"), &[4 * h], GATE_BIAS));
-                tensors.push(shift(&format!("bias_hh_l{layer}"), &[4 * h], GATE_BIAS));
-            }
-            FrameKind::Dense { outputs: o, bias, norm: ref prefix, .. } => {
-                tensors.push(weight("weight", &[o, i], i, "dense layer: (output, input)"));
-                tensors.extend(biased(bias, o));
-                tensors.extend(norm(prefix, o));
+            FrameKind::ConvLstm { hidden: h, peepholes, .. } => tensors
+                .weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h), GATES)
+                .shift("gates.bias", &[4 * h], GATE_BIAS)
+                .when(peepholes, |tensors| tensors.shift("peephole", &[3, h, rows, columns], PEEPHOLE)),
+            FrameKind::Lstm { hidden: h, layer } => tensors
+                .weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i, LSTM_INPUT)
+                .weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h, LSTM_HIDDEN)
+                .shift(&format!("bias_ih_l{layer}"), &[4 * h], GATE_BIAS)
+                .shift(&format!("bias_hh_l{layer}"), &[4 * h], GATE_BIAS),
+            FrameKind::Dense { outputs: o, bias, ref norm, .. } => {
+                let tensors = tensors.weight("weight", &[o, i], i, "dense layer: (output, input)");
+                normed(biased(tensors, bias, o), norm, o)
             }
             FrameKind::MaxPool
             | FrameKind::AveragePool { .. }
@@ -277,14 +267,9 @@ impl FrameLayer {
             | FrameKind::Sum
             | FrameKind::Concat { .. }
             | FrameKind::Delay { .. }
-            | FrameKind::Flatten => {}
-        }
-        tensors
-    }
-
-    /// The tensors with who reads them.
-    pub(in crate::description) fn reader(&self) -> Reader<'_> {
-        Reader { layer: &self.name, line: self.line, tensors: self.tensors() }
+            | FrameKind::Flatten => tensors,
+        };
+        tensors.needed()
     }
 
     /// Its state, parameters and multiply-adds, from its kind and shapes.
