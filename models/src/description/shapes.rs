@@ -12,11 +12,9 @@ use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
-use super::tensors::Needed;
+use super::tensors::{LARGEST_TENSOR, Needed};
 use super::wiring::{Source, Wiring};
 
-/// Most values of one tensor: 256 MiB of f32.
-const LARGEST_TENSOR: usize = 1 << 26;
 /// Most parameters of a network: 1 GiB of f32.
 const MOST_PARAMETERS: usize = 1 << 28;
 

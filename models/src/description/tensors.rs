@@ -16,6 +16,9 @@ use crate::{ModelError, Weights};
 /// The term that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
+/// Most values of one tensor: 256 MiB of f32.
+pub(super) const LARGEST_TENSOR: usize = 1 << 26;
+
 /// A tensor that a layer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Needed {

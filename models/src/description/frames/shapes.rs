@@ -12,10 +12,8 @@ use super::layer::{FrameKind, FrameLayer, LONGEST_SIDE, MOST_CHANNELS};
 use crate::description::document::by_name;
 use crate::description::problem::{ProblemKind, Problems};
 use crate::description::table::Given;
-use crate::description::tensors::Needed;
+use crate::description::tensors::{LARGEST_TENSOR, Needed};
 
-/// Most values of one tensor: 256 MiB of f32.
-const LARGEST_TENSOR: usize = 1 << 26;
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
 const MOST_VALUES: usize = 1 << 28;
 
