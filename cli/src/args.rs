@@ -25,6 +25,7 @@ pub(crate) use crate::prepare::PrepareArgs;
 pub(crate) use crate::run::RunArgs;
 pub(crate) use crate::soak::SoakArgs;
 pub(crate) use crate::stress::StressArgs;
+pub(crate) use crate::verify::VerifyArgs;
 pub(crate) use heading::*;
 
 /// At the end of every help.
@@ -74,6 +75,8 @@ pub(crate) enum Command {
     Stress(StressArgs),
     /// Run for very long, and check bits, memory and latencies.
     Soak(SoakArgs),
+    /// Check that a network's incremental results equal full recomputation.
+    Verify(VerifyArgs),
 }
 
 /// How a recording is read.

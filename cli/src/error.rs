@@ -217,6 +217,18 @@ pub(crate) enum CliError {
         /// Why.
         source: EngineError,
     },
+    /// The engine differs from the full recomputation.
+    #[error("{name}: {difference}")]
+    Differs {
+        /// The network.
+        network: String,
+        /// The streams or the recording.
+        name: String,
+        /// The file with the minimal stream.
+        file: String,
+        /// Where, and both values.
+        difference: String,
+    },
     /// Nothing could be verified or soaked.
     #[error(transparent)]
     Verify(VerifyError),
@@ -273,6 +285,9 @@ impl CliError {
         match self {
             Self::Pipeline(error) => hint(error),
             Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
+            Self::Differs { network, file, .. } => Some(format!(
+                "the minimal stream is in {file}: `meissner verify {network} --replay {file}` runs it again"
+            )),
             _ => None,
         }
     }

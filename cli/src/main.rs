@@ -13,6 +13,7 @@
 //! | `pareto/` | `meissner pareto` |
 //! | `stress/` | `meissner stress` |
 //! | `soak/` | `meissner soak` |
+//! | `verify/` | `meissner verify` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text`, `svg` | how results are shown to people |
@@ -55,6 +56,7 @@ mod tell;
 mod text;
 mod threads;
 mod trainings;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -114,5 +116,6 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Pareto(args) => pareto::pareto(args),
         Command::Stress(args) => stress::stress(args),
         Command::Soak(args) => soak::soak(args),
+        Command::Verify(args) => verify::verify(args),
     }
 }

@@ -11,7 +11,19 @@ use super::{
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         INPUT,
-        &["sensor", "limit", "late", "from", "for", "events", "strict", "columns", "time-unit", "salvage"],
+        &[
+            "sensor",
+            "limit",
+            "late",
+            "from",
+            "for",
+            "events",
+            "strict",
+            "columns",
+            "time-unit",
+            "salvage",
+            "replay",
+        ],
     ),
     (
         NETWORK,
@@ -42,6 +54,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "quick",
             "seed",
             "threads",
+            "cases",
             "checkpoint-every",
             "disturb-every",
             "memory-growth",
