@@ -157,7 +157,7 @@ fn a_broken_engine_is_found_and_its_minimal_stream_is_small_and_replays() {
             Err(VerifyError::Mismatch(again)) => assert_eq!(again.difference, mismatch.difference),
             other => panic!("{fault:?}: {other:?}"),
         }
-        let sound = replay(network(), stream, |network, sensor| Engine::new(network, sensor));
+        let sound = replay(network(), stream, Engine::new);
         assert_eq!(sound.expect("the engine is not broken").cases, 1);
     }
 }
@@ -185,7 +185,7 @@ fn a_mismatch_names_layer_row_input_and_both_values() {
 fn the_engine_equals_the_batch_on_every_kind_of_stream() {
     let mut progress = Vec::new();
     let summary =
-        verify_with(network(), None, settings(40), |n, s| Engine::new(n, s), |done| progress.push(done));
+        verify_with(network(), None, settings(40), Engine::new, |done| progress.push(done));
     let summary = summary.expect("incremental equals batch");
     assert_eq!((summary.cases, summary.refused, progress.len()), (40, 0, 40));
     assert!(summary.inputs > 500 && summary.rows > 10_000, "{summary:?}");
