@@ -8,8 +8,8 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 
+use meissner_engine::Event;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
-use meissner_engine::{Engine, Event};
 use meissner_io::IoError;
 use meissner_models::{AnyDescription, Weights, drawn_file};
 use meissner_pipeline::PipelineError;
@@ -17,7 +17,7 @@ use meissner_pipeline::model::{Model, describe_any, frame_network, weights};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 use meissner_verify::{
-    Difference, Mismatch, Stream, Summary, VerifyError, replay, replay_frames, verify_frames,
+    Difference, Mismatch, Stream, Summary, VerifyError, poisoned, replay, replay_frames, verify_frames,
     verify_recording, verify_with,
 };
 use serde::Serialize;
@@ -159,7 +159,7 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
     let mut verified = Verified::default();
     if let Some(path) = &args.replay {
         let stream = Stream::<Event>::parse(&read(path)?)?;
-        let again = replay(network, stream, |network, sensor| Engine::new(network, sensor));
+        let again = replay(network, stream, poisoned);
         verified.note(args, &path.display().to_string(), again)?;
         return Ok(verified);
     }
@@ -172,8 +172,7 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
     let sensor = args.sensor.or(recordings.first().map(|(_, sensor, _)| *sensor));
     let tasks = Tasks::new(args.cases + recordings.len() as u64, args.json);
     tasks.start(RANDOM.to_owned());
-    let engine = |network, sensor| Engine::new(network, sensor);
-    let random = verify_with(Arc::clone(&network), sensor, args.settings(), engine, |_| tasks.done());
+    let random = verify_with(Arc::clone(&network), sensor, args.settings(), poisoned, |_| tasks.done());
     verified.note(args, RANDOM, random)?;
     for (name, sensor, events) in recordings {
         if verified.mismatch.is_some() {

@@ -13,9 +13,16 @@ use meissner_engine::{
 use meissner_kernels::Neighbour;
 
 use crate::difference::{Difference, first_difference};
-use crate::incremental::IncrementalEvents;
-use crate::run::Checked;
+use crate::incremental::{Checked, IncrementalEvents};
 use crate::step::{Script, Step};
+
+/// An engine that fills expired rows with NaN, so that a stale read shows. [`verify`](crate::verify) uses it.
+///
+/// # Errors
+/// As [`Engine::with_options`].
+pub fn poisoned(network: Arc<Network>, sensor: Sensor) -> Result<Engine, EngineError> {
+    Engine::with_options(network, sensor, Options::new().with_poison(true))
+}
 
 /// An engine beside a batch over the same events.
 #[derive(Clone, Debug)]

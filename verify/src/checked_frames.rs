@@ -6,8 +6,7 @@ use meissner_engine::EngineError;
 use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 
 use crate::difference::Difference;
-use crate::incremental::Incremental;
-use crate::run::Checked;
+use crate::incremental::{Checked, Incremental};
 use crate::step::Step;
 
 /// A frame engine, and one over the same frames that computes every value of every frame.

@@ -4,7 +4,7 @@ use meissner_engine::{EngineError, Event};
 use meissner_pipeline::PipelineError;
 use meissner_reference::ReferenceError;
 
-use crate::run::Mismatch;
+use crate::mismatch::Mismatch;
 
 /// Results differ, or nothing could be verified.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,11 @@
-//! The verbs of an engine under test.
+//! The verbs of an engine under test, and of such an engine beside its full recomputation.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{Engine, EngineError, Event, Outcome, Snapshot};
 use meissner_kernels::Neighbour;
+
+use crate::difference::Difference;
+use crate::step::Step;
 
 /// An engine that is verified. [`Engine`] and [`FrameEngine`] implement it; so can an engine of your own.
 pub trait Incremental {
@@ -49,6 +52,18 @@ pub trait IncrementalEvents: Incremental<Input = Event> {
     fn neighbourhood(&self, index: usize) -> Vec<Neighbour>;
     /// Rows of a feature of a level as of the last prediction, as [`Engine::feature`].
     fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>>;
+}
+
+/// An engine beside its full recomputation.
+pub(crate) trait Checked {
+    /// One input.
+    type Input;
+    /// Performs a step on both sides.
+    fn step(&mut self, step: &Step<Self::Input>) -> Result<(), Difference>;
+    /// Compares both sides.
+    fn compare(&mut self) -> Result<(), Difference>;
+    /// Rows that were compared, and comparisons at which both sides refused for the same reason.
+    fn counts(&self) -> (u64, u64);
 }
 
 /// Implements the verbs that both engines have under the same names.

@@ -6,19 +6,15 @@
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
-//! use meissner_verify::verify;
+//! use meissner_verify::{VerifyError, verify};
 //!
-//! # fn test() -> Result<(), Box<dyn std::error::Error>> {
-//! // #[test]
-//! // fn my_network_is_incremental() -> Result<(), Box<dyn std::error::Error>> {
+//! // The body of a test:
 //! let description = Description::shipped("tactigraph-past").expect("a shipped network");
 //! let weights = Weights::shipped("tactigraph-past").expect("its weights");
-//! let network = description.network(&weights)?;
-//! let summary = verify(network, None, 3, 1)?; // on sensors of several sizes, 3 streams of seed 1
+//! let network = description.network(&weights).expect("the weights fit");
+//! let summary = verify(network, None, 3, 1)?; // 3 streams of seed 1, on sensors of several sizes
 //! assert_eq!(summary.cases, 3);
-//! # Ok(())
-//! # }
-//! # test().expect("incremental equals batch");
+//! # Ok::<(), VerifyError>(())
 //! ```
 //!
 //! | module | contents |
@@ -42,6 +38,7 @@ mod difference;
 mod error;
 pub mod frame_networks;
 mod incremental;
+mod mismatch;
 pub mod networks;
 mod random_frames;
 mod random_stream;
@@ -51,18 +48,17 @@ pub mod soak;
 mod step;
 #[cfg(feature = "proptest")]
 pub mod strategies;
-mod stream;
+mod stream_text;
 pub mod stress;
 
-pub use checked::CheckedEngine;
+pub use checked::{CheckedEngine, poisoned};
 pub use checked_frames::CheckedFrames;
 pub use difference::{Difference, bits};
 pub use error::VerifyError;
 pub use incremental::{Incremental, IncrementalEvents};
 pub use meissner_models::random::Random;
+pub use mismatch::{Mismatch, Settings, Summary};
 pub use run::{
-    Mismatch, Settings, Summary, replay, replay_frames, verify, verify_frames, verify_frames_with,
-    verify_recording, verify_with,
+    replay, replay_frames, verify, verify_frames, verify_frames_with, verify_recording, verify_with,
 };
-pub use step::{Relative, Script, Step};
-pub use stream::Stream;
+pub use step::{Relative, Script, Step, Stream};

@@ -3,8 +3,7 @@
 use meissner_engine::{Event, Network, Sensor};
 use meissner_models::random::Random;
 
-use crate::step::Step;
-use crate::stream::Stream;
+use crate::step::{Step, Stream};
 
 /// How the events of a stream are spread over sensor and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

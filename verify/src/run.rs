@@ -1,84 +1,24 @@
 //! Runs networks over random streams and recordings, and shrinks the first stream on which results differ.
 
-use std::fmt;
 use std::sync::Arc;
 
 use meissner_engine::frames::{FrameEngine, FrameNetwork};
-use meissner_engine::{Engine, EngineError, Event, Network, Options, Search, Sensor};
+use meissner_engine::{EngineError, Event, Network, Search, Sensor};
 use meissner_models::random::Random;
 
-use crate::checked::CheckedEngine;
+use crate::checked::{CheckedEngine, poisoned};
 use crate::checked_frames::CheckedFrames;
 use crate::difference::Difference;
 use crate::error::VerifyError;
-use crate::incremental::{Incremental, IncrementalEvents};
+use crate::incremental::{Checked, Incremental, IncrementalEvents};
+use crate::mismatch::{Mismatch, Settings, Summary};
 use crate::random_frames::random_frames;
 use crate::random_stream::random_stream;
 use crate::shrink::{Shrink, shrink};
-use crate::step::Step;
-use crate::stream::Stream;
+use crate::step::{Step, Stream};
 
 /// Comparisons that are spread over a recording unless [`Settings::every`] says otherwise.
 const COMPARISONS: usize = 64;
-
-/// An engine beside its full recomputation.
-pub(crate) trait Checked {
-    /// One input.
-    type Input;
-    /// Performs a step on both sides.
-    fn step(&mut self, step: &Step<Self::Input>) -> Result<(), Difference>;
-    /// Compares both sides.
-    fn compare(&mut self) -> Result<(), Difference>;
-    /// Rows that were compared, and comparisons at which both sides refused for the same reason.
-    fn counts(&self) -> (u64, u64);
-}
-
-/// How much is verified.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// Number of random streams.
-    pub cases: u64,
-    /// Seed of the streams.
-    pub seed: u64,
-    /// Events of a recording from one comparison to the next; `None` spreads 64 comparisons over it.
-    pub every: Option<usize>,
-}
-
-/// What was verified without a difference.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Summary {
-    /// Streams.
-    pub cases: u64,
-    /// Inputs: events or frames.
-    pub inputs: u64,
-    /// Comparisons.
-    pub comparisons: u64,
-    /// Rows that were compared, of all layers; of frame networks, values of predictions.
-    pub rows: u64,
-    /// Comparisons at which both sides refused to predict, because the same layer computed NaN.
-    pub refused: u64,
-}
-
-/// A difference, and a minimal stream that shows it.
-#[derive(Clone, Debug)]
-pub struct Mismatch<I = Event> {
-    /// The difference that the minimal stream shows.
-    pub difference: Difference,
-    /// Inputs of the minimal stream up to the difference.
-    pub input: usize,
-    /// The minimal stream.
-    pub stream: Stream<I>,
-    /// Steps of the stream before it was shrunk.
-    pub found_in: usize,
-}
-
-impl<I> fmt::Display for Mismatch<I> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "after input {} of a minimal stream: {}", self.input, self.difference)
-    }
-}
-
-impl<I: fmt::Debug> std::error::Error for Mismatch<I> {}
 
 /// Where and how a stream shows a difference.
 struct Failure {
@@ -98,11 +38,6 @@ pub fn verify(
     seed: u64,
 ) -> Result<Summary, VerifyError> {
     verify_with(network, sensor, Settings { cases, seed, every: None }, poisoned, |_| {})
-}
-
-/// An engine that fills expired rows with NaN, so that a stale read shows.
-pub(crate) fn poisoned(network: Arc<Network>, sensor: Sensor) -> Result<Engine, EngineError> {
-    Engine::with_options(network, sensor, Options::new().with_poison(true))
 }
 
 /// As [`verify`], for the engine that `engine` makes. `progress` is told how many cases are done.
@@ -190,7 +125,8 @@ fn events<E: IncrementalEvents>(
             CheckedEngine::of(engine(Arc::clone(&network), sensor)?, Arc::clone(&network), sensor, search)?;
         Ok(checked.with_bounded_memory())
     };
-    one(stream, make, summary)?.map_or(Ok(()), |mismatch| Err(VerifyError::Mismatch(Box::new(mismatch))))
+    run_stream(stream, make, summary)?
+        .map_or(Ok(()), |mismatch| Err(VerifyError::Mismatch(Box::new(mismatch))))
 }
 
 /// Verifies a frame network on `settings.cases` random sequences of frames: an engine that skips what no change reaches
@@ -247,11 +183,12 @@ fn frames<E: Incremental<Input = Vec<f32>>>(
     summary: &mut Summary,
 ) -> Result<(), VerifyError> {
     let make = || CheckedFrames::of(engine(Arc::clone(network))?, Arc::clone(network));
-    one(stream, make, summary)?.map_or(Ok(()), |mismatch| Err(VerifyError::FrameMismatch(Box::new(mismatch))))
+    run_stream(stream, make, summary)?
+        .map_or(Ok(()), |mismatch| Err(VerifyError::FrameMismatch(Box::new(mismatch))))
 }
 
 /// Verifies `stream` on a new engine, and counts it. If results differ, the stream is shrunk.
-fn one<C: Checked>(
+fn run_stream<C: Checked>(
     stream: Stream<C::Input>,
     make: impl Fn() -> Result<C, EngineError>,
     summary: &mut Summary,

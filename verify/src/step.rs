@@ -26,6 +26,17 @@ impl<I> Step<I> {
     }
 }
 
+/// A stream with the sensor and the capacity of the window that it runs on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stream<I = Event> {
+    /// The sensor; `None` for frames.
+    pub sensor: Option<Sensor>,
+    /// Most events in the window, in place of the network's.
+    pub capacity: Option<usize>,
+    /// The steps.
+    pub steps: Vec<Step<I>>,
+}
+
 /// A step whose time counts from the one before, as random streams are drawn.
 #[derive(Clone, Debug)]
 pub enum Relative {

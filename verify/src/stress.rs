@@ -24,18 +24,7 @@ pub use functions::{FunctionResult, sweep};
 pub use result::{CaseResult, Errors, LayerError};
 
 use crate::error::VerifyError;
-
-/// Largest relative error of a prediction against f64, unless a case states another.
-const WITHIN: f64 = 1e-4;
-
-/// How long cases are.
-#[derive(Clone, Copy, Debug)]
-struct Size {
-    events: usize,
-    frames: u64,
-    /// Passes of timing.
-    passes: usize,
-}
+use result::Size;
 
 const QUICK: Size = Size { events: 160, frames: 3_000, passes: 1 };
 const FULL: Size = Size { events: 640, frames: 1_000_000, passes: 5 };

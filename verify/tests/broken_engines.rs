@@ -10,8 +10,8 @@ use meissner_kernels::Neighbour;
 use meissner_verify::frame_networks::{Style, network as frame_network};
 use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
 use meissner_verify::{
-    Difference, Incremental, IncrementalEvents, Mismatch, Settings, Step, Stream, VerifyError, replay,
-    replay_frames, verify, verify_frames, verify_frames_with, verify_with,
+    Difference, Incremental, IncrementalEvents, Mismatch, Settings, Step, Stream, VerifyError, poisoned,
+    replay, replay_frames, verify, verify_frames, verify_frames_with, verify_with,
 };
 
 fn network() -> Arc<Network> {
@@ -184,8 +184,7 @@ fn a_mismatch_names_layer_row_input_and_both_values() {
 #[test]
 fn the_engine_equals_the_batch_on_every_kind_of_stream() {
     let mut progress = Vec::new();
-    let summary =
-        verify_with(network(), None, settings(40), Engine::new, |done| progress.push(done));
+    let summary = verify_with(network(), None, settings(40), poisoned, |done| progress.push(done));
     let summary = summary.expect("incremental equals batch");
     assert_eq!((summary.cases, summary.refused, progress.len()), (40, 0, 40));
     assert!(summary.inputs > 500 && summary.rows > 10_000, "{summary:?}");

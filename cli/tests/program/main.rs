@@ -43,4 +43,5 @@ mod slip_views;
 mod soak;
 mod stress;
 mod support;
+mod verify;
 mod widths;

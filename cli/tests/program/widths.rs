@@ -18,7 +18,7 @@ fn no_line_of_text_for_people_is_wider_than_80_columns() {
         "--repeat",
         "1",
     ];
-    let all: [&[&str]; 16] = [
+    let all: [&[&str]; 17] = [
         &["run", "--limit", "300"],
         &["run", "--limit", "300", "--network", "force-tdnn"],
         &["play", "--limit", "300", "--network", "tactigraph-past"],
@@ -29,6 +29,7 @@ fn no_line_of_text_for_people_is_wider_than_80_columns() {
         &["soak", "--events", "1000", "--checkpoint-every", "500", "--network", "tactigraph-past"],
         &["stress", "--quick", "--only", "one pixel"],
         &["stress", "--list"],
+        &["verify", "tactigraph-past", "--cases", "1"],
         &["networks"],
         &["info", recording],
         &["inspect", "tactigraph"],

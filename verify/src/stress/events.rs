@@ -8,9 +8,8 @@ use meissner_engine::{Engine, EngineError, Event, Network, Search, Sensor, Trace
 use meissner_reference::{BatchNorm, Difference, EventReference, EventTrace};
 
 use super::result::{CaseResult, Errors, Expect, LayerError};
-use crate::checked::CheckedEngine;
+use crate::checked::{CheckedEngine, poisoned};
 use crate::error::VerifyError;
-use crate::run::poisoned;
 
 /// A network and a stream for it.
 #[derive(Clone, Debug)]

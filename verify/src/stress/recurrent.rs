@@ -4,9 +4,8 @@ use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, Fr
 use meissner_kernels::Activation;
 use meissner_models::random::Random;
 
-use super::Size;
 use super::frames::{FrameCase, FrameRun, Frames, layer};
-use super::result::Expect;
+use super::result::{Expect, Size, WITHIN};
 
 /// Columns and rows of an image.
 const SIDES: [usize; 2] = [4, 3];
@@ -65,7 +64,7 @@ const ORDINARY: Gates = Gates {
     weights: [0.6, 0.3],
     peepholes: 0.3,
     frames: noise,
-    within: super::WITHIN,
+    within: WITHIN,
 };
 
 /// All of them.

@@ -7,6 +7,18 @@ use serde::Serialize;
 
 use crate::difference::bits;
 
+/// Largest relative error of a prediction against f64, unless a case states another.
+pub(super) const WITHIN: f64 = 1e-4;
+
+/// How long cases are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Size {
+    pub(super) events: usize,
+    pub(super) frames: u64,
+    /// Passes of timing.
+    pub(super) passes: usize,
+}
+
 /// Values that a case is built to end in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expect {

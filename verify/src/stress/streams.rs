@@ -8,9 +8,8 @@ use meissner_models::Weights;
 use meissner_models::random::Random;
 use meissner_pipeline::PipelineError;
 
-use super::Size;
 use super::events::{EventCase, EventRun};
-use super::result::Expect;
+use super::result::{Expect, Size, WITHIN};
 use crate::error::VerifyError;
 
 /// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
@@ -151,7 +150,7 @@ pub(super) fn case(shape: &Shape, name: &str, size: Size) -> Result<EventCase, V
         run,
         norms: BTreeMap::new(),
         expect: Expect::Finite,
-        within: super::WITHIN,
+        within: WITHIN,
         ordinary: ordinary(shipped, size),
     })
 }

@@ -8,9 +8,8 @@ use meissner_kernels::{Dense, SplineConv, SplineParts};
 use meissner_models::{Tensor, Weights};
 use meissner_reference::BatchNorm;
 
-use super::Size;
 use super::events::EventCase;
-use super::result::Expect;
+use super::result::{Expect, Size, WITHIN};
 use super::streams::{self, ordinary};
 use crate::error::VerifyError;
 
@@ -44,7 +43,7 @@ pub(super) struct Altered {
 }
 
 const fn altered(name: &'static str, change: Change) -> Altered {
-    Altered { name, change, expect: Expect::Finite, within: super::WITHIN }
+    Altered { name, change, expect: Expect::Finite, within: WITHIN }
 }
 
 /// All changes.

@@ -21,18 +21,7 @@ use std::fmt::Write as _;
 use meissner_engine::{Event, Sensor};
 
 use crate::error::VerifyError;
-use crate::step::Step;
-
-/// Steps, and what they run on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Stream<I = Event> {
-    /// The sensor; `None` for frames.
-    pub sensor: Option<Sensor>,
-    /// Most events in the window, in place of the network's.
-    pub capacity: Option<usize>,
-    /// The steps.
-    pub steps: Vec<Step<I>>,
-}
+use crate::step::{Step, Stream};
 
 impl Stream<Event> {
     /// The stream as text, after `remarks`, a comment line each.
