@@ -164,8 +164,13 @@ fn nodes_at_their_cells_centre_never_move() {
         seed: 5,
     };
     // Without a block that reads edges, cells keep none.
-    let block =
-        networks::BlockShape { channels: 2, kernel: [2; 3], input: 0, skip: None, extras: [false; 4] };
+    let block = networks::BlockShape {
+        channels: 2,
+        conv: networks::ConvolutionShape::Spline([2; 3]),
+        input: 0,
+        skip: None,
+        extras: [false; 4],
+    };
     let cell = [(1, 10), (1, 10)];
     let pool = networks::PoolShape { from: 0, cell, time: None, mean: true, blocks: vec![block] };
     shape.pooled = vec![pool];

@@ -9,14 +9,14 @@ use meissner_kernels::Isa;
 use meissner_tests::fixed_run::{self, Mode};
 use meissner_verify::Random;
 use meissner_verify::bits;
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 const SENSOR: Sensor = Sensor { width: 120, height: 90 };
 
 fn shape(candidates: Candidates) -> NetworkShape {
     let block = |channels, input, kernel| BlockShape {
         channels,
-        kernel,
+        conv: ConvolutionShape::Spline(kernel),
         input,
         skip: (input > 0).then_some(input),
         extras: [input == 1, true, true, true],

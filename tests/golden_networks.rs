@@ -6,7 +6,7 @@ use std::sync::Arc;
 use meissner_engine::{Batch, Engine, Event, LevelTrace, Network, Search, Sensor, Stream, Trace};
 use meissner_kernels::Matrix;
 use meissner_models::{Description, Weights};
-use meissner_tests::shared::{Golden, assert_close, shared};
+use meissner_tests::shared::{Golden, POINTNET, assert_close, shared};
 use meissner_verify::bits;
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
@@ -169,6 +169,33 @@ fn tactigraph_agrees_with_the_reference() {
     assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
     assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
     assert_incremental("tactigraph", &golden, &network, &trace);
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn pointnet_agrees_with_the_reference() {
+    let golden = Golden::load("pointnet");
+    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
+    let description = Description::parse(POINTNET).expect("consistent");
+    let network = Arc::new(description.network_regardless(&weights).expect("the weights fit"));
+    for search in [Search::Exhaustive, Search::Grid] {
+        let trace = forward(&network, &events(&golden), search);
+        let [level0, level1] = &trace.levels[..] else { panic!("pointnet has two levels") };
+        assert_eq!(rows_of(level0), sources(&golden, level0.edges.rows()), "edge_index");
+        for n in 1..=3 {
+            assert_close(
+                &format!("conv{n}"),
+                &flat(&level0.features[n]),
+                golden.floats(&format!("conv{n}")),
+                LAYER,
+            );
+        }
+        assert_pooled(level1, &golden, "pool", 22);
+        assert_close("conv4", &flat(&level1.features[1]), golden.floats("conv4"), LAYER);
+        assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
+        assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
+        assert_incremental("pointnet", &golden, &network, &trace);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use meissner_engine::{Cells, Edges};
-use meissner_kernels::{Isa, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch};
+use meissner_kernels::{GraphRow, Isa, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch};
 use meissner_tests::shared::{Golden, assert_close};
 
 /// In-edges of each of `rows` rows, in the order of an edge list; `attribute` gives those of an edge.
@@ -47,8 +47,7 @@ fn spline_convolution_agrees_with_the_reference() {
         let mut scratch = SplineScratch::default();
         for isa in Isa::available() {
             let mut out = Matrix::zeros(features.rows(), outputs);
-            let row =
-                |i| SplineRow { neighbours: edges.row(i), basis: &[], own: features.row(i), skip: None };
+            let row = |i| GraphRow { neighbours: edges.row(i), own: features.row(i), ..GraphRow::default() };
             let rows: Vec<_> = (0..features.rows()).map(row).collect();
             conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
             let got: Vec<f32> = (0..out.rows()).flat_map(|row| out.values(row).collect::<Vec<_>>()).collect();

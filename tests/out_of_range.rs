@@ -16,7 +16,7 @@ use meissner_engine::{
     Batch, Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Network, Options, Reach, Sensor,
     StaleReadout, Staleness, Stream,
 };
-use meissner_verify::networks::{BlockShape, NetworkShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 
 const SENSOR: Sensor = Sensor { width: 6, height: 5 };
 const LARGEST: Sensor = Sensor { width: u16::MAX, height: u16::MAX };
@@ -191,7 +191,13 @@ fn what_a_head_takes_counts_against_the_memory_of_its_engine() {
 
 /// A network that reads a grid of 2 x 2 cells by a head.
 fn small_shape() -> NetworkShape {
-    let block = BlockShape { channels: 4, kernel: [2; 3], input: 0, skip: None, extras: [true; 4] };
+    let block = BlockShape {
+        channels: 4,
+        conv: ConvolutionShape::Spline([2; 3]),
+        input: 0,
+        skip: None,
+        extras: [true; 4],
+    };
     NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::Past(Lifetime::Window) },
         span_us: 1_000,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{
-    Block, Candidates, DenseLayer, Event, GraphRule, Level, Network, NetworkParts, Normalisation, Reach,
-    Readout, Search, Sensor, Stream, Trace,
+    Block, Candidates, DenseLayer, Event, GraphConvolution, GraphRule, Level, Network, NetworkParts,
+    Normalisation, Reach, Readout, Search, Sensor, Stream, Trace,
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, ReferenceError};
@@ -119,7 +119,7 @@ proptest! {
 }
 
 /// A block that passes its input on, weighted by the x attribute: the weight of 0 is 0, that of 1 is 1.
-fn slope() -> SplineConv {
+fn slope() -> GraphConvolution {
     let parts = SplineParts {
         inputs: 1,
         outputs: 1,
@@ -130,7 +130,7 @@ fn slope() -> SplineConv {
         norm: None,
         elu: false,
     };
-    SplineConv::new(&parts).expect("sizes fit")
+    SplineConv::new(&parts).expect("sizes fit").into()
 }
 
 fn line(normalisation: Normalisation) -> Network {

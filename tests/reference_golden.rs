@@ -6,7 +6,7 @@ use std::sync::Arc;
 use meissner_engine::{Event, Sensor, Stream};
 use meissner_models::{Description, Weights};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, Rows};
-use meissner_tests::shared::{Golden, frame_description, shared};
+use meissner_tests::shared::{Golden, POINTNET, frame_description, shared};
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const LAYER: f64 = 1e-5;
@@ -24,7 +24,10 @@ fn assert_rows(what: &str, golden: &Golden, name: &str, rows: &Rows) {
 }
 
 fn trace(golden: &Golden, name: &str, weights: &Weights) -> EventTrace {
-    let description = Description::shipped(name).expect("a shipped network");
+    trace_of(golden, &Description::shipped(name).expect("a shipped network"), weights)
+}
+
+fn trace_of(golden: &Golden, description: &Description, weights: &Weights) -> EventTrace {
     let network = Arc::new(description.network_regardless(weights).expect("the weights fit"));
     let rows = golden.integers("events").chunks_exact(4);
     let events: Vec<Event> = rows.map(|e| Event::new(e[0], e[1] as u16, e[2] as u16, e[3] == 1)).collect();
@@ -61,6 +64,19 @@ fn tactigraph_in_f64_agrees_with_the_golden_file() {
     for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
         assert_rows(&format!("level{l}"), &golden, &format!("level{l}"), &level.features[feature]);
     }
+    assert_close("y", golden.floats("y"), &trace.prediction, PREDICTION);
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn pointnet_in_f64_agrees_with_the_golden_file() {
+    let golden = Golden::load("pointnet");
+    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
+    let trace = trace_of(&golden, &Description::parse(POINTNET).expect("consistent"), &weights);
+    for (n, rows) in trace.levels[0].features.iter().enumerate().skip(1) {
+        assert_rows(&format!("conv{n}"), &golden, &format!("conv{n}"), rows);
+    }
+    assert_rows("conv4", &golden, "conv4", &trace.levels[1].features[1]);
     assert_close("y", golden.floats("y"), &trace.prediction, PREDICTION);
 }
 

@@ -7,8 +7,8 @@ use meissner_engine::{
     Candidates, Counters, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
     Stage,
 };
-use meissner_kernels::{SplineConv, SplineParts};
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_kernels::{PointNetConv, PointNetParts, SplineConv, SplineParts};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 const SENSOR: Sensor = Sensor { width: 100, height: 100 };
 const SPAN_US: i64 = 1_000;
@@ -19,7 +19,13 @@ fn near(candidates: Candidates) -> GraphRule {
 }
 
 fn block() -> BlockShape {
-    BlockShape { channels: 2, kernel: [2, 2, 2], input: 0, skip: None, extras: [false, true, true, true] }
+    BlockShape {
+        channels: 2,
+        conv: ConvolutionShape::Spline([2, 2, 2]),
+        input: 0,
+        skip: None,
+        extras: [false, true, true, true],
+    }
 }
 
 /// A chain of `blocks` at the event level, and what is pooled above.
@@ -147,7 +153,7 @@ fn a_row_that_keeps_its_bits_stops_the_wave() {
         elu: true,
         ..SplineParts::default()
     };
-    parts.events.blocks[0].conv = SplineConv::new(&constant).expect("sizes fit");
+    parts.events.blocks[0].conv = SplineConv::new(&constant).expect("sizes fit").into();
     let mut engine = engine(Network::new(parts).expect("the parts fit"));
     for x in [0, 10, 20, 30, 40, 60] {
         engine.push(Event::new(0, x, 50, true));
@@ -213,6 +219,54 @@ fn a_row_is_computed_for_what_it_reads_and_for_nothing_that_blocks_before_read()
         engine.push(Event::new(1, 20, 56, true));
         assert_eq!(recomputed(&mut engine), [vec![2], vec![2, 3], vec![3, 4]]);
     }
+}
+
+#[test]
+fn a_pointnet_row_is_computed_for_itself_and_for_what_it_reads() {
+    let pointnet = || BlockShape { conv: ConvolutionShape::PointNet, ..block() };
+    let cells = |first: BlockShape, second: BlockShape| {
+        let mut pool = pool(0, 2, false);
+        pool.blocks = vec![first, BlockShape { input: 1, ..second }];
+        shape(near(Candidates::Past(Lifetime::Window)), 0, vec![pool])
+    };
+    // Each cell reads the cell before it. Cell 2 moves: without itself its row stays, a spline block as in
+    // `a_row_is_computed_for_what_it_reads_and_for_nothing_that_blocks_before_read`.
+    for (first, second, expected) in [
+        (block(), block(), [vec![2], vec![3], vec![4]]),
+        (pointnet(), block(), [vec![2], vec![2, 3], vec![3, 4]]),
+        (block(), pointnet(), [vec![2], vec![3], vec![3, 4]]),
+        (pointnet(), pointnet(), [vec![2], vec![2, 3], vec![2, 3, 4]]),
+    ] {
+        let mut engine = engine(cells(first, second).build());
+        for i in 0..6 {
+            engine.push(Event::new(0, 10 * i, 50, false));
+        }
+        engine.predict().expect("finite");
+        engine.push(Event::new(1, 20, 56, true));
+        assert_eq!(recomputed(&mut engine), expected);
+    }
+}
+
+#[test]
+fn a_pointnet_row_whose_maximum_stays_stops_the_wave() {
+    // A block whose outputs no input reaches: ReLU leaves the bias alone where it is the largest.
+    let mut parts = shape(near(Candidates::All), 2, vec![]).build().parts().clone();
+    let constant = PointNetParts {
+        inputs: 1,
+        outputs: 2,
+        weight: vec![0.0; 8],
+        bias: vec![0.5, -0.5],
+        ..PointNetParts::default()
+    };
+    parts.events.blocks[0].conv = PointNetConv::new(&constant).expect("sizes fit").into();
+    let mut engine = engine(Network::new(parts).expect("the parts fit"));
+    for x in [0, 10, 20, 30, 40] {
+        engine.push(Event::new(0, x, 50, true));
+    }
+    engine.predict().expect("finite");
+    engine.push(Event::new(1, 50, 50, true));
+    // The new row and its neighbour are computed; the neighbour's bits stay, and the second block reads new in-edges alone.
+    assert_eq!(recomputed(&mut engine), [vec![4, 5], vec![4, 5]]);
 }
 
 #[test]

@@ -6,12 +6,17 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor};
 use meissner_tests::snapshots::{Restores, sealed};
 use meissner_verify::frame_networks::{Style, network, sequence};
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 /// An engine over events that has seen some, and the bytes of one that has seen more.
 fn over_events() -> (Engine, Vec<u8>) {
-    let block =
-        |channels| BlockShape { channels, kernel: [2, 2, 1], input: 0, skip: None, extras: [true; 4] };
+    let block = |channels| BlockShape {
+        channels,
+        conv: ConvolutionShape::Spline([2, 2, 1]),
+        input: 0,
+        skip: None,
+        extras: [true; 4],
+    };
     let pool = PoolShape { from: 1, cell: [(1, 4), (1, 2)], time: None, mean: true, blocks: vec![block(2)] };
     let shape = NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::Past(Lifetime::Frozen) },

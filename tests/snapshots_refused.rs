@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use meissner_engine::{
-    Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphRule, LatePolicy, Lifetime, Network,
-    NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
+    Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphConvolution, GraphRule, LatePolicy,
+    Lifetime, Network, NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
 };
-use meissner_kernels::{Activation, Dense, Isa, SplineConv, SplineParts};
+use meissner_kernels::{Activation, Dense, Isa, PointNetConv, PointNetParts, SplineConv, SplineParts};
 use meissner_tests::snapshots::sealed;
 use meissner_verify::Random;
 use meissner_verify::bits;
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 20, height: 10 };
@@ -23,7 +23,13 @@ const CLOCK: usize = LAYERS + 8 + 3 * 4 * 8 + 6 * 8;
 const WINDOW: usize = CLOCK + 1 + 3 * 8;
 
 fn block(channels: usize) -> BlockShape {
-    BlockShape { channels, kernel: [2, 2, 2], input: 0, skip: None, extras: [true; 4] }
+    BlockShape {
+        channels,
+        conv: ConvolutionShape::Spline([2, 2, 2]),
+        input: 0,
+        skip: None,
+        extras: [true; 4],
+    }
 }
 
 /// A block over events, a pooling with a block over its cells.
@@ -305,7 +311,7 @@ fn a_snapshot_with_rows_that_are_not_finite_is_refused_by_their_name() {
         bias: Some(vec![f32::MAX, f32::MAX, 0.0, 0.0]),
         ..SplineParts::default()
     };
-    parts.events.blocks[0].conv = SplineConv::new(&conv).expect("sizes fit");
+    parts.events.blocks[0].conv = SplineConv::new(&conv).expect("sizes fit").into();
     let mut engine = engine(Network::new(parts).expect("the parts fit"), SENSOR, Options::default());
     for i in 0..4 {
         engine.push(Event::new(i, 3, 3, true));
@@ -465,9 +471,9 @@ fn whatever_changes_predictions_changes_the_fingerprint() {
             elu: true,
         };
         change(&mut parts);
-        SplineConv::new(&parts).expect("sizes fit")
+        GraphConvolution::from(SplineConv::new(&parts).expect("sizes fit"))
     };
-    let fingerprint = |change: &dyn Fn(&mut NetworkParts), conv: SplineConv| {
+    let fingerprint = |change: &dyn Fn(&mut NetworkParts), conv: GraphConvolution| {
         let mut parts = shape(Candidates::All).build().parts().clone();
         parts.events.blocks[0].conv = conv;
         change(&mut parts);
@@ -502,8 +508,23 @@ fn whatever_changes_predictions_changes_the_fingerprint() {
         &|parts| (parts.readout.columns, parts.readout.rows) = (1, 4),
         &|parts| parts.normalisation = Normalisation::PerGraph,
     ];
+    let pointnet = |change: &dyn Fn(&mut PointNetParts)| {
+        let values = |count, seed| Random::new(seed).values(count, 1.0);
+        let (weight, bias, norm) = (values(16, 1), values(4, 3), Some((values(4, 4), values(4, 5))));
+        let mut parts = PointNetParts { inputs: 1, outputs: 4, weight, bias, norm };
+        change(&mut parts);
+        GraphConvolution::from(PointNetConv::new(&parts).expect("sizes fit"))
+    };
+    let of_pointnet: [&dyn Fn(&mut PointNetParts); 5] = [
+        &|_| {},
+        &|parts| flip(&mut parts.weight),
+        &|parts| flip(&mut parts.bias),
+        &|parts| parts.norm.iter_mut().for_each(|(scale, _)| flip(scale)),
+        &|parts| parts.norm.iter_mut().for_each(|(_, shift)| flip(shift)),
+    ];
     let mut all: Vec<u64> = parameters.map(|change| fingerprint(&|_| {}, spline(change))).to_vec();
     all.extend(structure.map(|change| fingerprint(change, spline(&|_| {}))));
+    all.extend(of_pointnet.map(|change| fingerprint(&|_| {}, pointnet(change))));
     let again = fingerprint(&|_| {}, spline(&|_| {}));
     assert_eq!(all[0], again, "equal networks have equal ones");
     let count = all.len();

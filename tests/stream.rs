@@ -6,14 +6,19 @@ use meissner_engine::{
 };
 use meissner_verify::CheckedEngine;
 use meissner_verify::Random;
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 const SPAN_US: i64 = 1_000;
 const SENSOR: Sensor = Sensor { width: 40, height: 30 };
 
 fn shape(candidates: Candidates) -> NetworkShape {
-    let block =
-        BlockShape { channels: 4, kernel: [2, 2, 2], input: 0, skip: None, extras: [true, true, true, true] };
+    let block = BlockShape {
+        channels: 4,
+        conv: ConvolutionShape::Spline([2, 2, 2]),
+        input: 0,
+        skip: None,
+        extras: [true, true, true, true],
+    };
     NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
         span_us: SPAN_US,
@@ -21,7 +26,12 @@ fn shape(candidates: Candidates) -> NetworkShape {
         // The second one reads the stored basis of edges.
         blocks: vec![
             block.clone(),
-            BlockShape { input: 1, skip: Some(0), kernel: [2, 2, 1], ..block.clone() },
+            BlockShape {
+                input: 1,
+                skip: Some(0),
+                conv: ConvolutionShape::Spline([2, 2, 1]),
+                ..block.clone()
+            },
         ],
         pooled: vec![PoolShape {
             from: 2,

@@ -14,7 +14,7 @@ use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile}
 use meissner_models::{Description, Weights};
 use meissner_verify::Random;
 use meissner_verify::bits;
-use meissner_verify::networks::{BlockShape, NetworkShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 
 const SENSOR: Sensor = Sensor { width: 60, height: 40 };
 
@@ -103,9 +103,7 @@ fn changed(name: &str, blocks: f32, last: f32) -> Arc<Network> {
     let scaled = |values: &[f32], by: f32| values.iter().map(|v| v * by).collect::<Vec<_>>();
     let levels = std::iter::once(&mut parts.events).chain(parts.pooled.iter_mut().map(|(_, level)| level));
     for block in levels.flat_map(|level| &mut level.blocks) {
-        let parts = block.conv.parts();
-        let parts = SplineParts { weight: scaled(&parts.weight, blocks), ..parts };
-        block.conv = SplineConv::new(&parts).expect("finite weights");
+        block.conv = block.conv.scaled(blocks, 1.0).expect("finite weights");
     }
     if let Some(layer) = parts.dense.last_mut() {
         let old = &layer.dense;
@@ -174,7 +172,13 @@ fn vanishing_and_denormal_activations_are_the_same_bits_in_engine_and_batch() {
 /// Neighbours within 11 pixels. What the first block writes is infinite for a row of two neighbours; what the second
 /// one writes, for a row that reads such a row, is not a number in its first channel and infinite in its second.
 fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
-    let block = |input| BlockShape { channels: 2, kernel: [2; 3], input, skip: None, extras: [false; 4] };
+    let block = |input| BlockShape {
+        channels: 2,
+        conv: ConvolutionShape::Spline([2; 3]),
+        input,
+        skip: None,
+        extras: [false; 4],
+    };
     let shape = NetworkShape {
         graph: GraphRule { reach: Reach::Radius { r: 0.115, max: 8 }, candidates: Candidates::All },
         span_us: 1_000,
@@ -191,7 +195,7 @@ fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
     let weights = [vec![2.5e38; 16], [1.0, 0.5, -1.0, 0.5].repeat(8), [1.0, 0.0, 0.0, 1.0].repeat(8)];
     for ((block, inputs), weight) in parts.events.blocks.iter_mut().zip([1, 2, 2]).zip(weights) {
         let conv = SplineParts { inputs, outputs: 2, kernel: [2; 3], weight, ..SplineParts::default() };
-        block.conv = SplineConv::new(&conv).expect("finite weights");
+        block.conv = SplineConv::new(&conv).expect("finite weights").into();
     }
     parts
 }

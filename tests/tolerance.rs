@@ -8,7 +8,7 @@ use meissner_engine::{
 };
 use meissner_models::{Description, Weights};
 use meissner_tests::stored;
-use meissner_verify::networks::{BlockShape, NetworkShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 use meissner_verify::{CheckedEngine, Random, bits, strategies};
 use proptest::prelude::*;
 
@@ -48,7 +48,7 @@ const SENSOR: Sensor = Sensor { width: 100, height: 100 };
 fn chain(candidates: Candidates, capacity: usize) -> NetworkShape {
     let block = |input| BlockShape {
         channels: 2,
-        kernel: [2, 2, 2],
+        conv: ConvolutionShape::Spline([2, 2, 2]),
         input,
         skip: None,
         extras: [false, true, true, true],

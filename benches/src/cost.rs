@@ -9,7 +9,7 @@
 
 use std::ops::{Add, AddAssign};
 
-use meissner_engine::{Network, Trace};
+use meissner_engine::{GraphConvolution, Network, Trace};
 use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
 
 /// The cost of a computation.
@@ -79,6 +79,19 @@ pub fn spline_row(conv: &SplineConv, degree: usize, skip: bool) -> Cost {
     }
 }
 
+/// One row of any block with `degree` in-edges: a spline row as [`spline_row`]; of others in-edges with their rows and offsets,
+/// weights, skip, result.
+pub fn row(conv: &GraphConvolution, degree: usize, skip: bool) -> Cost {
+    if let Some(conv) = conv.spline() {
+        return spline_row(conv, degree, skip);
+    }
+    let (read, written) = (row_bytes(conv.inputs()), row_bytes(conv.outputs()));
+    let edges = degree * (size_of::<Neighbour>() + size_of::<[f32; 3]>() + read) + read;
+    let weights = conv.multiply_adds(0) / conv.outputs() * written;
+    let rest = 4 * written + if skip { written } else { 0 };
+    Cost { multiply_adds: conv.multiply_adds(degree), bytes: edges + weights + rest }
+}
+
 /// A dense layer of `segments` x `channels` inputs.
 pub fn dense(segments: usize, channels: usize, outputs: usize) -> Cost {
     let input = segments * row_bytes(channels);
@@ -86,12 +99,12 @@ pub fn dense(segments: usize, channels: usize, outputs: usize) -> Cost {
     Cost { multiply_adds: segments * channels * outputs, bytes }
 }
 
-/// Every spline row and dense layer of a forward pass; neighbour search and maxima are left out.
+/// Every row of a block and dense layer of a forward pass; neighbour search and maxima are left out.
 pub fn forward(network: &Network, trace: &Trace) -> Cost {
     let levels = trace.levels.iter().enumerate();
     let blocks = levels.map(|(l, level)| {
         let rows = |conv, skip| -> Cost {
-            (0..level.edges.rows()).map(|row| spline_row(conv, level.edges.row(row).len(), skip)).sum()
+            (0..level.edges.rows()).map(|i| row(conv, level.edges.row(i).len(), skip)).sum()
         };
         network.level(l).blocks.iter().map(|block| rows(&block.conv, block.skip.is_some())).sum()
     });

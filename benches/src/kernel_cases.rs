@@ -3,8 +3,7 @@
 
 use meissner_engine::Stream;
 use meissner_kernels::{
-    Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch,
-    naive,
+    Activation, Dense, GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch, naive,
 };
 
 use crate::answers::bits;
@@ -54,13 +53,14 @@ pub fn splines(name: &str, window: &Recording) -> Vec<SplineCase> {
             .collect();
         let degree = rows.iter().map(|(_, edges)| edges.len()).sum::<usize>() as f64 / taken as f64;
         for block in &network.level(l).blocks {
-            let (inputs, outputs, kernel) = (block.conv.inputs(), block.conv.outputs(), block.conv.kernel());
+            let Some(conv) = block.conv.spline() else { continue };
+            let (inputs, outputs, kernel) = (conv.inputs(), conv.outputs(), conv.kernel());
             let parts = SplineParts {
                 inputs,
                 outputs,
                 kernel,
-                weight: random.values(block.conv.slots() * inputs * outputs, 0.3),
-                root: block.conv.has_root().then(|| random.values(inputs * outputs, 0.3)),
+                weight: random.values(conv.slots() * inputs * outputs, 0.3),
+                root: conv.has_root().then(|| random.values(inputs * outputs, 0.3)),
                 bias: None,
                 norm: Some((random.values(outputs, 1.0), random.values(outputs, 1.0))),
                 elu: true,
@@ -106,12 +106,12 @@ impl SplineCase {
 
     /// Computes every row.
     pub fn run(&self, isa: Isa, scratch: &mut SplineScratch, out: &mut Matrix) {
-        let mut group = [SplineRow::default(); SplineConv::GROUP];
+        let mut group = [GraphRow::default(); SplineConv::GROUP];
         let lanes = out.lanes_mut().chunks_mut(SplineConv::GROUP * Lanes::count(self.parts.outputs));
         for (rows, out) in self.rows.chunks(SplineConv::GROUP).zip(lanes) {
             for (to, (row, neighbours)) in group.iter_mut().zip(rows) {
                 let skip = self.skip.as_ref().map(|skip| skip.row(*row));
-                *to = SplineRow { neighbours, basis: &[], own: self.features.row(*row), skip };
+                *to = GraphRow { neighbours, own: self.features.row(*row), skip, ..GraphRow::default() };
             }
             self.conv.rows(isa, &self.features, &group[..rows.len()], scratch, out);
         }

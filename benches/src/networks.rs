@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use meissner_engine::{
-    Batch, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, LevelTrace, Network, NetworkParts,
-    Normalisation, Pooling, Position, Reach, Readout, Search, Sensor,
+    Batch, Block, Candidates, ConvolutionScratch, DenseLayer, Fraction, GraphRule, Level, LevelTrace,
+    Network, NetworkParts, Normalisation, Pooling, Position, Reach, Readout, Search, Sensor,
 };
-use meissner_kernels::{Activation, Dense, Isa, Matrix, SplineConv, SplineParts, SplineRow, SplineScratch};
+use meissner_kernels::{Activation, Dense, Isa, Matrix, SplineConv, SplineParts};
 use meissner_models::random::Random;
 use meissner_models::{Description, Weights};
 
@@ -53,17 +53,12 @@ pub fn level_features(
     entering: Matrix,
     mut adjust: impl FnMut(usize, &mut Matrix),
 ) -> Vec<Matrix> {
-    let mut scratch = SplineScratch::default();
+    let mut scratch = ConvolutionScratch::default();
     let mut features = vec![entering];
     for (b, block) in level.blocks.iter().enumerate() {
         let mut out = Matrix::zeros(trace.edges.rows(), block.conv.outputs());
         let (input, skip) = (&features[block.input], block.skip.map(|skip| &features[skip]));
-        let row = |i| SplineRow {
-            neighbours: trace.edges.row(i),
-            basis: &[],
-            own: input.row(i),
-            skip: skip.map(|skip| skip.row(i)),
-        };
+        let row = |i| trace.edges.read(i, input.row(i), skip.map(|skip| skip.row(i)));
         let rows: Vec<_> = (0..out.rows()).map(row).collect();
         block.conv.rows(Isa::best(), input, &rows, &mut scratch, out.lanes_mut());
         adjust(b, &mut out);
@@ -106,7 +101,7 @@ pub fn pooling_only(channels: usize, pooled: bool, candidates: Candidates) -> Ar
             weight,
             ..SplineParts::default()
         };
-        let conv = SplineConv::new(&parts).expect("sizes fit");
+        let conv = SplineConv::new(&parts).expect("sizes fit").into();
         blocks.push(Block { name: "spread".to_owned(), input: 0, skip: None, conv });
     }
     let fraction = |n, d| Fraction::new(n, d).expect("a positive fraction");

@@ -8,10 +8,9 @@
 //! ends the wave. It is recomputed again whenever what it reads changes, and always compared with what is stored, so
 //! that every stored row is within the tolerance of what its stored inputs give, however long the stream.
 
-use meissner_kernels::{
-    Isa, Lanes, Matrix, SplineConv, SplineRow, SplineScratch, replace_rows, replace_rows_beyond,
-};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, replace_rows, replace_rows_beyond};
 
+use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
 use crate::network::{Block, Level};
@@ -30,7 +29,7 @@ pub(crate) struct Activations {
     dirty: GrowingSet,
     /// Largest change of a value that does not count; 0 where every bit counts.
     tolerance: f32,
-    scratch: SplineScratch,
+    scratch: ConvolutionScratch,
     /// What a group of rows came to.
     rows: Vec<Lanes>,
 }
@@ -46,15 +45,15 @@ impl Activations {
             nan: vec![FewRows::new(rows); channels.len()],
             dirty: GrowingSet::new(rows),
             tolerance,
-            scratch: SplineScratch::new(level.blocks.iter().map(|block| &block.conv), most),
-            rows: vec![Lanes::ZERO; widest * SplineConv::GROUP],
+            scratch: ConvolutionScratch::new(level.blocks.iter().map(|block| &block.conv), most),
+            rows: vec![Lanes::ZERO; widest * GraphConvolution::GROUP],
         }
     }
 
     /// Bytes that [`Self::new`] takes.
     pub(crate) fn bytes(rows: usize, level: &Level, channels: &[usize], most: usize) -> usize {
         let lanes = |channels: &usize| Lanes::count(*channels);
-        let group = channels.iter().map(lanes).max().unwrap_or(0) * SplineConv::GROUP;
+        let group = channels.iter().map(lanes).max().unwrap_or(0) * GraphConvolution::GROUP;
         let values = rows * channels.iter().map(lanes).sum::<usize>() + group;
         let of_feature = size_of::<Matrix>() + size_of::<RowSet>() + size_of::<FewRows>();
         let sets = RowSet::bytes(rows) * (channels.len() + 1) + FewRows::bytes(rows) * channels.len();
@@ -63,7 +62,7 @@ impl Activations {
             + values * size_of::<Lanes>()
             + sets
             + GrowingSet::bytes(rows)
-            + SplineScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
+            + ConvolutionScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
     }
 
     /// Forgets all rows, and with `poison` leaves NaN in what blocks wrote.
@@ -140,7 +139,7 @@ impl Activations {
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
             self.collect(block, before.replace(block), graph);
             let dirty = std::mem::take(&mut self.dirty);
-            for rows in dirty.as_slice().chunks(SplineConv::GROUP) {
+            for rows in dirty.as_slice().chunks(GraphConvolution::GROUP) {
                 self.compute(block, b + 1, rows, graph, isa, log);
             }
             self.dirty = dirty;
@@ -169,7 +168,9 @@ impl Activations {
         // of this one.
         let spread = before.filter(|before| {
             let read = changed[before.input].as_slice();
-            before.skip.is_none() && !before.conv.has_root() && read.iter().all(|&row| input.contains(row))
+            before.skip.is_none()
+                && !before.conv.reads_itself()
+                && read.iter().all(|&row| input.contains(row))
         });
         if spread.is_none() {
             dirty.clear();
@@ -178,7 +179,7 @@ impl Activations {
         let fresh = |row: &u32| spread.is_none_or(|before| !changed[before.input].contains(*row));
         let rows = input.as_slice().iter().copied().filter(fresh);
         graph.for_readers(rows, |readers| dirty.insert(readers));
-        if block.conv.has_root() {
+        if block.conv.reads_itself() {
             dirty.insert(input.as_slice());
         }
         if let Some(skip) = block.skip {
@@ -201,13 +202,12 @@ impl Activations {
         let input = &read[block.input];
         let lanes = Lanes::count(block.conv.outputs());
         let out = &mut self.rows[..rows.len() * lanes];
-        let mut group = [SplineRow::default(); SplineConv::GROUP];
+        let mut group = [GraphRow::default(); GraphConvolution::GROUP];
         for (to, &row) in group.iter_mut().zip(rows) {
-            *to = SplineRow {
-                neighbours: graph.neighbours(row),
-                basis: graph.basis(row),
+            *to = GraphRow {
                 own: input.row(row as usize),
                 skip: block.skip.map(|skip| read[skip].row(row as usize)),
+                ..graph.edges(row)
             };
         }
         block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);

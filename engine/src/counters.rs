@@ -66,7 +66,7 @@ impl EventCounters {
     }
 }
 
-/// What one layer did since the engine was made. A layer is a spline block or a pooling.
+/// What one layer did since the engine was made. A layer is a block or a pooling.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LayerCounters {
     /// Rows computed.

@@ -10,9 +10,10 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{Lanes, Neighbour, spline_basis};
+use meissner_kernels::{GraphRow, Lanes, Neighbour, spline_basis};
 
 use crate::Sensor;
+use crate::convolution::EdgeReads;
 use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
 use crate::metric::{Metric, Node};
@@ -25,8 +26,8 @@ use crate::window::Window;
 pub(crate) trait Adjacency {
     /// In-edges of `row`, in neighbourhood order.
     fn neighbours(&self, row: u32) -> &[Neighbour];
-    /// The basis of each in-edge, or nothing where it is not kept.
-    fn basis(&self, row: u32) -> &[Lanes];
+    /// What is kept of these in-edges: `own` and `skip` are left out.
+    fn edges(&self, row: u32) -> GraphRow<'_>;
     /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
     /// its in-edges or once.
     fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32]));
@@ -41,17 +42,69 @@ pub(crate) struct EventGraph {
     /// Neighbours of each slot.
     count: Vec<u16>,
     /// `most` in-edges of each slot, the first `count` valid.
-    edges: Vec<Neighbour>,
-    /// Their d2.
-    d2: Vec<f64>,
-    /// The spline basis of each, where blocks read it: each would compute it again.
-    basis: Vec<Lanes>,
+    edges: EdgeStore,
     /// For each grid cell, at least the largest [`Self::bound`] of its nodes.
     reach: Vec<f64>,
     /// Rows that read each slot; kept where someone asks for them.
     readers: Readers,
     keeps_readers: bool,
     found: Room<Candidate>,
+}
+
+/// In-edges, and what is kept of each because every block would compute it again.
+#[derive(Clone, Debug)]
+struct EdgeStore {
+    neighbours: Vec<Neighbour>,
+    d2: Vec<f64>,
+    /// The spline basis of each, where blocks read it.
+    basis: Vec<Lanes>,
+    /// The offset of each, where blocks read it.
+    offsets: Vec<[f32; 3]>,
+}
+
+impl EdgeStore {
+    fn new(edges: usize, reads: EdgeReads) -> Self {
+        Self {
+            neighbours: vec![Neighbour { row: 0, u: [0.5; 3] }; edges],
+            d2: vec![0.0; edges],
+            basis: vec![Lanes::ZERO; if reads.basis { edges } else { 0 }],
+            offsets: vec![[0.0; 3]; if reads.offsets { edges } else { 0 }],
+        }
+    }
+
+    /// Bytes of one edge.
+    fn bytes(reads: EdgeReads) -> usize {
+        let basis = if reads.basis { size_of::<Lanes>() } else { 0 };
+        let offsets = if reads.offsets { size_of::<[f32; 3]>() } else { 0 };
+        size_of::<Neighbour>() + size_of::<f64>() + basis + offsets
+    }
+
+    /// Writes edge `at` by which `reader` reads the node `source` in slot `row`.
+    #[inline]
+    fn set(&mut self, at: usize, metric: &Metric, (row, source): (u32, Node), reader: Node, d2: f64) {
+        let u = metric.attributes(source, reader);
+        self.neighbours[at] = Neighbour { row, u };
+        self.d2[at] = d2;
+        if let Some(basis) = self.basis.get_mut(at) {
+            *basis = spline_basis(u);
+        }
+        if let Some(offset) = self.offsets.get_mut(at) {
+            *offset = metric.offsets(source, reader);
+        }
+    }
+
+    /// Moves edges `from` to the place `to`.
+    #[inline]
+    fn shift(&mut self, from: Range<usize>, to: usize) {
+        self.neighbours.copy_within(from.clone(), to);
+        self.d2.copy_within(from.clone(), to);
+        if !self.basis.is_empty() {
+            self.basis.copy_within(from.clone(), to);
+        }
+        if !self.offsets.is_empty() {
+            self.offsets.copy_within(from, to);
+        }
+    }
 }
 
 /// A node that a search came across.
@@ -107,9 +160,7 @@ impl EventGraph {
             grid,
             most,
             count: vec![0; capacity],
-            edges: vec![Neighbour { row: 0, u: [0.5; 3] }; capacity * most],
-            d2: vec![0.0; capacity * most],
-            basis: vec![Lanes::ZERO; if level.reads_basis() { capacity * most } else { 0 }],
+            edges: EdgeStore::new(capacity * most, level.edge_reads()),
             readers: if keeps_readers { Readers::new(capacity, capacity * most) } else { Readers::new(0, 0) },
             keeps_readers,
             found: Room::new(most + 1),
@@ -125,8 +176,7 @@ impl EventGraph {
         pooled: bool,
     ) -> usize {
         let most = rule.reach.most();
-        let basis = if level.reads_basis() { size_of::<Lanes>() } else { 0 };
-        let edge = size_of::<Neighbour>() + size_of::<f64>() + basis;
+        let edge = EdgeStore::bytes(level.edge_reads());
         let readers = if pooled || !rule.is_frozen() { Readers::bytes(capacity, capacity * most) } else { 0 };
         capacity * (most * edge + size_of::<u16>())
             + readers
@@ -165,7 +215,7 @@ impl EventGraph {
     #[inline]
     fn bound(&self, slot: u32) -> f64 {
         let span = self.span(slot);
-        if span.len() == self.most { self.d2[span.end - 1] } else { self.rule.reach.limit() }
+        if span.len() == self.most { self.edges.d2[span.end - 1] } else { self.rule.reach.limit() }
     }
 
     /// Connects `slot`, the newest node of `window`. It reads the first `known` of its neighbourhood.
@@ -176,12 +226,7 @@ impl EventGraph {
         let start = slot as usize * self.most;
         self.count[slot as usize] = self.found.len() as u16;
         for (i, c) in self.found.iter().enumerate() {
-            let u = self.metric.attributes(window.node(c.slot), node);
-            self.edges[start + i] = Neighbour { row: c.slot, u };
-            self.d2[start + i] = c.d2;
-            if let Some(basis) = self.basis.get_mut(start + i) {
-                *basis = spline_basis(u);
-            }
+            self.edges.set(start + i, &self.metric, (c.slot, window.node(c.slot)), node, c.d2);
             if self.keeps_readers {
                 self.readers.push(c.slot, slot);
                 delta.added.push((c.slot, slot));
@@ -215,19 +260,19 @@ impl EventGraph {
 
     /// Offers the newest node to all others, which take it where it is near enough.
     fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
-        let Self { grid, metric, reach, count, edges, d2: distances, basis, readers, most, rule, .. } = self;
+        let Self { grid, metric, reach, count, edges, readers, most, rule, .. } = self;
         let (most, limit) = (*most, rule.reach.limit());
         grid.search_reverse(metric, node, reach, |d2, reader| {
             let start = reader as usize * most;
             let n = usize::from(count[reader as usize]);
-            let bound = if n == most { distances[start + n - 1] } else { limit };
+            let bound = if n == most { edges.d2[start + n - 1] } else { limit };
             if d2 > bound {
                 return Reader { bound };
             }
             // Among equal distances the later comes first, and this node is the latest.
-            let at = distances[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
+            let at = edges.d2[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
             let n = if n == most {
-                let lost = edges[start + most - 1].row;
+                let lost = edges.neighbours[start + most - 1].row;
                 readers.remove(lost, reader);
                 delta.removed.push((lost, reader));
                 most
@@ -235,19 +280,12 @@ impl EventGraph {
                 count[reader as usize] += 1;
                 n + 1
             };
-            edges.copy_within(start + at..start + n - 1, start + at + 1);
-            distances.copy_within(start + at..start + n - 1, start + at + 1);
-            let u = metric.attributes(node, window.node(reader));
-            edges[start + at] = Neighbour { row: slot, u };
-            distances[start + at] = d2;
-            if !basis.is_empty() {
-                basis.copy_within(start + at..start + n - 1, start + at + 1);
-                basis[start + at] = spline_basis(u);
-            }
+            edges.shift(start + at..start + n - 1, start + at + 1);
+            edges.set(start + at, metric, (slot, node), window.node(reader), d2);
             readers.push(slot, reader);
             delta.added.push((slot, reader));
             delta.rewired.push(reader);
-            Reader { bound: if n == most { distances[start + n - 1] } else { limit } }
+            Reader { bound: if n == most { edges.d2[start + n - 1] } else { limit } }
         });
     }
 
@@ -267,7 +305,7 @@ impl EventGraph {
         // Only under `all` does a node read from nodes that stay when it leaves.
         if self.rule.candidates == Candidates::All {
             for edge in self.span(slot) {
-                let source = self.edges[edge].row;
+                let source = self.edges.neighbours[edge].row;
                 if stays(source) {
                     self.readers.remove(source, slot);
                     delta.removed.push((source, slot));
@@ -290,26 +328,15 @@ impl EventGraph {
     /// there is one.
     fn replace(&mut self, window: &Window, leaving: u32, gone: u32, reader: u32, delta: &mut Delta) {
         let span = self.span(reader);
-        let last = Candidate {
-            d2: self.d2[span.end - 1],
-            arrival: window.age_rank(self.edges[span.end - 1].row),
-            slot: self.edges[span.end - 1].row,
-        };
-        let at =
-            span.clone().find(|&e| self.edges[e].row == gone).expect("a reader reads what it is listed for");
-        self.edges.copy_within(at + 1..span.end, at);
-        self.d2.copy_within(at + 1..span.end, at);
-        if !self.basis.is_empty() {
-            self.basis.copy_within(at + 1..span.end, at);
-        }
+        let slot = self.edges.neighbours[span.end - 1].row;
+        let last = Candidate { d2: self.edges.d2[span.end - 1], arrival: window.age_rank(slot), slot };
+        let at = span.clone().find(|&e| self.edges.neighbours[e].row == gone);
+        let at = at.expect("a reader reads what it is listed for");
+        self.edges.shift(at + 1..span.end, at);
         let next = self.next_after(window, leaving, reader, span.len() - 1, &last);
         if let Some(next) = next {
-            let u = self.metric.attributes(window.node(next.slot), window.node(reader));
-            self.edges[span.end - 1] = Neighbour { row: next.slot, u };
-            self.d2[span.end - 1] = next.d2;
-            if let Some(basis) = self.basis.get_mut(span.end - 1) {
-                *basis = spline_basis(u);
-            }
+            let (source, node) = ((next.slot, window.node(next.slot)), window.node(reader));
+            self.edges.set(span.end - 1, &self.metric, source, node, next.d2);
             self.readers.push(next.slot, reader);
             delta.added.push((next.slot, reader));
         } else {
@@ -384,12 +411,19 @@ fn scan(
 impl Adjacency for EventGraph {
     #[inline]
     fn neighbours(&self, row: u32) -> &[Neighbour] {
-        &self.edges[self.span(row)]
+        &self.edges.neighbours[self.span(row)]
     }
 
     #[inline]
-    fn basis(&self, row: u32) -> &[Lanes] {
-        self.basis.get(self.span(row)).unwrap_or_default()
+    fn edges(&self, row: u32) -> GraphRow<'_> {
+        let EdgeStore { neighbours, basis, offsets, .. } = &self.edges;
+        let span = self.span(row);
+        GraphRow {
+            neighbours: &neighbours[span.clone()],
+            basis: basis.get(span.clone()).unwrap_or_default(),
+            offsets: offsets.get(span).unwrap_or_default(),
+            ..GraphRow::default()
+        }
     }
 
     #[inline]

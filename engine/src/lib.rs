@@ -26,7 +26,7 @@
 //!
 //! // One spline block over the 8 nearest events of the past, its maximum over the image, one dense layer.
 //! let spline = SplineParts { inputs: 1, outputs: 4, kernel: [2, 2, 2], weight: vec![0.5; 8 * 4], ..Default::default() };
-//! let conv = SplineConv::new(&spline)?;
+//! let conv = SplineConv::new(&spline)?.into();
 //! let dense = Dense::new(1, 4, 1, &[1.0; 4], None, Activation::Identity)?;
 //! let network = Network::new(NetworkParts {
 //!     name: "by hand".to_owned(),
@@ -64,6 +64,7 @@ mod after;
 mod batch;
 mod batch_engine;
 mod cells;
+mod convolution;
 mod counters;
 mod delta;
 mod engine;
@@ -98,6 +99,7 @@ mod window;
 pub use admission::{Admission, LatePolicy, Outcome};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use batch_engine::BatchEngine;
+pub use convolution::{ConvolutionScratch, GraphConvolution};
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
 pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;

@@ -8,8 +8,9 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{Lanes, Neighbour, spline_basis};
+use meissner_kernels::{GraphRow, Lanes, Neighbour, attribute, offset, spline_basis};
 
+use crate::convolution::EdgeReads;
 use crate::readers::Readers;
 
 const NONE: u32 = u32::MAX;
@@ -67,6 +68,8 @@ pub(crate) struct Merged {
     neighbours: Vec<Neighbour>,
     /// Edges below that each stands for.
     counts: Vec<u32>,
+    /// The offset of each, where blocks read it.
+    offsets: Vec<[f32; 3]>,
     /// The basis of each edge of rows that are not too long, for blocks that read it.
     basis: Vec<Lanes>,
     altered: Vec<bool>,
@@ -74,9 +77,9 @@ pub(crate) struct Merged {
 }
 
 impl Merged {
-    /// No edges. `basis`: whether a block reads the basis.
-    pub(crate) fn new(extent: Extent, basis: bool) -> Self {
-        let basis = if basis { extent.rows * extent.bases() } else { 0 };
+    /// No edges, of which blocks read what `reads` says.
+    pub(crate) fn new(extent: Extent, reads: EdgeReads) -> Self {
+        let basis = if reads.basis { extent.rows * extent.bases() } else { 0 };
         Self {
             runs: vec![Run::default(); extent.rows],
             first: NONE,
@@ -85,6 +88,7 @@ impl Merged {
             len: 0,
             neighbours: vec![Neighbour { row: 0, u: [0.0; 3] }; extent.stored()],
             counts: vec![0; extent.stored()],
+            offsets: vec![[0.0; 3]; if reads.offsets { extent.stored() } else { 0 }],
             basis: vec![Lanes::ZERO; basis],
             altered: vec![false; extent.rows],
             readers: ReadBy::new(extent),
@@ -93,12 +97,12 @@ impl Merged {
     }
 
     /// Bytes that [`Self::new`] takes. Saturates.
-    pub(crate) fn bytes(extent: Extent, basis: bool) -> u128 {
+    pub(crate) fn bytes(extent: Extent, reads: EdgeReads) -> u128 {
         let Extent { rows, .. } = extent;
-        let edge = size_of::<Neighbour>() + size_of::<u32>();
-        let row = size_of::<Run>()
-            + size_of::<bool>()
-            + if basis { extent.bases() * size_of::<Lanes>() } else { 0 };
+        let offset = if reads.offsets { size_of::<[f32; 3]>() } else { 0 };
+        let edge = size_of::<Neighbour>() + size_of::<u32>() + offset;
+        let basis = if reads.basis { extent.bases() * size_of::<Lanes>() } else { 0 };
+        let row = size_of::<Run>() + size_of::<bool>() + basis;
         extent.stored() as u128 * edge as u128 + rows as u128 * row as u128 + ReadBy::bytes(extent)
     }
 
@@ -126,12 +130,27 @@ impl Merged {
         &self.neighbours[self.span(row)]
     }
 
-    /// The basis of each in-edge of a row, or nothing where it is not kept.
+    /// The in-edges of a row with what is kept of them: no basis of a row that is too long.
     #[inline]
-    pub(crate) fn basis(&self, row: u32) -> &[Lanes] {
-        let len = self.runs[row as usize].len as usize;
-        let start = row as usize * self.extent.bases();
-        if len <= self.extent.bases() { self.basis.get(start..start + len).unwrap_or_default() } else { &[] }
+    pub(crate) fn edges(&self, row: u32) -> GraphRow<'_> {
+        let (span, bases) = (self.span(row), self.extent.bases());
+        let start = row as usize * bases;
+        let basis = if span.len() <= bases { self.basis.get(start..start + span.len()) } else { None };
+        GraphRow {
+            neighbours: &self.neighbours[span.clone()],
+            basis: basis.unwrap_or_default(),
+            offsets: self.offsets.get(span).unwrap_or_default(),
+            ..GraphRow::default()
+        }
+    }
+
+    /// Moves the edges `from` to the place `to`.
+    fn shift(&mut self, from: Range<usize>, to: usize) {
+        self.neighbours.copy_within(from.clone(), to);
+        self.counts.copy_within(from.clone(), to);
+        if !self.offsets.is_empty() {
+            self.offsets.copy_within(from, to);
+        }
     }
 
     /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
@@ -154,8 +173,7 @@ impl Merged {
         let gone = *count == 0;
         if gone {
             let source = self.neighbours[span.start + at].row;
-            self.neighbours.copy_within(span.start + at + 1..span.end, span.start + at);
-            self.counts.copy_within(span.start + at + 1..span.end, span.start + at);
+            self.shift(span.start + at + 1..span.end, span.start + at);
             self.runs[row as usize].len -= 1;
             self.len -= 1;
             self.altered[row as usize] = true;
@@ -175,8 +193,7 @@ impl Merged {
             self.enlarge(row);
         }
         let span = self.span(row);
-        self.neighbours.copy_within(span.start + at..span.end, span.start + at + 1);
-        self.counts.copy_within(span.start + at..span.end, span.start + at + 1);
+        self.shift(span.start + at..span.end, span.start + at + 1);
         self.neighbours[span.start + at] = Neighbour { row: source, u: [0.0; 3] };
         self.counts[span.start + at] = 1;
         self.runs[row as usize].len += 1;
@@ -198,9 +215,8 @@ impl Merged {
             let start = self.runs[row as usize].start;
             self.end = (start + wanted).min(self.neighbours.len());
         } else {
-            let (from, to) = (self.span(row), self.end);
-            self.neighbours.copy_within(from.clone(), to);
-            self.counts.copy_within(from, to);
+            let to = self.end;
+            self.shift(self.span(row), to);
             self.unlink(row);
             let run = &mut self.runs[row as usize];
             (run.start, run.before, run.after) = (to, self.last, NONE);
@@ -239,9 +255,7 @@ impl Merged {
             if len == 0 {
                 self.unlink(row);
             } else {
-                let from = start..start + len as usize;
-                self.neighbours.copy_within(from.clone(), to);
-                self.counts.copy_within(from, to);
+                self.shift(start..start + len as usize, to);
                 let run = &mut self.runs[row as usize];
                 (run.start, run.room) = (to, len);
                 to += len as usize;
@@ -251,17 +265,24 @@ impl Merged {
         self.end = to;
     }
 
-    /// Gives each in-edge of `row` the attributes that `attributes` tells of its source; whether the row was altered or any of
-    /// them differs.
-    pub(crate) fn settle(&mut self, row: u32, mut attributes: impl FnMut(u32) -> [f32; 3]) -> bool {
+    /// Gives each in-edge of `row` attributes and offsets of the difference that `difference` tells of its source; whether the
+    /// row was altered or any of what blocks read differs.
+    pub(crate) fn settle(&mut self, row: u32, scale: f32, difference: impl Fn(u32) -> [f64; 3]) -> bool {
         let altered = std::mem::take(&mut self.altered[row as usize]);
         let mut changed = altered;
         let span = self.span(row);
         let first = row as usize * self.extent.bases();
         let basis = if span.len() <= self.extent.bases() { self.basis.get_mut(first..) } else { None };
         let mut basis = basis.unwrap_or_default().iter_mut();
+        let mut offsets = self.offsets.get_mut(span.clone()).unwrap_or_default().iter_mut();
         for neighbour in &mut self.neighbours[span] {
-            let u = attributes(neighbour.row);
+            let difference = difference(neighbour.row);
+            if let Some(stored) = offsets.next() {
+                let offsets = difference.map(|d| offset(d, scale));
+                changed |= *stored != offsets;
+                *stored = offsets;
+            }
+            let u = difference.map(|d| attribute(d, scale));
             let basis = basis.next();
             if altered || neighbour.u != u {
                 neighbour.u = u;
@@ -403,10 +424,12 @@ mod tests {
             steps in proptest::collection::vec((0u32..5, 0u32..5, any::<bool>(), any::<bool>()), 0..400),
         ) {
             let extent = Extent::new(5 + more, 5, below);
-            let mut merged = Merged::new(extent, true);
+            let mut merged = Merged::new(extent, EdgeReads { basis: true, offsets: true });
             let mut plain: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); 5];
             let mut edges = 0;
-            let u = |source: u32| [source as f32, 0.5, 0.0];
+            let difference = |source: u32| [f64::from(source), -0.5, 0.0];
+            let u = |source: u32| difference(source).map(|d| attribute(d, 4.0));
+            let offsets = |source: u32| difference(source).map(|d| offset(d, 4.0));
             for (source, row, up, settle) in steps {
                 let at = merged.neighbours(row).binary_search_by_key(&source, |n| n.row);
                 let there = plain[row as usize].contains_key(&source);
@@ -430,11 +453,13 @@ mod tests {
                     prop_assert_eq!(merged.count_down(row, at.expect("it is there")), gone);
                 }
                 if settle {
-                    merged.settle(row, u);
-                    prop_assert!(!merged.settle(row, u));
+                    merged.settle(row, 4.0, difference);
+                    prop_assert!(!merged.settle(row, 4.0, difference));
                     prop_assert!(merged.neighbours(row).iter().all(|n| n.u == u(n.row)));
                     let basis: Vec<_> = merged.neighbours(row).iter().map(|n| spline_basis(n.u)).collect();
-                    prop_assert_eq!(merged.basis(row), basis);
+                    prop_assert_eq!(merged.edges(row).basis, basis);
+                    let expected: Vec<_> = merged.neighbours(row).iter().map(|n| offsets(n.row)).collect();
+                    prop_assert_eq!(merged.edges(row).offsets, expected);
                 }
                 for (row, plain) in (0..).zip(&plain) {
                     prop_assert!(merged.neighbours(row).iter().map(|n| n.row).eq(plain.keys().copied()));

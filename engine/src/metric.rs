@@ -1,6 +1,6 @@
 //! Distances and edge attributes between events, from integer differences.
 
-use meissner_kernels::attribute;
+use meissner_kernels::{attribute, offset};
 
 use crate::{Event, Sensor};
 
@@ -31,6 +31,7 @@ impl Node {
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     span: f64,
+    extents: [f64; 2],
     scale: f32,
     /// (dx / width)^2 for dx = 0..width.
     x2: Vec<f64>,
@@ -49,6 +50,7 @@ impl Metric {
         };
         Self {
             span: span_us as f64,
+            extents: [sensor.width, sensor.height].map(f64::from),
             scale,
             x2: squares(sensor.width),
             y2: squares(sensor.height),
@@ -96,6 +98,16 @@ impl Metric {
         };
         let t = attribute((source.t - reader.t) as f64 / self.span, self.scale);
         [at(&self.ux, source.x, reader.x), at(&self.uy, source.y, reader.y), t]
+    }
+
+    /// Offset of `source` as `reader` sees it.
+    #[inline]
+    pub(crate) fn offsets(&self, source: Node, reader: Node) -> [f32; 3] {
+        let along = |source: u16, reader: u16, d: usize| {
+            offset(f64::from(i32::from(source) - i32::from(reader)) / self.extents[d], self.scale)
+        };
+        let t = offset((source.t - reader.t) as f64 / self.span, self.scale);
+        [along(source.x, reader.x, 0), along(source.y, reader.y, 1), t]
     }
 }
 

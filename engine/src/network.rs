@@ -1,5 +1,4 @@
-//! A network as the engine runs it: the event graph, levels of spline blocks joined by poolings, a readout, dense
-//! layers. Shapes are checked once, here; engine and batch rely on them.
+//! A network as the engine runs it: the event graph, levels of blocks joined by poolings, a readout, dense layers. Shapes are checked once, here; engine and batch rely on them.
 //!
 //! A *feature* of a level is what enters it (index 0: the events' polarity, or the pooled maxima) or what its block
 //! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
@@ -10,8 +9,9 @@ mod fingerprint;
 
 use std::sync::{Arc, OnceLock};
 
-use meissner_kernels::{Dense, SplineConv};
+use meissner_kernels::Dense;
 
+use crate::convolution::{EdgeReads, GraphConvolution};
 use crate::frames::FrameNetwork;
 use crate::{EngineError, Fraction};
 pub(crate) use check::{in_range, option};
@@ -120,7 +120,7 @@ pub struct Pooling {
     pub position: Position,
 }
 
-/// A spline block of a level.
+/// A block of a level.
 #[derive(Clone, Debug)]
 pub struct Block {
     /// Name, for reports.
@@ -129,23 +129,23 @@ pub struct Block {
     pub input: usize,
     /// Feature that is added to the result.
     pub skip: Option<usize>,
-    /// Convolution, ELU and batch norm.
-    pub conv: SplineConv,
+    /// Convolution, activation and batch norm.
+    pub conv: GraphConvolution,
 }
 
-/// The spline blocks over one graph.
+/// The blocks over one graph.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1).
+    /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1) and of the offsets (`p_j` - `p_i`) / s.
     pub scale: f32,
     /// In an order in which each reads only what was written before it.
     pub blocks: Vec<Block>,
 }
 
 impl Level {
-    /// Whether a block reads the basis of in-edges.
-    pub(crate) fn reads_basis(&self) -> bool {
-        self.blocks.iter().any(|block| block.conv.reads_basis())
+    /// What the blocks read of in-edges.
+    pub(crate) fn edge_reads(&self) -> EdgeReads {
+        self.blocks.iter().map(|block| block.conv.edge_reads()).fold(EdgeReads::default(), EdgeReads::or)
     }
 }
 

@@ -28,7 +28,7 @@ pub struct Options {
     /// Largest change of a row's values that does not propagate, in the units of the layer: an approximation. The
     /// default, 0, is exact.
     ///
-    /// A recomputed row of a spline block that is within the tolerance of the stored row in every channel keeps the
+    /// A recomputed row of a block that is within the tolerance of the stored row in every channel keeps the
     /// stored values. A row that has just entered is always stored. At any time, every stored row is within the
     /// tolerance of the values that its stored inputs give. Pooled maxima and the readout are exact over stored rows, and
     /// so are the event rows of `frozen` networks, which are computed once.

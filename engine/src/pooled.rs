@@ -7,10 +7,11 @@
 
 use std::iter;
 
-use meissner_kernels::{Lanes, Matrix, Neighbour, attribute};
+use meissner_kernels::{GraphRow, Matrix, Neighbour};
 
 use crate::Sensor;
 use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
+use crate::convolution::EdgeReads;
 use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
@@ -20,11 +21,6 @@ use crate::network::{Level, Network, Position};
 use crate::room::Room;
 use crate::rows::RowSet;
 use crate::window::Window;
-
-/// Edge attributes of a source at `source` for a reader at `reader`.
-fn attributes(source: [f64; 3], reader: [f64; 3], scale: f32) -> [f32; 3] {
-    [0, 1, 2].map(|d| attribute(source[d] - reader[d], scale))
-}
 
 /// The level that a pooling reads.
 #[derive(Clone, Copy)]
@@ -47,8 +43,8 @@ pub(crate) struct Shape {
     queues: bool,
     /// Whether members' positions are summed in the order of cells.
     orders: bool,
-    /// Whether a block reads the basis of in-edges.
-    basis: bool,
+    /// What blocks read of in-edges.
+    reads: EdgeReads,
 }
 
 impl Shape {
@@ -74,7 +70,7 @@ impl Shape {
                 channels: network.channels(i + 1)[0],
                 queues: i == 0 && parts.graph.is_frozen(),
                 orders: i > 0 && grid.position() == Position::Mean,
-                basis: level.reads_basis(),
+                reads: level.edge_reads(),
                 grid,
             });
             (rows, edges) = (slots, extent.edges);
@@ -100,7 +96,7 @@ impl Shape {
             size_of::<PooledGraph>() + self.grid.bytes() + slots * of_slot + 3 * RowSet::bytes(slots) + order;
         own as u128
             + Maxima::bytes(self.rows_below, slots, self.channels, self.queues) as u128
-            + self.edges.map_or(0, |extent| Merged::bytes(extent, self.basis))
+            + self.edges.map_or(0, |extent| Merged::bytes(extent, self.reads))
     }
 }
 
@@ -135,7 +131,7 @@ impl PooledGraph {
             sums: vec![EventSums::default(); slots],
             alive: 0,
             positions: vec![[0.0; 3]; slots],
-            edges: shape.edges.map(|extent| Merged::new(extent, shape.basis)),
+            edges: shape.edges.map(|extent| Merged::new(extent, shape.reads)),
             maxima: Maxima::new(shape.rows_below, slots, shape.channels, shape.queues),
             moved: RowSet::new(slots),
             stale: RowSet::new(slots),
@@ -334,8 +330,8 @@ impl PooledGraph {
         for &cell in self.stale.as_slice() {
             let Some(edges) = &mut self.edges else { break };
             let own = self.positions[cell as usize];
-            let changed =
-                edges.settle(cell, |source| attributes(self.positions[source as usize], own, self.scale));
+            let difference = |source: u32| [0, 1, 2].map(|d| self.positions[source as usize][d] - own[d]);
+            let changed = edges.settle(cell, self.scale, difference);
             counters.neighbourhoods_checked += 1;
             if changed {
                 rewired(cell);
@@ -374,8 +370,8 @@ impl Adjacency for PooledGraph {
     }
 
     #[inline]
-    fn basis(&self, row: u32) -> &[Lanes] {
-        self.edges.as_ref().map_or(&[], |edges| edges.basis(row))
+    fn edges(&self, row: u32) -> GraphRow<'_> {
+        self.edges.as_ref().map_or_else(GraphRow::default, |edges| edges.edges(row))
     }
 
     #[inline]

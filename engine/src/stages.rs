@@ -10,13 +10,13 @@ pub enum Stage {
     EventGraph,
     /// Structure of the pooled levels and of the readout: members, merged edges.
     PooledGraphs,
-    /// Spline blocks of the event level.
+    /// Blocks of the event level.
     EventLayers,
     /// Maxima of the poolings.
     PooledMaxima,
     /// Positions and edge attributes of the pooled levels.
     PooledAttributes,
-    /// Spline blocks above the event level.
+    /// Blocks above the event level.
     PooledLayers,
     /// Maxima of the readout.
     Readout,

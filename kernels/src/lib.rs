@@ -8,6 +8,7 @@
 //! | type | what it computes |
 //! |---|---|
 //! | [`SplineConv`] | rows of a spline convolution over in-edges ([`Neighbour`]), with ELU, batch norm and skip |
+//! | [`PointNetConv`] | rows of a PointNet convolution over in-edges, with ReLU, batch norm and skip |
 //! | [`Dense`], [`Lstm`] | a dense layer; a step of an LSTM |
 //! | [`Conv3x3`], [`WinogradConv3x3`], [`PlanarConv3x3`], [`TransposedConv2x2`] | convolutions of images |
 //! | [`PlanarConvLstm`] | a step of a convolutional LSTM, with peepholes |
@@ -15,7 +16,7 @@
 //! | [`Isa`] | the instruction set that kernels run on; no result depends on it |
 //!
 //! ```
-//! use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute};
+//! use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch, attribute};
 //!
 //! // Two channels into one, over a kernel of 2 x 2 x 2 slots; x varies fastest, so slot 1 is "to the right".
 //! let mut weight = vec![0.0; 8 * 2];
@@ -26,7 +27,7 @@
 //! // A row reads row 0, which lies 0.25 to the right of it at the same height, and earlier by all of the scale, 0.25.
 //! let features = Matrix::from_rows(2, &[3.0, 7.0]);
 //! let u = [0.25, 0.0, -0.25].map(|difference| attribute(difference, 0.25));
-//! let row = SplineRow { neighbours: &[Neighbour { row: 0, u }], ..SplineRow::default() };
+//! let row = GraphRow { neighbours: &[Neighbour { row: 0, u }], ..GraphRow::default() };
 //! let mut out = [Lanes::ZERO];
 //! conv.rows(Isa::best(), &features, &[row], &mut SplineScratch::default(), &mut out);
 //! assert_eq!((u, out[0].0[0]), ([1.0, 0.5, 0.0], 1.5));
@@ -43,6 +44,7 @@ mod elementary;
 mod elementwise;
 mod error;
 mod frames;
+mod graph;
 #[allow(
     unsafe_code,
     reason = "the one place where an instruction set beyond the build's baseline is entered"
@@ -53,7 +55,9 @@ mod matrix;
 mod maximum;
 pub mod naive;
 mod nearby;
+mod packed;
 mod planar;
+mod pointnet;
 mod recurrent;
 mod replace;
 mod spline;
@@ -67,17 +71,16 @@ pub use frames::{
     SqueezeExcite, SqueezeScratch, TransposedConv2x2, View, WinogradConv3x3, WinogradTile, average_pool,
     global_average, max_pool_2x2,
 };
+pub use graph::{GraphRow, Neighbour, attribute, offset};
 pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use maximum::{is_nan, maximum, same_bits, settle};
 pub use nearby::Nearby;
 pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
+pub use pointnet::{PointNetConv, PointNetParts, PointNetScratch, pointnet_multiply_adds};
 pub use recurrent::{
     Lstm, LstmParts, LstmState, PlanarConvLstm, PlanarConvLstmState, Squash, lstm_update, lstm_update_rows,
 };
 pub use replace::{Replaced, replace_rows, replace_rows_beyond};
-pub use spline::{
-    Neighbour, SplineConv, SplineParts, SplineRow, SplineScratch, attribute, spline_basis,
-    spline_multiply_adds,
-};
+pub use spline::{SplineConv, SplineParts, SplineScratch, spline_basis, spline_multiply_adds};

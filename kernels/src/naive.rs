@@ -8,7 +8,9 @@ pub mod frames;
 
 use crate::dense::Activation;
 use crate::elementary::{elu, sigmoid, tanh};
-use crate::spline::{Neighbour, SplineParts, locate};
+use crate::graph::{GraphRow, Neighbour};
+use crate::pointnet::PointNetParts;
+use crate::spline::{SplineParts, locate};
 
 /// B(e, s) of every slot of a kernel.
 pub fn basis(kernel: [usize; 3], u: [f32; 3]) -> Vec<Option<f32>> {
@@ -83,6 +85,38 @@ pub fn spline_row(
             skip.map_or(y, |skip| y + skip[o])
         })
         .collect()
+}
+
+/// One row of a `PointNet` block; `x(j, c)` is channel c of row j, and `own` is the row itself.
+pub fn pointnet_row(
+    parts: &PointNetParts,
+    row: &GraphRow<'_>,
+    x: impl Fn(usize, usize) -> f32,
+    own: usize,
+    skip: Option<&[f32]>,
+) -> Vec<f32> {
+    let mut read: Vec<(usize, [f32; 3])> = vec![(own, [0.0; 3])];
+    read.extend(row.neighbours.iter().zip(row.offsets).map(|(n, &offset)| (n.row as usize, offset)));
+    let (scale, shift) = parts.norm.clone().unwrap_or((vec![1.0; parts.outputs], vec![0.0; parts.outputs]));
+    let output = |o: usize| {
+        let weight = &parts.weight[o * (parts.inputs + 3)..][..parts.inputs + 3];
+        let mut y = 0.0f32;
+        for &(row, offset) in &read {
+            let mut sum = parts.bias[o];
+            for (c, w) in weight[..parts.inputs].iter().enumerate() {
+                sum = x(row, c).mul_add(*w, sum);
+            }
+            for (d, w) in offset.iter().zip(&weight[parts.inputs..]) {
+                sum = d.mul_add(*w, sum);
+            }
+            if sum > y || sum.is_nan() {
+                y = sum;
+            }
+        }
+        let y = y.mul_add(scale[o], shift[o]);
+        skip.map_or(y, |skip| y + skip[o])
+    };
+    (0..parts.outputs).map(output).collect()
 }
 
 /// The points that [`Nearby::find`](crate::Nearby::find) finds, in ascending order, whatever their number.

@@ -1,7 +1,8 @@
 //! Every kernel on every instruction set against its scalar twin, bit for bit.
 
-use meissner_kernels::{Activation, Dense, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts};
-use meissner_kernels::{SplineRow, SplineScratch, naive, spline_basis};
+use meissner_kernels::{Activation, Dense, GraphRow, Isa, Lanes, Matrix, Neighbour, naive};
+use meissner_kernels::{PointNetConv, PointNetParts, PointNetScratch};
+use meissner_kernels::{SplineConv, SplineParts, SplineScratch, spline_basis};
 use proptest::prelude::*;
 
 fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
@@ -53,6 +54,30 @@ fn case() -> impl Strategy<Value = Case> {
     })
 }
 
+/// A `PointNet` block, the values of its rows, the in-edges of one row with their offsets, and what is added.
+type PointNetCase = (PointNetParts, Vec<f32>, Vec<(u32, [f32; 3])>, Option<Vec<f32>>);
+
+fn pointnet_case() -> impl Strategy<Value = PointNetCase> {
+    (1usize..=34, 1usize..=34, 0usize..=24).prop_flat_map(|(inputs, outputs, degree)| {
+        let offset = || prop_oneof![4 => -3.0f32..3.0, 1 => Just(0.0), 1 => Just(-0.0)];
+        let norm = proptest::option::of((values(outputs), values(outputs)));
+        let parts = (values(outputs * (inputs + 3)), values(outputs), norm)
+            .prop_map(move |(weight, bias, norm)| PointNetParts { inputs, outputs, weight, bias, norm });
+        let edge = (0..ROWS as u32, [offset(), offset(), offset()]);
+        // Now and then a feature that makes sums infinite or NaN.
+        let features = (values(ROWS * inputs), proptest::option::weighted(0.1, 0..ROWS * inputs)).prop_map(
+            |(mut features, infinite)| {
+                if let Some(at) = infinite {
+                    features[at] = f32::INFINITY;
+                }
+                features
+            },
+        );
+        let skip = proptest::option::of(values(outputs));
+        (parts, features, proptest::collection::vec(edge, degree), skip)
+    })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
@@ -71,12 +96,12 @@ proptest! {
         for isa in Isa::available() {
             // Twice with one scratch, with the basis at hand and without: what a row leaves behind must not reach the next.
             for basis in [&basis[..], &[]] {
-                let row = SplineRow {
-                    neighbours: &case.neighbours, basis, own: features.row(own), skip: skip.as_deref(),
+                let row = GraphRow {
+                    neighbours: &case.neighbours, basis, offsets: &[], own: features.row(own), skip: skip.as_deref(),
                 };
                 // Among others that differ from it, so that tiles of every size occur.
                 let neighbours = &case.neighbours[case.neighbours.len() / 2..];
-                let other = SplineRow { neighbours, basis: &[], ..row };
+                let other = GraphRow { neighbours, basis: &[], ..row };
                 let rows: Vec<_> = (0..company).map(|i| if i == place % company { row } else { other }).collect();
                 let mut out = Matrix::zeros(company, case.parts.outputs);
                 conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
@@ -97,6 +122,44 @@ proptest! {
         let zeros = vec![0.0; outputs];
         prop_assert_eq!(parts.bias, Some(case.parts.bias.unwrap_or_else(|| zeros.clone())));
         prop_assert_eq!(parts.norm, Some(case.parts.norm.unwrap_or((vec![1.0; outputs], zeros))));
+    }
+
+    #[test]
+    fn a_pointnet_row_is_the_same_bits_as_its_scalar_twin(
+        (parts, features, edges, skip) in pointnet_case(), own in 0..ROWS, company in 1usize..20, place in 0usize..20,
+    ) {
+        let neighbours: Vec<Neighbour> = edges.iter().map(|&(row, _)| Neighbour { row, u: [0.5; 3] }).collect();
+        let offsets: Vec<[f32; 3]> = edges.iter().map(|&(_, offset)| offset).collect();
+        let matrix = Matrix::from_rows(parts.inputs, &features);
+        let packed = skip.as_deref().map(Lanes::pack);
+        let row = GraphRow {
+            neighbours: &neighbours, basis: &[], offsets: &offsets, own: matrix.row(own), skip: packed.as_deref(),
+        };
+        let x = |j: usize, c: usize| features[j * parts.inputs + c];
+        let bits = |v: f32| if v.is_nan() { f32::NAN.to_bits() } else { v.to_bits() };
+        let expected = naive::pointnet_row(&parts, &row, x, own, skip.as_deref());
+        let expected: Vec<u32> = expected.into_iter().map(bits).collect();
+        let conv = PointNetConv::new(&parts).unwrap();
+        // What a row leaves behind must not reach the next.
+        let mut scratch = PointNetScratch::default();
+        let half = edges.len() / 2;
+        let other = GraphRow { neighbours: &neighbours[half..], offsets: &offsets[half..], ..row };
+        let rows: Vec<_> = (0..company).map(|i| if i == place % company { row } else { other }).collect();
+        for isa in Isa::available() {
+            let mut out = Matrix::zeros(company, parts.outputs);
+            conv.rows(isa, &matrix, &rows, &mut scratch, out.lanes_mut());
+            let got: Vec<u32> = out.values(place % company).map(bits).collect();
+            prop_assert_eq!(&got, &expected, "{} of {} rows, {}", place % company, company, isa.name());
+        }
+    }
+
+    #[test]
+    fn a_pointnet_block_made_of_its_own_parts_has_the_same_parts((parts, ..) in pointnet_case()) {
+        let again = PointNetConv::new(&parts).unwrap().parts();
+        prop_assert_eq!(&again.weight, &parts.weight);
+        prop_assert_eq!(&again.bias, &parts.bias);
+        let trivial = (vec![1.0; parts.outputs], vec![0.0; parts.outputs]);
+        prop_assert_eq!(again.norm, Some(parts.norm.unwrap_or(trivial)));
     }
 
     #[test]

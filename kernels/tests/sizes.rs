@@ -2,8 +2,9 @@
 
 use meissner_kernels::{
     Activation, Conv1x1, Conv3x3, ConvParts, Dense, FeatureMap, KernelError, Lstm, LstmParts, Matrix,
-    PlanarConv3x3, PlanarConvLstm, Planes, SplineConv, SplineParts, Squash, SqueezeExcite, TileRegion,
-    TransposedConv2x2, WinogradConv3x3, WinogradTile, planar_average_pool, spline_multiply_adds,
+    PlanarConv3x3, PlanarConvLstm, Planes, PointNetConv, PointNetParts, SplineConv, SplineParts, Squash,
+    SqueezeExcite, TileRegion, TransposedConv2x2, WinogradConv3x3, WinogradTile, planar_average_pool,
+    pointnet_multiply_adds, spline_multiply_adds,
 };
 
 /// Products of two of them overflow, one to 0 and one to 1.
@@ -38,6 +39,8 @@ fn dense_layers_and_cells_of_sizes_that_no_tensor_has_are_refused() {
                 let spline =
                     SplineParts { inputs, outputs: hidden, kernel: [1; 3], ..SplineParts::default() };
                 assert!(refused(SplineConv::new(&spline)), "{inputs} -> {hidden}");
+                let pointnet = PointNetParts { inputs, outputs: hidden, ..PointNetParts::default() };
+                assert!(refused(PointNetConv::new(&pointnet)), "{inputs} -> {hidden}");
             }
         }
     }
@@ -107,4 +110,6 @@ fn what_has_no_values_has_no_rows_and_no_windows() {
 fn costs_beyond_all_numbers_saturate() {
     assert_eq!(spline_multiply_adds([usize::MAX; 3], usize::MAX, usize::MAX, true, usize::MAX), usize::MAX);
     assert_eq!(spline_multiply_adds([2; 3], 3, 5, true, 4), 4 * 8 * 3 + (8 + 1) * 3 * 5);
+    assert_eq!(pointnet_multiply_adds(usize::MAX, usize::MAX, usize::MAX), usize::MAX);
+    assert_eq!(pointnet_multiply_adds(3, 5, 4), (4 + 1) * (3 + 3) * 5);
 }

@@ -32,6 +32,15 @@
 //! weights = "blocks.0"         # prefix of the names of its tensors; default: its name
 //!
 //! [[layer]]
+//! name = "conv2"
+//! kind = "block"               # any block: [`conv`](convolution) chooses, `kind = "spline"` is short for conv = "spline"
+//! conv = "pointnet"            # no keys of its own: maximum over the in-edges and the row itself, ReLU
+//! channels = 16
+//! skip = "conv1"               # these three as above
+//! norm = true
+//! weights = "blocks.1"
+//!
+//! [[layer]]
 //! name = "pool1"
 //! kind = "pool"
 //! cell = ["16/346", "12/260"]  # size of a cell along x and y, as fractions of the sensor
@@ -97,6 +106,7 @@
 
 mod any;
 mod build;
+pub mod convolution;
 mod document;
 mod file;
 pub mod frames;
@@ -111,6 +121,7 @@ mod wiring;
 use meissner_engine::{GraphRule, Normalisation};
 
 pub use any::AnyDescription;
+pub use convolution::ConvolutionKind;
 pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};

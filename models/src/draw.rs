@@ -6,8 +6,9 @@
 //! Each tensor has its own stream of [`Random`], which starts at the seed plus the FNV-1a hash of the tensor's name. A tensor
 //! therefore does not depend on other tensors. A normal value is the sum of four uniform values, centred and scaled to
 //! variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et al. 2015). The inputs of a spline convolution are its
-//! channels, because the basis of an edge sums to 1. Running variances are drawn around the variance that is expected at
-//! the layer, so that activations neither explode nor vanish.
+//! channels, because the basis of an edge sums to 1; those of a `PointNet` convolution are its channels and the offset.
+//! Running variances are drawn around the variance that is expected at the layer, so that activations neither explode nor
+//! vanish.
 
 use std::hash::Hasher;
 

@@ -42,7 +42,8 @@ mod weights;
 
 pub use description::frames::{FrameDescription, FrameKind, FrameLayer, FrameSource};
 pub use description::{
-    Agreement, AnyDescription, Description, DescriptionError, Layer, LayerKind, Problem, ProblemKind,
+    Agreement, AnyDescription, ConvolutionKind, Description, DescriptionError, Layer, LayerKind, Problem,
+    ProblemKind,
 };
 pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};

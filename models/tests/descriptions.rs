@@ -4,7 +4,7 @@ use super::support;
 
 use meissner_engine::{Candidates, Lifetime, Network, Normalisation, Position, Reach};
 use meissner_models::description::{FieldStart, Per};
-use meissner_models::{Description, Layer, LayerKind, Weights, draw};
+use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
 
 fn shipped(name: &str) -> (Description, Network) {
@@ -170,7 +170,9 @@ fn poolings_chain_without_blocks_between_them() {
 #[test]
 fn a_kernel_of_two_sizes_leaves_time_out() {
     let description = Description::parse(SMALL).expect("consistent");
-    let LayerKind::Spline { kernel, .. } = layer(&description, "conv2").kind else { panic!("a spline") };
+    let Some(&ConvolutionKind::Spline { kernel, .. }) = layer(&description, "conv2").convolution() else {
+        panic!("a spline")
+    };
     assert_eq!(kernel, [2, 3, 1]);
     let tensors: Vec<(String, Vec<usize>)> = description.tensors();
     assert!(tensors.contains(&("conv2.conv.weight".to_owned(), vec![6, 3, 3])));
@@ -231,7 +233,7 @@ fn the_table_the_data_and_the_pictures_name_every_layer() {
             assert!(texts.iter().all(|text| text.contains(&layer.name)), "{}", layer.name);
         }
         assert!(texts[1].starts_with("digraph") && texts[1].trim_end().ends_with('}'));
-        let skips = |l: &&Layer| matches!(l.kind, LayerKind::Spline { skip: Some(_), .. });
+        let skips = |l: &&Layer| matches!(l.kind, LayerKind::Block { skip: Some(_), .. });
         let skips = description.layers().iter().filter(skips).count();
         assert_eq!(texts[1].matches("style = dashed").count(), skips);
         assert_eq!(texts[2].matches("stroke-dasharray").count(), skips);

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use super::support;
 
+use meissner_engine::ConvolutionScratch;
 use meissner_engine::Normalisation;
-use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineRow, SplineScratch};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour};
 use meissner_models::{AnyDescription, Description, Tensor, Weights, draw, drawn_file};
 use serde_json::Value;
 use support::SMALL;
@@ -106,10 +107,10 @@ fn the_listed_slot_strides_are_those_of_the_kernel() {
         }));
         let network = description.network(&weights).expect("all tensors are there");
         let u = [x as f32 / 2.0, y as f32, t as f32 / 3.0];
-        let row = SplineRow { neighbours: &[Neighbour { row: 0, u }], ..SplineRow::default() };
+        let row = GraphRow { neighbours: &[Neighbour { row: 0, u }], ..GraphRow::default() };
         let mut out = [Lanes::ZERO];
         let conv = &network.level(0).blocks[0].conv;
-        conv.rows(Isa::best(), &one, &[row], &mut SplineScratch::default(), &mut out);
+        conv.rows(Isa::best(), &one, &[row], &mut ConvolutionScratch::default(), &mut out);
         assert!((out[0].0[0] - 1.0).abs() < 1e-6, "slot {slot} at {u:?} gives {}", out[0].0[0]);
     }
 }

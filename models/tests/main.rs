@@ -1,5 +1,6 @@
 //! Descriptions, weights and networks built from them.
 
+mod convolutions;
 mod descriptions;
 mod frame_problems;
 mod frame_vectors;

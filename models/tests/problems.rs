@@ -88,7 +88,7 @@ fn a_value_of_another_type_or_range_is_reported_with_what_was_expected() {
         (
             "kind = \"dense\"",
             "kind = \"dens\"",
-            "line 38: layer \"fc\": kind: expected \"spline\" or \"pool\" or \"readout\" or \"dense\", found \"dens\"",
+            "line 38: layer \"fc\": kind: expected \"block\" or \"spline\" or \"pool\" or \"readout\" or \"dense\", found \"dens\"",
         ),
     ] {
         assert_eq!(only(&changed(old, new)), expected);
@@ -233,7 +233,7 @@ fn rows_cannot_be_read_from_a_readout() {
     let found: Vec<String> = problems(&text).iter().map(ToString::to_string).collect();
     assert!(
         found.contains(
-            &"line 36: layer \"fc\": from: expected \"events\", a spline or a pool layer, found readout layer \"grid\" \
+            &"line 36: layer \"fc\": from: expected \"events\", a block or a pool layer, found readout layer \"grid\" \
               on line 31"
                 .to_owned()
         ),

@@ -36,19 +36,19 @@
 #![forbid(unsafe_code)]
 
 mod activation;
+mod convolution;
 mod difference;
 mod error;
 mod events;
 mod frames;
-mod spline;
 mod tree;
 mod ulp;
 
 pub use activation::{activated, elementary, elu, sigmoid};
+pub use convolution::{BatchNorm, Norm};
 pub use difference::Difference;
 pub use error::ReferenceError;
 pub use events::{EventReference, EventTrace, ReferenceLevel, Rows};
 pub use frames::FrameReference;
-pub use spline::{BatchNorm, Norm};
 pub use tree::{PROPOSE, from_tree};
 pub use ulp::ulps;

@@ -10,6 +10,9 @@ pub use files::{find_shared, shared};
 #[path = "../shared_files.rs"]
 mod files;
 
+/// The description of the network of the golden file `pointnet`.
+pub const POINTNET: &str = include_str!("../pointnet.toml");
+
 /// The tensors of a golden file.
 #[derive(Clone, Debug)]
 pub struct Golden {

@@ -4,8 +4,8 @@
 //! are computed here once more, in wide integers.
 
 use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
-use meissner_engine::{Event, Fraction, Pooling, Trace};
-use meissner_kernels::{Isa, Lanes, Matrix, SplineRow, SplineScratch, maximum, settle};
+use meissner_engine::{ConvolutionScratch, Event, Fraction, Pooling, Trace};
+use meissner_kernels::{Isa, Lanes, Matrix, maximum, settle};
 
 use meissner_verify::{CheckedEngine, bits};
 
@@ -54,14 +54,10 @@ pub fn check(checked: &mut CheckedEngine) -> Result<(), String> {
                 continue;
             }
             for row in 0..input.rows() {
-                let reads = SplineRow {
-                    neighbours: level.edges.row(row),
-                    own: input.row(row),
-                    skip: block.skip.map(|skip| features[skip].row(row)),
-                    ..SplineRow::default()
-                };
+                let skip = block.skip.map(|skip| features[skip].row(row));
+                let reads = level.edges.read(row, input.row(row), skip);
                 let mut out = vec![Lanes::ZERO; Lanes::count(block.conv.outputs())];
-                block.conv.rows(Isa::best(), input, &[reads], &mut SplineScratch::default(), &mut out);
+                block.conv.rows(Isa::best(), input, &[reads], &mut ConvolutionScratch::default(), &mut out);
                 let given = out.iter().flat_map(|lanes| lanes.0);
                 for (c, (stored, given)) in features[b + 1].values(row).zip(given).enumerate() {
                     if stored.to_bits() != given.to_bits()

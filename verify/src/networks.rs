@@ -4,26 +4,84 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
-    Block, DenseLayer, Fraction, GraphRule, Level, Network, NetworkParts, Normalisation, Pooling, Position,
-    Readout,
+    Block, DenseLayer, Fraction, GraphConvolution, GraphRule, Level, Network, NetworkParts, Normalisation,
+    Pooling, Position, Readout,
 };
-use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
+use meissner_kernels::{Activation, Dense, PointNetConv, PointNetParts, SplineConv, SplineParts};
 
 use crate::frame_networks;
 use meissner_models::random::Random;
 
-/// A spline block without its numbers.
+/// A convolution without its numbers.
+#[derive(Clone, Copy, Debug)]
+pub enum ConvolutionShape {
+    /// Spline, with its kernel size along x, y, t.
+    Spline([usize; 3]),
+    /// `PointNet`.
+    PointNet,
+}
+
+impl ConvolutionShape {
+    /// A convolution for each number below 8, five of them splines of `kernel`.
+    ///
+    /// # Panics
+    /// If `number` is 8 or more.
+    pub fn of(number: u8, kernel: [usize; 3]) -> Self {
+        assert!(number < 8, "one of eight");
+        if number < 5 { Self::Spline(kernel) } else { Self::PointNet }
+    }
+
+    /// The convolution, with numbers drawn from `random`. Of `extras` it has those that there are for its kind.
+    fn build(
+        self,
+        inputs: usize,
+        outputs: usize,
+        extras: [bool; 4],
+        random: &mut Random,
+    ) -> GraphConvolution {
+        let [root, bias, norm, elu] = extras;
+        let mut values = |given: bool, count, scale| given.then(|| random.values(count, scale));
+        match self {
+            Self::Spline(kernel) => {
+                let slots: usize = kernel.iter().product();
+                let parts = SplineParts {
+                    inputs,
+                    outputs,
+                    kernel,
+                    weight: values(true, slots * inputs * outputs, 1.0).unwrap_or_default(),
+                    root: values(root, inputs * outputs, 0.7),
+                    bias: values(bias, outputs, 0.3),
+                    norm: values(norm, outputs, 1.2).zip(values(norm, outputs, 0.3)),
+                    elu,
+                };
+                SplineConv::new(&parts).expect("sizes fit").into()
+            }
+            Self::PointNet => {
+                let parts = PointNetParts {
+                    inputs,
+                    outputs,
+                    weight: values(true, (inputs + 3) * outputs, 0.7).unwrap_or_default(),
+                    bias: values(bias, outputs, 0.3).unwrap_or_else(|| vec![0.0; outputs]),
+                    norm: values(norm, outputs, 1.2).zip(values(norm, outputs, 0.3)),
+                };
+                PointNetConv::new(&parts).expect("sizes fit").into()
+            }
+        }
+    }
+}
+
+/// A block without its numbers.
 #[derive(Clone, Debug)]
 pub struct BlockShape {
     /// Channels written.
     pub channels: usize,
-    /// Kernel size along x, y, t.
-    pub kernel: [usize; 3],
+    /// Its convolution.
+    pub conv: ConvolutionShape,
     /// Picks the feature that is read among those there are.
     pub input: usize,
     /// Picks the feature that is added among those that fit; `None` adds none.
     pub skip: Option<usize>,
-    /// Root weight, bias, batch norm, ELU.
+    /// Root weight, bias, batch norm, ELU, of those that the convolution can have.
     pub extras: [bool; 4],
 }
 
@@ -154,19 +212,7 @@ fn level(blocks: &[BlockShape], inputs: usize, random: &mut Random) -> (Level, V
         let (inputs, outputs) = (channels[input], shape.channels);
         let fitting: Vec<usize> = (0..channels.len()).filter(|&f| channels[f] == outputs).collect();
         let skip = shape.skip.filter(|_| !fitting.is_empty()).map(|pick| fitting[pick % fitting.len()]);
-        let slots: usize = shape.kernel.iter().product();
-        let [root, bias, norm, elu] = shape.extras;
-        let parts = SplineParts {
-            inputs,
-            outputs,
-            kernel: shape.kernel,
-            weight: random.values(slots * inputs * outputs, 1.0),
-            root: root.then(|| random.values(inputs * outputs, 0.7)),
-            bias: bias.then(|| random.values(outputs, 0.3)),
-            norm: norm.then(|| (random.values(outputs, 1.2), random.values(outputs, 0.3))),
-            elu,
-        };
-        let conv = SplineConv::new(&parts).expect("sizes fit");
+        let conv = shape.conv.build(inputs, outputs, shape.extras, random);
         out.push(Block { name: format!("conv{}_{}", inputs, i + 1), input, skip, conv });
         channels.push(outputs);
     }

@@ -147,13 +147,19 @@ impl Source {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::networks::{BlockShape, NetworkShape};
+    use crate::networks::{BlockShape, ConvolutionShape, NetworkShape};
     use meissner_engine::{Candidates, DropReason, GraphRule, LatePolicy, Reach};
 
     #[test]
     fn streams_hold_every_difficulty_and_are_determined_by_their_seed() {
         let graph = GraphRule { reach: Reach::Knn { k: 4 }, candidates: Candidates::All };
-        let block = BlockShape { channels: 2, kernel: [2; 3], input: 0, skip: None, extras: [true; 4] };
+        let block = BlockShape {
+            channels: 2,
+            conv: ConvolutionShape::Spline([2; 3]),
+            input: 0,
+            skip: None,
+            extras: [true; 4],
+        };
         let network = NetworkShape {
             graph,
             span_us: 1_000,

@@ -4,7 +4,7 @@ use meissner_engine::{Candidates, GraphRule, Lifetime, Reach, Sensor};
 use proptest::prelude::*;
 
 use crate::frame_networks::Style as FrameStyle;
-use crate::networks::{BlockShape, NetworkShape, PoolShape};
+use crate::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use crate::step::{Relative, Script};
 
 /// How events are spread over the sensor and over time.
@@ -72,14 +72,14 @@ fn block() -> impl Strategy<Value = BlockShape> {
     ];
     (
         prop_oneof![3 => 1usize..=9, 1 => Just(16usize)],
-        kernel,
+        (0u8..8, kernel),
         0usize..8,
         any::<Option<u8>>(),
         any::<[bool; 4]>(),
     )
-        .prop_map(|(channels, kernel, input, skip, extras)| BlockShape {
+        .prop_map(|(channels, (number, kernel), input, skip, extras)| BlockShape {
             channels,
-            kernel,
+            conv: ConvolutionShape::of(number, kernel),
             input,
             skip: skip.map(usize::from),
             extras,

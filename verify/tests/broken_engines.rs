@@ -8,14 +8,20 @@ use meissner_engine::{
 };
 use meissner_kernels::Neighbour;
 use meissner_verify::frame_networks::{Style, network as frame_network};
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use meissner_verify::{
     Difference, Incremental, IncrementalEvents, Mismatch, Settings, Step, Stream, VerifyError, poisoned,
     replay, replay_frames, verify, verify_frames, verify_frames_with, verify_with,
 };
 
 fn network() -> Arc<Network> {
-    let block = BlockShape { channels: 4, kernel: [2; 3], input: 0, skip: None, extras: [true; 4] };
+    let block = BlockShape {
+        channels: 4,
+        conv: ConvolutionShape::Spline([2; 3]),
+        input: 0,
+        skip: None,
+        extras: [true; 4],
+    };
     let pool = PoolShape { from: 1, cell: [(1, 4); 2], time: None, mean: true, blocks: vec![block.clone()] };
     let shape = NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::All },

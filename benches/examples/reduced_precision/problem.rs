@@ -1,7 +1,7 @@
 //! Rows to compute: real activations and in-edges, weights from a seed, and the engine's own answer.
 
 use meissner_engine::Trace;
-use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineRow};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts};
 use meissner_kernels::{SplineScratch, spline_basis};
 use meissner_models::random::Random;
 
@@ -60,12 +60,12 @@ impl Problem {
         scratch: &mut SplineScratch,
         out: &mut Matrix,
     ) {
-        let mut group = [SplineRow::default(); GROUP];
+        let mut group = [GraphRow::default(); GROUP];
         let lanes = out.lanes_mut().chunks_mut(GROUP * Lanes::count(self.outputs));
         for (g, (edges, out)) in edges.chunks(GROUP * self.degree).zip(lanes).enumerate() {
             for (r, (to, neighbours)) in group.iter_mut().zip(edges.chunks(self.degree)).enumerate() {
                 let basis = basis.map_or(&[][..], |b| &b[(g * GROUP + r) * self.degree..][..self.degree]);
-                *to = SplineRow { neighbours, basis, own: &[], skip: None };
+                *to = GraphRow { neighbours, basis, ..GraphRow::default() };
             }
             self.conv.rows(Isa::best(), &self.features, &group, scratch, out);
         }

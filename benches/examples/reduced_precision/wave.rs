@@ -194,7 +194,7 @@ impl Step<'_> {
                     let edges = new.edges.row(row);
                     let edges_before = at.map_or(&[][..], |at| old.edges.row(at));
                     let moved = changes(edges, edges_before, &rows_before, &changed[block.input]);
-                    let own = block.conv.has_root() && changed[block.input][row];
+                    let own = block.conv.reads_itself() && changed[block.input][row];
                     let skip = block.skip.is_some_and(|skip| changed[skip][row]);
                     if at.is_some() && moved == 0 && !own && !skip {
                         assert!(!changed[b + 1][row], "a clean row keeps its value");

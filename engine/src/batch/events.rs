@@ -1,6 +1,6 @@
 //! The event level from scratch.
 
-use meissner_kernels::{Matrix, Neighbour, attribute};
+use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
 use super::neighbours::{Lists, Space};
 use super::search::{candidates, exhaustive, proposed};
@@ -51,10 +51,18 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
         Some(metric) => metric.attributes(nodes[source], nodes[reader]),
         None => difference(source, reader).map(|d| attribute(d, scale)),
     };
-    let mut edges =
-        Edges { start: Vec::with_capacity(events.len()), list: Vec::with_capacity(lists.edges()) };
+    let reads_offsets = parts.events.edge_reads().offsets;
+    let mut edges = Edges {
+        start: Vec::with_capacity(events.len()),
+        list: Vec::with_capacity(lists.edges()),
+        offsets: Vec::with_capacity(if reads_offsets { lists.edges() } else { 0 }),
+    };
     for (i, list) in lists.rows().enumerate() {
         edges.push(list.iter().map(|&j| Neighbour { row: j, u: attributes(j as usize, i) }));
+        if reads_offsets {
+            let offsets = |&j: &u32| difference(j as usize, i).map(|d| offset(d, scale));
+            edges.offsets.extend(list.iter().map(offsets));
+        }
     }
     let signs: Vec<f32> = events.iter().map(|e| if e.on { 1.0 } else { -1.0 }).collect();
     LevelTrace {

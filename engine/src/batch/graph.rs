@@ -27,7 +27,7 @@ impl Batch {
         for (pooling, level) in &self.network.parts().pooled {
             let of_input = Pooling { from: 0, ..pooling.clone() };
             let below = &levels[levels.len() - 1];
-            levels.push(pool::level(self, (&of_input, level.scale), below, below_pooling, stream));
+            levels.push(pool::level(self, (&of_input, level), below, below_pooling, stream));
             below_pooling = Some(pooling);
         }
         let readout = self.readout_cells(&levels[levels.len() - 1], levels.len() == 1, stream);

@@ -17,12 +17,13 @@ pub use pool::Cells;
 pub use search::{Places, Propose, Search};
 pub use stream::Stream;
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Lanes, Matrix, Neighbour, SplineConv, SplineRow, SplineScratch};
-use meissner_kernels::{is_nan, maximum, settle};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, is_nan, maximum, settle};
 use rayon::prelude::*;
 
+use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Level, Network, Normalisation};
 use crate::{EngineError, Sensor};
@@ -42,6 +43,8 @@ pub struct Batch {
 pub struct Edges {
     start: Vec<usize>,
     list: Vec<Neighbour>,
+    /// The offset of each in-edge, where a block reads it.
+    offsets: Vec<[f32; 3]>,
 }
 
 impl Edges {
@@ -61,8 +64,21 @@ impl Edges {
     /// # Panics
     /// If there is no such row.
     pub fn row(&self, row: usize) -> &[Neighbour] {
-        let end = self.start.get(row + 1).copied().unwrap_or(self.list.len());
-        &self.list[self.start[row]..end]
+        &self.list[self.span(row)]
+    }
+
+    fn span(&self, row: usize) -> Range<usize> {
+        self.start[row]..self.start.get(row + 1).copied().unwrap_or(self.list.len())
+    }
+
+    /// What a block reads that computes `row`: its in-edges, its own input `own`, and what is added.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn read<'a>(&'a self, row: usize, own: &'a [Lanes], skip: Option<&'a [Lanes]>) -> GraphRow<'a> {
+        let span = self.span(row);
+        let offsets = self.offsets.get(span.clone()).unwrap_or_default();
+        GraphRow { neighbours: &self.list[span], offsets, own, skip, ..GraphRow::default() }
     }
 }
 
@@ -162,7 +178,7 @@ impl Batch {
         let mut below_pooling = None;
         for (pooling, level) in &parts.pooled {
             let below = &levels[levels.len() - 1];
-            let mut trace = pool::level(self, (pooling, level.scale), below, below_pooling, stream);
+            let mut trace = pool::level(self, (pooling, level), below, below_pooling, stream);
             self.run_blocks(level, &mut trace)?;
             levels.push(trace);
             below_pooling = Some(pooling);
@@ -191,24 +207,20 @@ impl Batch {
             let skip = block.skip.map(|skip| &trace.features[skip]);
             let mut out = Matrix::zeros(input.rows(), block.conv.outputs());
             let rows: Vec<_> = (0..input.rows())
-                .map(|row| SplineRow {
-                    neighbours: trace.edges.row(row),
-                    basis: &[],
-                    own: input.row(row),
-                    skip: skip.map(|skip| skip.row(row)),
-                })
+                .map(|row| trace.edges.read(row, input.row(row), skip.map(|skip| skip.row(row))))
                 .collect();
-            let compute = |scratch: &mut SplineScratch, rows: &[SplineRow<'_>], out: &mut [Lanes]| {
+            let compute = |scratch: &mut ConvolutionScratch, rows: &[GraphRow<'_>], out: &mut [Lanes]| {
                 block.conv.rows(self.isa, input, rows, scratch, out);
             };
             if self.parallel {
-                let lanes = SplineConv::GROUP * Lanes::count(block.conv.outputs());
-                let groups = rows.par_chunks(SplineConv::GROUP).zip(out.lanes_mut().par_chunks_mut(lanes));
-                groups.for_each_init(SplineScratch::default, |scratch, (rows, out)| {
+                let lanes = GraphConvolution::GROUP * Lanes::count(block.conv.outputs());
+                let groups =
+                    rows.par_chunks(GraphConvolution::GROUP).zip(out.lanes_mut().par_chunks_mut(lanes));
+                groups.for_each_init(ConvolutionScratch::default, |scratch, (rows, out)| {
                     compute(scratch, rows, out);
                 });
             } else {
-                compute(&mut SplineScratch::default(), &rows, out.lanes_mut());
+                compute(&mut ConvolutionScratch::default(), &rows, out.lanes_mut());
             }
             let rows = (trace.first..out.rows()).filter(|&row| is_nan(out.row(row))).count();
             if rows > 0 {

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use meissner_kernels::{Matrix, Neighbour, attribute};
+use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
 use super::{Batch, Edges, LevelTrace, Stream, maximum_of, published};
-use crate::network::{Normalisation, Pooling, Position};
+use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 
 /// A cell's index with t first: the order of cells.
@@ -15,7 +15,7 @@ type Key = [i64; 3];
 /// the event level.
 pub(super) fn level(
     batch: &Batch,
-    (pooling, scale): (&Pooling, f32),
+    (pooling, level): (&Pooling, &Level),
     below: &LevelTrace,
     below_pooling: Option<&Pooling>,
     stream: Stream<'_>,
@@ -58,11 +58,15 @@ pub(super) fn level(
     };
     let readers = || cells.sources.iter().enumerate();
     let pairs = readers().flat_map(|(to, from)| from.iter().map(move |&from| (from, to)));
-    let scale = batch.scale(scale, pairs.map(|(from, to)| difference(from, to)));
+    let scale = batch.scale(level.scale, pairs.map(|(from, to)| difference(from, to)));
     let mut edges = Edges::default();
     for (to, from) in readers() {
         let attributes = |from: usize| difference(from, to).map(|d| attribute(d, scale));
         edges.push(from.iter().map(|&from| Neighbour { row: from as u32, u: attributes(from) }));
+        if level.edge_reads().offsets {
+            let offsets = |&from: &usize| difference(from, to).map(|d| offset(d, scale));
+            edges.offsets.extend(from.iter().map(offsets));
+        }
     }
     let index = cells.keys.iter().map(|&[t, y, x]| [x, y, t]).collect();
     let Cells { members, maxima, .. } = cells;

@@ -1,6 +1,6 @@
 //! The fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
 
-use meissner_kernels::{Dense, SplineParts};
+use meissner_kernels::Dense;
 
 use super::{
     Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
@@ -56,18 +56,7 @@ fn level(to: &mut Fingerprint, level: &Level) {
         to.text(name);
         to.size(*input);
         to.size(skip.map_or(0, |skip| skip + 1));
-        block(to, &conv.parts());
-    }
-}
-
-fn block(to: &mut Fingerprint, parts: &SplineParts) {
-    let SplineParts { inputs, outputs, kernel, weight, root, bias, norm, elu } = parts;
-    [*inputs, *outputs, usize::from(*elu)].into_iter().chain(*kernel).for_each(|size| to.size(size));
-    let (scale, shift) = norm.as_ref().map_or((&[][..], &[][..]), |(scale, shift)| (scale, shift));
-    for values in
-        [weight, root.as_deref().unwrap_or_default(), bias.as_deref().unwrap_or_default(), scale, shift]
-    {
-        to.values(values);
+        conv.fingerprint(to);
     }
 }
 

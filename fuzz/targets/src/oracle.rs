@@ -2,7 +2,7 @@
 
 use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor};
 use meissner_verify::CheckedEngine;
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use meissner_verify::{Relative, Script};
 
 use crate::choices::Choices;
@@ -118,7 +118,7 @@ fn block(choices: &mut Choices<'_>) -> BlockShape {
     let extras = choices.byte();
     BlockShape {
         channels: choices.within(1, 9),
-        kernel,
+        conv: ConvolutionShape::of(extras >> 4 & 7, kernel),
         input: choices.within(0, 7),
         skip: choices.option(|choices| choices.within(0, 7)),
         extras: [0, 1, 2, 3].map(|bit| extras >> bit & 1 == 1),

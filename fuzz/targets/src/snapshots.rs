@@ -12,7 +12,7 @@ use meissner_engine::{
 use meissner_tests::snapshots::{Restores, sealed};
 use meissner_verify::Random;
 use meissner_verify::frame_networks::{Style, network, sequence};
-use meissner_verify::networks::{BlockShape, NetworkShape, PoolShape};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 use crate::target::Verdict;
 
@@ -42,7 +42,13 @@ static FRAME_ENGINES: LazyLock<Vec<FrameEngine>> = LazyLock::new(|| {
 });
 
 fn engine(candidates: Candidates, tolerance: f32) -> Engine {
-    let block = |channels| BlockShape { channels, kernel: [2; 3], input: 0, skip: None, extras: [true; 4] };
+    let block = |channels| BlockShape {
+        channels,
+        conv: ConvolutionShape::Spline([2; 3]),
+        input: 0,
+        skip: None,
+        extras: [true; 4],
+    };
     let shape = NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
         span_us: 500,

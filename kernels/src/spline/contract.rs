@@ -6,50 +6,7 @@
 use std::hint::black_box;
 
 use crate::isa::{Simd, Task, Vector, accumulate, accumulate_in_four};
-use crate::lanes::{LANES, Lanes, Wide};
-
-/// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; eight or fewer that
-/// remain stand alone.
-#[derive(Clone, Debug)]
-pub(super) struct Packed {
-    rows: usize,
-    wide: Vec<Wide>,
-    last: Vec<Lanes>,
-}
-
-impl Packed {
-    /// Packs `weight`, rows of `outputs` values.
-    pub(super) fn new(weight: &[f32], outputs: usize) -> Self {
-        let rows = weight.len() / outputs;
-        let lanes: Vec<Vec<Lanes>> = weight.chunks_exact(outputs).map(Lanes::pack).collect();
-        let blocks = Lanes::count(outputs) / 2;
-        let block = |b: usize| lanes.iter().map(move |row| Wide::join(row[2 * b], row[2 * b + 1]));
-        let last = lanes.iter().filter_map(|row| row.get(2 * blocks)).copied();
-        Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
-    }
-
-    /// The weights as they came: rows of `outputs` values.
-    pub(super) fn unpacked(&self, outputs: usize) -> Vec<f32> {
-        let blocks = Lanes::count(outputs) / 2;
-        let value = |row: usize, o: usize| match o / (2 * LANES) {
-            block if block < blocks => self.wide[block * self.rows + row].0[o % (2 * LANES)],
-            _ => self.last[row].0[o % LANES],
-        };
-        (0..self.rows).flat_map(|row| (0..outputs).map(move |o| value(row, o))).collect()
-    }
-
-    /// Every row of the sixteen outputs from lane `lane`, which is even.
-    #[inline(always)]
-    pub(super) fn wide(&self, lane: usize) -> &[Wide] {
-        &self.wide[lane / 2 * self.rows..][..self.rows]
-    }
-
-    /// Every row of the outputs of a last lane that stands alone.
-    #[inline(always)]
-    pub(super) fn last(&self) -> &[Lanes] {
-        &self.last
-    }
-}
+use crate::lanes::{Lanes, Wide};
 
 /// Partial sums of B vectors of outputs.
 pub(super) type Partial<V, const B: usize> = [[V; B]; 4];

@@ -1,7 +1,8 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
+use super::SplineConv;
 use super::run::TOTALS;
-use super::{Neighbour, SplineConv, SplineRow};
+use crate::graph::{GraphRow, Neighbour};
 use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
@@ -107,7 +108,7 @@ pub(super) fn eight_slots_of_one_channel<S: Simd>(
 #[inline(always)]
 pub(super) fn eight_slots<S: Simd>(
     simd: S,
-    row: &SplineRow<'_>,
+    row: &GraphRow<'_>,
     features: &Matrix,
     computed: &mut Vec<Lanes>,
     sums: &mut [Lanes],

@@ -26,28 +26,12 @@ pub(crate) use gather::locate;
 pub use gather::{SplineScratch, spline_basis};
 
 use crate::error::{KernelError, check};
+use crate::graph::GraphRow;
 use crate::isa::Isa;
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
-use contract::Packed;
+use crate::packed::Packed;
 use run::Run;
-
-/// An in-edge: the row that is read, and where it lies relative to the reader.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
-pub struct Neighbour {
-    /// Row of the feature matrix.
-    pub row: u32,
-    /// Edge attribute along x, y and t, each in [0, 1]; 0.5 is no difference.
-    pub u: [f32; 3],
-}
-
-/// Edge attribute of a coordinate difference `p_j - p_i`: clamp(difference / (2 scale) + 0.5, 0, 1). The difference is
-/// rounded to f32 first, and nowhere before.
-#[inline]
-pub fn attribute(difference: f64, scale: f32) -> f32 {
-    (difference as f32 / (2.0 * scale) + 0.5).clamp(0.0, 1.0)
-}
 
 /// Parameters of a spline block in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
@@ -210,7 +194,7 @@ impl SplineConv {
         &self,
         isa: Isa,
         features: &Matrix,
-        rows: &[SplineRow<'_>],
+        rows: &[GraphRow<'_>],
         scratch: &mut SplineScratch,
         out: &mut [Lanes],
     ) {
@@ -248,17 +232,4 @@ pub fn spline_multiply_adds(
     let summed = degree.saturating_mul(corners);
     let weighted = slots.min(summed).saturating_add(usize::from(root)).saturating_mul(outputs);
     summed.saturating_add(weighted).saturating_mul(inputs)
-}
-
-/// What one row reads.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct SplineRow<'a> {
-    /// The in-edges, in neighbourhood order; their rows index the features.
-    pub neighbours: &'a [Neighbour],
-    /// [`spline_basis`] of each in-edge, for blocks that [read it](SplineConv::reads_basis); computed where it is empty.
-    pub basis: &'a [Lanes],
-    /// The row itself, C values in lanes; read by a root weight only.
-    pub own: &'a [Lanes],
-    /// O values in lanes that are added last.
-    pub skip: Option<&'a [Lanes]>,
 }

@@ -1,12 +1,14 @@
 //! The rows of a spline block: sums per slot, weights, root, bias, ELU, batch norm, skip.
 
-use super::contract::{ContractRows, Packed, Partial, contract_from, total};
+use super::contract::{ContractRows, Partial, contract_from, total};
 use super::gather::{any_slots, eight_slots, eight_slots_of_one_channel};
-use super::{SplineConv, SplineRow, SplineScratch};
+use super::{SplineConv, SplineScratch};
 use crate::elementary::elus;
+use crate::graph::GraphRow;
 use crate::isa::{Exponent, Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
+use crate::packed::Packed;
 
 /// Rows that are finished in step.
 const STEP: usize = 4;
@@ -16,7 +18,7 @@ pub(super) const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 pub(super) struct Run<'a> {
     pub(super) conv: &'a SplineConv,
     pub(super) features: &'a Matrix,
-    pub(super) rows: &'a [SplineRow<'a>],
+    pub(super) rows: &'a [GraphRow<'a>],
     pub(super) scratch: &'a mut SplineScratch,
     pub(super) out: &'a mut [Lanes],
 }
@@ -51,7 +53,7 @@ impl SplineConv {
         &self,
         simd: S,
         features: &Matrix,
-        rows: &[SplineRow<'_>],
+        rows: &[GraphRow<'_>],
         scratch: &mut SplineScratch,
         out: &mut [Lanes],
     ) {
@@ -88,7 +90,7 @@ impl SplineConv {
 
     /// One row of which some slots are touched.
     #[inline(always)]
-    fn touched<S: Simd>(&self, simd: S, row: &SplineRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
+    fn touched<S: Simd>(&self, simd: S, row: &GraphRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
         let mut lane = 0;
         while lane + 2 <= self.bias.len() {
             let sum = self.over_touched::<S, S::V16>(simd, scratch, self.wide(lane));
@@ -125,7 +127,7 @@ impl SplineConv {
         simd: S,
         sums: [V; N],
         weights: Weights<'_, V::Memory>,
-        rows: &[SplineRow<'_>],
+        rows: &[GraphRow<'_>],
         lane: usize,
         out: &mut [Lanes],
     ) {
@@ -185,7 +187,7 @@ struct Sums<'a> {
 /// B neighbouring vectors of outputs of some rows.
 struct Block<'a, M, const B: usize> {
     conv: &'a SplineConv,
-    rows: &'a [SplineRow<'a>],
+    rows: &'a [GraphRow<'a>],
     sums: Sums<'a>,
     lane: usize,
     weights: [Weights<'a, M>; B],

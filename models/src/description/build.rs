@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameLayer as Part, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{Block, DenseLayer, EngineError, Level, Network, NetworkParts, Pooling, Readout};
-use meissner_kernels::{Dense, KernelError, SplineConv, SplineParts};
+use meissner_kernels::{Dense, KernelError};
 
 use super::layer::{Layer, LayerKind};
 use super::tensors::Tensors;
@@ -49,7 +49,7 @@ impl Description {
         let mut whole = true;
         for layer in &self.layers {
             match &layer.kind {
-                LayerKind::Spline { .. } => match spline(layer, tensors)? {
+                LayerKind::Block { .. } => match block(layer, tensors)? {
                     Some(block) => levels[layer.level.unwrap_or(0)].blocks.push(block),
                     None => whole = false,
                 },
@@ -109,28 +109,11 @@ fn refused(layer: &Layer, source: KernelError) -> ModelError {
     EngineError::Layer { layer: layer.name.clone(), source }.into()
 }
 
-fn spline(layer: &Layer, tensors: &mut Tensors<'_>) -> Result<Option<Block>, ModelError> {
-    let LayerKind::Spline { kernel, root, bias, norm, elu, .. } = layer.kind else { return Ok(None) };
-    let (inputs, outputs) = (layer.inputs, layer.outputs);
-    let weight = tensors.get(&layer.tensor("conv.weight"), &[kernel.iter().product(), inputs, outputs]);
-    let root = root.then(|| tensors.get(&layer.tensor("conv.lin.weight"), &[outputs, inputs]));
-    let bias = bias.then(|| tensors.get(&layer.tensor("conv.bias"), &[outputs]));
-    let norm = norm.then(|| tensors.norm(&layer.tensor("norm"), outputs).map(|norm| norm.rounded()));
-    let present = [&root, &bias].into_iter().all(|t| !matches!(t, Some(None))) && !matches!(norm, Some(None));
-    let Some(weight) = weight.filter(|_| present) else { return Ok(None) };
-    let owned = |values: Option<Option<&[f32]>>| values.flatten().map(<[f32]>::to_vec);
-    let parts = SplineParts {
-        inputs,
-        outputs,
-        kernel,
-        weight: weight.to_vec(),
-        root: owned(root),
-        bias: owned(bias),
-        norm: norm.flatten(),
-        elu,
-    };
-    let conv = SplineConv::new(&parts).map_err(|e| refused(layer, e))?;
-    Ok(Some(Block { name: layer.name.clone(), input: layer.reads, skip: layer.adds, conv }))
+fn block(layer: &Layer, tensors: &mut Tensors<'_>) -> Result<Option<Block>, ModelError> {
+    let LayerKind::Block { conv, norm, .. } = &layer.kind else { return Ok(None) };
+    let conv = conv.build(layer, *norm, tensors).map_err(|e| refused(layer, e))?;
+    let block = |conv| Block { name: layer.name.clone(), input: layer.reads, skip: layer.adds, conv };
+    Ok(conv.map(block))
 }
 
 fn dense_layer(

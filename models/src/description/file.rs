@@ -8,6 +8,7 @@ use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Network, Normal
 use meissner_kernels::{Activation, SplineConv};
 use toml::de::DeValue;
 
+use super::convolution::{ConvolutionKind, KINDS, SPLINE};
 use super::document::{Document, LAYER, NAME, name};
 use super::frames;
 use super::layer::activation_word;
@@ -28,7 +29,6 @@ const CAPACITIES: RangeInclusive<i64> = 1..=Network::LARGEST_CAPACITY as i64;
 const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MOST_NEIGHBOURS as i64;
 /// The ranges that the kernels accept.
 const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MOST_CHANNELS as i64;
-const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
 
 /// A file's tables.
 #[derive(Debug)]
@@ -61,14 +61,13 @@ pub(super) struct FileLayer {
 /// The keys of a `[[layer]]` table that depend on its kind.
 #[derive(Debug)]
 pub(super) enum FileKind {
-    Spline {
+    Block {
+        conv: Option<ConvolutionKind>,
+        /// The word for its convolution.
+        word: &'static str,
         channels: Option<usize>,
-        kernel: Option<[usize; 3]>,
         skip: Option<Given<String>>,
-        root: bool,
-        bias: bool,
         norm: bool,
-        elu: bool,
     },
     Pool {
         cell: Option<[Fraction; 2]>,
@@ -85,7 +84,7 @@ pub(super) enum FileKind {
         bias: bool,
         activation: Activation,
     },
-    /// A kind that was reported.
+    /// A kind or a convolution that was reported.
     Unknown,
 }
 
@@ -195,18 +194,19 @@ fn read_layer(
     line: usize,
     normalisation: Normalisation,
 ) -> FileLayer {
-    let kinds = [("spline", 0), ("pool", 1), ("readout", 2), ("dense", 3)];
+    let kinds = [("block", 0), (SPLINE, 1), ("pool", 2), ("readout", 3), ("dense", 4)];
     let kind = table.choice("kind", &kinds, None);
     let from = table.optional("from", "the name of a layer, or \"events\"", name);
     let kind = match kind {
-        Some(0) => spline(&mut table),
-        Some(1) => pool(&mut table, normalisation),
-        Some(2) => FileKind::Readout { grid: grid(&mut table), by_time: table.boolean("by_time", false) },
-        Some(3) => dense(&mut table),
+        Some(0) => block(&mut table, None),
+        Some(1) => block(&mut table, Some(SPLINE)),
+        Some(2) => pool(&mut table, normalisation),
+        Some(3) => FileKind::Readout { grid: grid(&mut table), by_time: table.boolean("by_time", false) },
+        Some(4) => dense(&mut table),
         _ => FileKind::Unknown,
     };
     let weights = match kind {
-        FileKind::Spline { .. } | FileKind::Dense { .. } => {
+        FileKind::Block { .. } | FileKind::Dense { .. } => {
             table.optional("weights", "the prefix of the layer's tensor names", name)
         }
         _ => None,
@@ -219,16 +219,21 @@ fn read_layer(
     FileLayer { name: layer_name, line, from, weights, kind }
 }
 
-fn spline(table: &mut Table<'_, '_>) -> FileKind {
-    let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
-    FileKind::Spline {
+/// A block with the convolution `word`, or the one that the table chooses.
+fn block(table: &mut Table<'_, '_>, word: Option<&'static str>) -> FileKind {
+    let words = KINDS.map(|(word, keys)| (word, (word, keys)));
+    let chosen = match word {
+        Some(word) => KINDS.into_iter().find(|&(known, _)| known == word),
+        None => table.choice("conv", &words, None),
+    };
+    // Without a convolution it is unknown which keys belong to the table.
+    let Some((word, keys)) = chosen else { return FileKind::Unknown };
+    FileKind::Block {
         channels: table.size("channels", CHANNELS, None),
-        kernel: table.required("kernel", expected, kernel).map(|given| given.value),
+        conv: keys(table),
+        word,
         skip: table.optional("skip", "the name of a layer, or \"events\"", name),
-        root: table.boolean("root", false),
-        bias: table.boolean("bias", false),
         norm: table.boolean("norm", true),
-        elu: table.boolean("elu", true),
     }
 }
 
@@ -290,19 +295,4 @@ fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> Option<f32>
 
 fn fraction(value: &DeValue<'_>) -> Option<Fraction> {
     value.as_str()?.parse().ok()
-}
-
-fn kernel(value: &DeValue<'_>) -> Option<[usize; 3]> {
-    let size = |v: &DeValue<'_>| integer(v).filter(|v| KERNELS.contains(v)).map(|v| v as usize);
-    match value {
-        DeValue::Array(sizes) => {
-            let sizes: Vec<usize> = sizes.iter().map(|v| size(v.get_ref())).collect::<Option<_>>()?;
-            match sizes[..] {
-                [x, y] => Some([x, y, 1]),
-                [x, y, t] => Some([x, y, t]),
-                _ => None,
-            }
-        }
-        _ => size(value).map(|k| [k; 3]),
-    }
 }

@@ -6,6 +6,7 @@ use meissner_engine::{Fraction, Position};
 use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
+use super::convolution::ConvolutionKind;
 use super::tensors::{Listing, Needed};
 
 /// A layer of a checked description.
@@ -44,10 +45,6 @@ pub struct Layer {
     pub(crate) adds: Option<usize>,
 }
 
-/// Meaning of a spline convolution's kernel.
-const SPLINE: &str = "spline kernel: (slot, input channel, output channel)";
-/// Meaning of a root weight.
-const ROOT: &str = "what the row itself is read through: (output channel, input channel)";
 /// Meaning of a dense layer's weight.
 const DENSE: &str = "dense layer: (output, input); of a readout the inputs are cell after cell, row by row, each with its \
                      channels";
@@ -57,21 +54,6 @@ const DENSE: &str = "dense layer: (output, input); of a readout the inputs are c
 #[serde(tag = "kind", rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum LayerKind {
-    /// Spline convolution, then as chosen ELU, batch norm and a skip addition.
-    Spline {
-        /// Kernel size along x, y and t; 1 leaves an axis out.
-        kernel: [usize; 3],
-        /// Layer (or "events") that is added to the result.
-        skip: Option<String>,
-        /// Whether the row itself is read through a root weight.
-        root: bool,
-        /// Whether there is a bias.
-        bias: bool,
-        /// Whether there is batch norm.
-        norm: bool,
-        /// Whether ELU follows the convolution.
-        elu: bool,
-    },
     /// Maximum over the cells of a grid; starts a level.
     Pool {
         /// The cells.
@@ -100,13 +82,25 @@ pub enum LayerKind {
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
+    /// Graph convolution with its activation, then as chosen batch norm and a skip addition. Data names its convolution as
+    /// its kind.
+    #[serde(untagged)]
+    Block {
+        /// The convolution.
+        #[serde(flatten)]
+        conv: ConvolutionKind,
+        /// Layer (or "events") that is added to the result.
+        skip: Option<String>,
+        /// Whether there is batch norm.
+        norm: bool,
+    },
 }
 
 impl LayerKind {
     /// Its word in a file.
     pub fn word(&self) -> &'static str {
         match self {
-            Self::Spline { .. } => "spline",
+            Self::Block { conv, .. } => conv.word(),
             Self::Pool { .. } => "pool",
             Self::Readout { .. } => "readout",
             Self::Dense { .. } => "dense",
@@ -119,11 +113,7 @@ impl fmt::Display for LayerKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
         match self {
-            Self::Spline { kernel: [x, y, t], root, bias, norm, elu, .. } => {
-                write!(f, " {x}x{y}x{t}")?;
-                let words = [(" root", *root), (" bias", *bias), (" no norm", !*norm), (" no elu", !*elu)];
-                words.iter().filter(|(_, given)| *given).try_for_each(|(word, _)| f.write_str(word))
-            }
+            Self::Block { conv, norm, .. } => f.write_str(&conv.options(*norm)),
             Self::Pool { cell, .. } => write!(f, " {cell}"),
             Self::Readout { columns, rows, times: 1 } => write!(f, " {columns}x{rows}"),
             Self::Readout { columns, rows, times } => write!(f, " {columns}x{rows}x{times}"),
@@ -258,12 +248,9 @@ impl Layer {
         format!("{}.{part}", self.weights)
     }
 
-    /// Distance of slots that differ by 1 along x, y and t; `None` for a layer without a spline kernel.
-    pub(crate) fn slot_strides(&self) -> Option<[usize; 3]> {
-        match self.kind {
-            LayerKind::Spline { kernel: [x, y, _], .. } => Some([1, x, x * y]),
-            _ => None,
-        }
+    /// The convolution of a block; `None` for another layer.
+    pub fn convolution(&self) -> Option<&ConvolutionKind> {
+        if let LayerKind::Block { conv, .. } = &self.kind { Some(conv) } else { None }
     }
 
     /// The tensors it needs, in the order of their use.
@@ -271,12 +258,10 @@ impl Layer {
         let (c, o) = (self.inputs, self.outputs);
         let tensors = Listing::new(&self.weights);
         let tensors = match self.kind {
-            LayerKind::Spline { kernel, root, bias, norm, .. } => tensors
-                .weight("conv.weight", &[kernel.iter().product(), c, o], c, SPLINE)
-                .when(root, |tensors| tensors.weight("conv.lin.weight", &[o, c], c, ROOT))
-                .when(bias, |tensors| tensors.shift("conv.bias", &[o], "bias: (output channel)"))
-                // Averaging over edges shrinks the variance. Running variances are drawn small, as trained ones are.
-                .when(norm, |tensors| tensors.norm(&self.tensor("norm"), o, 0.25)),
+            LayerKind::Block { ref conv, norm, .. } => {
+                let (tensors, variance) = conv.tensors(tensors, c, o);
+                tensors.when(norm, |tensors| tensors.norm(&self.tensor("norm"), o, variance))
+            }
             LayerKind::Dense { bias, .. } => tensors
                 .weight("weight", &[o, c], c, DENSE)
                 .when(bias, |tensors| tensors.shift("bias", &[o], "bias: (output)")),

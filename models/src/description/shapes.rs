@@ -5,8 +5,8 @@
 
 use meissner_engine::frames::FrameShape;
 use meissner_engine::{Network, Reach};
-use meissner_kernels::{SplineConv, spline_multiply_adds};
 
+use super::convolution::TooLarge;
 use super::file::{EVENTS, File, FileKind, FileLayer};
 use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
@@ -78,7 +78,7 @@ impl Shapes<'_> {
         let Source::Layer(layer) = source else { return format!("{EVENTS:?}") };
         let layer = &self.file.layers[layer];
         let word = match layer.kind {
-            FileKind::Spline { .. } => "spline",
+            FileKind::Block { word, .. } => word,
             FileKind::Pool { .. } => "pool",
             FileKind::Readout { .. } => "readout",
             FileKind::Dense { .. } => "dense",
@@ -100,7 +100,7 @@ impl Shapes<'_> {
             Source::Events => true,
             Source::Unknown => return None,
             Source::Layer(read) => match self.file.layers[read].kind {
-                FileKind::Spline { .. } | FileKind::Pool { .. } => true,
+                FileKind::Block { .. } | FileKind::Pool { .. } => true,
                 FileKind::Readout { .. } | FileKind::Dense { .. } => false,
                 FileKind::Unknown => return None,
             },
@@ -109,7 +109,7 @@ impl Shapes<'_> {
             return Some(self.output(source));
         }
         let expected =
-            if rows { "\"events\", a spline or a pool layer" } else { "the readout or a dense layer" };
+            if rows { "\"events\", a block or a pool layer" } else { "the readout or a dense layer" };
         let found = self.describe(source);
         self.report(line, layer, ProblemKind::Value { key, expected: expected.to_owned(), found });
         None
@@ -127,7 +127,7 @@ impl Shapes<'_> {
         };
         let read = self.reads(layer, "from", line, from, rows).unwrap_or(Output::Unknown);
         let checked = match &layer.kind {
-            FileKind::Spline { .. } => self.spline(i, layer, read),
+            FileKind::Block { .. } => self.block(i, layer, read),
             FileKind::Pool { .. } => self.pool(i, layer, read),
             FileKind::Readout { .. } => self.readout(i, layer, read),
             FileKind::Dense { .. } => self.dense(i, layer, read),
@@ -168,10 +168,8 @@ impl Shapes<'_> {
         std::iter::once(FieldStep { hops, cell: level.cell }).chain(level.below.iter().cloned()).collect()
     }
 
-    fn spline(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
-        let FileKind::Spline { channels, kernel, skip, root, bias, norm, elu } = &layer.kind else {
-            return None;
-        };
+    fn block(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
+        let FileKind::Block { conv, channels, skip, norm, .. } = &layer.kind else { return None };
         let added = skip.as_ref().zip(self.wiring.skip[i]).map(|(given, source)| {
             let output = self.reads(layer, "skip", given.line, source, true);
             (given, output.unwrap_or(Output::Unknown))
@@ -190,15 +188,9 @@ impl Shapes<'_> {
         let feature = self.levels[level].features;
         self.levels[level].features += 1;
         self.outputs[i] = Output::Feature { level, channels: *channels, hops, index: feature };
-        let (inputs, outputs, kernel) = (inputs?, (*channels)?, (*kernel)?);
-        let slots: usize = kernel.iter().product();
-        if slots * inputs > SplineConv::LARGEST_SUMS || slots * inputs * outputs > LARGEST_TENSOR {
-            let expected = format!(
-                "at most {} kernel slots times input channels, and {LARGEST_TENSOR} weights",
-                SplineConv::LARGEST_SUMS
-            );
-            let found = format!("{slots} slots of {inputs} x {outputs} channels");
-            self.report(layer.line, layer, ProblemKind::Value { key: "kernel", expected, found });
+        let (inputs, outputs, conv) = (inputs?, (*channels)?, conv.as_ref()?);
+        if let Some(TooLarge { key, expected, found }) = conv.too_large(inputs, outputs) {
+            self.report(layer.line, layer, ProblemKind::Value { key, expected, found });
         }
         if !adds_fit {
             return None;
@@ -208,12 +200,11 @@ impl Shapes<'_> {
             None => self.file.graph.map_or(0, |rule| Reach::most(rule.reach)),
         };
         let skip = skip.as_ref().map(|given| given.value.clone());
-        let (root, bias, norm, elu) = (*root, *bias, *norm, *elu);
-        let kind = LayerKind::Spline { kernel, skip, root, bias, norm, elu };
+        let kind = LayerKind::Block { conv: conv.clone(), skip, norm: *norm };
         Some(Layer {
             level: Some(level),
             cost: Cost {
-                multiply_adds: spline_multiply_adds(kernel, inputs, outputs, root, in_edges),
+                multiply_adds: conv.multiply_adds(inputs, outputs, in_edges),
                 in_edges: Some(in_edges),
                 per: Per::Row,
             },

@@ -111,7 +111,7 @@ fn sources(
             None => Source::Layer(i - 1),
         });
         skip.push(match &layer.kind {
-            FileKind::Spline { skip: Some(given), .. } => Some(find("skip", &given.value, given.line)),
+            FileKind::Block { skip: Some(given), .. } => Some(find("skip", &given.value, given.line)),
             _ => None,
         });
     }

@@ -5,7 +5,7 @@ use meissner_engine::{Candidates, Lifetime, Normalisation, Reach};
 use serde::Serialize;
 
 use crate::description::frames::{FrameDescription, FrameLayer, FrameSource, serialize_shape};
-use crate::description::{AnyDescription, Description, Layer, LayerKind, Needed};
+use crate::description::{AnyDescription, ConvolutionKind, Description, Layer, LayerKind, Needed};
 
 /// A description as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -110,6 +110,9 @@ pub struct GraphSummary {
 pub struct EdgeSummary {
     /// The attribute of the edge by which row i reads row j.
     pub attribute: &'static str,
+    /// The offset of that edge, where a layer reads it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<&'static str>,
     /// Positions p.
     pub position: &'static str,
     /// The event level, then one for each pooling.
@@ -172,7 +175,8 @@ impl Description {
     /// The description as data.
     pub fn summary(&self) -> Summary {
         let layers = self.layers().iter();
-        let of_layers = layers.flat_map(|l| TensorSummary::of(&l.name, l.tensors(), l.slot_strides()));
+        let strides = |l: &Layer| l.convolution().and_then(ConvolutionKind::slot_strides);
+        let of_layers = layers.flat_map(|l| TensorSummary::of(&l.name, l.tensors(), strides(l)));
         let tensors: Vec<_> = of_layers.chain(TensorSummary::of_frames(self.head())).collect();
         let (outputs, unit) = self.outputs();
         Summary {
@@ -206,8 +210,11 @@ impl Description {
                 levels.push(LevelSummary { level, rows: layer.name.clone(), scale: scaled(scale) });
             }
         }
+        let offsets = self.layers().iter().filter_map(Layer::convolution).any(ConvolutionKind::reads_offsets);
         EdgeSummary {
             attribute: "clamp((p_j - p_i) / (2 scale) + 0.5, 0, 1) along x, y and t, of the edge by which row i reads row j",
+            offset: offsets
+                .then_some("(p_j - p_i) / scale along x, y and t, of the edge by which row i reads row j"),
             position: "p = (x / width, y / height, t / span) of an event; of a cell as its pooling says",
             levels,
         }

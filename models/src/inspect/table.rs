@@ -56,7 +56,7 @@ fn foot(description: &Description, summary: &Summary, f: &mut fmt::Formatter<'_>
 
 fn row(layer: &Layer) -> [String; 7] {
     let reads = match &layer.kind {
-        LayerKind::Spline { skip: Some(skip), .. } => format!("{} + {skip}", layer.from),
+        LayerKind::Block { skip: Some(skip), .. } => format!("{} + {skip}", layer.from),
         _ => layer.from.clone(),
     };
     let cost = match layer.kind {

@@ -80,13 +80,13 @@ impl Description {
 
 fn node(layer: &Layer) -> Node<'_> {
     let (fill, has_parameters) = match layer.kind {
-        LayerKind::Spline { .. } => (CONVOLUTION, true),
+        LayerKind::Block { .. } => (CONVOLUTION, true),
         LayerKind::Pool { .. } => (POOLING, false),
         LayerKind::Readout { .. } => (READOUT, false),
         LayerKind::Dense { .. } => (DENSE, true),
     };
     let joins = match &layer.kind {
-        LayerKind::Spline { skip: Some(skip), .. } => Some((skip.as_str(), "+")),
+        LayerKind::Block { skip: Some(skip), .. } => Some((skip.as_str(), "+")),
         _ => None,
     };
     Node {

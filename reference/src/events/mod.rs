@@ -14,9 +14,9 @@ use meissner_engine::{Level, Network, Normalisation, Sensor, Stream};
 use meissner_kernels::Activation;
 
 use crate::activation::activated;
+use crate::convolution::{BatchNorm, Convolution, Edge, Norm};
 use crate::error::ReferenceError;
 use crate::frames::FrameReference;
-use crate::spline::{BatchNorm, Edge, Norm, Spline};
 
 /// Rows of a feature, each with a value for every channel.
 pub type Rows = Vec<Vec<f64>>;
@@ -27,7 +27,7 @@ pub struct EventReference {
     network: Arc<Network>,
     sensor: Sensor,
     /// Blocks of each level.
-    blocks: Vec<Vec<Spline>>,
+    blocks: Vec<Vec<Convolution>>,
     dense: Vec<Dense>,
     head: Option<FrameReference>,
 }
@@ -92,7 +92,7 @@ impl EventReference {
             bias: layer.dense.bias().to_vec(),
             activation: layer.dense.activation(),
         };
-        let blocks = |level: &Level| level.blocks.iter().map(|block| Spline::new(&block.conv)).collect();
+        let blocks = |level: &Level| level.blocks.iter().map(|block| Convolution::new(&block.conv)).collect();
         Ok(Self {
             sensor,
             blocks: (0..network.levels()).map(|l| blocks(network.level(l))).collect(),
@@ -109,7 +109,7 @@ impl EventReference {
     #[must_use]
     pub fn with_norms(mut self, norms: &BTreeMap<String, BatchNorm>) -> Self {
         for (l, blocks) in self.blocks.iter_mut().enumerate() {
-            for (spline, block) in blocks.iter_mut().zip(&self.network.level(l).blocks) {
+            for (conv, block) in blocks.iter_mut().zip(&self.network.level(l).blocks) {
                 if let Some(norm) = norms.get(&block.name) {
                     let lengths = [&norm.gamma, &norm.beta, &norm.mean, &norm.variance].map(Vec::len);
                     assert_eq!(
@@ -118,7 +118,7 @@ impl EventReference {
                         "{}: a value for each channel",
                         block.name
                     );
-                    spline.norm = Norm::Full(norm.clone());
+                    conv.norm = Norm::Full(norm.clone());
                 }
             }
         }
@@ -146,10 +146,10 @@ impl EventReference {
     }
 
     fn run_blocks(&self, l: usize, level: &mut ReferenceLevel) {
-        for (spline, block) in self.blocks[l].iter().zip(&self.network.level(l).blocks) {
+        for (conv, block) in self.blocks[l].iter().zip(&self.network.level(l).blocks) {
             let input = &level.features[block.input];
             let skip = block.skip.map(|skip| &level.features[skip]);
-            let row = |row: usize| spline.row(input, row, &level.edges[row], skip.map(|skip| &skip[row][..]));
+            let row = |row: usize| conv.row(input, row, &level.edges[row], skip.map(|skip| &skip[row][..]));
             let rows = (0..input.len()).map(row).collect();
             level.features.push(rows);
         }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use meissner_engine::{Candidates, Event, Stream};
 
 use super::{EventReference, ReferenceLevel};
-use crate::spline::{Edge, attribute};
+use crate::convolution::Edge;
 
 /// Rows, edges and input of the event level.
 pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> ReferenceLevel {
@@ -38,10 +38,8 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
             .collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         found.truncate(parts.graph.reach.most());
-        let edge = |(_, j): (f64, usize)| {
-            let u = difference(&events[j], &events[i]).map(|d| attribute(d, parts.events.scale));
-            Edge { row: j, u }
-        };
+        let edge =
+            |(_, j): (f64, usize)| Edge::new(j, difference(&events[j], &events[i]), parts.events.scale);
         found.into_iter().map(edge).collect()
     };
     let position = |e: &Event| {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use meissner_engine::{Event, Fraction, Pooling, Position, Stream};
 
 use super::{EventReference, ReferenceLevel, Rows};
-use crate::spline::{Edge, attribute};
+use crate::convolution::Edge;
 
 /// A cell's index with t first: the order of cells.
 type Key = [i64; 3];
@@ -43,10 +43,8 @@ pub(super) fn level(
     let edges = members.iter().enumerate().map(|(to, (_, members))| {
         let read = members.iter().flat_map(|&row| &below.edges[row]).filter(|edge| edge.row >= below.first);
         let sources: BTreeSet<usize> = read.map(|edge| order[&key(edge.row)]).collect();
-        let edge = |from: usize| {
-            let u = [0, 1, 2].map(|d| attribute(positions[from][d] - positions[to][d], scale));
-            Edge { row: from, u }
-        };
+        let edge =
+            |from: usize| Edge::new(from, [0, 1, 2].map(|d| positions[from][d] - positions[to][d]), scale);
         sources.into_iter().filter(|&from| from != to).map(edge).collect()
     });
     let features = &below.features[pooling.from];

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use meissner_engine::{Level, Network, NetworkParts};
-use meissner_kernels::{Dense, SplineConv, SplineParts};
+use meissner_kernels::Dense;
 use meissner_models::{Tensor, Weights};
 use meissner_reference::BatchNorm;
 
@@ -85,7 +85,8 @@ fn changed(network: &Network, change: Change) -> Result<Network, VerifyError> {
     let levels = std::iter::once(&mut parts.events).chain(parts.pooled.iter_mut().map(|(_, level)| level));
     for Level { blocks, .. } in levels {
         for block in blocks {
-            block.conv = spline(block.conv.parts(), change, place == 0).map_err(|source| {
+            let (weights, added) = factors(change, place == 0);
+            block.conv = block.conv.scaled(weights, added).map_err(|source| {
                 meissner_engine::EngineError::Layer { layer: block.name.clone(), source }
             })?;
             place += 1;
@@ -115,25 +116,14 @@ fn scaled(values: &[f32], factor: f32) -> Vec<f32> {
     values.iter().map(|v| v * factor).collect()
 }
 
-/// A block with other weights.
-fn spline(
-    parts: SplineParts,
-    change: Change,
-    first: bool,
-) -> Result<SplineConv, meissner_kernels::KernelError> {
-    let (factor, add) = match change {
+/// What weights of a block, and what it adds, are multiplied by; whether it is the `first` one.
+fn factors(change: Change, first: bool) -> (f32, f32) {
+    match change {
         Change::Blocks(factor) => (factor, 1.0),
         Change::BlocksAlone(factor) => (factor, 0.0),
         Change::FirstAlone(factor) => (if first { factor } else { 1.0 }, 0.0),
         Change::Dense(_) | Change::Variance(_) => (1.0, 1.0),
-    };
-    SplineConv::new(&SplineParts {
-        weight: scaled(&parts.weight, factor),
-        root: parts.root.map(|root| scaled(&root, factor)),
-        bias: parts.bias.map(|bias| scaled(&bias, add)),
-        norm: parts.norm.map(|(scale, shift)| (scale, scaled(&shift, add))),
-        ..parts
-    })
+    }
 }
 
 /// The shipped network `name` with all running variances `variance`, and its batch norms as they are before they are folded.

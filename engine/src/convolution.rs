@@ -1,0 +1,199 @@
+//! The convolution of a block: which kernels there are, and the one place where engine and batch choose between them.
+//!
+//! A new convolution is a variant here. Everything that engine and batch need to know about it (sizes, what of an edge it
+//! reads, working space, its part of a network's fingerprint) is a method of [`GraphConvolution`] with a `match` over the
+//! variants. The choice is made once for a group of rows, never inside the loop over them.
+
+use meissner_kernels::{
+    GraphRow, Isa, KernelError, Lanes, Matrix, PointNetConv, PointNetParts, PointNetScratch, SplineConv,
+    SplineParts, SplineScratch,
+};
+
+use crate::fingerprint::Fingerprint;
+
+/// A graph convolution with what follows it: activation, batch norm, skip addition.
+#[derive(Clone, Debug)]
+pub enum GraphConvolution {
+    /// Spline convolution, mean over the in-edges, then ELU.
+    Spline(SplineConv),
+    /// `PointNet` convolution, maximum over the in-edges and the row itself, then `ReLU`.
+    PointNet(PointNetConv),
+}
+
+impl From<SplineConv> for GraphConvolution {
+    fn from(conv: SplineConv) -> Self {
+        Self::Spline(conv)
+    }
+}
+
+impl From<PointNetConv> for GraphConvolution {
+    fn from(conv: PointNetConv) -> Self {
+        Self::PointNet(conv)
+    }
+}
+
+/// What blocks of a level read of an edge beside its source and attributes. It is kept with the edge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct EdgeReads {
+    /// The spline basis.
+    pub(crate) basis: bool,
+    /// The offset along each axis.
+    pub(crate) offsets: bool,
+}
+
+impl EdgeReads {
+    /// What is read for one of them or the other.
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self { basis: self.basis || other.basis, offsets: self.offsets || other.offsets }
+    }
+}
+
+/// Working space of [`GraphConvolution::rows`], grown to the largest rows seen and kept.
+#[derive(Clone, Debug, Default)]
+pub struct ConvolutionScratch {
+    spline: SplineScratch,
+    pointnet: PointNetScratch,
+}
+
+impl ConvolutionScratch {
+    /// With room for all that `convs` need for rows of at most `most` in-edges: nothing is allocated later.
+    pub(crate) fn new<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> Self {
+        Self {
+            spline: SplineScratch::new(convs.clone().filter_map(GraphConvolution::spline), most),
+            pointnet: PointNetScratch::new(convs.filter_map(GraphConvolution::pointnet)),
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub(crate) fn bytes<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> usize {
+        SplineScratch::bytes(convs.clone().filter_map(GraphConvolution::spline), most)
+            + PointNetScratch::bytes(convs.filter_map(GraphConvolution::pointnet))
+    }
+}
+
+impl GraphConvolution {
+    /// Rows that are best computed together.
+    pub const GROUP: usize = SplineConv::GROUP;
+
+    /// The spline convolution, where it is one.
+    pub fn spline(&self) -> Option<&SplineConv> {
+        if let Self::Spline(conv) = self { Some(conv) } else { None }
+    }
+
+    /// The `PointNet` convolution, where it is one.
+    pub fn pointnet(&self) -> Option<&PointNetConv> {
+        if let Self::PointNet(conv) = self { Some(conv) } else { None }
+    }
+
+    /// Channels read.
+    pub fn inputs(&self) -> usize {
+        match self {
+            Self::Spline(conv) => conv.inputs(),
+            Self::PointNet(conv) => conv.inputs(),
+        }
+    }
+
+    /// Channels written.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Spline(conv) => conv.outputs(),
+            Self::PointNet(conv) => conv.outputs(),
+        }
+    }
+
+    /// Whether a row reads its own input, and not only that of its in-edges.
+    pub fn reads_itself(&self) -> bool {
+        match self {
+            Self::Spline(conv) => conv.has_root(),
+            Self::PointNet(_) => true,
+        }
+    }
+
+    /// What it reads of an edge.
+    pub(crate) fn edge_reads(&self) -> EdgeReads {
+        match self {
+            Self::Spline(conv) => EdgeReads { basis: conv.reads_basis(), offsets: false },
+            Self::PointNet(_) => EdgeReads { basis: false, offsets: true },
+        }
+    }
+
+    /// Multiply-adds of one row with `degree` in-edges.
+    pub fn multiply_adds(&self, degree: usize) -> usize {
+        match self {
+            Self::Spline(conv) => conv.multiply_adds(degree),
+            Self::PointNet(conv) => conv.multiply_adds(degree),
+        }
+    }
+
+    /// Computes rows, each as if it were alone; best in groups of [`Self::GROUP`].
+    ///
+    /// `features` is (rows, inputs), `out` the rows' outputs in lanes, one row after the other.
+    ///
+    /// # Panics
+    /// If a row or a slice does not have the sizes of this convolution.
+    #[inline]
+    pub fn rows(
+        &self,
+        isa: Isa,
+        features: &Matrix,
+        rows: &[GraphRow<'_>],
+        scratch: &mut ConvolutionScratch,
+        out: &mut [Lanes],
+    ) {
+        match self {
+            Self::Spline(conv) => conv.rows(isa, features, rows, &mut scratch.spline, out),
+            Self::PointNet(conv) => conv.rows(isa, features, rows, &mut scratch.pointnet, out),
+        }
+    }
+
+    /// The same with each weight multiplied by `weights`, and what is added (biases, shifts of batch norm) by `added`.
+    ///
+    /// # Errors
+    /// [`KernelError::NotFinite`] where a product overflows.
+    pub fn scaled(&self, weights: f32, added: f32) -> Result<Self, KernelError> {
+        let scaled = |values: Vec<f32>, factor: f32| values.into_iter().map(|v| v * factor).collect();
+        let norm =
+            |norm: Option<(Vec<f32>, Vec<f32>)>| norm.map(|(scale, shift)| (scale, scaled(shift, added)));
+        Ok(match self {
+            Self::Spline(conv) => {
+                let parts = conv.parts();
+                Self::Spline(SplineConv::new(&SplineParts {
+                    weight: scaled(parts.weight, weights),
+                    root: parts.root.map(|root| scaled(root, weights)),
+                    bias: parts.bias.map(|bias| scaled(bias, added)),
+                    norm: norm(parts.norm),
+                    ..parts
+                })?)
+            }
+            Self::PointNet(conv) => {
+                let parts = conv.parts();
+                Self::PointNet(PointNetConv::new(&PointNetParts {
+                    weight: scaled(parts.weight, weights),
+                    bias: scaled(parts.bias, added),
+                    norm: norm(parts.norm),
+                    ..parts
+                })?)
+            }
+        })
+    }
+
+    /// Adds its kind, sizes and parameters to a fingerprint.
+    pub(crate) fn fingerprint(&self, to: &mut Fingerprint) {
+        // The third word is the kind. That of spline convolutions also says whether there is an ELU.
+        let (sizes, parameters, norm) = match self {
+            Self::Spline(conv) => {
+                let SplineParts { inputs, outputs, kernel: [x, y, t], weight, root, bias, norm, elu } =
+                    conv.parts();
+                let parameters = vec![weight, root.unwrap_or_default(), bias.unwrap_or_default()];
+                (vec![inputs, outputs, usize::from(elu), x, y, t], parameters, norm)
+            }
+            Self::PointNet(conv) => {
+                let PointNetParts { inputs, outputs, weight, bias, norm } = conv.parts();
+                (vec![inputs, outputs, 2], vec![weight, bias], norm)
+            }
+        };
+        let (scale, shift) = norm.unwrap_or_default();
+        sizes.into_iter().for_each(|size| to.size(size));
+        parameters.iter().chain([&scale, &shift]).for_each(|values| to.values(values));
+    }
+}

@@ -1,0 +1,277 @@
+//! `PointNet` convolution of one row: maximum over the in-edges and the row itself, then batch norm and an optional skip
+//! addition (`PointNet++`, Qi et al. 2017, with one linear layer; over graphs of events: `EvGNN`, Yang et al. 2024).
+//!
+//! For row i with in-edges e = 1..n from rows j(e), with offsets d(e) = (`p_j` - `p_i`) / s, and for the row itself with d = 0:
+//!
+//! ```text
+//! a(e,o) = b(o) + sum over c ascending of x(j,c) W(o,c), then over d_x, d_y, d_t of d(e) W(o,C + axis)
+//! y(o)   = max(0, a(0,o), a(1,o), ..., a(n,o)) scale(o) + shift(o)  (+ skip)
+//! ```
+//!
+//! a is one chain: each product is rounded once with the sum (fused multiply-add), and so is the product with scale. `ReLU` is
+//! the 0 in the maximum, which is free of order because of it: neither edges nor tiles of edges have to be taken in turn. NaN
+//! in any a(e,o) is NaN in y(o).
+
+use crate::error::{KernelError, check};
+use crate::graph::{GraphRow, Neighbour};
+use crate::isa::{Isa, Simd, Task, Vector, accumulate, flat, flat_mut};
+use crate::lanes::{LANES, Lanes};
+use crate::matrix::Matrix;
+use crate::packed::Packed;
+use crate::spline::SplineConv;
+
+/// Axes of an offset.
+const AXES: usize = 3;
+/// Most edges that share each weight that is loaded.
+const TILE: usize = 8;
+
+/// Parameters of a `PointNet` block in `PyTorch`'s layouts.
+#[derive(Clone, Debug, Default)]
+pub struct PointNetParts {
+    /// C, channels read.
+    pub inputs: usize,
+    /// O, channels written.
+    pub outputs: usize,
+    /// (O, C + 3), as a linear layer has it: of the channels, then of the offset along x, y and t.
+    pub weight: Vec<f32>,
+    /// (O).
+    pub bias: Vec<f32>,
+    /// Batch norm with running statistics as one product and one sum: (O) and (O).
+    pub norm: Option<(Vec<f32>, Vec<f32>)>,
+}
+
+/// A `PointNet` block, ready to run.
+#[derive(Clone, Debug)]
+pub struct PointNetConv {
+    inputs: usize,
+    outputs: usize,
+    /// (C + 3, O).
+    weight: Packed,
+    bias: Vec<Lanes>,
+    scale: Vec<Lanes>,
+    shift: Vec<Lanes>,
+}
+
+/// Working space of [`PointNetConv::rows`], grown to the widest block seen and kept.
+#[derive(Clone, Debug, Default)]
+pub struct PointNetScratch {
+    /// The channels and the offset of a tile's edges, one edge after the other.
+    values: Vec<f32>,
+}
+
+impl PointNetScratch {
+    /// With room for all that `convs` need: nothing is allocated later.
+    pub fn new<'a>(convs: impl Iterator<Item = &'a PointNetConv>) -> Self {
+        Self { values: vec![0.0; Self::values(convs)] }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes<'a>(convs: impl Iterator<Item = &'a PointNetConv>) -> usize {
+        Self::values(convs) * size_of::<f32>()
+    }
+
+    fn values<'a>(convs: impl Iterator<Item = &'a PointNetConv>) -> usize {
+        convs.map(|conv| TILE * (conv.inputs + AXES)).max().unwrap_or(0)
+    }
+}
+
+impl PointNetConv {
+    /// Checks and packs `parts`.
+    ///
+    /// # Errors
+    /// A size of zero or beyond [`SplineConv::MOST_CHANNELS`], a tensor of the wrong length, or a value that is not finite.
+    pub fn new(parts: &PointNetParts) -> Result<Self, KernelError> {
+        let PointNetParts { inputs, outputs, .. } = *parts;
+        for (what, size) in [("input channels", inputs), ("output channels", outputs)] {
+            if size == 0 || size > SplineConv::MOST_CHANNELS {
+                return Err(KernelError::Size { what, expected: "1 to 65536", found: size });
+            }
+        }
+        let columns = inputs + AXES;
+        check("weight", &parts.weight, outputs * columns)?;
+        check("bias", &parts.bias, outputs)?;
+        let trivial = || (vec![1.0; outputs], vec![0.0; outputs]);
+        let (scale, shift) = parts.norm.clone().unwrap_or_else(trivial);
+        check("batch norm scale", &scale, outputs)?;
+        check("batch norm shift", &shift, outputs)?;
+        let of_column = |c: usize| parts.weight.iter().copied().skip(c).step_by(columns);
+        let transposed: Vec<f32> = (0..columns).flat_map(of_column).collect();
+        Ok(Self {
+            inputs,
+            outputs,
+            weight: Packed::new(&transposed, outputs),
+            bias: Lanes::pack(&parts.bias),
+            scale: Lanes::pack(&scale),
+            shift: Lanes::pack(&shift),
+        })
+    }
+
+    /// The parameters in `PyTorch`'s layouts: a block made of them computes the same bits. A norm that changes nothing is there
+    /// even where the block was made without. O(parameters).
+    pub fn parts(&self) -> PointNetParts {
+        let values = |lanes: &[Lanes]| flat(lanes)[..self.outputs].to_vec();
+        let packed = self.weight.unpacked(self.outputs);
+        let of_output = |o: usize| packed.iter().copied().skip(o).step_by(self.outputs);
+        PointNetParts {
+            inputs: self.inputs,
+            outputs: self.outputs,
+            weight: (0..self.outputs).flat_map(of_output).collect(),
+            bias: values(&self.bias),
+            norm: Some((values(&self.scale), values(&self.shift))),
+        }
+    }
+
+    /// C, channels read.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// O, channels written.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Multiply-adds of one row with `degree` in-edges.
+    pub fn multiply_adds(&self, degree: usize) -> usize {
+        pointnet_multiply_adds(self.inputs, self.outputs, degree)
+    }
+
+    /// Computes rows, each as if it were alone.
+    ///
+    /// `features` is (rows, C), `out` the rows' O values in lanes, one row after the other.
+    ///
+    /// # Panics
+    /// If a row or a slice does not have the sizes of this block, or an in-edge has no offset.
+    #[inline]
+    pub fn rows(
+        &self,
+        isa: Isa,
+        features: &Matrix,
+        rows: &[GraphRow<'_>],
+        scratch: &mut PointNetScratch,
+        out: &mut [Lanes],
+    ) {
+        isa.run(Run { conv: self, features, rows, scratch, out });
+    }
+}
+
+/// Multiply-adds of one row of a `PointNet` block with `degree` in-edges. Saturates.
+pub fn pointnet_multiply_adds(inputs: usize, outputs: usize, degree: usize) -> usize {
+    degree.saturating_add(1).saturating_mul(inputs.saturating_add(AXES)).saturating_mul(outputs)
+}
+
+struct Run<'a> {
+    conv: &'a PointNetConv,
+    features: &'a Matrix,
+    rows: &'a [GraphRow<'a>],
+    scratch: &'a mut PointNetScratch,
+    out: &'a mut [Lanes],
+}
+
+impl Task for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { conv, features, rows, scratch: PointNetScratch { values }, out } = self;
+        let lanes = conv.bias.len();
+        assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
+        assert_eq!(out.len(), rows.len() * lanes, "the output must have the block's output channels");
+        values.resize(values.len().max(TILE * (conv.inputs + AXES)), 0.0);
+        for (row, out) in rows.iter().zip(out.chunks_mut(lanes)) {
+            conv.row(simd, features, row, values, out);
+        }
+    }
+}
+
+impl PointNetConv {
+    #[inline(always)]
+    fn row<S: Simd>(
+        &self,
+        simd: S,
+        features: &Matrix,
+        row: &GraphRow<'_>,
+        values: &mut [f32],
+        out: &mut [Lanes],
+    ) {
+        let GraphRow { neighbours, offsets, own, .. } = *row;
+        assert_eq!(neighbours.len(), offsets.len(), "every in-edge must have an offset");
+        out.fill(Lanes::ZERO);
+        self.gather(values, flat(own), [0.0; AXES]);
+        // The row itself is the first edge of the first tile.
+        let (mut edge, mut held) = (0, 1);
+        loop {
+            let most = if S::WIDE && held + neighbours.len() - edge > TILE / 2 { TILE } else { TILE / 2 };
+            while held < most && edge < neighbours.len() {
+                let Neighbour { row, .. } = neighbours[edge];
+                let at = &mut values[held * (self.inputs + AXES)..];
+                self.gather(at, flat(features.row(row as usize)), offsets[edge]);
+                (edge, held) = (edge + 1, held + 1);
+            }
+            if most == TILE {
+                self.tile::<S, TILE>(simd, values, held, out);
+            } else {
+                self.tile::<S, { TILE / 2 }>(simd, values, held, out);
+            }
+            held = 0;
+            if edge == neighbours.len() {
+                break;
+            }
+        }
+        self.finish(simd, row.skip, out);
+    }
+
+    /// What one edge brings: C channels of the row that it comes from, and its offset.
+    #[inline(always)]
+    fn gather(&self, values: &mut [f32], row: &[f32], offset: [f32; AXES]) {
+        values[..self.inputs].copy_from_slice(&row[..self.inputs]);
+        values[self.inputs..][..AXES].copy_from_slice(&offset);
+    }
+
+    /// Takes the first `held` edges of a tile of R into the maxima in `out`.
+    #[inline(always)]
+    fn tile<S: Simd, const R: usize>(&self, simd: S, values: &[f32], held: usize, out: &mut [Lanes]) {
+        let mut lane = 0;
+        while lane + 2 <= self.bias.len() {
+            self.block::<S, S::V16, R>(simd, values, held, self.weight.wide(lane), lane, out);
+            lane += 2;
+        }
+        if lane < self.bias.len() {
+            self.block::<S, S::V8, R>(simd, values, held, self.weight.last(), lane, out);
+        }
+    }
+
+    /// The outputs of one vector, from lane `lane`.
+    #[inline(always)]
+    fn block<S: Simd, V: Vector<S>, const R: usize>(
+        &self,
+        simd: S,
+        values: &[f32],
+        held: usize,
+        weight: &[V::Memory],
+        lane: usize,
+        out: &mut [Lanes],
+    ) {
+        let mut sums = [[V::load_slice(simd, &flat(&self.bias)[lane * LANES..])]; R];
+        accumulate::<S, V, R, 1, 0, 1>(simd, &mut sums, values, self.inputs + AXES, [weight]);
+        let out = &mut flat_mut(out)[lane * LANES..];
+        let mut most = V::load_slice(simd, out);
+        for [sum] in &sums[..held] {
+            most = most.max_or_nan(simd, *sum);
+        }
+        most.store_slice(out);
+    }
+
+    /// Batch norm and skip.
+    #[inline(always)]
+    fn finish<S: Simd>(&self, simd: S, skip: Option<&[Lanes]>, out: &mut [Lanes]) {
+        for (lane, out) in out.iter_mut().enumerate() {
+            let load = |lanes: &[Lanes]| S::V8::load(simd, &lanes[lane]);
+            let mut y = load(&self.shift).add_product(S::V8::load(simd, out), load(&self.scale));
+            if let Some(skip) = skip {
+                y = y.add(load(skip));
+            }
+            y.store(out);
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! The convolution of a block: what a description can choose, and what follows from the choice.
+//!
+//! ```toml
+//! [[layer]]
+//! name = "conv1"
+//! kind = "block"
+//! conv = "pointnet"            # or "spline"
+//! channels = 16
+//! skip = "events"              # optional: a layer of this level with as many channels
+//! norm = true                  # the default: batch norm
+//! ```
+//!
+//! | `conv` | computes, for row i over its in-edges j | keys of its own | tensors |
+//! |---|---|---|---|
+//! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` | `conv.weight` (slot, C, O), `conv.lin.weight` (O, C), `conv.bias` (O) |
+//! | `pointnet` | maximum, i itself included, of `W [x_j, (p_j - p_i) / scale] + b`, `ReLU` | none | `conv.weight` (O, C + 3), `conv.bias` (O) |
+//!
+//! `kind = "spline"` is short for `kind = "block"` with `conv = "spline"`. A block's tensors begin with its prefix, and those
+//! of its batch norm are `norm.weight`, `norm.bias`, `norm.running_mean` and `norm.running_var`.
+//!
+//! A new convolution is a variant of [`ConvolutionKind`] and a row of [`KINDS`].
+
+use std::ops::RangeInclusive;
+
+use meissner_engine::GraphConvolution;
+use meissner_kernels::{
+    KernelError, PointNetConv, PointNetParts, SplineConv, SplineParts, pointnet_multiply_adds,
+    spline_multiply_adds,
+};
+use serde::Serialize;
+use toml::de::DeValue;
+
+use super::layer::Layer;
+use super::table::{Table, integer};
+use super::tensors::{LARGEST_TENSOR, Listing, Needed, Tensors};
+
+/// What a block computes before batch norm and skip addition.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum ConvolutionKind {
+    /// Spline convolution.
+    Spline {
+        /// Kernel size along x, y and t; 1 leaves an axis out.
+        kernel: [usize; 3],
+        /// Whether the row itself is read through a root weight.
+        root: bool,
+        /// Whether there is a bias.
+        bias: bool,
+        /// Whether ELU follows the convolution.
+        elu: bool,
+    },
+    /// `PointNet` convolution, with `ReLU`.
+    PointNet,
+}
+
+/// Reads the keys that only one convolution has; `None` where one of them was reported.
+type Keys = fn(&mut Table<'_, '_>) -> Option<ConvolutionKind>;
+
+/// The words of `conv`, with what reads the keys of each.
+pub(super) const KINDS: [(&str, Keys); 2] =
+    [(SPLINE, spline), ("pointnet", |_| Some(ConvolutionKind::PointNet))];
+
+/// The convolution that is also a kind of layer.
+pub(super) const SPLINE: &str = "spline";
+
+/// What the kernels accept.
+const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
+
+pub(super) fn spline(table: &mut Table<'_, '_>) -> Option<ConvolutionKind> {
+    let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
+    let kernel = table.required("kernel", expected, kernel);
+    let (root, bias) = (table.boolean("root", false), table.boolean("bias", false));
+    let elu = table.boolean("elu", true);
+    kernel.map(|kernel| ConvolutionKind::Spline { kernel: kernel.value, root, bias, elu })
+}
+
+fn kernel(value: &DeValue<'_>) -> Option<[usize; 3]> {
+    let size = |v: &DeValue<'_>| integer(v).filter(|v| KERNELS.contains(v)).map(|v| v as usize);
+    match value {
+        DeValue::Array(sizes) => {
+            let sizes: Vec<usize> = sizes.iter().map(|v| size(v.get_ref())).collect::<Option<_>>()?;
+            match sizes[..] {
+                [x, y] => Some([x, y, 1]),
+                [x, y, t] => Some([x, y, t]),
+                _ => None,
+            }
+        }
+        _ => size(value).map(|k| [k; 3]),
+    }
+}
+
+/// A size that is too large: the key that sets it, the admissible sizes, and the one that was found.
+pub(super) struct TooLarge {
+    pub(super) key: &'static str,
+    pub(super) expected: String,
+    pub(super) found: String,
+}
+
+impl ConvolutionKind {
+    /// The word a file has for it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Spline { .. } => SPLINE,
+            Self::PointNet => "pointnet",
+        }
+    }
+
+    /// Its options after its word, in short; whether there is batch norm is one of them.
+    pub(super) fn options(&self, norm: bool) -> String {
+        let given = |options: &[(&str, bool)]| -> String {
+            options.iter().filter(|(_, given)| *given).map(|(word, _)| *word).collect()
+        };
+        match self {
+            Self::Spline { kernel: [x, y, t], root, bias, elu } => {
+                let options = [(" root", *root), (" bias", *bias), (" no norm", !norm), (" no elu", !*elu)];
+                format!(" {x}x{y}x{t}{}", given(&options))
+            }
+            Self::PointNet => given(&[(" no norm", !norm)]),
+        }
+    }
+
+    /// What is too large about it from `inputs` to `outputs` channels.
+    pub(super) fn too_large(&self, inputs: usize, outputs: usize) -> Option<TooLarge> {
+        match self {
+            Self::Spline { kernel, .. } => {
+                let slots: usize = kernel.iter().product();
+                let fits =
+                    slots * inputs <= SplineConv::LARGEST_SUMS && slots * inputs * outputs <= LARGEST_TENSOR;
+                (!fits).then(|| TooLarge {
+                    key: "kernel",
+                    expected: format!(
+                        "at most {} kernel slots times input channels, and {LARGEST_TENSOR} weights",
+                        SplineConv::LARGEST_SUMS
+                    ),
+                    found: format!("{slots} slots of {inputs} x {outputs} channels"),
+                })
+            }
+            Self::PointNet => ((inputs + 3) * outputs > LARGEST_TENSOR).then(|| TooLarge {
+                key: "channels",
+                expected: format!("at most {LARGEST_TENSOR} weights"),
+                found: format!("{} x {outputs}", inputs + 3),
+            }),
+        }
+    }
+
+    /// Multiply-adds of one row with `in_edges` in-edges.
+    pub(super) fn multiply_adds(&self, inputs: usize, outputs: usize, in_edges: usize) -> usize {
+        match *self {
+            Self::Spline { kernel, root, .. } => {
+                spline_multiply_adds(kernel, inputs, outputs, root, in_edges)
+            }
+            Self::PointNet => pointnet_multiply_adds(inputs, outputs, in_edges),
+        }
+    }
+
+    /// How far apart slots lie that differ by 1 along x, y and t; `None` where there is no spline kernel.
+    pub(crate) fn slot_strides(&self) -> Option<[usize; 3]> {
+        match self {
+            Self::Spline { kernel: [x, y, _], .. } => Some([1, *x, x * y]),
+            Self::PointNet => None,
+        }
+    }
+
+    /// Whether it reads offsets, and not only attributes, of in-edges.
+    pub(crate) fn reads_offsets(&self) -> bool {
+        matches!(self, Self::PointNet)
+    }
+
+    /// `tensors` with those of the convolution from `c` to `o` channels, in the order of their use; and the running variance
+    /// that batch norm is expected to have after it.
+    pub(super) fn tensors<'l>(&self, tensors: Listing<'l>, c: usize, o: usize) -> (Listing<'l>, f64) {
+        const BIAS: &str = "bias: (output channel)";
+        match *self {
+            Self::Spline { kernel, root, bias, .. } => {
+                let slots = kernel.iter().product();
+                let meaning = "spline kernel: (slot, input channel, output channel)";
+                let of_root = "what the row itself is read through: (output channel, input channel)";
+                let tensors = tensors
+                    .weight("conv.weight", &[slots, c, o], c, meaning)
+                    .when(root, |tensors| tensors.weight("conv.lin.weight", &[o, c], c, of_root))
+                    .when(bias, |tensors| tensors.shift("conv.bias", &[o], BIAS));
+                // Averaging over edges shrinks the variance. Running variances are drawn small, as trained ones are.
+                (tensors, 0.25)
+            }
+            Self::PointNet => {
+                let meaning = "PointNet's linear layer: (output channel, input channel, then the offset along x, y and t)";
+                let tensors = tensors.weight("conv.weight", &[o, c + 3], c + 3, meaning);
+                // The maximum over edges is larger than each of them. Running variances are drawn large.
+                (tensors.shift("conv.bias", &[o], BIAS), 4.0)
+            }
+        }
+    }
+
+    /// The convolution with the values of its tensors; `None` where one does not fit, which `tensors` notes.
+    pub(super) fn build(
+        &self,
+        layer: &Layer,
+        norm: bool,
+        tensors: &mut Tensors<'_>,
+    ) -> Result<Option<GraphConvolution>, KernelError> {
+        let (inputs, outputs) = (layer.inputs, layer.outputs);
+        // Every tensor is looked up before the first missing one ends the search, so that all missing tensors are reported.
+        let needed = self.tensors(Listing::new(&layer.weights), inputs, outputs).0.needed();
+        let mut parts = Vec::new();
+        for Needed { name, shape, .. } in &needed {
+            parts.push(tensors.get(name, shape).map(<[f32]>::to_vec));
+        }
+        let norm = norm.then(|| tensors.norm(&layer.tensor("norm"), outputs).map(|norm| norm.rounded()));
+        let Some(parts) = parts.into_iter().collect::<Option<Vec<Vec<f32>>>>() else { return Ok(None) };
+        let norm = match norm {
+            Some(None) => return Ok(None),
+            norm => norm.flatten(),
+        };
+        let mut parts = parts.into_iter();
+        let mut next = |given: bool| given.then(|| parts.next().unwrap_or_default());
+        let weight = next(true).unwrap_or_default();
+        Ok(Some(match *self {
+            Self::Spline { kernel, root, bias, elu } => {
+                let (root, bias) = (next(root), next(bias));
+                let parts = SplineParts { inputs, outputs, kernel, weight, root, bias, norm, elu };
+                SplineConv::new(&parts)?.into()
+            }
+            Self::PointNet => {
+                let bias = next(true).unwrap_or_default();
+                PointNetConv::new(&PointNetParts { inputs, outputs, weight, bias, norm })?.into()
+            }
+        }))
+    }
+}

@@ -1,0 +1,253 @@
+//! The convolutions of blocks in f64, with what follows them.
+//!
+//! Spline (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5): the basis of degree 1 is a tensor product of hat functions, and every
+//! in-edge takes part with all slots of the kernel. `PointNet` (`PointNet++`, Qi et al. 2017): a linear layer over the channels
+//! and the offset of every in-edge and of the row itself, and the maximum.
+
+use meissner_engine::GraphConvolution;
+use meissner_kernels::{PointNetParts, SplineParts};
+
+use crate::activation::elu;
+
+/// Batch norm with running statistics, as it was trained: one value a channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BatchNorm {
+    /// Factor behind the normalisation.
+    pub gamma: Vec<f32>,
+    /// What is added behind it.
+    pub beta: Vec<f32>,
+    /// Running mean.
+    pub mean: Vec<f32>,
+    /// Running variance.
+    pub variance: Vec<f32>,
+    /// What is added to the variance.
+    pub epsilon: f64,
+}
+
+/// What follows the activation.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Norm {
+    /// A factor and what is added, as the engine has them.
+    Folded(Vec<f32>, Vec<f32>),
+    /// (x - mean) / sqrt(variance + epsilon) gamma + beta.
+    Full(BatchNorm),
+}
+
+impl Norm {
+    fn of(&self, x: f64, o: usize) -> f64 {
+        match self {
+            Self::Folded(scale, shift) => x * f64::from(scale[o]) + f64::from(shift[o]),
+            Self::Full(norm) => {
+                let [gamma, beta, mean, variance] =
+                    [&norm.gamma, &norm.beta, &norm.mean, &norm.variance].map(|v| f64::from(v[o]));
+                (x - mean) / (variance + norm.epsilon).sqrt() * gamma + beta
+            }
+        }
+    }
+}
+
+/// A convolution with what follows it.
+#[derive(Clone, Debug)]
+pub(crate) struct Convolution {
+    kind: Kind,
+    pub(crate) norm: Norm,
+}
+
+/// What comes before batch norm.
+#[derive(Clone, Debug)]
+enum Kind {
+    Spline(SplineParts),
+    PointNet(PointNetParts),
+}
+
+/// An in-edge: the row that is read, and (`p_j` - `p_i`) / s along x, y and t.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Edge {
+    pub(crate) row: usize,
+    pub(crate) offset: [f64; 3],
+}
+
+impl Edge {
+    /// An in-edge from `row`, `difference` away, on a level of scale `scale`.
+    pub(crate) fn new(row: usize, difference: [f64; 3], scale: f32) -> Self {
+        Self { row, offset: difference.map(|d| d / f64::from(scale)) }
+    }
+
+    /// Edge attribute: clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1).
+    fn attributes(&self) -> [f64; 3] {
+        self.offset.map(|offset| (offset / 2.0 + 0.5).clamp(0.0, 1.0))
+    }
+}
+
+/// Weight of place `i` of `size` on one axis at attribute `u`: a hat of width 1 to each side.
+fn hat(u: f64, i: usize, size: usize) -> f64 {
+    if size == 1 { 1.0 } else { (1.0 - (u * (size - 1) as f64 - i as f64).abs()).max(0.0) }
+}
+
+impl Convolution {
+    /// The convolution with the parameters of `conv`.
+    pub(crate) fn new(conv: &GraphConvolution) -> Self {
+        let (kind, norm) = match conv {
+            GraphConvolution::Spline(conv) => {
+                let mut parts = conv.parts();
+                let norm = parts.norm.take();
+                (Kind::Spline(parts), norm)
+            }
+            GraphConvolution::PointNet(conv) => {
+                let mut parts = conv.parts();
+                let norm = parts.norm.take();
+                (Kind::PointNet(parts), norm)
+            }
+        };
+        let (scale, shift) = norm.unwrap_or_default();
+        Self { kind, norm: Norm::Folded(scale, shift) }
+    }
+
+    /// Row `own` of the block over `features`, plus `skip`.
+    pub(crate) fn row(
+        &self,
+        features: &[Vec<f64>],
+        own: usize,
+        edges: &[Edge],
+        skip: Option<&[f64]>,
+    ) -> Vec<f64> {
+        let mut out = match &self.kind {
+            Kind::Spline(parts) => spline(parts, features, own, edges),
+            Kind::PointNet(parts) => pointnet(parts, features, own, edges),
+        };
+        for (o, y) in out.iter_mut().enumerate() {
+            *y = self.norm.of(*y, o) + skip.map_or(0.0, |skip| skip[o]);
+        }
+        out
+    }
+}
+
+/// Mean over the in-edges, root weight, bias, ELU.
+fn spline(parts: &SplineParts, features: &[Vec<f64>], own: usize, edges: &[Edge]) -> Vec<f64> {
+    let SplineParts { inputs, outputs, kernel: [kx, ky, kt], .. } = *parts;
+    let mut out = vec![0.0; outputs];
+    for edge in edges {
+        let u = edge.attributes();
+        for slot in 0..kx * ky * kt {
+            let (ix, iy, it) = (slot % kx, slot / kx % ky, slot / kx / ky);
+            let basis = hat(u[0], ix, kx) * hat(u[1], iy, ky) * hat(u[2], it, kt);
+            if basis == 0.0 {
+                continue;
+            }
+            for (c, value) in features[edge.row].iter().enumerate() {
+                let x = basis * value;
+                let weights = &parts.weight[(slot * inputs + c) * outputs..][..outputs];
+                out.iter_mut().zip(weights).for_each(|(out, &w)| *out += x * f64::from(w));
+            }
+        }
+    }
+    for (o, y) in out.iter_mut().enumerate() {
+        if !edges.is_empty() {
+            *y /= edges.len() as f64;
+        }
+        if let Some(root) = &parts.root {
+            let weights = &root[o * inputs..][..inputs];
+            *y += features[own].iter().zip(weights).map(|(x, &w)| x * f64::from(w)).sum::<f64>();
+        }
+        *y += parts.bias.as_ref().map_or(0.0, |bias| f64::from(bias[o]));
+        if parts.elu {
+            *y = elu(*y);
+        }
+    }
+    out
+}
+
+/// Maximum over the in-edges and the row itself of a linear layer, `ReLU`.
+fn pointnet(parts: &PointNetParts, features: &[Vec<f64>], own: usize, edges: &[Edge]) -> Vec<f64> {
+    let itself = Edge { row: own, offset: [0.0; 3] };
+    let messages: Vec<Vec<f64>> = std::iter::once(&itself)
+        .chain(edges)
+        .map(|edge| {
+            let read: Vec<f64> = features[edge.row].iter().chain(&edge.offset).copied().collect();
+            let message = |(weights, &bias): (&[f32], &f32)| {
+                read.iter().zip(weights).map(|(x, &w)| x * f64::from(w)).sum::<f64>() + f64::from(bias)
+            };
+            parts.weight.chunks_exact(read.len()).zip(&parts.bias).map(message).collect()
+        })
+        .collect();
+    let most = |o: usize| messages.iter().fold(0.0, |most: f64, message| most.max(message[o]));
+    (0..parts.outputs).map(most).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meissner_kernels::{PointNetConv, SplineConv};
+
+    fn block(kernel: [usize; 3], weight: Vec<f32>, elu: bool) -> Convolution {
+        let parts = SplineParts {
+            inputs: 1,
+            outputs: 1,
+            kernel,
+            weight,
+            root: None,
+            bias: Some(vec![0.25]),
+            norm: Some((vec![2.0], vec![1.0])),
+            elu,
+        };
+        Convolution::new(&SplineConv::new(&parts).expect("sizes fit").into())
+    }
+
+    #[test]
+    fn a_row_of_two_edges_is_what_a_hand_computes() {
+        let spline = block([2, 1, 1], vec![1.0, 3.0], false);
+        let edges = [Edge { row: 0, offset: [-0.5, -1.0, -1.0] }, Edge { row: 1, offset: [1.0, -1.0, -1.0] }];
+        // (2 (0.75 + 0.25 3) + 4 3) / 2 + 0.25 = 7.75, times 2, plus 1, plus the skip.
+        let row = spline.row(&[vec![2.0], vec![4.0]], 0, &edges, Some(&[0.5]));
+        assert_eq!(row, [17.0]);
+    }
+
+    #[test]
+    fn a_row_without_edges_is_its_bias() {
+        assert_eq!(block([2, 1, 1], vec![1.0, 3.0], false).row(&[vec![2.0]], 0, &[], None), [1.5]);
+    }
+
+    #[test]
+    fn a_pointnet_row_is_what_a_hand_computes() {
+        let parts = PointNetParts {
+            inputs: 1,
+            outputs: 2,
+            weight: vec![1.0, 10.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
+            bias: vec![0.5, -8.0],
+            norm: Some((vec![2.0; 2], vec![1.0; 2])),
+        };
+        let conv = Convolution::new(&PointNetConv::new(&parts).expect("sizes fit").into());
+        let edges = [Edge::new(0, [0.5, 0.0, 0.0], 0.25), Edge::new(1, [-0.5, 0.0, 0.0], 0.25)];
+        // First channel: 2 + 20 + 0.5 from row 0 beats itself and row 1; second: all are below 0.
+        assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &edges, None), [46.0, 1.0]);
+        assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &[], Some(&[1.0, 0.0])), [11.0, 1.0]);
+    }
+
+    #[test]
+    fn the_hats_of_an_axis_sum_to_one() {
+        for size in 1..6 {
+            for u in [0.0, 0.1, 0.25, 0.5, 0.99, 1.0] {
+                let sum: f64 = (0..size).map(|i| hat(u, i, size)).sum();
+                assert!((sum - 1.0).abs() < 1e-15, "size {size} at {u}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn unfolded_batch_norm_is_the_folded_one() {
+        let mut spline = block([1, 1, 1], vec![1.0], true);
+        let edge = Edge { row: 0, offset: [0.0; 3] };
+        let folded = spline.row(&[vec![0.75]], 0, &[edge], None);
+        let norm = |gamma, beta, mean, variance| BatchNorm {
+            gamma: vec![gamma],
+            beta: vec![beta],
+            mean: vec![mean],
+            variance: vec![variance],
+            epsilon: 0.0,
+        };
+        // (x - 1) / sqrt(0.25) + 3 = 2 x + 1.
+        spline.norm = Norm::Full(norm(1.0, 3.0, 1.0, 0.25));
+        assert_eq!(spline.row(&[vec![0.75]], 0, &[edge], None), folded);
+        assert_eq!(folded, [3.0]);
+    }
+}
