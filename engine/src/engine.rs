@@ -10,8 +10,9 @@ use meissner_kernels::Neighbour;
 
 use crate::admission::{Admission, Outcome};
 use crate::counters::{Counters, LayerLog, Log};
+use crate::error::option;
 use crate::graph::Adjacency;
-use crate::network::{Network, Normalisation, option};
+use crate::network::{Network, Normalisation};
 use crate::options::Options;
 use crate::snapshot::SnapshotOf;
 use crate::stages::Stage;

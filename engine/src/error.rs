@@ -132,3 +132,13 @@ pub enum EngineError {
         found: String,
     },
 }
+
+/// A value that is out of range.
+pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
+    EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
+}
+
+/// Refuses a value outside of `low..=high`.
+pub(crate) fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
+}

@@ -58,9 +58,7 @@
 #![forbid(unsafe_code)]
 
 mod activations;
-mod adapt;
 mod admission;
-mod after;
 mod batch;
 mod batch_engine;
 mod cells;
@@ -76,6 +74,7 @@ mod fraction;
 pub mod frames;
 mod graph;
 mod grid;
+mod head;
 mod maxima;
 mod members;
 mod merged;

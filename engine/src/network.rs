@@ -1,4 +1,5 @@
-//! A network as the engine runs it: the event graph, levels of blocks joined by poolings, a readout, dense layers. Shapes are checked once, here; engine and batch rely on them.
+//! A network as the engine runs it: the event graph, levels of blocks joined by poolings, a readout, dense layers. Shapes
+//! are checked once, here; engine and batch rely on them.
 //!
 //! A *feature* of a level is what enters it (index 0: the events' polarity, or the pooled maxima) or what its block
 //! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
@@ -6,198 +7,16 @@
 
 mod check;
 mod fingerprint;
+mod parts;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
-use meissner_kernels::Dense;
-
-use crate::convolution::{EdgeReads, GraphConvolution};
-use crate::frames::FrameNetwork;
+use crate::error::in_range;
 use crate::{EngineError, Fraction};
-pub(crate) use check::{in_range, option};
-
-/// Which nodes a node reads from. `knn` and `radius` are one rule: the first `most` candidates in the graph's order
-/// whose squared distance is at most `radius`^2.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reach {
-    /// The `k` nearest.
-    Knn {
-        /// Neighbours, 1 to 255.
-        k: usize,
-    },
-    /// Those within `r`, of these the `max` nearest.
-    Radius {
-        /// Distance, in units of the normalised position.
-        r: f64,
-        /// Most neighbours, 1 to 255.
-        max: usize,
-    },
-}
-
-impl Reach {
-    /// Most in-edges that a node has.
-    pub fn most(self) -> usize {
-        match self {
-            Self::Knn { k } => k,
-            Self::Radius { max, .. } => max,
-        }
-    }
-
-    /// Largest squared distance of an in-edge.
-    pub fn limit(self) -> f64 {
-        match self {
-            Self::Knn { .. } => f64::INFINITY,
-            Self::Radius { r, .. } => r * r,
-        }
-    }
-}
-
-/// What becomes of in-edges when the node they come from leaves the window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lifetime {
-    /// They are replaced by the next nearest: in-edges always refer to the window.
-    Window,
-    /// A row is computed on arrival and never changed.
-    Frozen,
-}
-
-/// Which nodes can be neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Candidates {
-    /// All in the window: an old event may gain a newer neighbour.
-    All,
-    /// Those that arrived before.
-    Past(Lifetime),
-}
-
-/// How neighbourhoods are chosen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraphRule {
-    /// How many and how far.
-    pub reach: Reach,
-    /// Among which.
-    pub candidates: Candidates,
-}
-
-impl GraphRule {
-    /// Whether rows are computed on arrival and never changed.
-    pub fn is_frozen(self) -> bool {
-        self.candidates == Candidates::Past(Lifetime::Frozen)
-    }
-}
-
-/// What edge attributes and pooling grids are relative to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Normalisation {
-    /// Fixed scales per level, grids from an origin of 0.
-    Fixed,
-    /// The largest coordinate difference over the edges of each graph, grids from its smallest position: how the
-    /// published checkpoint was trained. Batch only.
-    PerGraph,
-}
-
-/// Position of a pooled node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Position {
-    /// Mean of its members' positions.
-    Mean,
-    /// Centre of its cell.
-    Centre,
-}
-
-/// How a level's nodes are made from those of the level below.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pooling {
-    /// Name, for reports.
-    pub name: String,
-    /// Feature of the level below whose channel-wise maximum enters this level.
-    pub from: usize,
-    /// Cell size along x and y, as fractions of the sensor.
-    pub cell: [Fraction; 2],
-    /// Cell size along t, as a fraction of the span; `None` pools over all times.
-    pub time: Option<Fraction>,
-    /// Where the pooled nodes lie.
-    pub position: Position,
-}
-
-/// A block of a level.
-#[derive(Clone, Debug)]
-pub struct Block {
-    /// Name, for reports.
-    pub name: String,
-    /// Feature that is convolved.
-    pub input: usize,
-    /// Feature that is added to the result.
-    pub skip: Option<usize>,
-    /// Convolution, activation and batch norm.
-    pub conv: GraphConvolution,
-}
-
-/// The blocks over one graph.
-#[derive(Clone, Debug)]
-pub struct Level {
-    /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1) and of the offsets (`p_j` - `p_i`) / s.
-    pub scale: f32,
-    /// In an order in which each reads only what was written before it.
-    pub blocks: Vec<Block>,
-}
-
-impl Level {
-    /// What the blocks read of in-edges.
-    pub(crate) fn edge_reads(&self) -> EdgeReads {
-        self.blocks.iter().map(|block| block.conv.edge_reads()).fold(EdgeReads::default(), EdgeReads::or)
-    }
-}
-
-/// The maximum over a grid of the image, cell after cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Readout {
-    /// Feature of the last level.
-    pub from: usize,
-    /// Cells along x.
-    pub columns: usize,
-    /// Cells along y.
-    pub rows: usize,
-    /// Whether the poolings' cells in time stay apart: the grid is there once for each of them that a window can fill,
-    /// the newest first.
-    pub by_time: bool,
-}
-
-/// A dense layer after the readout.
-#[derive(Clone, Debug)]
-pub struct DenseLayer {
-    /// Name, for reports.
-    pub name: String,
-    /// Weights and activation.
-    pub dense: Dense,
-}
-
-/// What a [`Network`] is made from.
-#[derive(Clone, Debug)]
-pub struct NetworkParts {
-    /// Name, for reports.
-    pub name: String,
-    /// Length of the window in microseconds.
-    pub span_us: i64,
-    /// Most events that the window holds.
-    pub capacity: usize,
-    /// Rule of the event graph.
-    pub graph: GraphRule,
-    /// What attributes and grids are relative to.
-    pub normalisation: Normalisation,
-    /// The event level.
-    pub events: Level,
-    /// Each pooling with the level that it starts.
-    pub pooled: Vec<(Pooling, Level)>,
-    /// What the dense layers read.
-    pub readout: Readout,
-    /// In order; the last one's outputs are the prediction. None where there is a head.
-    pub dense: Vec<DenseLayer>,
-    /// A frame network in place of dense layers; its output is the prediction. It reads the readout as an image: a column and
-    /// a row for those of the grid, channel `age C + c` for channel c of the grid that is `age` cells in time old. Without
-    /// state: how often predictions are read must not matter.
-    pub head: Option<Arc<FrameNetwork>>,
-}
+pub use parts::{
+    Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, NetworkParts, Normalisation, Pooling,
+    Position, Reach, Readout,
+};
 
 /// A checked network. Immutable; engines share it by `Arc`.
 #[derive(Clone, Debug)]
@@ -211,13 +30,13 @@ pub struct Network {
 
 impl Network {
     /// Longest span, about 12 days: sums of squared shares of it stay far from f64's limits.
-    pub const LONGEST_SPAN_US: i64 = 1 << 40;
+    pub const LONGEST_SPAN_US: i64 = check::LONGEST_SPAN_US;
     /// Most events that a window may be asked to hold.
-    pub const LARGEST_CAPACITY: usize = 1 << 24;
+    pub const LARGEST_CAPACITY: usize = check::LARGEST_CAPACITY;
     /// Most in-edges of a node.
-    pub const MOST_NEIGHBOURS: usize = 255;
+    pub const MOST_NEIGHBOURS: usize = check::MOST_NEIGHBOURS;
     /// Most cells of a pooling.
-    pub const MOST_CELLS: usize = 1 << 22;
+    pub const MOST_CELLS: usize = check::MOST_CELLS;
 
     /// Checks that `parts` fit together.
     ///
@@ -232,10 +51,6 @@ impl Network {
     /// What the network is made of.
     pub fn parts(&self) -> &NetworkParts {
         &self.parts
-    }
-
-    pub(crate) fn into_parts(self) -> NetworkParts {
-        self.parts
     }
 
     /// Name, for reports.
@@ -301,5 +116,43 @@ impl Network {
             names.extend(level.blocks.iter().map(|b| b.name.as_str()));
         }
         names
+    }
+}
+
+/// A network changed before it runs: a coarser graph, a shorter memory. Each is checked again and exact in itself: engine and
+/// batch agree on it bit for bit. Only a measurement can say how its predictions differ from those of the network before.
+impl Network {
+    /// The same network with another span.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] where the span is out of range.
+    pub fn with_span_us(self, span_us: i64) -> Result<Self, EngineError> {
+        self.changed(|parts| parts.span_us = span_us)
+    }
+
+    /// The same network with a window of at most `capacity` events.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] where the capacity is out of range.
+    pub fn with_capacity(self, capacity: usize) -> Result<Self, EngineError> {
+        self.changed(|parts| parts.capacity = capacity)
+    }
+
+    /// The same network where a node of the event graph reads the first `most` of its neighbours.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] for none, or for more than the network has: it has seen no such graph.
+    pub fn with_neighbours(self, most: usize) -> Result<Self, EngineError> {
+        in_range("neighbours of a node", most as i64, 1, self.parts().graph.reach.most() as i64)?;
+        self.changed(|parts| {
+            let (Reach::Knn { k: old } | Reach::Radius { max: old, .. }) = &mut parts.graph.reach;
+            *old = most;
+        })
+    }
+
+    fn changed(self, change: impl FnOnce(&mut NetworkParts)) -> Result<Self, EngineError> {
+        let mut parts = self.parts;
+        change(&mut parts);
+        Self::new(parts)
     }
 }

@@ -1,18 +1,18 @@
-//! The readout and what follows it: from the last level's features to the prediction.
+//! The readout: from the last level's features to the maxima over its grid, and with the head to the prediction.
 //!
 //! Enters: the last level's delta, its changed rows and, above a pooling, its positions. Leaves: the prediction. A
 //! node belongs to the readout cell that holds its position, as the reference has it; the cell of an event is
 //! computed in integers. Nothing is computed again where no maximum moved.
 //!
 //! Where cells in time stay apart, the grid's maxima are a ring over these cells: a new one takes the place of the one that
-//! the window has left, no row moves, and what follows is given the grids from the newest to the oldest.
+//! the window has left, no row moves, and the head is given the grids from the newest to the oldest.
 
 use meissner_kernels::{Isa, Lanes, Matrix};
 
 use crate::activations::Activations;
-use crate::after::After;
 use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
+use crate::head::Head;
 use crate::maxima::Maxima;
 use crate::network::{Network, Readout};
 use crate::pooled::PooledGraph;
@@ -51,11 +51,12 @@ impl ReadoutGrid {
     }
 }
 
+/// The maxima over the readout's grid, the head over them, and its last prediction.
 #[derive(Clone, Debug)]
-pub(crate) struct Head {
+pub(crate) struct ReadoutState {
     grid: ReadoutGrid,
     maxima: Maxima,
-    /// The readout, then what each dense layer wrote.
+    /// The readout.
     values: Matrix,
     /// Cells in time that stay apart, 1 for none.
     times: usize,
@@ -65,7 +66,7 @@ pub(crate) struct Head {
     newest: i64,
     /// `values` from the newest cell in time to the oldest, where there are several.
     by_age: Matrix,
-    after: After,
+    head: Head,
     /// Pooled nodes whose cell is not known yet.
     entered: RowSet,
     prediction: Vec<f32>,
@@ -73,13 +74,13 @@ pub(crate) struct Head {
 }
 
 /// What the readout reads.
-pub(crate) struct Top<'a> {
+pub(crate) struct LastLevel<'a> {
     pub(crate) activations: &'a Activations,
     /// The last pooled level, if there is one.
     pub(crate) pooled: Option<&'a PooledGraph>,
 }
 
-impl Head {
+impl ReadoutState {
     pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize, isa: Isa) -> Self {
         let grid = ReadoutGrid::new(network.parts().readout, sensor);
         let channels = network.readout_channels();
@@ -92,7 +93,7 @@ impl Head {
             newest: 0,
             by_age: Matrix::zeros(if times > 1 { cells } else { 0 }, channels),
             times,
-            after: After::new(network, isa),
+            head: Head::new(network, isa),
             entered: RowSet::new(rows),
             prediction: vec![0.0; network.outputs()],
             valid: false,
@@ -110,7 +111,7 @@ impl Head {
         let values = matrices * cells * Lanes::count(channels) * size_of::<Lanes>();
         let maxima = Maxima::bytes(rows, cells, channels, Self::reads_queues(network));
         let sets = RowSet::bytes(rows) + network.outputs() * size_of::<f32>();
-        (maxima + values + sets) as u128 + After::bytes(network)
+        (maxima + values + sets) as u128 + Head::bytes(network)
     }
 
     /// Whether the rows that are read never change and leave in the order in which they come.
@@ -120,7 +121,7 @@ impl Head {
 
     /// Goes on with another instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
-        self.after.set_isa(isa);
+        self.head.set_isa(isa);
     }
 
     pub(crate) fn clear(&mut self) {
@@ -130,9 +131,9 @@ impl Head {
     }
 
     /// Follows the last level's delta.
-    pub(crate) fn apply(&mut self, window: &Window, top: &Top<'_>, delta: &Delta) {
+    pub(crate) fn apply(&mut self, window: &Window, last: &LastLevel<'_>, delta: &Delta) {
         for &row in delta.entered.iter() {
-            if top.pooled.is_some() {
+            if last.pooled.is_some() {
                 self.entered.insert(row);
             } else {
                 let node = window.node(row);
@@ -143,7 +144,7 @@ impl Head {
             if self.entered.contains(row) {
                 self.entered.remove(row);
             } else {
-                self.maxima.leave(row, top.activations.feature(self.grid.readout.from), &self.values);
+                self.maxima.leave(row, last.activations.feature(self.grid.readout.from), &self.values);
             }
         }
     }
@@ -158,7 +159,7 @@ impl Head {
     /// again.
     pub(crate) fn settle(
         &mut self,
-        top: &Top<'_>,
+        last: &LastLevel<'_>,
         now: i64,
         isa: Isa,
         counters: &mut PredictionCounters,
@@ -168,7 +169,7 @@ impl Head {
             self.valid &= newest == self.newest;
             self.newest = newest;
         }
-        if let Some(pooled) = top.pooled {
+        if let Some(pooled) = last.pooled {
             for &row in pooled.shifted().as_slice() {
                 let cell = self.cell_of(pooled, row);
                 if !self.entered.contains(row) && cell != self.maxima.cell_of(row) {
@@ -181,7 +182,7 @@ impl Head {
             self.entered.clear();
         }
         let from = self.grid.readout.from;
-        let (features, changed) = (top.activations.feature(from), top.activations.changed(from));
+        let (features, changed) = (last.activations.feature(from), last.activations.changed(from));
         let valid = &mut self.valid;
         let mut log = LayerLog::default();
         self.maxima.settle(isa, features, changed, &mut self.values, &mut log, |_, _| *valid = false);
@@ -204,13 +205,13 @@ impl Head {
             }
         }
         let readout = if self.times > 1 { &self.by_age } else { &self.values };
-        self.after.run(network, isa, readout, self.grid.cells(), &mut self.prediction);
+        self.head.run(network, isa, readout, self.grid.cells(), &mut self.prediction);
         self.valid = true;
     }
 
     /// Why there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
-        self.after.failure(network)
+        self.head.failure(network)
     }
 
     pub(crate) fn prediction(&self) -> &[f32] {

@@ -5,7 +5,7 @@
 //! was computed, and [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the graph as ever;
 //! what they change meets in one wave when a prediction is computed.
 
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
 
 /// How old a prediction may be: it stands while it is younger than each bound that is given. Without a bound, every

@@ -18,7 +18,7 @@ use crate::metric::Node;
 use crate::network::Network;
 use crate::options::Options;
 use crate::pooled::{Below, PooledGraph, Shape};
-use crate::readout::{Head, Top};
+use crate::readout::{LastLevel, ReadoutState};
 use crate::stages::{Stage, Stopwatch};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
@@ -34,7 +34,7 @@ pub(crate) struct Step {
     pub(crate) pooled: Vec<PooledGraph>,
     /// One per level.
     pub(crate) activations: Vec<Activations>,
-    head: Head,
+    readout: ReadoutState,
     delta: Delta,
     downstream: Delta,
     pub(crate) stopwatch: Stopwatch,
@@ -63,7 +63,7 @@ impl Step {
         }
         let delta = Delta::new(capacity, most, graph.tells_edges());
         Self {
-            head: Head::new(&network, sensor, rows, options.isa),
+            readout: ReadoutState::new(&network, sensor, rows, options.isa),
             window: Window::new(capacity),
             graph,
             pooled,
@@ -98,7 +98,7 @@ impl Step {
             shape.bytes() + Activations::bytes(shape.slots(), level, channels, shape.most()) as u128
         });
         let rows = shapes.last().map_or(capacity, Shape::slots);
-        of_events as u128 + of_levels.sum::<u128>() + Head::bytes(network, rows)
+        of_events as u128 + of_levels.sum::<u128>() + ReadoutState::bytes(network, rows)
     }
 
     /// Takes from `own`, of an equal network, everything that reaches no result: the instruction set, poison, measured times.
@@ -107,7 +107,7 @@ impl Step {
         self.isa = own.isa;
         self.poison = own.poison;
         self.stopwatch = own.stopwatch.clone();
-        self.head.set_isa(own.isa);
+        self.readout.set_isa(own.isa);
     }
 
     /// Every node leaves.
@@ -117,7 +117,7 @@ impl Step {
             pooled.clear(activations.input_mut().0);
         }
         self.activations.iter_mut().for_each(|level| level.clear(self.poison));
-        self.head.clear();
+        self.readout.clear();
         self.window.clear();
     }
 
@@ -204,8 +204,8 @@ impl Step {
             std::mem::swap(&mut self.delta, &mut self.downstream);
         }
         let last = self.activations.len() - 1;
-        let top = Top { activations: &self.activations[last], pooled: self.pooled.last() };
-        self.head.apply(&self.window, &top, &self.delta);
+        let level = LastLevel { activations: &self.activations[last], pooled: self.pooled.last() };
+        self.readout.apply(&self.window, &level, &self.delta);
         self.delta.left.iter().for_each(|&row| self.activations[last].leave(row, self.poison));
     }
 
@@ -242,11 +242,11 @@ impl Step {
             layers = &mut layers[1 + level.blocks.len()..];
         }
         let last = self.activations.len() - 1;
-        let top = Top { activations: &self.activations[last], pooled: self.pooled.last() };
-        let moved = self.head.settle(&top, now, self.isa, &mut log.predictions);
+        let level = LastLevel { activations: &self.activations[last], pooled: self.pooled.last() };
+        let moved = self.readout.settle(&level, now, self.isa, &mut log.predictions);
         self.stopwatch.lap(Stage::Readout);
         if moved {
-            self.head.run(&self.network, self.isa);
+            self.readout.run(&self.network, self.isa);
             self.stopwatch.lap(Stage::Dense);
         }
         self.activations.iter_mut().for_each(Activations::finish);
@@ -257,7 +257,7 @@ impl Step {
     pub(crate) fn prediction(&self) -> Result<&[f32], EngineError> {
         match self.not_a_number() {
             Some(error) => Err(error),
-            None => Ok(self.head.prediction()),
+            None => Ok(self.readout.prediction()),
         }
     }
 
@@ -278,7 +278,7 @@ impl Step {
                 return Some(error(&self.network.level(level).blocks[block].name, rows));
             }
         }
-        self.head.failure(&self.network)
+        self.readout.failure(&self.network)
     }
 }
 

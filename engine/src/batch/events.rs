@@ -3,8 +3,11 @@
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
 use super::neighbours::{Lists, Space};
+use super::published;
 use super::search::{candidates, exhaustive, proposed};
-use super::{Batch, Edges, LevelTrace, Search, Stream, published};
+use super::setup::{Search, Setup};
+use super::stream::Stream;
+use super::trace::{Edges, LevelTrace};
 use crate::Event;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
@@ -13,7 +16,7 @@ use crate::network::{Candidates, Normalisation, Reach};
 use crate::queues::Cursor;
 
 /// Rows, edges and input of the event level.
-pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
+pub(super) fn level(batch: &Setup, stream: Stream<'_>) -> LevelTrace {
     let parts = batch.network.parts();
     let oldest = stream.now_us.saturating_sub(parts.span_us);
     let in_time = stream.events.partition_point(|e| e.t_us < oldest);
@@ -88,7 +91,7 @@ fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
 const GENEROUS: f64 = 2.0;
 
 /// Neighbour indices of each event, by the engine's search grid.
-fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
+fn with_grid(batch: &Setup, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
     let rule = batch.network.parts().graph;
     let space = Space { nodes, metric, sensor: batch.sensor, span_us: batch.network.parts().span_us };
     if rule.candidates == Candidates::All && matches!(rule.reach, Reach::Knn { .. }) && space.is_short() {

@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
-use super::{Batch, Edges, LevelTrace, Stream, maximum_of, published};
+use super::published;
+use super::setup::Setup;
+use super::stream::Stream;
+use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 
@@ -14,7 +17,7 @@ type Key = [i64; 3];
 /// Rows, edges and input of the level that `pooling` makes from `below`, itself made by `below_pooling` unless it is
 /// the event level.
 pub(super) fn level(
-    batch: &Batch,
+    batch: &Setup,
     (pooling, level): (&Pooling, &Level),
     below: &LevelTrace,
     below_pooling: Option<&Pooling>,
@@ -146,7 +149,7 @@ fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
 }
 
 /// Cell of an event, in integers.
-fn key_of_event(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> Key {
+fn key_of_event(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> Key {
     let [width, height] = pooling.cell;
     [
         time_of(batch, pooling, event, stream),
@@ -156,7 +159,7 @@ fn key_of_event(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<
 }
 
 /// Cell of an event along t, in integers; 0 where there are no cells in time.
-fn time_of(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
+fn time_of(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
     let t = i128::from(event.t_us - stream.epoch_us);
     pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)
 }
@@ -182,7 +185,7 @@ fn centre(pooling: &Pooling, [t, y, x]: Key) -> [f64; 3] {
 }
 
 /// Mean position of some events, from exact sums.
-fn mean_of_events(batch: &Batch, events: &[Event], members: &[usize], stream: Stream<'_>) -> [f64; 3] {
+fn mean_of_events(batch: &Setup, events: &[Event], members: &[usize], stream: Stream<'_>) -> [f64; 3] {
     let sum = |p: &dyn Fn(&Event) -> i128| members.iter().map(|&m| p(&events[m])).sum::<i128>() as f64;
     let share = |sum: f64, extent: i64| sum / (members.len() as i128 * i128::from(extent)) as f64;
     [

@@ -2,43 +2,13 @@
 
 use std::ops::Range;
 
-use super::Batch;
 use super::neighbours::Lists;
+use super::setup::{Places, Propose, Setup};
 use crate::Event;
-use crate::network::{Candidates, Reach};
-
-/// How the neighbourhoods of a batch are found. All give the same graph.
-#[derive(Clone, Copy, Debug, Default)]
-pub enum Search {
-    /// All pairs: O(n^2), obviously right.
-    #[default]
-    Exhaustive,
-    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates; they are ordered as in
-    /// [`Self::Exhaustive`].
-    Proposed(Propose),
-    /// The engine's grid of pixels and its metric, for speed: O(n k) or so. Where nodes read from the whole window, a filter
-    /// in f32 goes before the exact distances. A batch that searches so shares its search with the engine and is no oracle.
-    Grid,
-}
-
-/// Tells, for each event of [`Places`] in order, indices of other events in any order, none twice: all that are in its
-/// neighbourhood, and any others.
-pub type Propose = fn(&Places<'_>, &mut dyn FnMut(&[u32]));
-
-/// The events whose neighbourhoods are searched.
-#[derive(Clone, Copy, Debug)]
-pub struct Places<'a> {
-    /// Positions in shares of sensor and span, time from the first of these events. Each coordinate is a quotient of
-    /// integers, rounded once; neighbourhoods follow from the integers.
-    pub positions: &'a [[f64; 3]],
-    /// Indices that each event may read from, itself not excluded.
-    pub candidates: &'a [Range<usize>],
-    /// How many of them, and how far.
-    pub reach: Reach,
-}
+use crate::network::Candidates;
 
 /// Indices that event `i` may read from, itself not excluded.
-pub(super) fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usize> {
+pub(super) fn candidates(batch: &Setup, events: &[Event], i: usize) -> Range<usize> {
     let parts = batch.network.parts();
     match parts.graph.candidates {
         Candidates::All => 0..events.len(),
@@ -53,7 +23,7 @@ pub(super) fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usi
 }
 
 /// Neighbour indices of each event, by comparing it with every candidate.
-pub(super) fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Lists {
+pub(super) fn exhaustive(batch: &Setup, events: &[Event], extents: [f64; 3]) -> Lists {
     let mut lists = Lists::new(events.len(), 0);
     for i in 0..events.len() {
         lists.set(i as u32, first_of(batch, events, extents, i, candidates(batch, events, i)));
@@ -62,7 +32,7 @@ pub(super) fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> 
 }
 
 /// The same, by comparing it with what `propose` proposes.
-pub(super) fn proposed(batch: &Batch, events: &[Event], extents: [f64; 3], propose: Propose) -> Lists {
+pub(super) fn proposed(batch: &Setup, events: &[Event], extents: [f64; 3], propose: Propose) -> Lists {
     let position = |e: &Event| {
         let first_us = events.first().map_or(e.t_us, |first| first.t_us);
         [f64::from(e.x) / extents[0], f64::from(e.y) / extents[1], (e.t_us - first_us) as f64 / extents[2]]
@@ -84,7 +54,7 @@ pub(super) fn proposed(batch: &Batch, events: &[Event], extents: [f64; 3], propo
 
 /// The first `most` of event `i`'s candidates `among` these, in order: smaller distance first, then the later event.
 fn first_of(
-    batch: &Batch,
+    batch: &Setup,
     events: &[Event],
     extents: [f64; 3],
     i: usize,

@@ -2,7 +2,7 @@
 
 use super::stamps::Stamps;
 use super::{EventFilter, FilterCounters};
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{EngineError, Event, Network, Sensor};
 
 /// Lets an event pass where the latest event of one of the eight pixels around it is within a time of it.

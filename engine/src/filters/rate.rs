@@ -8,7 +8,7 @@
 //! Credit counts in millionths of an event, so that a microsecond brings `rate` of them and everything is an integer.
 
 use super::{EventFilter, FilterCounters};
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{EngineError, Event};
 
 /// Thins events evenly where they come faster than a rate, and lets all pass where they do not: a token bucket.

@@ -2,7 +2,7 @@
 
 use super::stamps::Stamps;
 use super::{EventFilter, FilterCounters};
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{EngineError, Event, Network, Sensor};
 
 /// Lets an event pass where the last event of its pixel that passed is at least a time away.

@@ -1,6 +1,6 @@
 //! A time for each pixel of a sensor.
 
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{EngineError, Sensor};
 
 /// Pixels of the largest sensor: 1 GiB of stamps.

@@ -1,7 +1,7 @@
 //! Every nth event.
 
 use super::{EventFilter, FilterCounters};
-use crate::network::in_range;
+use crate::error::in_range;
 use crate::{EngineError, Event};
 
 /// Lets the first of every `n` events pass, whatever their times and pixels.

@@ -10,7 +10,7 @@ use super::counters::FrameCounters;
 use super::options::{FrameOptions, Skip};
 use super::step::State;
 use crate::EngineError;
-use crate::network::option;
+use crate::error::option;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
 
 /// A prediction of a frame network.

@@ -2,15 +2,21 @@
 //!
 //! Enters: [`NetworkParts`]. Leaves: the channels of every feature, or the first thing that does not fit, by layer.
 
-use super::{Level, Network, NetworkParts, Pooling, Reach};
+use super::parts::{Level, NetworkParts, Pooling, Reach};
+use crate::error::{in_range, option};
 use crate::frames::FrameShape;
 use crate::{EngineError, Fraction};
 
+pub(super) const LONGEST_SPAN_US: i64 = 1 << 40;
+pub(super) const LARGEST_CAPACITY: usize = 1 << 24;
+pub(super) const MOST_NEIGHBOURS: usize = 255;
+pub(super) const MOST_CELLS: usize = 1 << 22;
+
 /// Channels of each feature of each level of `parts`, which must fit together.
 pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineError> {
-    in_range("span in microseconds", parts.span_us, 1, Network::LONGEST_SPAN_US)?;
-    in_range("capacity in events", parts.capacity as i64, 1, Network::LARGEST_CAPACITY as i64)?;
-    in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, Network::MOST_NEIGHBOURS as i64)?;
+    in_range("span in microseconds", parts.span_us, 1, LONGEST_SPAN_US)?;
+    in_range("capacity in events", parts.capacity as i64, 1, LARGEST_CAPACITY as i64)?;
+    in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, MOST_NEIGHBOURS as i64)?;
     if let Reach::Radius { r, .. } = parts.graph.reach
         && !(r.is_finite() && r > 0.0)
     {
@@ -81,11 +87,6 @@ fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
     if sizes.all(|other| other == Some(size)) { Ok(times(size)) } else { Err(wrong("different ones")) }
 }
 
-/// A value that is out of range.
-pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
-    EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
-}
-
 fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
     EngineError::Network {
         layer: layer.to_owned(),
@@ -93,11 +94,6 @@ fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl 
         expected: expected.to_string(),
         found: found.to_string(),
     }
-}
-
-/// Refuses a value outside of `low..=high`.
-pub(crate) fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
-    if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
 }
 
 /// Channels of feature `index`, which must exist.
@@ -134,11 +130,11 @@ fn check_pooling(pooling: &Pooling, below: Option<&Pooling>, span_us: i64) -> Re
     let [x, y] = pooling.cell;
     let cells = x.cells().saturating_mul(y.cells());
     let times = pooling.time.map_or(1, |t| t.cells() + 1);
-    if cells.saturating_mul(times) > Network::MOST_CELLS {
+    if cells.saturating_mul(times) > MOST_CELLS {
         return Err(misfit(
             &pooling.name,
             "cells",
-            format!("at most {}", Network::MOST_CELLS),
+            format!("at most {MOST_CELLS}"),
             cells.saturating_mul(times),
         ));
     }

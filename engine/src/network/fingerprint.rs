@@ -2,7 +2,7 @@
 
 use meissner_kernels::Dense;
 
-use super::{
+use super::parts::{
     Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
 };
 use crate::Fraction;

@@ -1,11 +1,13 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
-use super::SplineConv;
-use super::run::TOTALS;
+use super::block::SplineConv;
 use crate::graph::{GraphRow, Neighbour};
 use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
+
+/// Two vectors in two sums for each row of a group.
+pub(super) const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 
 /// Working space of [`SplineConv::rows`], grown to the largest rows seen and kept.
 #[derive(Debug, Default)]

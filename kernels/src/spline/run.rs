@@ -1,8 +1,8 @@
 //! The rows of a spline block: sums per slot, weights, root, bias, ELU, batch norm, skip.
 
+use super::block::SplineConv;
 use super::contract::{ContractRows, Partial, contract_from, total};
-use super::gather::{any_slots, eight_slots, eight_slots_of_one_channel};
-use super::{SplineConv, SplineScratch};
+use super::gather::{SplineScratch, TOTALS, any_slots, eight_slots, eight_slots_of_one_channel};
 use crate::elementary::elus;
 use crate::graph::GraphRow;
 use crate::isa::{Exponent, Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
@@ -12,8 +12,6 @@ use crate::packed::Packed;
 
 /// Rows that are finished in step.
 const STEP: usize = 4;
-/// Two vectors in two sums for each row of a group.
-pub(super) const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 
 pub(super) struct Run<'a> {
     pub(super) conv: &'a SplineConv,

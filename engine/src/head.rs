@@ -1,7 +1,7 @@
-//! What follows the readout: dense layers, or a frame network that reads it as an image.
+//! A network's head: dense layers over the readout, or a frame network that reads it as an image.
 //!
-//! Enters: the readout, from the newest cell in time to the oldest. Leaves: the prediction. Of a frame network only what a
-//! changed cell reaches is computed again.
+//! Enters: the readout, from the newest cell in time to the oldest. Leaves: the prediction. A frame network computes again only
+//! the values that a changed cell reaches.
 
 use std::sync::Arc;
 
@@ -12,10 +12,10 @@ use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
 use crate::network::Network;
 
 #[derive(Clone, Debug)]
-pub(crate) enum After {
+pub(crate) enum Head {
     /// What each dense layer wrote.
     Dense(Vec<Matrix>),
-    Head(Box<ImageHead>),
+    Image(Box<ImageHead>),
 }
 
 /// A frame network over the readout.
@@ -27,11 +27,11 @@ pub(crate) struct ImageHead {
     failure: Option<EngineError>,
 }
 
-impl After {
+impl Head {
     pub(crate) fn new(network: &Network, isa: Isa) -> Self {
         let parts = network.parts();
         match &parts.head {
-            Some(head) => Self::Head(Box::new(ImageHead::new(head, isa))),
+            Some(head) => Self::Image(Box::new(ImageHead::new(head, isa))),
             None => Self::Dense(parts.dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect()),
         }
     }
@@ -50,7 +50,7 @@ impl After {
 
     /// Goes on with another instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
-        if let Self::Head(head) = self {
+        if let Self::Image(head) = self {
             head.engine.set_isa(isa);
         }
     }
@@ -76,7 +76,7 @@ impl After {
                     prediction.extend(last.values(0));
                 }
             }
-            Self::Head(head) => {
+            Self::Image(head) => {
                 head.failure = head.run(readout, cells, prediction).err();
             }
         }
@@ -90,7 +90,7 @@ impl After {
                 let layer = network.parts().dense[layer].name.clone();
                 Some(EngineError::NotANumber { layer, rows: 1 })
             }
-            Self::Head(head) => head.failure.clone(),
+            Self::Image(head) => head.failure.clone(),
         }
     }
 }

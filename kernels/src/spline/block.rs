@@ -1,37 +1,8 @@
-//! Spline convolution of one row: open B-splines of degree 1, mean over the in-edges, then ELU, batch norm and an
-//! optional skip addition (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5, with the block of the contact-angle paper).
-//!
-//! For a row with in-edges e = 1..n from rows j(e), with attributes u(e) in [0, 1]:
-//!
-//! ```text
-//! v_d    = u_d (k_d - 1),  i_d = min(floor(v_d), k_d - 2),  f_d = v_d - i_d          for each axis d with k_d > 1
-//! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d and f_d at i_d + 1                    s = i_x + k_x (i_y + k_y i_t)
-//! S(s,c) = sum over e of B(e,s) x(j(e), c)                                           in the order of the edges
-//! a(p,o) = sum over touched s ascending, then c ascending, of S(s,c) W(s,c,o) where (s C + c) mod 4 = p
-//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 where there are no in-edges
-//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        where there is a root weight
-//! y(o)   = ELU((m + r) + bias) scale + shift  (+ skip)
-//! ```
-//!
-//! A product that is added, in S, a, r and y, is rounded once with its sum (fused multiply-add).
-//!
-//! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
-//! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
-
-mod contract;
-mod gather;
-mod run;
-
-pub(crate) use gather::locate;
-pub use gather::{SplineScratch, spline_basis};
+//! The parameters of a spline block, checked and packed; its sizes and costs.
 
 use crate::error::{KernelError, check};
-use crate::graph::GraphRow;
-use crate::isa::Isa;
 use crate::lanes::{LANES, Lanes};
-use crate::matrix::Matrix;
 use crate::packed::Packed;
-use run::Run;
 
 /// Parameters of a spline block in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
@@ -57,17 +28,17 @@ pub struct SplineParts {
 /// A spline block, ready to run.
 #[derive(Clone, Debug)]
 pub struct SplineConv {
-    inputs: usize,
-    outputs: usize,
-    kernel: [usize; 3],
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    pub(super) kernel: [usize; 3],
     /// (slot C, O).
-    weight: Packed,
+    pub(super) weight: Packed,
     /// (C, O).
-    root: Option<Packed>,
-    bias: Vec<Lanes>,
-    scale: Vec<Lanes>,
-    shift: Vec<Lanes>,
-    elu: bool,
+    pub(super) root: Option<Packed>,
+    pub(super) bias: Vec<Lanes>,
+    pub(super) scale: Vec<Lanes>,
+    pub(super) shift: Vec<Lanes>,
+    pub(super) elu: bool,
 }
 
 impl SplineConv {
@@ -182,27 +153,8 @@ impl SplineConv {
         spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
     }
 
-    /// Computes rows, each as if it were alone; together, they share the weights that are loaded. Best in groups of
-    /// [`Self::GROUP`].
-    ///
-    /// `features` is (rows, C), `out` the rows' O values in lanes, one row after the other.
-    ///
-    /// # Panics
-    /// If a row or a slice does not have the sizes of this block.
-    #[inline]
-    pub fn rows(
-        &self,
-        isa: Isa,
-        features: &Matrix,
-        rows: &[GraphRow<'_>],
-        scratch: &mut SplineScratch,
-        out: &mut [Lanes],
-    ) {
-        isa.run(Run { conv: self, features, rows, scratch, out });
-    }
-
     /// Lanes of sums that are held at once: of a group of rows, or of one with gaps.
-    fn sums(&self) -> usize {
+    pub(super) fn sums(&self) -> usize {
         if !self.is_flat() {
             self.slots() * Lanes::count(self.inputs)
         } else if self.inputs == 1 {
@@ -213,7 +165,7 @@ impl SplineConv {
     }
 
     /// Whether the sums of a row follow each other without a gap, every slot touched.
-    fn is_flat(&self) -> bool {
+    pub(super) fn is_flat(&self) -> bool {
         self.kernel == [2; 3] && (self.inputs == 1 || self.inputs.is_multiple_of(LANES))
     }
 }

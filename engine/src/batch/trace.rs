@@ -1,0 +1,85 @@
+//! What a batch computes: in-edges, features, positions and members of each level.
+
+use std::ops::Range;
+
+use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, maximum, settle};
+
+/// In-edges of consecutive rows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Edges {
+    pub(super) start: Vec<usize>,
+    pub(super) list: Vec<Neighbour>,
+    /// The offset of each in-edge, where a block reads it.
+    pub(super) offsets: Vec<[f32; 3]>,
+}
+
+impl Edges {
+    /// Appends a row with its in-edges.
+    pub fn push(&mut self, row: impl IntoIterator<Item = Neighbour>) {
+        self.start.push(self.list.len());
+        self.list.extend(row);
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.start.len()
+    }
+
+    /// In-edges of `row`, in neighbourhood order.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn row(&self, row: usize) -> &[Neighbour] {
+        &self.list[self.span(row)]
+    }
+
+    fn span(&self, row: usize) -> Range<usize> {
+        self.start[row]..self.start.get(row + 1).copied().unwrap_or(self.list.len())
+    }
+
+    /// What a block reads that computes `row`: its in-edges, its own input `own`, and what is added.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn read<'a>(&'a self, row: usize, own: &'a [Lanes], skip: Option<&'a [Lanes]>) -> GraphRow<'a> {
+        let span = self.span(row);
+        let offsets = self.offsets.get(span.clone()).unwrap_or_default();
+        GraphRow { neighbours: &self.list[span], offsets, own, skip, ..GraphRow::default() }
+    }
+}
+
+/// One level, computed from scratch.
+#[derive(Clone, Debug)]
+pub struct LevelTrace {
+    /// Neighbourhood of each row.
+    pub edges: Edges,
+    /// What enters the level, then what each block wrote.
+    pub features: Vec<Matrix>,
+    /// Position of each row, in shares of sensor and span, time from the epoch. With [`Normalisation::PerGraph`](crate::Normalisation::PerGraph) in
+    /// float32, time from the first event of the window.
+    pub positions: Vec<[f64; 3]>,
+    /// Index of each row's cell along x, y and t; empty at the event level.
+    pub cells: Vec<[i64; 3]>,
+    /// Rows of the level below that each row pools, ascending; empty at the event level.
+    pub members: Vec<Vec<usize>>,
+    /// First row that is in the window; rows before it are there for `frozen` in-edges.
+    pub first: usize,
+}
+
+/// Everything that a batch computed.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// The event level, then one per pooling.
+    pub levels: Vec<LevelTrace>,
+    /// (cells, channels).
+    pub readout: Matrix,
+    /// The last dense layer's outputs.
+    pub prediction: Vec<f32>,
+}
+
+/// Channel-wise maximum over some rows.
+pub(super) fn maximum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
+    out.fill(Lanes::splat(f32::NEG_INFINITY));
+    rows.iter().for_each(|&row| maximum(out, features.row(row)));
+    settle(out);
+}
