@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use bumpalo::Bump;
 use meissner_kernels::{Isa, Nearby};
 
 use crate::Sensor;
@@ -43,7 +44,8 @@ impl Space<'_> {
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
         let mut grid = Grid::new(self.sensor, self.nodes.len());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
-        let listed = Listed::new(self.nodes, &grid);
+        let scratch = Bump::new();
+        let listed = Listed::new(self.nodes, &grid, &scratch);
         let extents = [f64::from(self.sensor.width), f64::from(self.sensor.height), self.span_us as f64];
         let mut nearby = Nearby::new(extents.map(|extent| (1.0 / (extent * extent)) as f32));
         let mut lists = Lists::new(self.nodes.len(), self.nodes.len() * most);
@@ -96,54 +98,50 @@ impl Space<'_> {
 }
 
 /// For each cell that has nodes, those of it and of the rings about it in order of arrival: in f32, one array a coordinate.
-struct Listed {
+struct Listed<'s> {
     /// First of each cell's list; one more for the end.
-    starts: Vec<usize>,
-    slots: Vec<u32>,
-    points: [Vec<f32>; 3],
+    starts: &'s [usize],
+    slots: &'s [u32],
+    points: [&'s [f32]; 3],
     /// Where each node stands in its own cell's list.
-    places: Vec<usize>,
+    places: &'s [usize],
 }
 
-impl Listed {
-    fn new(nodes: &[Node], grid: &Grid) -> Self {
-        let mut starts = Vec::with_capacity(grid.cells() + 1);
+impl<'s> Listed<'s> {
+    fn new(nodes: &[Node], grid: &Grid, scratch: &'s Bump) -> Self {
+        let starts = scratch.alloc_slice_fill_copy(grid.cells() + 1, 0);
         let mut total = 0;
-        for cell in 0..grid.cells() {
-            starts.push(total);
+        for (cell, start) in starts[..grid.cells()].iter_mut().enumerate() {
+            *start = total;
             if grid.len(cell) > 0 {
                 // Points at infinity end a list, so that parts of it can be rounded up.
                 total +=
                     grid.about(cell, RINGS).map(|about| grid.len(about)).sum::<usize>() + Nearby::TOGETHER;
             }
         }
-        starts.push(total);
-        let mut ends = starts.clone();
-        let mut listed = Self {
-            starts,
-            slots: vec![0; total],
-            points: [0, 1, 2].map(|_| vec![f32::INFINITY; total]),
-            places: vec![0; nodes.len()],
-        };
-        let [x, y, t] = &mut listed.points;
+        starts[grid.cells()] = total;
+        let ends = scratch.alloc_slice_copy(starts);
+        let slots = scratch.alloc_slice_fill_copy(total, 0);
+        let [x, y, t] = [0, 1, 2].map(|_| scratch.alloc_slice_fill_copy(total, f32::INFINITY));
+        let places = scratch.alloc_slice_fill_copy(nodes.len(), 0);
         for (slot, node) in nodes.iter().enumerate() {
             let own = grid.cell(node.x, node.y);
-            listed.places[slot] = ends[own];
+            places[slot] = ends[own];
             for cell in grid.about(own, RINGS) {
                 if grid.len(cell) > 0 {
                     let end = ends[cell];
                     ends[cell] += 1;
-                    listed.slots[end] = slot as u32;
+                    slots[end] = slot as u32;
                     (x[end], y[end], t[end]) = (node.x.into(), node.y.into(), node.t as f32);
                 }
             }
         }
-        listed
+        Self { starts, slots, points: [x, y, t], places }
     }
 
     /// Moves `part` of a cell's list to the nodes that are at most `reach` away in time from one of the cell.
     fn narrow(&self, cell: usize, slot: u32, reach: f32, part: &mut Range<usize>) {
-        let t = &self.points[2];
+        let t = self.points[2];
         let (first, end) = (self.starts[cell], self.starts[cell + 1] - Nearby::TOGETHER);
         let place = self.places[slot as usize];
         let (earliest, latest) = (t[place] - reach, t[place] + reach);

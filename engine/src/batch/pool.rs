@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
+use smallvec::SmallVec;
 
 use super::published;
 use super::setup::Setup;
@@ -10,6 +11,9 @@ use super::stream::Stream;
 use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
+
+/// Cells of an image that touch a cell: most cells have edges from no more, and their list needs no memory of its own.
+const TOUCHING: usize = 8;
 
 /// A cell's index with t first: the order of cells.
 type Key = [i64; 3];
@@ -84,7 +88,7 @@ pub struct Cells {
     /// Members of each cell, ascending.
     pub members: Vec<Vec<usize>>,
     /// For each cell, the others that an edge of the level below comes from, ascending.
-    pub sources: Vec<Vec<usize>>,
+    pub sources: Vec<SmallVec<[usize; TOUCHING]>>,
     /// Channel-wise maximum over each cell's members.
     pub maxima: Matrix,
 }
@@ -113,7 +117,7 @@ impl Cells {
         let mut taken_by = vec![usize::MAX; members.len()];
         let mut sources = Vec::with_capacity(members.len());
         for (to, members) in members.values().enumerate() {
-            let mut from = Vec::new();
+            let mut from = SmallVec::new();
             let edges = members.iter().flat_map(|&row| edges.row(row));
             for edge in edges.filter(|edge| edge.row as usize >= first) {
                 let cell = cell_of[edge.row as usize];
