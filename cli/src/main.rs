@@ -97,7 +97,12 @@ fn main() -> ExitCode {
 fn takes_long(command: &Command) -> bool {
     matches!(
         command,
-        Command::Run(_) | Command::Play(_) | Command::Bench(_) | Command::Pareto(_) | Command::Soak(_)
+        Command::Run(_)
+            | Command::Play(_)
+            | Command::Bench(_)
+            | Command::Pareto(_)
+            | Command::Soak(_)
+            | Command::Verify(_)
     )
 }
 

@@ -24,7 +24,7 @@ use crate::progress::Progress;
 use crate::tell::tell;
 use crate::text::Folded;
 
-/// What is written as JSON.
+/// The JSON object.
 #[derive(Serialize)]
 struct Document {
     header: Header,

@@ -21,7 +21,7 @@ use crate::threads;
 
 const FUNCTIONS: &str = "functions";
 
-/// What is written as JSON.
+/// The JSON object.
 #[derive(Serialize)]
 struct Document<'a> {
     header: Header,

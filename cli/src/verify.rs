@@ -2,6 +2,8 @@
 //! [`meissner_verify`].
 
 mod args;
+#[cfg(test)]
+mod tests;
 
 use std::fs;
 use std::io::{self, Write};
@@ -33,7 +35,7 @@ use crate::text::Folded;
 /// Name of the random streams.
 const RANDOM: &str = "random streams";
 
-/// What is written as JSON.
+/// The JSON object.
 #[derive(Serialize)]
 struct Document<'a> {
     header: Header,
@@ -150,7 +152,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<(), CliError> {
             (card, result)
         }
     };
-    report(args, card, result)
+    report(args, card, &result)
 }
 
 /// Random streams and recordings, or a stream to replay.
@@ -209,13 +211,13 @@ fn read(path: &Path) -> Result<String, CliError> {
     Ok(fs::read_to_string(path).map_err(|source| PipelineError::File(failed(source)))?)
 }
 
-fn report(args: &VerifyArgs, card: ModelCard, result: Verified) -> Result<(), CliError> {
+fn report(args: &VerifyArgs, card: ModelCard, result: &Verified) -> Result<(), CliError> {
     let mut out = Folded::new(io::stdout().lock(), !args.json);
     let names = result.checks.iter().map(|check| check.name.as_str());
     let names: Vec<&str> = names.chain(result.mismatch.as_ref().map(|found| found.name.as_str())).collect();
     if args.json {
         let header = Header::new("verify", InputCard::other(&names.join(", "), "streams"), card);
-        out.write_all(&output::json(&Document { header, seed: args.seed, result: &result })?)?;
+        out.write_all(&output::json(&Document { header, seed: args.seed, result })?)?;
     } else {
         header::write_model(&mut out, &card, "incremental against full recomputation, bit for bit", None)?;
         writeln!(out)?;
@@ -233,10 +235,8 @@ fn report(args: &VerifyArgs, card: ModelCard, result: Verified) -> Result<(), Cl
         }
     }
     out.flush()?;
-    match result.mismatch {
-        None => Ok(()),
-        Some(Found { name, file, difference, .. }) => {
-            Err(CliError::Differs { network: args.network.clone(), name, file, difference })
-        }
-    }
+    result.mismatch.as_ref().map_or(Ok(()), |Found { name, file, difference, .. }| {
+        let (network, name) = (args.network.clone(), name.clone());
+        Err(CliError::Differs { network, name, file: file.clone(), difference: difference.clone() })
+    })
 }

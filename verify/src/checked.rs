@@ -260,7 +260,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// Runs a script, comparing at every prediction, after every reset and return, and at the end.
     ///
     /// # Errors
-    /// Where and what differs first.
+    /// The first difference, and its step.
     pub fn run(&mut self, script: &Script) -> Result<(), String> {
         self.run_with(script, Self::compare)
     }
@@ -268,7 +268,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// As [`Self::run`], with `check` in place of the comparison.
     ///
     /// # Errors
-    /// Where and what differs first.
+    /// The first difference, and its step.
     pub fn run_with<D: Display>(
         &mut self,
         script: &Script,

@@ -76,9 +76,9 @@ pub enum Difference {
     /// One side refuses to predict, or both for different reasons.
     #[error("found {found}, expected {expected}")]
     Refusal {
-        /// What the engine did.
+        /// The engine's prediction or error.
         found: String,
-        /// What the batch did.
+        /// The batch's.
         expected: String,
     },
 }

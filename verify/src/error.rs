@@ -21,7 +21,7 @@ pub enum VerifyError {
     Line {
         /// The line, from 1 on; 0 for the whole text.
         line: usize,
-        /// What fits.
+        /// The expected content.
         expected: &'static str,
         /// The start of the line.
         found: String,

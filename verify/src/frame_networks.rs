@@ -7,7 +7,7 @@ use meissner_models::random::Random;
 
 use crate::random_frames::next_frame;
 
-/// What a network is built of, beside sizes and weights.
+/// The kind of a network, without sizes and weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Convolutions and poolings, then dense layers.
@@ -116,7 +116,7 @@ impl Builder {
         self.push(from, FrameLayerKind::Concat { with }, FrameShape::Vector(values))
     }
 
-    /// Vectors that are appended to each other, and what is made of them; the last layer reads the last of them.
+    /// Appends vectors to each other and puts layers on them. The last layer reads the last three.
     fn committee(&mut self, read: usize) {
         let delay = self.delay(read, 3);
         let mut members = vec![

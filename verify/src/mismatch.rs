@@ -18,7 +18,7 @@ pub struct Settings {
     pub every: Option<usize>,
 }
 
-/// What was verified without a difference.
+/// Counts of everything that was verified without a difference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
     /// Streams.

@@ -1,4 +1,4 @@
-//! Random streams of events that look for what an engine may get wrong.
+//! Random streams of events, with every case that an engine may get wrong.
 
 use meissner_engine::{Event, Network, Sensor};
 use meissner_models::random::Random;

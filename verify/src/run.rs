@@ -129,8 +129,8 @@ fn events<E: IncrementalEvents>(
         .map_or(Ok(()), |mismatch| Err(VerifyError::Mismatch(Box::new(mismatch))))
 }
 
-/// Verifies a frame network on `settings.cases` random sequences of frames: an engine that skips what no change reaches
-/// against one that computes every value of every frame. `progress` is told how many cases are done.
+/// Verifies a frame network on `settings.cases` random sequences of frames: an engine that skips values that no change
+/// reaches against one that computes every value of every frame. `progress` is told how many cases are done.
 ///
 /// # Errors
 /// [`VerifyError::FrameMismatch`] with a minimal sequence, or [`VerifyError::Engine`] if the engine refuses the network.
@@ -211,7 +211,7 @@ where
     let mut steps = stream.steps;
     steps.truncate(failure.steps);
     let steps = shrink(steps, |steps| {
-        // What made an engine once makes it again.
+        // The engine was made before with the same arguments.
         let failure = run(&mut make().ok()?, steps)?;
         difference = failure.difference;
         Some(failure.steps)

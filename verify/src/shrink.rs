@@ -1,7 +1,7 @@
-//! Smaller streams that show the same: steps are dropped, times and pixels become round.
+//! Smaller streams with a difference: steps are dropped, times and pixels become round.
 //!
 //! Delta debugging (Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input"): ever smaller parts of
-//! the stream are left out as long as what is left still shows a difference. Deterministic: the same stream shrinks to the
+//! the stream are left out as long as the rest still shows a difference. Deterministic: the same stream shrinks to the
 //! same stream.
 
 use meissner_engine::Event;

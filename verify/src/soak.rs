@@ -27,7 +27,7 @@ use disturbance::{Deck, Disturbance};
 use endless::Endless;
 use report::{Part, judged, ratios};
 
-/// What a soak does how often.
+/// How often predictions, disturbances and checkpoints come.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Seed of silences and disturbances.

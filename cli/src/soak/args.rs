@@ -19,13 +19,13 @@ Method:
 Verdict:
   Bits: at every checkpoint and every return of a state.
   Memory: the median over the last tenth of the checkpoints against the most in the warm-up. The warm-up is the first fifth, and more until the largest batch, up to a half. With fewer than 20 checkpoints memory is not judged.
-  A run that breaks either has exit status 1. Latencies are reported as ratios of the last tenth to the first, and not judged: they depend on what else the machine does.
+  A run that breaks either has exit status 1. Latencies are reported as ratios of the last tenth to the first, and not judged: they depend on the load of the machine.
   Everything except times and memory is determined by recordings, network and seed.";
 
 /// The keys that `--json` writes.
 const JSON: &str = "\
 JSON (--json):
-  {\"header\": what ran on what (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null where it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": broken promises as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
+  {\"header\": origin of the results (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null if it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": broken promises as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
 
 /// `meissner soak`.
 #[derive(Debug, clap::Args)]

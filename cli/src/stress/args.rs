@@ -15,7 +15,7 @@ Groups:
   functions  the largest error of each elementary function over all 2^32 inputs
 
 How it measures:
-  Incremental against batch: engine and full recomputation, bit for bit, for predictions and for every row of every layer; of frame networks, an engine that skips what no change reaches against one that computes everything.
+  Incremental against batch: engine and full recomputation, bit for bit, for predictions and for every row of every layer; of frame networks, an engine that skips against one that computes everything.
   Error: against the same network in f64 (crate meissner-reference), over the predictions that were compared; relative is a share of the largest magnitude. `layer` is the layer of which that share is largest.
   Overflow: activations beyond f32 become infinite; a layer that makes NaN of them is an error with its name.
   Time: on one thread, the least of several passes; `x ordinary` is against the ordinary case of the same network, measured in turns. Times depend on the machine, everything else on the seeds in the program (functions also on the platform's f64 library).

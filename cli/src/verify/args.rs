@@ -14,7 +14,7 @@ Method:
   Networks over events: the engine takes a stream, and at every comparison the batch recomputes the window from scratch. Neighbourhoods, every row of every layer and the prediction must have the same bits.
   Random streams: hot spots, single pixels, equal times, sparse events, bursts and silences, times and pixels where cells begin, full windows, late events, events outside the sensor, moves of time, resets, and returns to states in memory and as bytes. In many streams the capacity of the window is reduced, so that it is full. Half of the streams are compared after every event.
   Recordings: the engine takes all events, and is compared every --every events. The random streams have the sensor of the first recording.
-  Frame networks: random sequences of frames, many of them equal or zero. An engine that skips what no change reaches must predict the bits of one that computes everything.
+  Frame networks: random sequences of frames, many of them equal or zero. An engine that skips must predict the bits of one that computes everything.
   A mismatch is shrunk: steps are dropped and times and pixels made round as long as the results differ. The minimal stream is written to --out, and the exit status is 1. Everything is determined by network, recordings and seed.";
 
 /// The keys that `--json` prints.

@@ -1,4 +1,4 @@
-//! A frame network, run over frames in three ways: skipping what no change reaches, computing everything, and in f64.
+//! A frame network, run over frames in three ways: skipping values that no change reaches, computing all values, and in f64.
 
 use std::sync::Arc;
 use std::time::Instant;

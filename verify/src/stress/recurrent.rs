@@ -12,7 +12,7 @@ const SIDES: [usize; 2] = [4, 3];
 /// Values of a vector.
 const INPUTS: usize = 4;
 
-/// What remembers.
+/// A kind of recurrent layer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Cell {
     /// An LSTM over vectors.
@@ -23,7 +23,7 @@ pub(super) enum Cell {
     Peepholes,
 }
 
-/// All that remember.
+/// All kinds.
 pub(super) const CELLS: [Cell; 3] = [Cell::Lstm, Cell::ConvLstm, Cell::Peepholes];
 
 impl Cell {
@@ -42,7 +42,7 @@ pub(super) struct Gates {
     pub(super) name: &'static str,
     /// Of i, f, g and o.
     bias: [f32; 4],
-    /// Factor of the weights on the frame, and on what the cell shows.
+    /// Largest weights on the frame and on the state.
     weights: [f32; 2],
     /// Largest weight of a peephole.
     peepholes: f32,
@@ -83,7 +83,7 @@ pub(super) const GATES: &[Gates] = &[
     Gates { name: "all gates at 0", bias: [-200.0, -200.0, 0.0, -200.0], ..ORDINARY },
     Gates { name: "gates in the denormal range", bias: [-95.0, 0.0, 0.0, 0.0], ..ORDINARY },
     Gates { name: "gates that alternate", weights: [1e4, 0.3], frames: alternating, ..ORDINARY },
-    // Gates are steps there. Where what a gate sums up is nearer to 0 than its rounding, about once in ten million times,
+    // Gates are steps there. If the sum of a gate is nearer to 0 than its rounding, about once in ten million times,
     // f32 and f64 stand on different sides of the step, and the error is all that the gate lets through.
     Gates {
         name: "frames of 1e30",
@@ -122,7 +122,7 @@ fn run(cell: Cell, gates: &Gates) -> FrameRun {
             (FrameShape::Vector(INPUTS), FrameLayerKind::Lstm { hidden, weight_ih, weight_hh, bias })
         }
         Cell::ConvLstm | Cell::Peepholes => {
-            // One channel of the frame, then those of what is shown, for each output.
+            // For each output, one channel of the frame and then those of the state.
             let weight = (0..4 * hidden).flat_map(|_| {
                 let mut weights = random.values(9, on_frame);
                 weights.extend(random.values(9 * hidden, on_shown / 2.0));

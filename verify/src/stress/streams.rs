@@ -59,7 +59,7 @@ pub(super) const SHAPES: &[Shape] = &[
         spread(at(i64::MAX - 600 * n - 600, i, 600, random), random)
     }),
     usual("least i64, then the largest", |i, n, random| {
-        // What lies more than 63 bits from the epoch is dropped.
+        // Events more than 63 bits from the epoch are dropped.
         spread(if i < n / 2 { at(i64::MIN, i, 600, random) } else { i64::MAX }, random)
     }),
     Shape {

@@ -55,7 +55,7 @@ pub(super) const ALTERED: &[Altered] = &[
     altered("dense weights x 1e6", Change::Dense(1e6)),
     Altered { expect: Expect::Overflow, ..altered("dense weights x 3e38", Change::Dense(3e38)) },
     altered("denormal weights", Change::Blocks(1e-39)),
-    // What is left of 24 bits near 1e-39 is 20.
+    // Of 24 bits, 20 are left near 1e-39.
     Altered { within: 1e-3, ..altered("denormal activations", Change::FirstAlone(1e-39)) },
     altered("variances of 0", Change::Variance(0.0)),
     altered("variances of 1e-30", Change::Variance(1e-30)),

@@ -1,4 +1,4 @@
-//! Convolutions of images on which the transforms of Winograd's tiles lose most: what cancels, and what spans many
+//! Convolutions of images on which the transforms of Winograd's tiles lose most: values that cancel, and that span many
 //! magnitudes.
 
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
@@ -130,7 +130,7 @@ fn run(images: &Images, convolution: Convolution) -> FrameRun {
         let mut weight = random.values(channels * inputs * 9, scale);
         if edges {
             for kernel in weight.chunks_exact_mut(9) {
-                // The middle takes what the others, rounded to 2^-10, add up to: their sum is then exactly 0.
+                // The middle is minus the sum of the others, rounded to 2^-10, so that the sum of all is exactly 0.
                 kernel.iter_mut().for_each(|w| *w = (*w * 1024.0).round() / 1024.0);
                 kernel[4] -= kernel.iter().sum::<f32>();
             }
