@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor};
-use meissner_tests::snapshots::{Restores, sealed};
+use meissner_tests::snapshots::sealed;
+use meissner_verify::Incremental;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
@@ -58,7 +59,7 @@ fn over_frames() -> (FrameEngine, Vec<u8>) {
 }
 
 /// Has `wrong` refused with a typed error that names what was expected and found, or restored; says which.
-fn is_refused(engine: &mut impl Restores, before: &[u8], wrong: &[u8], at: usize) -> bool {
+fn is_refused(engine: &mut impl Incremental, before: &[u8], wrong: &[u8], at: usize) -> bool {
     match engine.restore_bytes(wrong) {
         Ok(()) => {
             engine.restore_bytes(before).expect("its own bytes");
@@ -75,7 +76,7 @@ fn is_refused(engine: &mut impl Restores, before: &[u8], wrong: &[u8], at: usize
     }
 }
 
-fn damage(mut engine: impl Restores, bytes: &[u8]) {
+fn damage(mut engine: impl Incremental, bytes: &[u8]) {
     let before = engine.to_bytes();
     assert!(!is_refused(&mut engine, &before, bytes, 0), "whole");
     for length in 0..bytes.len() {

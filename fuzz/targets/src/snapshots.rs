@@ -9,10 +9,10 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptio
 use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Sensor, snapshot_note,
 };
-use meissner_tests::snapshots::{Restores, sealed};
-use meissner_verify::Random;
+use meissner_tests::snapshots::sealed;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
+use meissner_verify::{Incremental, Random};
 
 use crate::target::Verdict;
 
@@ -81,7 +81,7 @@ fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
 }
 
 /// Both kinds of engine, driven after a restore.
-trait GoesOn: Restores {
+trait GoesOn: Incremental + Clone {
     /// Inputs after whatever time it is, and predictions.
     fn go_on(&mut self);
 }
