@@ -55,7 +55,7 @@ pub struct LayerError {
 }
 
 /// The result of a case.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct CaseResult {
     /// Group of the case.
     pub group: &'static str,
@@ -95,25 +95,7 @@ pub struct CaseResult {
 
 impl CaseResult {
     pub(super) fn new(group: &'static str, case: &'static str, network: impl Into<String>) -> Self {
-        Self {
-            group,
-            case,
-            network: network.into(),
-            steps: 0,
-            compared: 0,
-            different: 0,
-            refused: 0,
-            refusal: None,
-            not_numbers: 0,
-            infinite: 0,
-            infinite_inside: 0,
-            prediction: None,
-            layer: None,
-            largest_activation: 0.0,
-            us: None,
-            times_ordinary: None,
-            broken: Vec::new(),
-        }
+        Self { group, case, network: network.into(), ..Self::default() }
     }
 
     /// Counts a prediction and the one of a full recomputation: they are equal if their bits or their errors are.
