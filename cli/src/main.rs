@@ -16,7 +16,7 @@
 //! | `verify/` | `meissner verify` |
 //! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
 //! | `threads` | threads that share work |
-//! | `header`, `progress`, `text`, `svg` | how results are shown to people |
+//! | `header`, `progress`, `text` | how results are shown to people |
 //! | `output` | files that are written |
 //! | `tell` | messages on standard error |
 //! | `networks`, `inspect`, `draw`, `info`, `convert` | the other subcommands |
@@ -51,7 +51,6 @@ mod skips;
 mod slip;
 mod soak;
 mod stress;
-mod svg;
 mod tell;
 mod text;
 mod threads;

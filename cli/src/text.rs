@@ -2,7 +2,9 @@
 
 mod folded;
 
+use std::ffi::OsStr;
 use std::io::{self, Write};
+use std::path::Path;
 
 pub(crate) use folded::Folded;
 
@@ -22,6 +24,11 @@ pub(crate) fn duration(us: f64) -> String {
 /// `share` in percent.
 pub(crate) fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
+}
+
+/// The last part of a path, or the path itself where it has no parts.
+pub(crate) fn file_name(path: &str) -> &str {
+    Path::new(path).file_name().and_then(OsStr::to_str).unwrap_or(path)
 }
 
 /// A table: the first column to the left, the others to the right, columns two spaces apart, every line indented.

@@ -3,10 +3,9 @@
 //! | file | job |
 //! |---|---|
 //! | `slip/`, `digits/` | the systems |
-//! | `text`, `matrix` | figures as text, confusion matrices as drawings |
+//! | `text` | figures as text |
 
 mod digits;
-mod matrix;
 mod slip;
 mod text;
 

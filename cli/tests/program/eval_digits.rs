@@ -237,7 +237,7 @@ fn the_drawing_has_a_line_and_a_matrix_for_each_network() {
     for expected in [
         "Accuracy against time, test split",
         "time since the first event (ms)",
-        "accuracy",
+        "accuracy (%)",
         "chance",
         "own, test split",
         "other<, test split",

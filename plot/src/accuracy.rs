@@ -1,0 +1,281 @@
+//! Accuracies: lines against time with their intervals, bars by group, and confusion matrices.
+
+use crate::axes::{Axis, Field};
+use crate::svg::{Area, Element, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
+
+const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
+/// Baseline of the first names, and names in a row.
+const LEGEND: f64 = 48.0;
+const IN_A_ROW: usize = 4;
+/// Width of the line that is drawn last. Each earlier line is wider by `WIDER`, so that lines that meet are all visible.
+const NARROWEST: f64 = 1.8;
+const WIDER: f64 = 1.6;
+
+const BARS: Area = Area { left: 62.0, top: 12.0, right: 880.0, bottom: 312.0 };
+/// Share of a group's width that its bars take.
+const FILLED: f64 = 0.8;
+const WIDEST_BAR: f64 = 60.0;
+/// Dashes of the lines for references.
+const DASHES: [&str; 2] = ["8 4", "2 3"];
+
+/// Side of a cell of a matrix, and the space for names and titles.
+const CELL: f64 = 33.0;
+const LEFT: f64 = 46.0;
+const TOP: f64 = 66.0;
+
+/// Accuracies against time: a line for each curve over a band, its interval.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    /// Bold, above the field.
+    pub title: String,
+    /// A line below the title.
+    pub about: String,
+    /// Title of the axis of time, with its unit.
+    pub time_title: String,
+    /// The times, ascending from 0 or later.
+    pub times: Vec<f64>,
+    /// The accuracy of guessing, from 0 to 1.
+    pub chance: f64,
+    /// In the order in which they are drawn.
+    pub curves: Vec<AccuracyCurve>,
+}
+
+/// One line of [`Curves`]. Accuracies are from 0 to 1, one for each time.
+#[derive(Clone, Debug)]
+pub struct AccuracyCurve {
+    /// Text of the legend.
+    pub name: String,
+    /// Number of its colour, from 0. Six colours repeat.
+    pub colour: usize,
+    /// Accuracy at each time.
+    pub accuracy: Vec<f64>,
+    /// Both ends of the interval at each time.
+    pub interval: Vec<(f64, f64)>,
+}
+
+impl Curves {
+    /// Draws the panel. Returns its width and height with the space to the next panel.
+    pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        svg.text((0.0, 14.0), &self.title).bold();
+        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        let last = self.times.last().copied().filter(|&last| last > 0.0).unwrap_or(1.0);
+        let field = percent_field(LINES, (0.0, last));
+        field.draw(svg, &self.time_title, "accuracy (%)");
+        let chance = field.y.place(100.0 * self.chance);
+        svg.line((LINES.left, chance), (LINES.right, chance), FRAME).dashes("2 3");
+        svg.text((LINES.right - 4.0, chance - 5.0), "chance").end().size(SMALL).fill(GREY);
+        let at = |(&time, share): (&f64, f64)| field.place(time, 100.0 * share);
+        // All lines are above all bands, so that each line can be followed where they meet.
+        for curve in &self.curves {
+            let high = self.times.iter().zip(curve.interval.iter().map(|interval| interval.1)).map(at);
+            let low = self.times.iter().zip(curve.interval.iter().map(|interval| interval.0)).map(at);
+            svg.polygon(high.chain(low.rev()), colour(curve.colour)).set("fill-opacity", 0.15);
+        }
+        for (i, curve) in self.curves.iter().enumerate() {
+            let places = self.times.iter().zip(curve.accuracy.iter().copied()).map(at);
+            let width = NARROWEST + WIDER * (self.curves.len() - 1 - i) as f64;
+            svg.polyline(places, colour(curve.colour)).width(width);
+            let x =
+                LINES.left + LINES.width() / IN_A_ROW.min(self.curves.len()) as f64 * (i % IN_A_ROW) as f64;
+            let y = LEGEND + 12.0 * (i / IN_A_ROW) as f64;
+            svg.rect(&Area::at((x, y - 6.0), 16.0, 4.0), colour(curve.colour));
+            svg.text((x + 21.0, y), &curve.name).size(SMALL);
+        }
+        (LINES.right + 40.0, LINES.bottom + 50.0)
+    }
+}
+
+/// Accuracies as bars: a group for each set of data, a bar for each series, dashed lines for references.
+#[derive(Clone, Debug)]
+pub struct Bars {
+    /// Names of the groups.
+    pub groups: Vec<String>,
+    /// Name and accuracies of each series, one for each group.
+    pub series: Vec<(String, Vec<Option<Bar>>)>,
+    /// Name and accuracies of each reference, one for each group.
+    pub references: Vec<(String, Vec<Option<f64>>)>,
+    /// A note below the legend.
+    pub note: String,
+}
+
+/// An accuracy from 0 to 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Bar {
+    /// Mean over trainings.
+    pub mean: f64,
+    /// Standard deviation over trainings.
+    pub std: Option<f64>,
+}
+
+impl Bars {
+    /// Draws the panel. Returns its width and height with the space to the next panel.
+    pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        let field = percent_field(BARS, (0.0, self.groups.len().max(1) as f64));
+        let y = |share: f64| field.y.place(100.0 * share);
+        field.draw(svg, "", "accuracy (%)");
+        let group = BARS.width() / self.groups.len().max(1) as f64;
+        let width = (group * FILLED / self.series.len().max(1) as f64).min(WIDEST_BAR);
+        for (g, name) in self.groups.iter().enumerate() {
+            let middle = field.x.place(g as f64 + 0.5);
+            svg.text((middle, BARS.bottom + 20.0), name).middle();
+            let first = middle - width * (self.series.len() as f64 - 1.0) / 2.0;
+            let bars = self.series.iter().enumerate().filter_map(|(i, (_, accuracies))| {
+                let Bar { mean, std } = accuracies[g]?;
+                Some((i, first + width * i as f64, mean, std))
+            });
+            // Numbers are above lines and lines above bars, so that each can be read where they meet.
+            for (i, x, mean, std) in bars.clone() {
+                let bar = Area {
+                    left: x - 0.43 * width,
+                    top: y(mean),
+                    right: x + 0.43 * width,
+                    bottom: BARS.bottom,
+                };
+                svg.rect(&bar, colour(i));
+                if let Some(std) = std {
+                    whisker(svg, x, (y(mean - std), y(mean + std)), INK);
+                }
+            }
+            let reach = group * (FILLED + 0.12) / 2.0;
+            for ((_, accuracies), dashes) in self.references.iter().zip(DASHES.iter().cycle()) {
+                let Some(accuracy) = accuracies[g].map(y) else { continue };
+                svg.line((middle - reach, accuracy), (middle + reach, accuracy), INK)
+                    .width(1.6)
+                    .dashes(dashes);
+            }
+            for (_, x, mean, std) in bars {
+                let (at, number) = ((x, y(mean + std.unwrap_or(0.0)) - 5.0), format!("{:.1}", 100.0 * mean));
+                // White around the number, where a line crosses it.
+                svg.text(at, &number).middle().size(11.0).set("stroke", WHITE).width(3.0);
+                svg.text(at, &number).middle().size(11.0);
+            }
+        }
+        let (left, mut y) = (BARS.right + 24.0, BARS.top + 12.0);
+        for (i, (name, _)) in self.series.iter().enumerate() {
+            svg.rect(&Area::at((left, y - 11.0), 24.0, 13.0), colour(i));
+            svg.text((left + 32.0, y), name);
+            y += 22.0;
+        }
+        for ((name, _), dashes) in self.references.iter().zip(DASHES.iter().cycle()) {
+            svg.key((left, y), name, INK, dashes);
+            y += 22.0;
+        }
+        svg.text((left, y + 4.0), &self.note).size(SMALL).fill(GREY);
+        (left + 320.0, BARS.bottom + 62.0)
+    }
+}
+
+/// How often each true class was predicted as each class.
+#[derive(Clone, Debug)]
+pub struct Matrix<'a> {
+    /// Bold, above the grid.
+    pub title: String,
+    /// A line below the title.
+    pub about: String,
+    /// Short names of the classes.
+    pub classes: &'a [&'a str],
+    /// A row for each true class, a column for each predicted class.
+    pub counts: Vec<Vec<u64>>,
+}
+
+impl Matrix<'_> {
+    /// Draws the panel. Returns its width and height with the space to the next panel.
+    pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        let grid = Area::at((LEFT, TOP), CELL * self.classes.len() as f64, CELL * self.classes.len() as f64);
+        svg.text((0.0, 14.0), &self.title).bold();
+        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        svg.text_upwards((10.0, grid.centre().1), "true").size(SMALL).fill(GREY);
+        svg.text((grid.centre().0, grid.bottom + 16.0), "predicted").middle().size(SMALL).fill(GREY);
+        for (i, class) in self.classes.iter().enumerate() {
+            let middle = (i as f64 + 0.5) * CELL;
+            svg.text((LEFT + middle, TOP - 7.0), class).middle();
+            svg.text((LEFT - 7.0, TOP + middle + 4.5), class).end();
+        }
+        for (row, counts) in self.counts.iter().enumerate() {
+            let sum: u64 = counts.iter().sum();
+            for (column, &count) in counts.iter().enumerate() {
+                let corner = (LEFT + CELL * column as f64, TOP + CELL * row as f64);
+                // A class that was never true has a grey row without numbers.
+                let share = (sum > 0).then(|| count as f64 / sum as f64);
+                let fill = share.map_or_else(|| "#eeeeee".to_owned(), shade);
+                svg.rect(&Area::at(corner, CELL, CELL), &fill).set("stroke", WHITE);
+                if let Some(share) = share.filter(|&share| share > 0.0) {
+                    let number =
+                        if share < 0.005 { "<0.5".to_owned() } else { format!("{:.0}", 100.0 * share) };
+                    let ink = if share >= 0.5 { WHITE } else { INK };
+                    let place = (corner.0 + CELL / 2.0, corner.1 + CELL / 2.0 + 4.0);
+                    svg.text(place, &number).middle().size(11.0).fill(ink);
+                }
+            }
+        }
+        svg.rect(&grid, "none").set("stroke", FRAME);
+        (grid.right + 26.0, grid.bottom + 34.0)
+    }
+}
+
+/// From white to dark blue. The square root makes rare confusions visible.
+fn shade(share: f64) -> String {
+    let strength = share.clamp(0.0, 1.0).sqrt();
+    let [r, g, b] = [0.0, 72.0, 128.0].map(|dark| (255.0 + (dark - 255.0) * strength).round() as u8);
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// A field whose y axis has all percentages.
+fn percent_field(area: Area, x: (f64, f64)) -> Field {
+    let (x, y) =
+        (Axis::linear(x, (area.left, area.right)), Axis::linear((0.0, 100.0), (area.bottom, area.top)));
+    Field { area, x, y }
+}
+
+/// An error bar between two y coordinates.
+pub(crate) fn whisker<'a>(
+    svg: &'a mut Svg,
+    x: f64,
+    (low, high): (f64, f64),
+    stroke: &str,
+) -> &'a mut Element {
+    svg.path(&format!("M{:.1} {high:.1}h6m-3 0V{low:.1}m-3 0h6", x - 3.0), stroke)
+}
+
+#[cfg(test)]
+mod tests {
+    use roxmltree::Document;
+
+    use super::{AccuracyCurve, Curves, LINES, shade};
+    use crate::Panel;
+
+    #[test]
+    fn lines_that_meet_are_all_visible_and_names_are_outside_the_field() {
+        let curve = |(colour, name): (usize, &str)| AccuracyCurve {
+            name: format!("{name}, 50.0 %"),
+            colour,
+            accuracy: vec![0.5; 2],
+            interval: vec![(0.4, 0.6); 2],
+        };
+        let curves = Curves {
+            title: "Accuracy".to_owned(),
+            about: String::new(),
+            time_title: "time (ms)".to_owned(),
+            times: vec![1.0, 2.0],
+            chance: 0.1,
+            curves: ["a", "b", "c"].into_iter().enumerate().map(curve).collect(),
+        };
+        let svg = crate::page("", "", &[vec![Panel::Curves(curves)]]);
+        let document = Document::parse(&svg).expect("it is well-formed XML");
+        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
+        let lines = document.descendants().filter(|node| node.has_tag_name("polyline"));
+        let widths: Vec<f64> = lines.map(|line| number(line.attribute("stroke-width"))).collect();
+        assert!(widths.len() == 3 && widths.windows(2).all(|two| two[0] > two[1] + 1.0), "{widths:?}");
+        let names = document.descendants().filter(|node| {
+            node.has_tag_name("text") && node.text().is_some_and(|text| text.ends_with(", 50.0 %"))
+        });
+        let heights: Vec<f64> = names.map(|name| number(name.attribute("y"))).collect();
+        assert!(heights.len() == 3 && heights.iter().all(|&y| y < LINES.top), "{heights:?}");
+    }
+
+    #[test]
+    fn shades_run_from_white_to_dark_blue() {
+        assert_eq!([shade(0.0), shade(1.0), shade(2.0)], ["#ffffff", "#004880", "#004880"]);
+        assert_eq!(shade(0.25), "#80a4c0");
+    }
+}

@@ -1,0 +1,216 @@
+//! Axes with ticks, and the field between two of them.
+//!
+//! Enters: a range of values and a range of pixels. Leaves: places for values, ticks at round values, grid, labels and titles.
+
+use crate::svg::{Area, FRAME, Svg};
+
+const GRID: &str = "#cccccc";
+const FINE_GRID: &str = "#efefef";
+/// Most intervals between the ticks of a linear axis.
+const MOST_INTERVALS: f64 = 8.0;
+/// Margin at both ends of an axis, as a share of its length.
+const MARGIN: f64 = 0.05;
+/// Pixels at the low end of a logarithmic axis for the value 0.
+const ZERO_STRIP: f64 = 26.0;
+
+/// An axis: low and high end, of decimal logarithms where it is logarithmic, and their pixels.
+#[derive(Debug)]
+pub(crate) struct Axis {
+    logarithmic: bool,
+    range: (f64, f64),
+    pixels: (f64, f64),
+    /// Place of the value 0 on a logarithmic axis that shows it.
+    zero: Option<f64>,
+}
+
+/// A tick, with a label or between labels.
+struct Tick {
+    place: f64,
+    label: Option<String>,
+}
+
+impl Axis {
+    /// A linear axis for values in `range`.
+    pub(crate) fn linear(range: (f64, f64), pixels: (f64, f64)) -> Self {
+        Self { logarithmic: false, range, pixels, zero: None }
+    }
+
+    /// A logarithmic axis between two powers of ten, which may be fractions.
+    pub(crate) fn logarithmic(powers: (f64, f64), pixels: (f64, f64)) -> Self {
+        Self { logarithmic: true, range: powers, pixels, zero: None }
+    }
+
+    /// The same axis with a strip for the value 0 at its low end.
+    pub(crate) fn with_zero(self) -> Self {
+        let (low, high) = self.pixels;
+        let strip = ZERO_STRIP * (high - low).signum();
+        Self { pixels: (low + strip, high), zero: Some(low + strip / 2.0), ..self }
+    }
+
+    /// The pixel of `value`. Values beyond an end are shown at that end.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        if let Some(zero) = self.zero.filter(|_| value <= 0.0) {
+            return zero;
+        }
+        let ((low, high), (start, end)) = (self.range, self.pixels);
+        // A place may come from a negative rounding error: its logarithm is not a number.
+        let along = if self.logarithmic { value.max(0.0).log10() } else { value };
+        start + (along.clamp(low, high) - low) / (high - low) * (end - start)
+    }
+
+    fn ticks(&self) -> Vec<Tick> {
+        if self.logarithmic { self.logarithmic_ticks() } else { self.linear_ticks() }
+    }
+
+    /// Ticks at multiples of 1, 2 or 5 times a power of ten.
+    fn linear_ticks(&self) -> Vec<Tick> {
+        let (low, high) = self.range;
+        let steps = (-9..).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| (power, digit * 10_f64.powi(power))));
+        let (power, step) =
+            steps.into_iter().find(|(_, step)| (high - low) / step <= MOST_INTERVALS).unwrap_or((0, 1.0));
+        let decimals = (-power).max(0) as usize;
+        let tick = |i: i64| {
+            let value = i as f64 * step;
+            Tick { place: self.place(value), label: Some(format!("{value:.decimals$}")) }
+        };
+        // Division can miss a tick at an end by a rounding error.
+        ((low / step - 1e-9).ceil() as i64..=(high / step + 1e-9).floor() as i64).map(tick).collect()
+    }
+
+    /// Ticks at the digits of every power of ten, with more labels where there are fewer powers.
+    fn logarithmic_ticks(&self) -> Vec<Tick> {
+        let (low, high) = self.range;
+        let labelled: &[u32] = match high - low {
+            powers if powers < 2.0 => &[1, 2, 3, 5, 7],
+            powers if powers < 4.0 => &[1, 2, 5],
+            _ => &[1],
+        };
+        let powers = low.floor() as i32..=high.floor() as i32;
+        let ticks = powers.flat_map(|power| (1..=9).map(move |digit| (digit, power)));
+        let ticks = ticks.map(|(digit, power)| (digit, power, f64::from(digit) * 10_f64.powi(power)));
+        ticks
+            .filter(|(.., value)| (low - 1e-9..=high + 1e-9).contains(&value.log10()))
+            .map(|(digit, power, value)| {
+                let label = labelled.contains(&digit).then(|| number(digit, power));
+                Tick { place: self.place(value), label }
+            })
+            .collect()
+    }
+}
+
+/// `digit` times 10 to the power: "2,000", "20", "0.02", "2e-4".
+fn number(digit: u32, power: i32) -> String {
+    let zeros = power.unsigned_abs() as usize;
+    match power {
+        0.. => format!("{digit}{}{}", "0".repeat(zeros % 3), ",000".repeat(zeros / 3)),
+        -3.. => format!("0.{}{digit}", "0".repeat(zeros - 1)),
+        _ => format!("{digit}e{power}"),
+    }
+}
+
+/// Both ends of `values` with a margin, at least `least` apart; 0 and 1 where there are no values.
+pub(crate) fn widened(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
+    let Some((low, high)) = ends(values) else { return (0.0, 1.0) };
+    let margin = (MARGIN * (high - low)).max((least - (high - low)) / 2.0);
+    (low - margin, high + margin)
+}
+
+/// The whole powers of ten around `values`, at least one apart; `otherwise` where no value is positive.
+pub(crate) fn decades(values: impl Iterator<Item = f64>, otherwise: (f64, f64)) -> (f64, f64) {
+    let Some((low, high)) = ends(values.map(f64::log10)) else { return otherwise };
+    (low.floor(), high.ceil().max(low.floor() + 1.0))
+}
+
+/// The smallest and the largest of the finite `values`.
+pub(crate) fn ends(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    let finite = values.filter(|value| value.is_finite()).map(|value| (value, value));
+    finite.reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
+}
+
+/// The part of a panel that shows values.
+#[derive(Debug)]
+pub(crate) struct Field {
+    pub(crate) area: Area,
+    pub(crate) x: Axis,
+    /// Its pixels decrease from the low to the high end.
+    pub(crate) y: Axis,
+}
+
+impl Field {
+    /// The pixels of a value of each axis.
+    pub(crate) fn place(&self, x: f64, y: f64) -> (f64, f64) {
+        (self.x.place(x), self.y.place(y))
+    }
+
+    /// Draws grid, ticks, border and titles. An axis without a title has no ticks.
+    pub(crate) fn draw(&self, svg: &mut Svg, x_title: &str, y_title: &str) {
+        let Area { left, top, right, bottom } = self.area;
+        let (middle, centre) = self.area.centre();
+        for Tick { place, label } in self.x.ticks().into_iter().filter(|_| !x_title.is_empty()) {
+            svg.line((place, top), (place, bottom), if label.is_some() { GRID } else { FINE_GRID });
+            label.map(|label| svg.text((place, bottom + 18.0), &label).middle());
+        }
+        for Tick { place, label } in self.y.ticks() {
+            let Some(label) = label else { continue };
+            svg.line((left, place), (right, place), GRID);
+            svg.text((left - 8.0, place + 4.5), &label).end();
+        }
+        if let Some(zero) = self.y.zero {
+            svg.line((left, self.y.pixels.0), (right, self.y.pixels.0), FRAME).dashes("3 3");
+            svg.text((left - 8.0, zero + 4.5), "0").end();
+        }
+        svg.rect(&self.area, "none").set("stroke", FRAME);
+        if !x_title.is_empty() {
+            svg.text((middle, bottom + 40.0), x_title).middle();
+        }
+        svg.text_upwards((12.0, centre), y_title);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Axis, decades, widened};
+
+    fn labels(axis: &Axis) -> Vec<String> {
+        axis.ticks().into_iter().filter_map(|tick| tick.label).collect()
+    }
+
+    #[test]
+    fn an_axis_has_a_margin_at_both_ends_and_a_length_even_for_one_value() {
+        assert_eq!(widened([1.0, 3.0].into_iter(), 0.5), (0.9, 3.1));
+        assert_eq!(widened([2.0].into_iter(), 0.5), (1.75, 2.25));
+        assert_eq!(widened(std::iter::empty(), 0.5), (0.0, 1.0));
+        assert_eq!(decades([0.0, 20.0, 3000.0].into_iter(), (0.0, 3.0)), (1.0, 4.0));
+        assert_eq!(decades([10.0].into_iter(), (0.0, 3.0)), (1.0, 2.0));
+        assert_eq!(decades([0.0].into_iter(), (0.0, 3.0)), (0.0, 3.0));
+    }
+
+    #[test]
+    fn ticks_of_a_linear_axis_are_round_and_few() {
+        let labels = |low, high| labels(&Axis::linear((low, high), (0.0, 1.0))).join(" ");
+        assert_eq!(labels(0.0, 310.0), "0 50 100 150 200 250 300");
+        assert_eq!(labels(0.0, 160.0), "0 20 40 60 80 100 120 140 160");
+        assert_eq!(labels(0.0, 0.1), "0.00 0.02 0.04 0.06 0.08 0.10");
+        assert_eq!(labels(2.3, 4.6), "2.5 3.0 3.5 4.0 4.5");
+        assert_eq!(labels(0.0, 8388.608), "0 2000 4000 6000 8000");
+    }
+
+    #[test]
+    fn ticks_of_a_logarithmic_axis_are_written_in_digits_where_they_are_short() {
+        let labels = |low, high| labels(&Axis::logarithmic((low, high), (0.0, 1.0))).join(" ");
+        assert_eq!(labels(-3.0, 4.0), "0.001 0.01 0.1 1 10 100 1,000 10,000");
+        assert_eq!(labels(-0.5, 1.0), "0.5 0.7 1 2 3 5 7 10");
+        assert_eq!(labels(-6.0, -2.0), "1e-6 1e-5 1e-4 0.001 0.01");
+    }
+
+    #[test]
+    fn every_value_has_a_place_on_the_axis() {
+        let axis = Axis::logarithmic((0.0, 3.0), (400.0, 100.0));
+        assert_eq!(
+            [10.0, 0.0, -1.0, 1e9, f64::INFINITY].map(|value| axis.place(value)),
+            [300.0, 400.0, 400.0, 100.0, 100.0]
+        );
+        let with_zero = axis.with_zero();
+        assert_eq!([0.0, 1.0, 1000.0].map(|value| with_zero.place(value)), [387.0, 374.0, 100.0]);
+    }
+}

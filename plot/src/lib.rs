@@ -1,0 +1,86 @@
+//! Pictures of measurements as standalone SVG files.
+//!
+//! Enters: plain data, which depends on no other crate. Leaves: the text of a file. Equal data gives equal bytes.
+//!
+//! A picture is a [`page`] with rows of panels:
+//!
+//! | panel | contents |
+//! |---|---|
+//! | [`Distribution`] | latencies: the share of calls that took longer, with quantiles |
+//! | [`Curves`], [`Bars`] | accuracies against time and by group |
+//! | [`Matrix`] | a confusion matrix |
+//! | [`TradeOff`] | run time against error, with fronts and labels |
+//! | [`Network`] | the layers of a network |
+//!
+//! ```
+//! use meissner_plot::{Distribution, LatencyCurve, Panel, page};
+//!
+//! // Of four calls, two took 10 us, one took 20 us and one took 40 us.
+//! let points = vec![(10.0, 0.5), (20.0, 0.25), (40.0, 0.0)];
+//! let push = LatencyCurve { name: "push".to_owned(), dashed: false, points };
+//! let svg = page("Latency", "four calls", &[vec![Panel::Distribution(Distribution { curves: vec![push] })]]);
+//! assert!(svg.starts_with("<svg") && svg.contains("latency (microseconds)"));
+//! ```
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod accuracy;
+mod axes;
+mod labels;
+mod latency;
+mod network;
+mod svg;
+mod trade_off;
+
+pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
+pub use latency::{Distribution, LatencyCurve};
+pub use network::{Network, Node};
+pub use trade_off::{Setting, TradeOff};
+
+use svg::{GREY, Svg};
+
+/// A rectangular part of a picture.
+#[derive(Clone, Debug)]
+#[expect(missing_docs, reason = "the page of the crate lists them")]
+#[non_exhaustive]
+pub enum Panel<'a> {
+    Bars(Bars),
+    Curves(Curves),
+    Distribution(Distribution),
+    Matrix(Matrix<'a>),
+    Network(Network<'a>),
+    TradeOff(TradeOff),
+}
+
+/// A standalone SVG file: a bold `title`, the lines of `about` below it, and rows of panels from left to right.
+///
+/// # Panics
+/// If a box of a network reads a name that no box has, or bars have fewer accuracies than groups.
+pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
+    const LEFT: f64 = 24.0;
+    let mut svg = Svg::default();
+    svg.text((LEFT, 34.0), title).size(18.0).bold();
+    let (mut right, mut bottom) = (0.0_f64, 56.0);
+    for line in about.lines() {
+        svg.text((LEFT, bottom), line).fill(GREY);
+        bottom += 18.0;
+    }
+    for row in rows {
+        let (mut x, mut height) = (LEFT, 0.0_f64);
+        for panel in row {
+            let mut part = Svg::default();
+            let size = match panel {
+                Panel::Bars(bars) => bars.draw(&mut part),
+                Panel::Curves(curves) => curves.draw(&mut part),
+                Panel::Distribution(distribution) => distribution.draw(&mut part),
+                Panel::Matrix(matrix) => matrix.draw(&mut part),
+                Panel::Network(network) => network.draw(&mut part),
+                Panel::TradeOff(trade_off) => trade_off.draw(&mut part),
+            };
+            svg.group((x, bottom), &part);
+            (x, height) = (x + size.0, height.max(size.1));
+        }
+        (right, bottom) = (right.max(x), bottom + height);
+    }
+    svg.document((right + LEFT, bottom + 10.0), title)
+}

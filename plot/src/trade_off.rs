@@ -1,0 +1,210 @@
+//! Run time against error: a point for each setting of each network, and lines through the points on the front.
+//!
+//! A network has a colour, a shape and a size. Points on the front are filled, others hollow. Networks are drawn from the
+//! largest shape to the smallest, so that every colour is visible where points meet. Labels keep off points, lines and
+//! error bars.
+
+use crate::accuracy::whisker;
+use crate::axes::{Axis, Field, ends, widened};
+use crate::labels;
+use crate::svg::{Area, Element, FRAME, GREY, Place, SMALL, Svg, WHITE, colour};
+
+const FIELD: Area = Area { left: 84.0, top: 30.0, right: 1124.0, bottom: 558.0 };
+/// Width of a character of a label, with some room.
+const CHARACTER: f64 = 7.0;
+/// Distance from the centre of a point's shape to its border: of the first network, and of the last of several.
+const REACH: (f64, f64) = (6.5, 3.5);
+/// A label that is farther than this from its point has a line to it.
+const NEAR: f64 = 9.0;
+/// Height of a line of the key, and its number of columns.
+const KEY_LINE: f64 = 16.0;
+const KEY_COLUMNS: usize = 2;
+/// A linear axis is used up to this ratio of the largest to the smallest error.
+const MOST_LINEAR: f64 = 10.0;
+
+/// Settings of networks by run time and error, both better where smaller.
+#[derive(Clone, Debug)]
+pub struct TradeOff {
+    /// Title of the logarithmic axis of times, with its unit.
+    pub time_title: String,
+    /// Title of the axis of errors, with its unit.
+    pub error_title: String,
+    /// A note beside the title of the axis of errors.
+    pub about: String,
+    /// Whether errors are percentages: the axis is linear or logarithmic after their range, and all networks share one
+    /// front. Otherwise the axis is logarithmic with a place for 0, and each network has its own front.
+    pub percent: bool,
+    /// Names of the networks.
+    pub networks: Vec<String>,
+    /// The settings of all networks.
+    pub points: Vec<Setting>,
+}
+
+/// A point of a [`TradeOff`].
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// Index of its network.
+    pub network: usize,
+    /// Run time, at least 0.
+    pub time: f64,
+    /// Error, at least 0.
+    pub error: f64,
+    /// Both ends of the error bar.
+    pub interval: Option<(f64, f64)>,
+    /// Whether it is on the front: no other setting is better in one respect and at least as good in the other.
+    pub on_front: bool,
+    /// Text beside the point. Where there is no room for all labels, they are numbers with a key below the field.
+    pub label: Option<String>,
+    /// Text that a browser shows while the pointer is over the point.
+    pub tooltip: String,
+}
+
+impl TradeOff {
+    /// Draws the panel. Returns its width and height with the space to the next panel.
+    pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        let field = self.field();
+        let place = |point: &Setting| field.place(point.time, point.error);
+        self.legend(svg);
+        field.draw(svg, &self.time_title, &self.error_title);
+        svg.text_upwards((27.0, FIELD.centre().1), &self.about).size(SMALL).fill(GREY);
+        // Labels must not cover these areas.
+        let mut obstacles = Vec::new();
+        for (corners, stroke) in self.fronts(place) {
+            obstacles.extend(corners.windows(2).map(|ends| Area::spanning(ends[0], ends[1], 1.0)));
+            svg.polyline(corners.into_iter(), stroke).width(1.6).set("stroke-opacity", 0.8);
+        }
+        for point in &self.points {
+            let Some((low, high)) = point.interval else { continue };
+            let (x, low, high) = (place(point).0, field.y.place(low), field.y.place(high));
+            obstacles.push(Area { left: x - 3.0, top: high, right: x + 3.0, bottom: low });
+            let opacity = if point.on_front { 0.7 } else { 0.2 };
+            whisker(svg, x, (low, high), colour(point.network)).set("stroke-opacity", opacity);
+        }
+        let mut points: Vec<&Setting> = self.points.iter().collect();
+        points.sort_by_key(|point| (point.network, point.on_front));
+        for point in points {
+            let reach = self.reach(point.network);
+            obstacles.push(Area::spanning(place(point), place(point), reach + 1.0));
+            shape(svg, point.network, reach, place(point), point.on_front).tooltip(&point.tooltip);
+        }
+        let mut named: Vec<(Place, &str)> =
+            self.points.iter().filter_map(|point| Some((place(point), point.label.as_deref()?))).collect();
+        named.sort_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        (FIELD.right + 8.0, FIELD.bottom + 56.0 + write_labels(svg, &named, &obstacles))
+    }
+
+    /// A field that contains all points and error bars.
+    fn field(&self) -> Field {
+        let times = self.points.iter().map(|point| point.time.max(1e-6).log10());
+        let errors = || {
+            self.points.iter().flat_map(|point| {
+                let (low, high) = point.interval.unwrap_or((point.error, point.error));
+                [point.error, low, high]
+            })
+        };
+        let pixels = (FIELD.bottom, FIELD.top);
+        let y = if !self.percent {
+            Axis::logarithmic(widened(errors().map(f64::log10), 1.0), pixels).with_zero()
+        } else if ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MOST_LINEAR * least) {
+            let (low, high) = widened(errors().map(f64::log10), 0.5);
+            Axis::logarithmic((low, high.min(2.0)), pixels)
+        } else {
+            let (low, high) = widened(errors(), 2.0);
+            Axis::linear((low.max(0.0), high.min(100.0)), pixels)
+        };
+        Field { area: FIELD, x: Axis::logarithmic(widened(times, 0.5), (FIELD.left, FIELD.right)), y }
+    }
+
+    fn legend(&self, svg: &mut Svg) {
+        const Y: f64 = 12.0;
+        let mut x = FIELD.left + 6.0;
+        for (network, name) in self.networks.iter().enumerate() {
+            shape(svg, network, self.reach(network), (x, Y - 4.5), true);
+            svg.text((x + 11.0, Y), name);
+            x += 36.0 + 7.5 * name.chars().count() as f64;
+        }
+        let about = "filled and named: on the front, nothing is faster without more error";
+        svg.text((FIELD.right, Y), about).end().fill(GREY);
+    }
+
+    /// Distance from the centre to the border of the shape of a network.
+    fn reach(&self, network: usize) -> f64 {
+        let (first, last) = REACH;
+        match self.networks.len() {
+            0 | 1 => f64::midpoint(first, last),
+            networks => first - (first - last) * network as f64 / (networks - 1) as f64,
+        }
+    }
+
+    /// Corners and colour of the step lines through the points on the fronts. Up to the time of the next point, the one
+    /// before it is the best.
+    fn fronts(&self, place: impl Fn(&Setting) -> Place) -> Vec<(Vec<Place>, &'static str)> {
+        let corners = |network: Option<usize>| {
+            let on_front = |point: &&Setting| point.on_front && network.is_none_or(|of| of == point.network);
+            let mut places: Vec<Place> = self.points.iter().filter(on_front).map(&place).collect();
+            places.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
+            let before = |i: usize| places[i.saturating_sub(1)].1;
+            (0..places.len()).flat_map(|i| [(places[i].0, before(i)), places[i]]).collect()
+        };
+        if self.percent {
+            vec![(corners(None), FRAME)]
+        } else {
+            (0..self.networks.len()).map(|network| (corners(Some(network)), colour(network))).collect()
+        }
+    }
+}
+
+/// Draws the shape of a network.
+fn shape(svg: &mut Svg, network: usize, r: f64, (x, y): Place, filled: bool) -> &mut Element {
+    let d = 2.0 * r;
+    let path = match network % 5 {
+        0 => format!("M{:.1} {y:.1}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0 -{d} 0z", x - r),
+        1 => format!("M{:.1} {:.1}h{d}v{d}h-{d}z", x - r, y - r),
+        2 => format!("M{x:.1} {:.1}l{r} {d}h-{d}z", y - r),
+        3 => format!("M{x:.1} {:.1}l{r} {r}l-{r} {r}l-{r} -{r}z", y - r),
+        _ => format!("M{x:.1} {:.1}l{r} -{d}h-{d}z", y + r),
+    };
+    let colour = colour(network);
+    let fill = if filled { colour } else { WHITE };
+    svg.shape(&path, fill).set("fill-opacity", 0.85).set("stroke", colour).width(1.3)
+}
+
+/// Writes the labels of points, or numbers and a key where there is no room for the labels. Returns the height of the key.
+fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f64 {
+    let placed = |texts: &[String]| {
+        let width = |text: &String| CHARACTER * text.chars().count() as f64 + 4.0;
+        let wanted: Vec<_> = named.iter().zip(texts).map(|(&(at, _), text)| (at, width(text))).collect();
+        labels::place(&wanted, obstacles, &FIELD)
+    };
+    let mut texts: Vec<String> = named.iter().map(|(_, label)| (*label).to_owned()).collect();
+    let mut areas = placed(&texts);
+    let numbered = areas.iter().any(Option::is_none);
+    if numbered {
+        texts = (1..=named.len()).map(|i| i.to_string()).collect();
+        areas = placed(&texts);
+    }
+    for ((&(at, _), text), area) in named.iter().zip(&texts).zip(areas) {
+        let Some(area) = area else { continue };
+        let near = area.nearest(at);
+        if (near.0 - at.0).hypot(near.1 - at.1) > NEAR {
+            svg.line(at, near, "#999999").width(0.8);
+        }
+        // Grid lines must not be read with a label.
+        svg.rect(&area, WHITE).set("fill-opacity", 0.8);
+        svg.text((area.centre().0, area.bottom - 3.5), text).middle().size(12.0);
+    }
+    if !numbered {
+        return 0.0;
+    }
+    let rows = named.len().div_ceil(KEY_COLUMNS);
+    for (i, ((_, label), number)) in named.iter().zip(&texts).enumerate() {
+        let x = FIELD.left + FIELD.width() / KEY_COLUMNS as f64 * (i / rows) as f64;
+        let y = FIELD.bottom + 64.0 + KEY_LINE * (i % rows) as f64;
+        svg.text((x + 14.0, y), number).end().size(SMALL).bold();
+        svg.text((x + 22.0, y), label).size(SMALL);
+    }
+    KEY_LINE * rows as f64 + 8.0
+}
+
+#[cfg(test)]
+mod tests;
