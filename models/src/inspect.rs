@@ -3,7 +3,6 @@
 //! Enters: a checked description of either kind. Leaves: text. Invariant: equal descriptions give equal bytes.
 
 mod summary;
-mod svg;
 mod table;
 mod view;
 
@@ -29,7 +28,7 @@ macro_rules! reports {
 
             /// The network as a standalone SVG picture.
             pub fn to_svg(&self) -> String {
-                svg::svg(&self.view())
+                view::svg(&self.view())
             }
         }
     )*};

@@ -1,7 +1,10 @@
 //! The content of a picture of a network: boxes in order, the inputs of each, and the bands that group them.
 //!
-//! Enters: a description of either kind. Leaves: a [`View`], and its text in the DOT language. The SVG picture is drawn from
-//! the same view.
+//! Enters: a description of either kind. Leaves: a [`View`], and from it text in the DOT language and an SVG picture.
+
+use std::iter::once;
+
+use meissner_plot::{Panel, page};
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
 use crate::description::{AnyDescription, Description, Layer, LayerKind};
@@ -155,6 +158,34 @@ fn frame_node(layer: &FrameLayer) -> Node<'_> {
         from: &layer.from,
         joins: layer.with().map(|with| (with, "with")),
     }
+}
+
+/// The SVG picture of `view`.
+pub(super) fn svg(view: &View<'_>) -> String {
+    let input = meissner_plot::Node {
+        name: view.input.name,
+        kind: view.input.about.clone(),
+        shape: view.input.shape.clone(),
+        fill: "#ffffff",
+        band: view.input.band,
+        from: None,
+        joins: None,
+    };
+    let boxes = view.nodes.iter().map(|node| {
+        let parameters = node.parameters.map(|parameters| format!(", {parameters} parameters"));
+        meissner_plot::Node {
+            name: node.name,
+            kind: node.kind.clone(),
+            shape: node.shapes.join(" \u{2192} ") + &parameters.unwrap_or_default(),
+            fill: node.fill,
+            band: node.band,
+            from: Some(node.from),
+            joins: node.joins,
+        }
+    });
+    let network =
+        meissner_plot::Network { bands: view.bands.clone(), boxes: once(input).chain(boxes).collect() };
+    page(view.name, &view.about, &[vec![Panel::Network(network)]])
 }
 
 /// The DOT text of `view`: a cluster for each level, dashed edges for second inputs.
