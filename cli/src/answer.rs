@@ -1,7 +1,7 @@
 //! Predictions in the words of their network: classes with probabilities, or values with names and units.
 
+use meissner_evaluate::metrics::largest;
 use meissner_kernels::softmax;
-use meissner_models::metrics::largest;
 use serde::Serialize;
 
 use crate::run::json::Values;

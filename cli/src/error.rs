@@ -5,20 +5,18 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use meissner_engine::EngineError;
-use meissner_io::datasets::DatasetError;
+use meissner_evaluate::EvaluateError;
 use meissner_io::{Format, ImageError, IoError, Kind};
 use meissner_live::LiveError;
 use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
-use meissner_models::systems::slip::{DecisionError, SlipError};
+use meissner_models::systems::slip::DecisionError;
 use meissner_pipeline::source::STDIN_NAME;
 use meissner_pipeline::{PipelineError, time};
 use meissner_verify::VerifyError;
 
-use crate::prepare::StreamsError;
 use crate::run;
-use crate::trainings::TrainingError;
 
 /// A subcommand gives up.
 #[derive(Debug, thiserror::Error)]
@@ -133,60 +131,9 @@ pub(crate) enum CliError {
     /// How a decision is to be held makes no sense.
     #[error(transparent)]
     Decision(#[from] DecisionError),
-    /// A data set is not there or is laid out in another way; the reason names the path.
+    /// A network cannot be judged or measured.
     #[error(transparent)]
-    Dataset(#[from] DatasetError),
-    /// A network or a recording has nothing to do with direction of slip; the reason names it.
-    #[error(transparent)]
-    Slip(#[from] SlipError),
-    /// A network tells no digits, or folds cannot be made; the reason names it.
-    #[error(transparent)]
-    Digits(#[from] DigitsError),
-    /// A data set has nothing to judge whole trainings on.
-    #[error("{}: expected recordings of the split test, which whole trainings are judged on, found none", folder.display())]
-    NoTestSplit {
-        /// The data set.
-        folder: PathBuf,
-    },
-    /// A file of a training does not fit the evaluation.
-    #[error("training {}", path.display())]
-    Training {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: TrainingError,
-    },
-    /// A folder holds no training of a network.
-    #[error("--trainings {}: expected safetensors files with metadata \"network\" = {expected}, found {found}", folder.display())]
-    NoTrainings {
-        /// The folder.
-        folder: PathBuf,
-        /// The networks.
-        expected: String,
-        /// What there is.
-        found: String,
-    },
-    /// A description file has no shipped weights, and no folder has others.
-    #[error("network {0}: a description file comes without weights; add --trainings DIR")]
-    NeedsTrainings(String),
-    /// A file of streams cannot be made graphs of.
-    #[error("{}", path.display())]
-    Streams {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: StreamsError,
-    },
-    /// A line of finished measurements cannot be read.
-    #[error("--state {}: line {line}: expected a finished measurement", path.display())]
-    State {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1 on.
-        line: usize,
-        /// Why.
-        source: serde_json::Error,
-    },
+    Evaluate(Box<EvaluateError>),
     /// Threads cannot be started.
     #[error("--threads {threads}")]
     Threads {
@@ -194,14 +141,6 @@ pub(crate) enum CliError {
         threads: usize,
         /// Why.
         source: rayon::ThreadPoolBuildError,
-    },
-    /// A recording of a slip cannot be cut into windows.
-    #[error("recording {recording}")]
-    SlipRecording {
-        /// The recording.
-        recording: String,
-        /// Why.
-        source: SlipError,
     },
     /// The engine's thread cannot start, or has ended.
     #[error(transparent)]
@@ -260,6 +199,43 @@ impl From<EngineError> for CliError {
     }
 }
 
+impl From<EvaluateError> for CliError {
+    /// Errors of what was asked for name the option.
+    fn from(error: EvaluateError) -> Self {
+        use EvaluateError as Error;
+        let (option, expected, found) = match error {
+            Error::Pipeline(error) => return Self::Pipeline(error),
+            Error::Write { path, source } => return Self::Write { path, source },
+            Error::NetworkTwice(name) => {
+                ("--network", "each network once".to_owned(), format!("{name} again"))
+            }
+            Error::OneNetwork { found } => {
+                ("--weights", "one --network".to_owned(), format!("{found} networks"))
+            }
+            Error::WeightsOfFold(_) => {
+                ("--weights", "a whole training".to_owned(), "a fold: judge it with --trainings".to_owned())
+            }
+            Error::NoWholeTraining(network) => {
+                ("--trainings", format!("a whole training of {network}"), "folds alone".to_owned())
+            }
+            Error::NoUnseenObjects => {
+                ("DATA", "recordings of unseen objects".to_owned(), "Basic alone".to_owned())
+            }
+            Error::NoEvents => ("RECORDING", "events to measure".to_owned(), "none".to_owned()),
+            Error::Stride { network, stride } => {
+                let expected = "weights of networks that take every event".to_owned();
+                ("--network", expected, format!("{network}, whose weights say \"stride\" {stride}"))
+            }
+            Error::NoSetting { settings, found } => {
+                let expected = format!("a part of \"NETWORK, SETTING\", with a setting such as {settings}");
+                ("--only", expected, found)
+            }
+            error => return Self::Evaluate(Box::new(error)),
+        };
+        Self::Option { option, expected, found }
+    }
+}
+
 impl From<LiveError> for CliError {
     fn from(error: LiveError) -> Self {
         match error {
@@ -284,6 +260,9 @@ impl CliError {
     pub(crate) fn hint(&self) -> Option<String> {
         match self {
             Self::Pipeline(error) => hint(error),
+            Self::Evaluate(error) if matches!(**error, EvaluateError::NeedsTrainings(_)) => {
+                Some("add --trainings DIR".to_owned())
+            }
             Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
             Self::Differs { network, file, .. } => Some(format!(
                 "the minimal stream is in {file}: `meissner verify {network} --replay {file}` runs it again"
@@ -312,8 +291,13 @@ impl CliError {
                 }
                 _ => ExitCode::from(1),
             },
-            Self::NeedsTrainings(_)
-            | Self::NotWritable(_)
+            Self::Evaluate(error) => match **error {
+                EvaluateError::NeedsTrainings(_) | EvaluateError::Digits(DigitsError::Folds { .. }) => {
+                    ExitCode::from(2)
+                }
+                _ => ExitCode::from(1),
+            },
+            Self::NotWritable(_)
             | Self::Exists { .. }
             | Self::Misfit { .. }
             | Self::Option { .. }
@@ -321,7 +305,6 @@ impl CliError {
             | Self::NoInput { .. }
             | Self::Decision(_)
             | Self::Verify(VerifyError::Empty(_) | VerifyError::Line { .. })
-            | Self::Digits(DigitsError::Folds { .. })
             | Self::OverlayTaken { .. } => ExitCode::from(2),
             _ => ExitCode::from(1),
         }
@@ -390,18 +373,13 @@ mod tests {
     use meissner_engine::{EngineError, Sensor};
 
     use super::CliError;
-    use crate::prepare::StreamsError;
 
     #[test]
     fn an_error_of_the_program_does_not_repeat_its_source() {
         let denied = || io::Error::new(io::ErrorKind::PermissionDenied, "denied");
         let path = PathBuf::from("some.file");
-        let line = serde_json::from_str::<u8>("x").expect_err("not a number");
         let engine = || EngineError::Sensor(Sensor::new(0, 1));
-        let tensors = safetensors::SafeTensorError::HeaderTooSmall;
         for error in [
-            CliError::Streams { path: path.clone(), source: StreamsError::Format(tensors) },
-            CliError::State { path: path.clone(), line: 2, source: line },
             engine().into(),
             CliError::Resume { path: path.clone(), source: engine() },
             CliError::Write { path, source: denied() },

@@ -14,7 +14,7 @@
 //! | `stress/` | `meissner stress` |
 //! | `soak/` | `meissner soak` |
 //! | `verify/` | `meissner verify` |
-//! | `slip/`, `digits/`, `trainings/` | data sets, networks and their trainings, for `prepare`, `eval` and `pareto` |
+//! | `tasks` | data sets, networks and trainings on the command line, for `eval` and `pareto` |
 //! | `threads` | threads that share work |
 //! | `header`, `progress`, `text` | how results are shown to people |
 //! | `output` | files that are written |
@@ -32,7 +32,6 @@ mod approximations;
 mod args;
 mod bench;
 mod convert;
-mod digits;
 mod draw;
 mod error;
 mod eval;
@@ -48,13 +47,12 @@ mod prepare;
 mod progress;
 mod run;
 mod skips;
-mod slip;
 mod soak;
 mod stress;
+mod tasks;
 mod tell;
 mod text;
 mod threads;
-mod trainings;
 mod verify;
 
 use std::process::ExitCode;

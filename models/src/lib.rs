@@ -9,7 +9,6 @@
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
 //! - [`random`]: numbers from a seed, the same on every machine
-//! - [`metrics`]: confusion, accuracy, precision, recall, F1, and their uncertainty
 //! - [`systems`]: normalisation, windows, reports and overlays around a network
 //!
 //! ```
@@ -28,7 +27,6 @@ pub mod description;
 mod draw;
 mod error;
 pub mod inspect;
-pub mod metrics;
 pub mod random;
 mod shipped;
 /// What surrounds a network in the system that it serves: from the values of the sensor to the input of the network, and from

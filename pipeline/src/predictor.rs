@@ -10,6 +10,7 @@ use meissner_engine::{
 use crate::approximations::Approximations;
 
 /// Takes events and predicts.
+#[derive(Clone)]
 pub struct Predictor {
     backend: Backend,
     /// What was counted before this run.
@@ -27,6 +28,7 @@ pub enum Mode {
 }
 
 /// The engine of a mode.
+#[derive(Clone)]
 enum Backend {
     /// What an event changes, behind a readout that may be stale.
     Incremental(Box<StaleReadout>),
@@ -80,6 +82,14 @@ impl Predictor {
         match &self.backend {
             Backend::Incremental(readout) => Some(readout.engine()),
             Backend::Batch(_) => None,
+        }
+    }
+
+    /// Forgets all events; counters go on.
+    pub fn reset(&mut self) {
+        match &mut self.backend {
+            Backend::Incremental(engine) => engine.reset(),
+            Backend::Batch(batch) => batch.reset(),
         }
     }
 

@@ -5,30 +5,31 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use meissner_engine::Sensor;
-use meissner_kernels::Isa;
-
-use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
+use meissner_evaluate::pareto::Options;
 use meissner_pipeline::source::is_stdin;
 use meissner_pipeline::time::length_us;
+
+use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
+use crate::tasks::{DigitsTask, SlipTask};
 
 /// How it measures, at the end of the long help.
 const METHOD: &str = "\
 How it measures:
-  Each network is run exactly, then with each approximation that changes anything about it, and with some together. Errors are those of a setting against the same network's own exact form. The exact setting is measured as all others are, so that its time ratio shows how well times can be told apart here.
-  Time: on one thread, with nothing beside it. A setting and the exact network take turns (1,000 events, or 10 windows, each) over the same events, --repeat times. The time of an event is the median over the repeats, which all compute the same, so that an interruption of one of them changes no figure. Mean, p50 and p99 are over the events. The ratio is the setting's mean divided by that of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio times the exact setting's time, so that a machine that is slower during one setting moves no point.
-  Networks over events: time is that of an event of the input: the filters, its push, and the prediction read after it. An event that a filter drops costs the filter, and the last prediction stands.
-  Frame networks: time is that of a window of readings, from the reset on; push is that of its frames.
-  Work: rows of events and cells (pixels of frame networks) that were computed, and multiply-adds at full neighbourhoods as `meissner inspect` has them; by Winograd as if directly.
-  Numerical error: of everything predicted at the same moments, after each event, in the order of time, and for each tenth of the streams. max and RMS error are in the outputs' units; relative RMS error is RMS error as a share of the RMS of the exact outputs. A stale readout is compared with the exact network's prediction at that moment.
-  Wrong answers: with 95 % Wilson intervals, over several trainings the mean of their errors and bounds. Windows of one recording depend on each other: for them the intervals are too narrow. Of networks whose predictions depend on when others were read (tolerance, stale readout), answers are read with a prediction after each event.
-  FilteredEngine: the settings that no other beats in time and error; of equal ones all. Where there are labels, there is one front over all networks; otherwise one for each network, whose errors are of its own outputs. The last paragraph names the fastest setting within some error of the exact one. A setting that is less than 1.02 times as fast counts as no faster.
+  Each network is run exactly, then with each approximation that changes anything about it, and with some approximations together. Errors of a setting are those against the exact form of the same network. The exact setting is measured like all others: its time ratio shows how well times can be told apart.
+  Time: on one thread, while nothing else runs. A setting and the exact network take turns (1,000 events, or 10 windows, each) over the same events, --repeat times. The time of an event is the median over the repeats. All repeats compute the same, so an interruption of one of them changes no figure. Mean, p50 and p99 are over the events. The ratio is the mean of the setting divided by that of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio times the time of the exact setting: a machine that is slower during one setting moves no point.
+  Networks over events: the time is that of an event of the input: filters, push and prediction. An event that a filter drops costs the filter, and the last prediction stands.
+  Frame networks: the time is that of a window of readings, from the reset on. Push is that of its frames.
+  Work: computed rows of events and cells (pixels of frame networks), and multiply-adds at full neighbourhoods, as `meissner inspect` lists them. Winograd's convolutions count like direct ones.
+  Numerical error: over all predictions at the same moments, after each event, in the order of time, and for each tenth of the streams. The max and RMS error are in the units of the outputs. The relative RMS error is a share of the RMS of the exact outputs. A stale readout is compared with the exact prediction of that moment.
+  Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits are judged on the split test, or by cross-validation over all recordings where --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other: for them the intervals are too narrow. Where predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
+  Front: the settings that no other one beats in time and error; all of equal ones. With labels there is one front over all networks, otherwise one for each network, whose errors are of its own outputs. The last paragraph names the fastest setting within some error of the exact one. A setting that is less than 1.02 times as fast counts as no faster.
 
 Settings:
   Networks over events: tolerance; neighbours below the network's; span as a share of the network's; every Nth event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250us; a stale readout.
   Frame networks: Winograd's convolutions and a tolerance where there is any layer for them; only the last readings of a window.
 
 State (--state):
-  A line of JSON for each measurement, {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement that the file has is not repeated. A last line that was not finished is cut off; any other that cannot be read is an error. Times of one file should be of one machine.
+  One line of JSON for each measurement: {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement in the file is not repeated. A last line that was not finished is cut off. Any other line that cannot be read is an error. All times of a file should be of one machine.
 
 JSON (--json):
   {\"header\": what was measured on what (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\": the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}], \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
@@ -42,11 +43,11 @@ CSV (--csv):
 #[command(after_help = STATUS)]
 pub(crate) struct ParetoArgs {
     #[command(subcommand)]
-    pub(super) what: What,
+    pub(super) study: StudyArgs,
 }
 
 #[derive(Debug, Subcommand)]
-pub(super) enum What {
+pub(super) enum StudyArgs {
     /// Digits (N-MNIST), networks over events: time against wrong answers.
     Digits(DigitsArgs),
     /// A recording without labels, networks over events: time against numerical error.
@@ -59,34 +60,8 @@ pub(super) enum What {
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
 pub(super) struct DigitsArgs {
-    /// Folder of the data set, with folders train and test.
-    ///
-    /// One of the two is enough. Recordings are files such as train/3/00123.bin.
-    #[arg(value_name = "DATA")]
-    pub(super) data: PathBuf,
-    /// Network to measure [default: every shipped network for digits].
-    ///
-    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
-    /// several times. With --trainings the default is those of the shipped networks that the folder has.
-    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
-    pub(super) networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved. They must be trained on the split train.
-    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
-    pub(super) weights: Option<PathBuf>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval digits --help` explains them. Where a network has folds, answers are those of its cross-validation
-    /// over all recordings; otherwise those on the split test.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    pub(super) trainings: Option<PathBuf>,
-    /// Number of folds of the cross-validation in --trainings.
-    ///
-    /// The folds must be those that `meissner prepare digits --folds N` writes.
-    #[arg(long, value_name = "N", requires = "trainings", value_parser = clap::value_parser!(u32).range(2..),
-          help_heading = NETWORK)]
-    pub(super) folds: Option<u32>,
+    #[command(flatten)]
+    pub(super) task: DigitsTask,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -104,7 +79,7 @@ pub(super) struct AngleArgs {
     /// How the recording is read.
     #[command(flatten)]
     pub(super) read: ReadArgs,
-    /// Leave out the events of the first TIME of the recording.
+    /// Leave out events of the first TIME of the recording.
     #[arg(long = "from", value_name = "TIME", value_parser = length_us, help_heading = INPUT)]
     pub(super) from_us: Option<i64>,
     /// Network over events to measure [default: graphres].
@@ -119,7 +94,7 @@ pub(super) struct AngleArgs {
     pub(super) weights: Option<PathBuf>,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// Errors are against the same network without approximations, not against what the weights were trained for.
+    /// Errors are those against the same network without approximations, whatever the weights were trained for.
     #[arg(long, help_heading = NETWORK)]
     pub(super) ignore_preparation: bool,
     #[command(flatten)]
@@ -130,28 +105,13 @@ pub(super) struct AngleArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
 pub(super) struct SlipArgs {
-    /// Folder of the data set, with a folder for each class.
-    ///
-    /// The classes are aw, cw, e, n, s, t and w; recordings are files such as n/pen178.csv.
-    #[arg(value_name = "DATA")]
-    pub(super) data: PathBuf,
-    /// Network to measure [default: every shipped network for slip].
-    ///
-    /// The name of a shipped network, or a description file, which needs --trainings. It may be given several times.
-    /// With --trainings the default is those of the shipped networks that the folder has.
-    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
-    pub(super) networks: Vec<String>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval slip --help` explains them; folds are passed over. Without it, the weights that are shipped with
-    /// the networks are measured.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    pub(super) trainings: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) task: SlipTask,
     #[command(flatten)]
     pub(super) common: Common,
 }
 
-/// What all systems have in common.
+/// Options of all studies.
 #[derive(Debug, clap::Args)]
 pub(super) struct Common {
     /// Keep finished measurements in this file, and do not repeat them.
@@ -161,7 +121,7 @@ pub(super) struct Common {
     ///
     /// It may be given several times.
     #[arg(long, value_name = "TEXT", help_heading = MEASUREMENT)]
-    pub(super) only: Vec<String>,
+    only: Vec<String>,
     /// About how many events are timed in each repeat [default: 20000].
     ///
     /// `pareto digits` takes whole recordings. For `pareto slip` it is the number of windows, 400 by default.
@@ -170,7 +130,7 @@ pub(super) struct Common {
     /// Repeats of each measurement of time.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000),
           help_heading = MEASUREMENT)]
-    pub(super) repeat: u32,
+    repeat: u32,
     /// Threads that count wrong answers [default: the machine's cores].
     ///
     /// The counts are the same for any number. Times are always those of one thread.
@@ -190,19 +150,10 @@ pub(super) struct Common {
 }
 
 impl Common {
-    /// Events or windows to be timed.
-    pub(super) fn timed_events(&self, default: usize) -> usize {
-        self.timed_events.map_or(default, |events| events as usize)
-    }
-
-    /// What reaches a figure beside networks, settings and data.
-    pub(super) fn options(&self, timed: usize) -> String {
-        format!("{timed} timed, {} repeats, {}", self.repeat, Isa::best().name())
-    }
-
-    /// Whether `--only` leaves `name`.
-    pub(super) fn asks_for(&self, name: &str) -> bool {
-        self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
+    /// The options without the command line.
+    pub(super) fn options(&self) -> Options {
+        let timed = self.timed_events.map(|events| events as usize);
+        Options { timed, repeats: self.repeat, only: self.only.clone() }
     }
 
     /// Whether JSON goes to standard output.

@@ -8,9 +8,8 @@ mod tests;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Setting, TradeOff, page};
 
-use super::measurement::EXACT;
-use super::report::{Compared, Report, SettingReport};
 use crate::text::file_name;
+use meissner_evaluate::pareto::{Compared, EXACT, Report, SettingReport};
 
 /// The picture, as the text of a file.
 pub(super) fn svg(report: &Report) -> String {

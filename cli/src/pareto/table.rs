@@ -2,9 +2,10 @@
 
 use std::io::{self, Write};
 
-use super::report::{Compared, NetworkReport, Report, SettingReport};
-use crate::text::{Table, percent};
+use meissner_evaluate::pareto::{Compared, NetworkReport, Report, SettingReport};
 use meissner_pipeline::text::grouped;
+
+use crate::text::{Table, percent};
 
 /// Writes everything.
 pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
@@ -28,7 +29,7 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
         tasks(out, report)?;
     }
     drift(out, report)?;
-    writeln!(out, "\n* on the front: nothing is faster without more error. {}", report.words)
+    writeln!(out, "\n* on the front: nothing is faster without more error. {}", report.summary)
 }
 
 /// What settings are compared by, as in the drawing; then everything as it was measured.

@@ -1,7 +1,7 @@
 //! Networks judged on a data set of digits, with one training.
 
 use meissner_engine::Event;
-use meissner_models::metrics::wilson_95;
+use meissner_evaluate::metrics::wilson_95;
 use meissner_models::{Description, Weights};
 use serde_json::Value;
 

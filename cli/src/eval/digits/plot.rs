@@ -5,8 +5,8 @@ use meissner_models::systems::digits::CLASSES;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{AccuracyCurve, Curves, Matrix, Panel, page};
 
-use super::report::{Judged, Report, Way};
 use crate::text::file_name;
+use meissner_evaluate::digits::{Judged, Protocol, Report};
 
 /// The picture, as the text of a file.
 pub(super) fn svg(report: &Report) -> String {
@@ -16,16 +16,17 @@ pub(super) fn svg(report: &Report) -> String {
         grouped(report.data.recordings as u64),
         grouped(report.data.events)
     );
-    let rows: Vec<Vec<Panel<'_>>> = Way::ALL.into_iter().filter_map(|way| row(report, way)).collect();
+    let rows: Vec<Vec<Panel<'_>>> =
+        Protocol::ALL.into_iter().filter_map(|protocol| row(report, protocol)).collect();
     page("Digits, event by event", &about, &rows)
 }
 
-/// The panels of one way of judging; `None` where no network was judged in this way.
-fn row(report: &Report, way: Way) -> Option<Vec<Panel<'static>>> {
+/// The panels of one protocol; `None` where no network was judged by it.
+fn row(report: &Report, protocol: Protocol) -> Option<Vec<Panel<'static>>> {
     let (mut curves, mut matrices) = (Vec::new(), Vec::new());
     // The colour of a network is that of its place among all networks.
     for (colour, network) in report.networks.iter().enumerate() {
-        let Some(judged) = network.judged(way) else { continue };
+        let Some(judged) = network.judged(protocol) else { continue };
         let name = &network.network;
         curves.push(AccuracyCurve {
             name: format!("{name}, {:.1} %", 100.0 * judged.accuracy.mean),
@@ -34,7 +35,7 @@ fn row(report: &Report, way: Way) -> Option<Vec<Panel<'static>>> {
             interval: judged.interval_95_at.clone(),
         });
         matrices.push(Panel::Matrix(Matrix {
-            title: format!("{name}, {}", way.name()),
+            title: format!("{name}, {}", protocol.name()),
             about: accuracy(judged),
             classes: &CLASSES,
             counts: judged.confusion.rows().map(<[u64]>::to_vec).collect(),
@@ -42,7 +43,7 @@ fn row(report: &Report, way: Way) -> Option<Vec<Panel<'static>>> {
     }
     let is_empty = curves.is_empty();
     let curves = Panel::Curves(Curves {
-        title: format!("Accuracy against time, {}", way.name()),
+        title: format!("Accuracy against time, {}", protocol.name()),
         about: "bands: 95 % intervals; after the end of a recording its last prediction stands".to_owned(),
         time_title: "time since the first event (ms)".to_owned(),
         times: report.times_us.iter().map(|&t_us| t_us as f64 / 1000.0).collect(),

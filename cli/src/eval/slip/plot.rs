@@ -5,8 +5,8 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Matrix, Panel, page};
 
-use super::report::{NetworkReport, Report, SetReport};
 use crate::text::file_name;
+use meissner_evaluate::slip::{NetworkReport, Report, SetReport};
 
 /// The picture, as the text of a file.
 pub(super) fn svg(report: &Report) -> String {

@@ -3,8 +3,9 @@
 use roxmltree::Document;
 
 use super::svg;
-use crate::pareto::measurement::{Measurement, Task};
-use crate::pareto::report::{Compared, DataReport, NetworkReport, Report, SettingReport};
+use meissner_evaluate::pareto::{
+    Compared, DataReport, Measurement, NetworkReport, Report, SettingReport, TaskError,
+};
 use meissner_pipeline::provenance::Header;
 
 /// Two networks with three settings each.
@@ -12,7 +13,7 @@ fn report() -> Report {
     let setting = |(name, us, error, on_front): (&str, f64, f64, bool)| {
         let interval_95 = (0.8 * error, 1.2 * error);
         let of = "cross-validation".to_owned();
-        let task = Task { of, error, interval_95, trials: 1100, trainings: 1 };
+        let task = TaskError { of, error, interval_95, trials: 1100, trainings: 1 };
         SettingReport {
             setting: name.to_owned(),
             us,
@@ -20,7 +21,7 @@ fn report() -> Report {
             error,
             interval_95: Some(interval_95),
             on_front,
-            measurement: Measurement::of_nothing(vec![task]),
+            measurement: Measurement { task: vec![task], ..Measurement::default() },
         }
     };
     let network = |name: &str, settings: [(&str, f64, f64, bool); 3]| NetworkReport {
@@ -55,7 +56,7 @@ fn report() -> Report {
         compared: Compared::TaskError,
         networks,
         fastest_within: Vec::new(),
-        words: String::new(),
+        summary: String::new(),
     }
 }
 

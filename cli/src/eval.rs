@@ -1,0 +1,173 @@
+//! `meissner eval`: accuracies of networks on labelled data sets.
+//!
+//! | file | job |
+//! |---|---|
+//! | `digits`, `slip` | arguments, tables and drawings of the systems |
+
+mod digits;
+mod slip;
+
+use std::io::{self, BufWriter, IsTerminal, Write, stderr, stdout};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Subcommand;
+use meissner_evaluate::EvaluateError;
+use meissner_evaluate::metrics::{Confusion, MeanStd};
+use meissner_evaluate::trainings::Evaluation;
+use meissner_pipeline::source::is_stdin;
+use meissner_pipeline::text::grouped;
+use rayon::ThreadPool;
+use serde::Serialize;
+
+use crate::args::{MEASUREMENT, OUTPUT, STATUS};
+use crate::error::CliError;
+use crate::output;
+use crate::tell::tell;
+use crate::text::{Folded, Table, percent};
+use crate::threads;
+
+/// `meissner eval`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct EvalArgs {
+    #[command(subcommand)]
+    task: TaskArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum TaskArgs {
+    /// Direction of slip from 24 electrodes, on seen and unseen objects.
+    Slip(slip::SlipArgs),
+    /// Digits in front of a moving event camera (N-MNIST), over time.
+    Digits(digits::DigitsArgs),
+}
+
+/// Threads and files of both tasks.
+#[derive(Debug, clap::Args)]
+struct OutputArgs {
+    /// Threads that share the recordings [default: the machine's cores].
+    ///
+    /// The results are the same for any number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
+    threads: Option<u16>,
+    /// Write one JSON object to this file; - for standard output.
+    ///
+    /// It also has the figures of each training. On standard output it replaces the text.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    json: Option<PathBuf>,
+    /// Draw accuracies and confusion matrices into this file.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    svg: Option<PathBuf>,
+    /// Write the outputs of the networks to this file (safetensors).
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    logits: Option<PathBuf>,
+}
+
+/// Evaluates the networks that `args` name.
+pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
+    match &args.task {
+        TaskArgs::Slip(args) => slip::eval(args),
+        TaskArgs::Digits(args) => digits::eval(args),
+    }
+}
+
+/// A report as a file or as text.
+struct Views<R> {
+    svg: fn(&R) -> String,
+    table: fn(&mut dyn Write, &R) -> io::Result<()>,
+}
+
+/// Writes the files and the text of `args` from the results of `evaluate`.
+fn write<R: Serialize>(
+    args: &OutputArgs,
+    views: &Views<R>,
+    evaluate: impl FnOnce(&ThreadPool, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
+) -> Result<(), CliError> {
+    let json_file = args.json.as_deref().filter(|path| !is_stdin(path));
+    for path in [json_file, args.svg.as_deref(), args.logits.as_deref()].into_iter().flatten() {
+        output::check_writable(path)?;
+    }
+    let pool = threads::pool(args.threads)?;
+    let Evaluation { report, logits, took } = evaluate(&pool, |training, elapsed| {
+        if stderr().is_terminal() {
+            tell(format_args!("{:>8.1} s  {training}", elapsed.as_secs_f64()));
+        }
+    })?;
+    if let Some(path) = &args.svg {
+        output::write(path, (views.svg)(&report))?;
+    }
+    if let Some(path) = &args.logits {
+        output::write(path, logits.into_bytes())?;
+    }
+    if let Some(path) = json_file {
+        output::write(path, output::json(&report)?)?;
+    }
+    let prints_json = args.json.is_some() && json_file.is_none();
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !prints_json);
+    if prints_json {
+        out.write_all(&output::json(&report)?)?;
+    } else {
+        (views.table)(&mut out, &report)?;
+        let (seconds, threads) = (took.as_secs_f64(), pool.current_num_threads());
+        writeln!(out, "\njudged in {seconds:.1} s on {threads} threads")?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Stands where there is no figure.
+const NONE: &str = "-";
+
+/// Mean and deviation in percent.
+fn spread(figure: MeanStd) -> [String; 2] {
+    [percent(figure.mean), figure.std.map_or_else(|| NONE.to_owned(), percent)]
+}
+
+/// Writes `confusion` of `classes`, a sum over `trainings` on the same data, in percent of each row. The last column has the
+/// number of predictions of one training in the row, below the heading `counted`.
+fn confusion(
+    out: &mut dyn Write,
+    classes: &[&str],
+    counted: &str,
+    confusion: &Confusion,
+    trainings: usize,
+) -> io::Result<()> {
+    let mut headings = vec![""];
+    headings.extend(classes);
+    headings.push(counted);
+    let mut table = Table::new(&headings);
+    for (class, row) in classes.iter().zip(confusion.rows()) {
+        let sum: u64 = row.iter().sum();
+        let cell = |&count: &u64| match sum {
+            0 => NONE.to_owned(),
+            _ => format!("{:.1}", 100.0 * count as f64 / sum as f64),
+        };
+        let cells = row.iter().map(cell).chain([grouped(sum / trainings.max(1) as u64)]);
+        table.row(std::iter::once((*class).to_owned()).chain(cells));
+    }
+    table.write(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::confusion;
+    use meissner_evaluate::metrics::Confusion;
+
+    #[test]
+    fn a_confusion_counts_predictions_of_one_training_for_any_number_of_them() {
+        let text = |trainings: usize| {
+            let mut matrix = Confusion::new(2);
+            for _ in 0..trainings {
+                [(0, 0), (0, 0), (0, 1), (1, 1)]
+                    .into_iter()
+                    .for_each(|(truth, found)| matrix.add(truth, found));
+            }
+            let mut text = Vec::new();
+            confusion(&mut text, &["n", "s"], "windows", &matrix, trainings)
+                .expect("a vector takes everything");
+            String::from_utf8(text).expect("text")
+        };
+        assert_eq!(text(5), text(1));
+        assert!(text(5).contains("n  66.7   33.3        3"), "{}", text(5));
+    }
+}

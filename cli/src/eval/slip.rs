@@ -1,0 +1,204 @@
+//! `meissner eval slip`: accuracies of networks for the direction of slip, on seen and unseen objects.
+
+mod plot;
+
+use std::io::{self, Write};
+
+use meissner_evaluate::slip::{Judged, NetworkReport, Report, Scheme, evaluate};
+use meissner_models::systems::slip::{CLASSES, ObjectSet};
+use meissner_pipeline::text::grouped;
+
+use super::{NONE, OutputArgs, Views, confusion, spread};
+use crate::args::STATUS;
+use crate::error::CliError;
+use crate::tasks::SlipTask;
+use crate::text::{Table, percent};
+
+/// At the end of the long help.
+const METHOD: &str = "\
+How it judges:
+  Recordings are cut into consecutive windows that do not overlap, as in the paper and as `prepare slip` writes them, whatever the `sampling` of a description. The prediction for a window is the class with the largest output. Accuracy is the share of windows with the right class. Precision, recall and F1 are means over the classes that are true or predicted at least once, with equal weights. A class that is never predicted has precision and F1 0. Each figure has a mean and a sample standard deviation over the trainings (- for one). Confusion matrices are shares over all trainings. Numbers of windows are those of one training.
+
+Trainings (--trainings): every *.safetensors file of the folder is one, with metadata
+  network           name of the network
+  seed              whole number
+  trained_on        \"Basic\": the other sets are unseen
+  preparation       how its frames were made, as `prepare slip` writes it; it must
+                    fit the description; or not there
+  A file with no other key is a whole training. It is judged on the objects of all sets, and Basic is marked as trained on. A file with one of these keys is a fold of a cross-validation. It is judged only on the windows that it names:
+  scheme            recordings or windows, or not there
+  held_out          JSON list of recordings, such as [\"n/pen178\"]
+                    (scheme recordings)
+  held_out_windows  JSON list of [recording, window], counted from 0
+                    (scheme windows)
+  fold              whole number, or not there
+  The folds of a network, seed and scheme give one accuracy together.
+
+JSON (--json), shares from 0 to 1:
+  {\"header\": what was judged on what (docs/json.md), \"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"preparation\", \"sets\": [{\"set\", \"trained_on\", JUDGED}], \"cross_validation\": [{\"scheme\", \"of_basic\": windows of Basic, JUDGED}]}], \"references\": [{\"name\", \"about\", \"accuracy\": {set: share}}]}
+  JUDGED: \"windows\": judged per training, \"trainings\", \"accuracy\", \"precision\", \"recall\", \"f1\": each {\"mean\", \"std\" (null for one training)}, \"confusion\": rows true, columns predicted, summed over the trainings, \"each\": [{\"seed\" (null where the weights name none), \"files\", \"windows\", \"accuracy\", \"precision\", \"recall\", \"f1\", \"confusion\"}]
+
+Logits (--logits), for all windows, in the order of `prepare slip`:
+  For every whole training a tensor NETWORK.SEED, or NETWORK.shipped where the weights name no seed, of shape (windows, 7).
+
+Examples:
+  meissner eval slip biotac_dos/
+  meissner eval slip biotac_dos/ --network slip-lstm --threads 2 --svg slip.svg
+  meissner eval slip biotac_dos/ --trainings runs/ --json - > slip.json
+  meissner eval slip biotac_dos/ --network own.toml --trainings runs/";
+
+/// `meissner eval slip`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct SlipArgs {
+    #[command(flatten)]
+    task: SlipTask,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
+    let views = Views { svg: plot::svg, table };
+    let request = args.task.request();
+    super::write(&args.output, &views, |pool, done| evaluate(&args.task.data, request, pool, done))
+}
+
+/// Why the two schemes of cross-validation differ.
+const WHY: [&str; 3] = [
+    "The two differ because of what stands beside a held-out window: by window, its neighbours of the same recording",
+    "are in training, and a press changes slowly, so that almost the same window has been seen; by recording, none of",
+    "them has.",
+];
+
+/// The report for people: shares in percent.
+fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let data = &report.data;
+    let (recordings, readings) = (grouped(data.recordings as u64), grouped(data.readings as u64));
+    writeln!(out, "data         {}: {recordings} recordings, {readings} readings", data.folder)?;
+    writeln!(out, "windows      consecutive and without overlap, as the paper cuts them")?;
+    for (i, network) in report.networks.iter().enumerate() {
+        let (title, NetworkReport { network, weights, .. }) = (if i == 0 { "networks" } else { "" }, network);
+        writeln!(out, "{title:<12} {network}: {weights}")?;
+    }
+    data.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
+    if report.networks.iter().any(|network| !network.sets.is_empty()) {
+        accuracies(out, report)?;
+        figures(out, report)?;
+        confusions(out, report)?;
+    }
+    cross_validation(out, report)
+}
+
+/// The sets that some network is judged on.
+fn sets(report: &Report) -> Vec<ObjectSet> {
+    let judged = |set: &ObjectSet| report.networks.iter().any(|network| network.on(*set).is_some());
+    ObjectSet::ALL.into_iter().filter(judged).collect()
+}
+
+/// Accuracies of networks on sets, with those of others.
+fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let sets = sets(report);
+    let mut headings = vec!["accuracy (%)"];
+    headings.extend(sets.iter().map(|set| set.name()));
+    let mut table = Table::new(&headings);
+    let mut trained_on = false;
+    for network in report.networks.iter().filter(|network| !network.sets.is_empty()) {
+        let cell = |set: &ObjectSet| {
+            network.on(*set).map_or_else(String::new, |on| {
+                trained_on |= on.trained_on;
+                let mark = if on.trained_on { "*" } else { "" };
+                let accuracy = on.judged.accuracy;
+                let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
+                format!("{}{std}{mark}", percent(accuracy.mean))
+            })
+        };
+        let cells: Vec<_> = sets.iter().map(cell).collect();
+        table.row(std::iter::once(network.network.clone()).chain(cells));
+    }
+    for reference in &report.references {
+        let cell = |set: &ObjectSet| {
+            let accuracy = reference.reference.accuracy(*set);
+            let decimals = reference.reference.decimals;
+            accuracy.map_or_else(|| NONE.to_owned(), |share| format!("{:.decimals$}", 100.0 * share))
+        };
+        table.row(std::iter::once(reference.name.to_owned()).chain(sets.iter().map(cell)));
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    for reference in &report.references {
+        writeln!(out, "  {}: {}", reference.name, reference.about)?;
+    }
+    if trained_on { writeln!(out, "  *: trained on") } else { Ok(()) }
+}
+
+const FIGURES: [&str; 10] =
+    ["windows", "trainings", "accuracy (%)", "std", "precision", "std", "recall", "std", "F1", "std"];
+
+fn cells(judged: &Judged) -> impl Iterator<Item = String> {
+    let counts = [grouped(judged.windows), judged.trainings.to_string()];
+    let figures = [judged.accuracy, judged.precision, judged.recall, judged.f1].map(spread);
+    counts.into_iter().chain(figures.into_iter().flatten())
+}
+
+/// All figures of networks on sets.
+fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let mut headings = vec!["network, set"];
+    headings.extend(FIGURES);
+    let mut table = Table::new(&headings);
+    for network in &report.networks {
+        for on in &network.sets {
+            let mark = if on.trained_on { " (trained on)" } else { "" };
+            let name = format!("{}, {}{mark}", network.network, on.set);
+            table.row(std::iter::once(name).chain(cells(&on.judged)));
+        }
+    }
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// A confusion matrix for each network and set.
+fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    for network in &report.networks {
+        for on in &network.sets {
+            writeln!(
+                out,
+                "\n{} on {}: true class by row, predicted by column, percent of the row",
+                network.network, on.set
+            )?;
+            confusion(out, &CLASSES, "windows", &on.judged.confusion, on.judged.trainings)?;
+        }
+    }
+    Ok(())
+}
+
+/// Cross-validation by recording beside that by window.
+fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let validated: Vec<_> = report.networks.iter().filter(|n| !n.cross_validation.is_empty()).collect();
+    if validated.is_empty() {
+        return Ok(());
+    }
+    let mut table = Table::new(&[
+        "cross-validation, accuracy (%)",
+        "by recording",
+        "std",
+        "seeds",
+        "folds",
+        "by window (the paper's way)",
+        "std",
+        "seeds",
+        "folds",
+    ]);
+    for network in validated {
+        let cells = [Scheme::Recordings, Scheme::Windows].into_iter().flat_map(|scheme| {
+            let Some(validation) = network.validated(scheme) else { return vec![NONE.to_owned(); 4] };
+            let judged = &validation.judged;
+            let folds: usize = judged.each.iter().map(|one| one.files.len()).sum();
+            let [mean, std] = spread(judged.accuracy);
+            vec![mean, std, judged.trainings.to_string(), folds.to_string()]
+        });
+        table.row(std::iter::once(network.network.clone()).chain(cells));
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    WHY.iter().try_for_each(|line| writeln!(out, "  {line}"))
+}

@@ -1,0 +1,84 @@
+//! `meissner pareto`: run time against error, of networks exactly and with each approximation.
+//!
+//! | file | job |
+//! |---|---|
+//! | `args` | arguments, and the help with the method |
+//! | `table`, `plot/` | the report as text, comma-separated values and a drawing |
+
+mod args;
+mod plot;
+mod table;
+
+use std::io::{BufWriter, Write, stdout};
+
+use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, digits, slip};
+use meissner_pipeline::source::is_stdin;
+
+use crate::error::CliError;
+use crate::progress::Tasks;
+use crate::text::Folded;
+use crate::{output, threads};
+pub(crate) use args::ParetoArgs;
+use args::{Common, StudyArgs};
+
+/// Measures the networks that `args` name.
+pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
+    match &args.study {
+        StudyArgs::Digits(args) => {
+            let (task, options) = (&args.task, args.common.options());
+            let pool = threads::pool(args.common.threads)?;
+            write(digits(&task.data, task.request(), task.folds(), &options, &pool)?, &args.common)
+        }
+        StudyArgs::Angle(args) => {
+            let source = args.read.open(Some(&args.recording), args.sensor.is_some(), true)?;
+            let asked = AngleOptions {
+                networks: &args.networks,
+                weights: args.weights.as_deref(),
+                ignore_preparation: args.ignore_preparation,
+                sensor: args.sensor,
+                from_us: args.from_us.unwrap_or(0),
+            };
+            write(angle(source, asked, &args.common.options())?, &args.common)
+        }
+        StudyArgs::Slip(args) => {
+            let pool = threads::pool(args.common.threads)?;
+            let options = args.common.options();
+            write(slip(&args.task.data, args.task.request(), &options, &pool)?, &args.common)
+        }
+    }
+}
+
+/// Runs `study`, and writes its files and text.
+fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
+    let json_file = common.json.as_deref().filter(|path| !is_stdin(path));
+    for path in [json_file, common.csv.as_deref(), common.svg.as_deref()].into_iter().flatten() {
+        output::check_writable(path)?;
+    }
+    let mut state = State::open(common.state.as_deref())?;
+    let mut bar = None;
+    let report = study.run(&common.options(), &mut state, |progress| match (progress, &bar) {
+        (Progress::Missing(count), _) => bar = Some(Tasks::new(count, common.prints_json())),
+        (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
+        (Progress::Finished, Some(bar)) => bar.done(),
+        (Progress::Started { .. } | Progress::Finished, None) => {}
+    })?;
+    if let Some(bar) = bar {
+        bar.finish();
+    }
+    if let Some(path) = &common.svg {
+        output::write(path, plot::svg(&report))?;
+    }
+    if let Some(path) = &common.csv {
+        output::write(path, table::csv(&report))?;
+    }
+    if let Some(path) = json_file {
+        output::write(path, output::json(&report)?)?;
+    }
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !common.prints_json());
+    if common.prints_json() {
+        out.write_all(&output::json(&report)?)?;
+    } else {
+        table::write(&mut out, &report)?;
+    }
+    Ok(out.flush()?)
+}

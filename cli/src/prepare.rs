@@ -1,0 +1,193 @@
+//! `meissner prepare`: inputs of networks with labels, in a file for training.
+
+use std::io::{Write, stdout};
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use meissner_evaluate::digits::DigitsData;
+use meissner_evaluate::prepare::{Prepared, digits_events, graphs, slip_windows};
+use meissner_evaluate::slip::SlipData;
+use meissner_pipeline::model::{describe, describe_frames};
+
+use crate::args::{NETWORK, OUTPUT, STATUS};
+use crate::error::CliError;
+use crate::tell::tell;
+use crate::{output, threads};
+
+/// `meissner prepare`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct PrepareArgs {
+    #[command(subcommand)]
+    input: InputArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum InputArgs {
+    /// Graphs of streams of events, as a network over events reads them.
+    ///
+    /// The file has neighbourhoods, cells and edges. The graph of a stream is that after a reset and all of its events. It
+    /// does not depend on the weights of the network.
+    Graphs(GraphsArgs),
+    /// Windows of electrode readings, with the direction of slip as label.
+    ///
+    /// Windows are consecutive and do not overlap, as in the paper, whatever the `sampling` of the description. Readings
+    /// at the end of a recording that fill no window are left out. Equal data give equal bytes.
+    Slip(SlipArgs),
+    /// Events of the recordings of digits (N-MNIST), with labels, splits and folds.
+    ///
+    /// Equal data give equal bytes.
+    Digits(DigitsArgs),
+}
+
+/// At the end of the long help.
+const EXAMPLES: &str = "\
+Examples:
+  meissner prepare slip biotac_dos/ --network slip-regularised --out a.safetensors
+  meissner prepare slip biotac_dos/ --network own.toml --out own.safetensors";
+
+/// `meissner prepare slip`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{SLIP}\n\n{STATUS}"))]
+struct SlipArgs {
+    /// Folder of the data set, with a folder for each class.
+    ///
+    /// The classes are aw, cw, e, n, s, t and w; recordings are files such as n/pen178.csv.
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Name of a shipped network, or a description file (.toml).
+    ///
+    /// Its table `input` has the kind of the frames, the number of readings in a window, and their scaling.
+    #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
+    network: String,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+/// Tensors of the file.
+const SLIP: &str = "\
+Tensors, the windows in the order of the recordings and of time:
+  frames     F32 (windows, steps, 1, 12, 11), (windows, steps, 24) or, scaled in
+             two ways, (windows, steps, 48): the input of the network
+  readings   F32 (windows, steps, 24): the same readings in the sensor's counts
+  label      I64 (windows): index into classes
+  recording  I64 (windows): index into recordings
+  object     I64 (windows): index into objects
+
+Metadata, each JSON:
+  classes, recordings, objects   lists of names
+  sets                           {object: set that holds it}
+  preparation                    {\"frames\", \"steps\", \"scaling\"} in the terms of
+                                 the description. Weights that are trained on
+                                 this file must have the same text in their
+                                 metadata: otherwise they are refused
+  range_basic                    [least, greatest] reading of the set Basic, null
+                                 without one";
+
+/// `meissner prepare graphs`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{GRAPHS}\n\n{STATUS}"))]
+struct GraphsArgs {
+    /// File with the streams (safetensors), such as `prepare digits` writes.
+    #[arg(value_name = "EVENTS")]
+    events: PathBuf,
+    /// Name of a shipped network over events, or a description file (.toml).
+    #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
+    network: String,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+/// Tensors of the input and of the output.
+const GRAPHS: &str = "\
+Reads, of E events one stream after the other:
+  t_us, x, y, on  I64 (E): time, pixel, and 1 where the brightness rose; times of
+                  a stream do not descend
+  start           I64 (streams + 1): where each stream begins in E, and the end
+  Metadata: sensor, JSON [width, height]. Everything else in the file is ignored.
+
+Writes, of N rows of a level one stream after the other, and of M in-edges one row after the other:
+  event           I32 (N0): the event of each row of level 0, an index into E
+  LEVEL.start     I32 (streams + 1): where each stream begins in N
+  LEVEL.edges     I32 (N + 1): where each row's in-edges begin in M, and the end;
+                  in neighbourhood order
+  LEVEL.source    I32 (M): the row that is read, an index into N
+  LEVEL.attribute F32 (M, 3): edge attributes along x, y and t, 0 to 1
+  LEVEL.cell      I32 (N of the level below): the row that pools each row, an
+                  index into N; for levels from 1 on
+  LEVEL.index     I32 (N, 3): the row's cell along x, y and t; for levels from 1
+                  on
+  readout         I32 (N of the last level): cell of the readout, row by row of
+                  its grid
+  LEVEL is level0 for events, level1 for the first pooling and so on. At level 0 of a `frozen` graph, rows that have left the window are listed if other rows read them; their cell is -1.";
+
+/// Tensors of the file.
+const DIGITS: &str = "\
+Examples:
+  meissner prepare digits nmnist/ --out digits.safetensors
+  meissner prepare digits nmnist/ --folds 5 --out digits.safetensors
+
+Tensors, all I64, the recordings by split (train first), by class and by number:
+  t_us, x, y, on  (events): the events of all recordings, one after the other:
+                  time in microseconds as recorded, column, row, 1 where the
+                  brightness rose and 0 where it fell
+  start           (recordings + 1): recording i has the events from start[i] to
+                  below start[i + 1]
+  label           (recordings): index into classes
+  split           (recordings): 0 train, 1 test
+  fold            (recordings): part of a cross-validation over both splits
+                  together, from 0 on; sorted by label, the k-th recording is in
+                  fold k mod N
+
+Metadata, each JSON:
+  classes, recordings   lists of names
+  sensor                [columns, rows]";
+
+/// `meissner prepare digits`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{DIGITS}\n\n{STATUS}"))]
+struct DigitsArgs {
+    /// Folder of the data set, with folders train and test.
+    ///
+    /// One of the two is enough. Recordings are files such as train/3/00123.bin.
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+    /// Number of folds of the cross-validation.
+    ///
+    /// Every recording is held out by one fold, and each fold holds about as many of every class.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..),
+          help_heading = OUTPUT)]
+    folds: u32,
+}
+
+/// Writes the file that `args` ask for.
+pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
+    match &args.input {
+        InputArgs::Graphs(args) => {
+            let (description, _) = describe(&args.network)?;
+            write(&args.out, &[], graphs(&args.events, &description, &threads::pool(None)?)?)
+        }
+        InputArgs::Slip(args) => {
+            let (description, _) = describe_frames(&args.network)?;
+            let data = SlipData::read(&args.data)?;
+            write(&args.out, &data.notes, slip_windows(&data, &description)?)
+        }
+        InputArgs::Digits(args) => {
+            let data = DigitsData::read(&args.data)?;
+            write(&args.out, &data.notes, digits_events(&data, args.folds as usize)?)
+        }
+    }
+}
+
+fn write(path: &Path, notes: &[String], prepared: Prepared) -> Result<(), CliError> {
+    output::write(path, prepared.file.into_bytes())?;
+    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
+    let mut out = stdout().lock();
+    writeln!(out, "{}: {}", path.display(), prepared.contents)?;
+    Ok(out.flush()?)
+}

@@ -1,0 +1,78 @@
+//! Data sets, networks and trainings on the command line, as `eval` and `pareto` take them.
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
+use std::path::PathBuf;
+
+use meissner_evaluate::trainings::Request;
+
+use crate::args::NETWORK;
+
+/// Digits with networks over events.
+#[derive(Debug, clap::Args)]
+pub(crate) struct DigitsTask {
+    /// Folder of the data set, with folders train and test.
+    ///
+    /// One of the two is enough. Recordings are files such as train/3/00123.bin.
+    #[arg(value_name = "DATA")]
+    pub(crate) data: PathBuf,
+    /// Network [default: every shipped network for digits].
+    ///
+    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
+    /// several times. With --trainings, the default is every shipped network that the folder has trainings of.
+    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
+    networks: Vec<String>,
+    /// Weights of the only network [default: those shipped with it].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved. The weights must be trained on the split train.
+    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+    /// Folder of safetensors files, each a training of a network.
+    ///
+    /// `meissner eval digits --help` explains their metadata.
+    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
+    trainings: Option<PathBuf>,
+    /// Number of folds of the cross-validation in --trainings.
+    ///
+    /// The folds must be those that `meissner prepare digits --folds N` writes.
+    #[arg(long, value_name = "N", requires = "trainings", value_parser = clap::value_parser!(u32).range(2..),
+          help_heading = NETWORK)]
+    folds: Option<u32>,
+}
+
+/// Direction of slip with frame networks.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SlipTask {
+    /// Folder of the data set, with a folder for each class.
+    ///
+    /// The classes are aw, cw, e, n, s, t and w. Recordings are files such as n/pen178.csv.
+    #[arg(value_name = "DATA")]
+    pub(crate) data: PathBuf,
+    /// Network [default: every shipped network for slip].
+    ///
+    /// The name of a shipped network, or a description file, which needs --trainings. It may be given several times.
+    /// With --trainings, the default is every shipped network that the folder has trainings of.
+    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
+    networks: Vec<String>,
+    /// Folder of safetensors files, each a training of a network.
+    ///
+    /// `meissner eval slip --help` explains their metadata. Without this option, the shipped weights are taken.
+    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
+    trainings: Option<PathBuf>,
+}
+
+impl DigitsTask {
+    pub(crate) fn request(&self) -> Request<'_> {
+        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
+        Request { networks: &self.networks, weights, trainings }
+    }
+
+    pub(crate) fn folds(&self) -> Option<usize> {
+        self.folds.map(|folds| folds as usize)
+    }
+}
+
+impl SlipTask {
+    pub(crate) fn request(&self) -> Request<'_> {
+        Request { networks: &self.networks, weights: None, trainings: self.trainings.as_deref() }
+    }
+}

@@ -1,0 +1,42 @@
+//! Evaluates networks on labelled data sets. Nothing here parses arguments or prints; warnings go to the `log` crate.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`metrics`] | confusion matrices, accuracy, precision, recall, F1, and their uncertainty |
+//! | [`trainings`] | networks by name with their trainings; folds of cross-validations |
+//! | [`digits`] | N-MNIST: data set, accuracy event by event |
+//! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
+//! | [`prepare`] | inputs of networks with labels, for training |
+//! | [`pareto`] | run time against error, with each approximation |
+//!
+//! Recordings are shared by the threads of a pool that the caller passes. The number of threads changes no bit of a result.
+//!
+//! ```
+//! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};
+//! use meissner_evaluate::pareto::pareto_front;
+//!
+//! let mut confusion = Confusion::new(2);
+//! for (truth, predicted) in [(0, 0), (0, 0), (0, 1), (1, 1)] {
+//!     confusion.add(truth, predicted);
+//! }
+//! let scores = Scores::of(&confusion).expect("there are predictions");
+//! assert_eq!(scores.accuracy, 0.75);
+//! let (low, high) = wilson_95(confusion.hits(), confusion.total()).expect("there are predictions");
+//! assert!(low < 0.75 && 0.75 < high);
+//!
+//! // Time and error of three settings: the second one is slower than the first and not better.
+//! assert_eq!(pareto_front(&[(10.0, 0.1), (12.0, 0.1), (20.0, 0.05)]), [0, 2]);
+//! ```
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod digits;
+pub mod error;
+pub mod metrics;
+pub mod pareto;
+pub mod prepare;
+pub mod slip;
+pub mod trainings;
+mod workers;
+
+pub use error::{EvaluateError, StreamsError, TrainingError};

@@ -1,0 +1,229 @@
+//! Figures of merit for predictions: of classes, over several trainings, and their uncertainty.
+//!
+//! - [`Confusion`]: how often each class was predicted for each true class, and the [`Scores`] of these counts,
+//! - [`largest`]: the class that the values of a network predict,
+//! - [`MeanStd`]: mean and standard deviation of figures, such as those of several trainings,
+//! - [`wilson_95`]: the confidence interval of an accuracy.
+//!
+//! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so they are equal on every
+//! machine.
+
+use serde::ser::{Serialize, Serializer};
+
+/// The index of the largest value, the first of equal ones; `None` for no values and where one is NaN.
+pub fn largest(values: &[f32]) -> Option<usize> {
+    if values.iter().any(|value| value.is_nan()) {
+        return None;
+    }
+    (0..values.len()).reduce(|best, i| if values[i] > values[best] { i } else { best })
+}
+
+/// The index of the largest of the `values` of a prediction. An engine gives no others.
+pub(crate) fn predicted(values: &[f32]) -> usize {
+    largest(values).expect("an engine refuses predictions that are not numbers")
+}
+
+/// Counts of predictions: rows are true classes, columns are predicted classes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Confusion {
+    classes: usize,
+    /// Row-major.
+    counts: Vec<u64>,
+}
+
+impl Confusion {
+    /// A matrix for `classes` classes without counts. It takes 8 `classes`^2 bytes.
+    ///
+    /// # Panics
+    /// Where memory does not suffice.
+    pub fn new(classes: usize) -> Self {
+        Self { classes, counts: vec![0; classes * classes] }
+    }
+
+    /// Number of classes.
+    pub fn classes(&self) -> usize {
+        self.classes
+    }
+
+    /// Counts a prediction.
+    ///
+    /// # Panics
+    /// Where one of the two is not a class.
+    pub fn add(&mut self, truth: usize, predicted: usize) {
+        let index = self.index(truth, predicted);
+        self.counts[index] += 1;
+    }
+
+    fn index(&self, truth: usize, predicted: usize) -> usize {
+        let classes = self.classes;
+        assert!(truth < classes && predicted < classes, "{truth}, {predicted}: of {classes}");
+        truth * classes + predicted
+    }
+
+    /// Adds the counts of `other`.
+    ///
+    /// # Panics
+    /// Where it has another number of classes.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!(self.classes, other.classes, "classes of both");
+        self.counts.iter_mut().zip(&other.counts).for_each(|(count, more)| *count += more);
+    }
+
+    /// How often `predicted` was predicted for `truth`.
+    ///
+    /// # Panics
+    /// Where one of the two is not a class.
+    pub fn count(&self, truth: usize, predicted: usize) -> u64 {
+        self.counts[self.index(truth, predicted)]
+    }
+
+    /// The counts of each true class.
+    pub fn rows(&self) -> impl Iterator<Item = &[u64]> {
+        // Chunks of length 0 panic; without classes there are no rows.
+        self.counts.chunks_exact(self.classes.max(1))
+    }
+
+    /// How often `class` was true.
+    ///
+    /// # Panics
+    /// Where `class` is not a class.
+    pub fn truths(&self, class: usize) -> u64 {
+        (0..self.classes).map(|predicted| self.count(class, predicted)).sum()
+    }
+
+    /// How often `class` was predicted.
+    ///
+    /// # Panics
+    /// Where `class` is not a class.
+    pub fn predictions(&self, class: usize) -> u64 {
+        (0..self.classes).map(|truth| self.count(truth, class)).sum()
+    }
+
+    /// How often the prediction was right.
+    pub fn hits(&self) -> u64 {
+        (0..self.classes).map(|class| self.count(class, class)).sum()
+    }
+
+    /// Number of predictions.
+    pub fn total(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+}
+
+impl Serialize for Confusion {
+    /// A list of rows.
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_seq(self.rows())
+    }
+}
+
+/// Accuracy, and precision, recall and F1 as means over the classes, each from 0 to 1.
+///
+/// ```text
+/// precision = TP / (TP + FP)    recall = TP / (TP + FN)    F1 = 2 TP / (2 TP + FP + FN)
+/// ```
+///
+/// for each class. The means are over the classes that are true or predicted at least once, with equal weights. A class that
+/// is never predicted has precision 0. A class that is only ever predicted has recall 0. Both have F1 0, so a network gains
+/// nothing by ignoring a class. Classes that are neither true nor predicted are left out.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Scores {
+    /// Share of predictions that are right.
+    pub accuracy: f64,
+    /// Mean precision of the classes.
+    pub precision: f64,
+    /// Mean recall of the classes.
+    pub recall: f64,
+    /// Mean F1 of the classes.
+    pub f1: f64,
+}
+
+impl Scores {
+    /// The scores of `confusion`; `None` where it has no counts. O(classes^2).
+    pub fn of(confusion: &Confusion) -> Option<Self> {
+        let total = confusion.total();
+        if total == 0 {
+            return None;
+        }
+        let (mut present, mut precision, mut recall, mut f1) = (0_u64, 0.0, 0.0, 0.0);
+        for class in 0..confusion.classes() {
+            let (truths, predictions) = (confusion.truths(class), confusion.predictions(class));
+            if truths + predictions == 0 {
+                continue;
+            }
+            let hits = confusion.count(class, class);
+            present += 1;
+            precision += share(hits, predictions);
+            recall += share(hits, truths);
+            f1 += share(2 * hits, truths + predictions);
+        }
+        let mean = |sum: f64| sum / present as f64;
+        Some(Self {
+            accuracy: share(confusion.hits(), total),
+            precision: mean(precision),
+            recall: mean(recall),
+            f1: mean(f1),
+        })
+    }
+}
+
+/// `part` of `whole`; 0 where `whole` is 0.
+fn share(part: u64, whole: u64) -> f64 {
+    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
+}
+
+/// Mean and standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct MeanStd {
+    /// Mean.
+    pub mean: f64,
+    /// Sample standard deviation, with n - 1 in the denominator; `None` for a single value.
+    pub std: Option<f64>,
+}
+
+impl MeanStd {
+    /// Mean and standard deviation of `values`, in two passes in their order; `None` for no values.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let count = values.len();
+        if count == 0 {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / count as f64;
+        let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+        Some(Self { mean, std: (count > 1).then(|| (squares / (count - 1) as f64).sqrt()) })
+    }
+}
+
+/// 97.5 % quantile of the normal distribution.
+const Z: f64 = 1.959_963_984_540_054;
+
+/// The 95 % confidence interval of a probability after `hits` in `trials`; `None` without trials.
+///
+/// The score interval (Wilson 1927): all p whose distance from the share h of n trials is at most z standard errors of p,
+///
+/// ```text
+/// |h - p| <= z sqrt(p (1 - p) / n)
+/// p = (h + z^2 / 2n +- z sqrt(h (1 - h) / n + z^2 / 4n^2)) / (1 + z^2 / n)
+/// ```
+///
+/// It holds for independent trials. For windows of one recording it is too narrow.
+///
+/// # Panics
+/// Where there are more hits than trials.
+pub fn wilson_95(hits: u64, trials: u64) -> Option<(f64, f64)> {
+    assert!(hits <= trials, "{hits} hits of {trials}");
+    if trials == 0 {
+        return None;
+    }
+    let (n, share) = (trials as f64, hits as f64 / trials as f64);
+    let square = Z * Z / n;
+    let centre = share + square / 2.0;
+    let reach = Z * (share * (1.0 - share) / n + square / (4.0 * n)).sqrt();
+    // At the ends the roots are 0 and 1, which rounding would miss.
+    let low = if hits == 0 { 0.0 } else { (centre - reach) / (1.0 + square) };
+    let high = if hits == trials { 1.0 } else { (centre + reach) / (1.0 + square) };
+    Some((low, high))
+}
+
+#[cfg(test)]
+mod tests;

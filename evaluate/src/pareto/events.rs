@@ -1,0 +1,227 @@
+//! A network over events with each of its settings.
+//!
+//! Enters: streams of events, and recordings with labels where there are any. Leaves: a [`Measurement`] of each setting. The
+//! exact network and the setting take turns. A prediction is read after each event that enters, and stands until the next
+//! one. It is compared with the exact prediction at every event.
+//!
+//! Answers: every recording begins with a reset, so the number of threads changes no count. Where a prediction depends on
+//! earlier reads (tolerance, stale readout), a prediction is read after each event, as in timing; otherwise at the end.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Counters, EngineError, Event, Network, Options, Outcome, Sensor};
+use meissner_models::Description;
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::filtered::FilteredEngine;
+use rayon::ThreadPool;
+
+use super::NetworkStudy;
+use super::measurement::{Differences, Lap, Measurement, TaskError, Timing, take_turns};
+use super::settings::{Setting, mean_rate, row_costs, settings};
+use crate::digits::{DigitsData, Fold, Training};
+use crate::error::{EvaluateError, weights_error};
+use crate::metrics::predicted;
+use crate::workers;
+
+/// Events of a turn.
+const TURN: usize = 1000;
+
+/// A network over events with its data.
+pub(super) struct EventNetwork<'a> {
+    /// The exact network.
+    pub(super) network: Network,
+    pub(super) sensor: Sensor,
+    /// The timed streams; each begins with a reset.
+    pub(super) streams: Vec<Vec<Event>>,
+    pub(super) repeats: u32,
+    /// Answers against labels, where there are any.
+    pub(super) judge: Option<Judge<'a>>,
+}
+
+/// Trainings of a network with labelled recordings.
+pub(super) struct Judge<'a> {
+    /// The part of the data set, for reports.
+    pub(super) of: &'static str,
+    pub(super) data: Arc<DigitsData>,
+    /// Every `stride`-th event of a recording is taken.
+    pub(super) stride: usize,
+    pub(super) description: Description,
+    /// Trainings of each seed that count together, such as the folds of a cross-validation.
+    pub(super) seeds: Vec<Vec<Fold>>,
+    pub(super) pool: &'a ThreadPool,
+}
+
+/// An engine that is timed.
+struct Run {
+    engine: FilteredEngine,
+    /// The last prediction.
+    last: Vec<f32>,
+    /// Predictions after each event of the last turn.
+    outputs: Vec<f32>,
+    lap: Lap,
+}
+
+impl<'a> EventNetwork<'a> {
+    /// The study of this network, which `name`, `weights` and `fingerprint` identify.
+    pub(super) fn study(
+        self,
+        name: String,
+        weights: String,
+        fingerprint: String,
+    ) -> Result<NetworkStudy<'a>, EvaluateError> {
+        let settings = settings(&self.network, mean_rate(&self.streams));
+        // A network that a setting does not fit is refused before anything is measured.
+        settings.iter().try_for_each(|setting| setting.network(&self.network).map(drop))?;
+        let names = settings.iter().map(|setting| setting.name.clone()).collect();
+        let measure = Box::new(move |setting: usize| self.measure(&settings[setting]));
+        Ok(NetworkStudy { name, weights, fingerprint, settings: names, measure })
+    }
+
+    fn measure(&self, setting: &Setting) -> Result<Measurement, EvaluateError> {
+        let adapted = Arc::new(setting.network(&self.network)?);
+        let exact = Arc::new(self.network.clone());
+        let mut own = Run::new(Arc::clone(&adapted), self.sensor, &setting.approximations)?;
+        let mut exact = Run::new(exact, self.sensor, &Approximations::default())?;
+        let mut differences = Differences::default();
+        let mut counters = None;
+        let mut laps = Vec::new();
+        for repeat in 0..self.repeats {
+            self.take_turns((&mut exact, &mut own), (repeat == 0).then_some(&mut differences))?;
+            counters.get_or_insert_with(|| own.engine.counters());
+            laps.push((std::mem::take(&mut own.lap), std::mem::take(&mut exact.lap)));
+        }
+        let timed = self.streams.iter().map(|events| events.len() as u64).sum();
+        let per_event = |count: u64| count as f64 / timed as f64;
+        let Counters { layers, .. } = counters.expect("there is at least one repeat");
+        let costs = row_costs(&adapted);
+        let products = layers.iter().zip(&costs).map(|(layer, cost)| layer.recomputed * cost).sum();
+        let passed = own.engine.passed() / u64::from(self.repeats);
+        let task = match &self.judge {
+            Some(judge) => judge.error(setting, self.sensor)?.into_iter().collect(),
+            None => Vec::new(),
+        };
+        Ok(Measurement {
+            timed,
+            entered: per_event(passed),
+            timing: Timing::of(&laps),
+            rows: per_event(layers.iter().map(|layer| layer.recomputed).sum()),
+            multiply_adds: per_event(products),
+            numerical: differences.finish(),
+            task,
+        })
+    }
+
+    /// Runs both over all streams, and adds the differences of their predictions.
+    fn take_turns(
+        &self,
+        (exact, own): (&mut Run, &mut Run),
+        mut differences: Option<&mut Differences>,
+    ) -> Result<(), EngineError> {
+        let outputs = self.network.outputs();
+        for events in &self.streams {
+            own.reset()?;
+            exact.reset()?;
+            take_turns((&mut *exact, &mut *own), (events, TURN), Run::push, |first, exact, own| {
+                let Some(differences) = differences.as_deref_mut() else { return };
+                let pairs = exact.outputs.chunks_exact(outputs).zip(own.outputs.chunks_exact(outputs));
+                for (place, (exact, own)) in pairs.enumerate() {
+                    differences.add((first + place, events.len()), exact, own);
+                }
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Run {
+    fn new(
+        network: Arc<Network>,
+        sensor: Sensor,
+        approximations: &Approximations,
+    ) -> Result<Self, EngineError> {
+        let engine = FilteredEngine::new(network, sensor, approximations, Options::default())?;
+        Ok(Self { engine, last: Vec::new(), outputs: Vec::new(), lap: Lap::default() })
+    }
+
+    /// Forgets all events, and predicts from the empty window.
+    fn reset(&mut self) -> Result<(), EngineError> {
+        self.engine.reset();
+        self.last.clear();
+        self.last.extend_from_slice(self.engine.readout.predict()?.values);
+        Ok(())
+    }
+
+    /// Pushes `events`, and stores the prediction after each of them.
+    fn push(&mut self, events: &[Event]) -> Result<(), EngineError> {
+        self.outputs.clear();
+        for &event in events {
+            let (passes, filtering) = self.engine.admit(event);
+            let start = Instant::now();
+            let accepted = passes && self.engine.readout.push(event) == Outcome::Accepted;
+            let push = filtering + start.elapsed();
+            let mut predict = Duration::ZERO;
+            if accepted {
+                let start = Instant::now();
+                let prediction = self.engine.readout.predict();
+                predict = start.elapsed();
+                self.last.copy_from_slice(prediction?.values);
+            }
+            self.lap.record(push, push + predict);
+            self.outputs.extend_from_slice(&self.last);
+        }
+        Ok(())
+    }
+}
+
+impl Judge<'_> {
+    /// The share of wrong answers with `setting`; `None` without answers.
+    fn error(&self, setting: &Setting, sensor: Sensor) -> Result<Option<TaskError>, EvaluateError> {
+        let mut counts = Vec::new();
+        for seed in &self.seeds {
+            let (mut wrong, mut all) = (0, 0);
+            for (training, chosen) in seed {
+                wrong += self.wrong(training, chosen, setting, sensor)?;
+                all += chosen.len() as u64;
+            }
+            counts.push((wrong, all));
+        }
+        Ok(TaskError::new(self.of, &counts))
+    }
+
+    /// Number of wrong answers for the recordings `chosen`.
+    fn wrong(
+        &self,
+        training: &Training,
+        chosen: &[usize],
+        setting: &Setting,
+        sensor: Sensor,
+    ) -> Result<u64, EvaluateError> {
+        let network = self.description.network(&training.weights).map_err(weights_error(&training.label))?;
+        let network = Arc::new(setting.network(&network)?);
+        let engine = FilteredEngine::new(network, sensor, &setting.approximations, Options::default())?;
+        let is_wrong = |engine: &mut FilteredEngine, &recording: &usize| {
+            let recording = &self.data.recordings[recording];
+            let events = recording.events.iter().copied().step_by(self.stride);
+            Ok::<_, EngineError>(answer(engine, events, setting.reads_matter())? != recording.class)
+        };
+        let answers = workers::for_each(self.pool, &engine, chosen, is_wrong)?;
+        Ok(answers.into_iter().map(u64::from).sum())
+    }
+}
+
+/// The class at the end of `events`; a prediction is read after `each` event, or only at the end.
+fn answer(
+    engine: &mut FilteredEngine,
+    events: impl Iterator<Item = Event>,
+    each: bool,
+) -> Result<usize, EngineError> {
+    engine.reset();
+    for event in events {
+        let (passes, _) = engine.admit(event);
+        if passes && engine.readout.push(event) == Outcome::Accepted && each {
+            engine.readout.predict()?;
+        }
+    }
+    Ok(predicted(engine.readout.predict()?.values))
+}

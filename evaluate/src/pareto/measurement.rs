@@ -1,0 +1,276 @@
+//! Times, work and errors of a network with one setting.
+//!
+//! Numerical errors are those of all values a of an approximation against the values e of the exact network at the same
+//! moments:
+//!
+//! ```text
+//! max = max |a - e|     rms = sqrt(mean (a - e)^2)     relative rms = rms / sqrt(mean e^2)
+//! ```
+//!
+//! Sums are in f64 in the order of the moments. Both are also formed for each tenth of a stream, so that an error that grows
+//! with time is seen. Times are medians over repeats, which all compute the same, so an interruption of one repeat changes no
+//! figure.
+
+use std::time::Duration;
+
+use meissner_engine::EngineError;
+use meissner_pipeline::latency::{Latency, microseconds};
+use serde::{Deserialize, Serialize};
+
+use crate::metrics::wilson_95;
+
+/// Name of the setting without approximations.
+pub const EXACT: &str = "exact";
+
+/// Number of parts of each stream whose errors are formed apart.
+const PARTS: usize = 10;
+
+/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of the input or of a window.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    /// Events or windows that were timed in each repeat.
+    pub timed: u64,
+    /// Share of these that no filter dropped.
+    pub entered: f64,
+    /// Times.
+    #[serde(flatten)]
+    pub timing: Timing,
+    /// Computed rows of events and cells, or pixels of frames.
+    pub rows: f64,
+    /// Multiply-adds of these.
+    pub multiply_adds: f64,
+    /// Errors against the exact network.
+    pub numerical: Numerical,
+    /// Wrong answers; settings are compared by the first. Empty without labels.
+    pub task: Vec<TaskError>,
+}
+
+/// Share of wrong answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskError {
+    /// The part of the data set.
+    pub of: String,
+    /// Share of wrong answers, the mean over the trainings.
+    pub error: f64,
+    /// 95 % Wilson interval; for several trainings the mean of their bounds.
+    pub interval_95: (f64, f64),
+    /// Number of answers of each training.
+    pub trials: u64,
+    /// Number of trainings.
+    pub trainings: usize,
+}
+
+/// Times in microseconds of an event or of a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Time {
+    /// Mean.
+    pub mean: f64,
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Times of all repeats.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// Filters and push.
+    pub push_us: Time,
+    /// Filters, push and prediction.
+    pub push_predict_us: Time,
+    /// Mean push and prediction of the exact network in the same runs, in microseconds.
+    pub exact_us: f64,
+    /// Mean push and prediction of the setting as a multiple of `exact_us`.
+    pub ratio: f64,
+}
+
+/// Errors against the exact network, in the units of the outputs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Numerical {
+    /// Largest error.
+    pub max: f64,
+    /// Root of the mean square error.
+    pub rms: f64,
+    /// `rms` as a share of the exact outputs' own; `None` where these are all 0.
+    pub relative_rms: Option<f64>,
+    /// For each tenth of a stream; `None` for a tenth without values.
+    pub max_by_tenth: Vec<Option<f64>>,
+    /// For each tenth of a stream; `None` for a tenth without values.
+    pub rms_by_tenth: Vec<Option<f64>>,
+}
+
+impl Measurement {
+    /// The error by which settings are compared, and its interval if there is one.
+    pub fn error(&self) -> (f64, Option<(f64, f64)>) {
+        match self.task.first() {
+            Some(task) => (task.error, Some(task.interval_95)),
+            None => (self.numerical.compared(), None),
+        }
+    }
+}
+
+impl Numerical {
+    /// The error by which settings without labels are compared.
+    pub fn compared(&self) -> f64 {
+        self.relative_rms.unwrap_or(self.rms)
+    }
+}
+
+impl TaskError {
+    /// The error of (wrong, all) answers of each training; `None` where a training has no answers, and for no trainings.
+    pub(super) fn new(of: impl Into<String>, counts: &[(u64, u64)]) -> Option<Self> {
+        let intervals: Vec<(f64, f64)> =
+            counts.iter().filter_map(|&(wrong, all)| wilson_95(wrong, all)).collect();
+        let trainings = intervals.len();
+        if trainings == 0 || trainings != counts.len() {
+            return None;
+        }
+        let mean = |sum: f64| sum / trainings as f64;
+        Some(Self {
+            of: of.into(),
+            error: mean(counts.iter().map(|&(wrong, all)| wrong as f64 / all as f64).sum()),
+            interval_95: (
+                mean(intervals.iter().map(|bounds| bounds.0).sum()),
+                mean(intervals.iter().map(|bounds| bounds.1).sum()),
+            ),
+            trials: counts[0].1,
+            trainings,
+        })
+    }
+}
+
+/// Times of one of two networks in a repeat.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lap {
+    /// Filters and push of each event.
+    push: Vec<Duration>,
+    /// The same with the prediction.
+    push_predict: Vec<Duration>,
+}
+
+impl Lap {
+    /// Adds the next event.
+    pub(super) fn record(&mut self, push: Duration, push_predict: Duration) {
+        self.push.push(push);
+        self.push_predict.push(push_predict);
+    }
+}
+
+/// Runs two networks over `items` in turns of `turn` items each, so that a slower machine slows both; then calls `after` with
+/// the index of the first item of the turn. The order alternates: neither network always finds the caches of the other.
+pub(super) fn take_turns<N, I>(
+    (exact, own): (&mut N, &mut N),
+    (items, turn): (&[I], usize),
+    run: impl Fn(&mut N, &[I]) -> Result<(), EngineError>,
+    mut after: impl FnMut(usize, &N, &N),
+) -> Result<(), EngineError> {
+    for (place, part) in items.chunks(turn).enumerate() {
+        if place % 2 == 0 {
+            run(exact, part)?;
+            run(own, part)?;
+        } else {
+            run(own, part)?;
+            run(exact, part)?;
+        }
+        after(place * turn, exact, own);
+    }
+    Ok(())
+}
+
+impl Time {
+    /// Times over the repeats `laps`, each with a time for each event.
+    fn of<'a>(laps: impl Iterator<Item = &'a Vec<Duration>>) -> Self {
+        let laps: Vec<&Vec<Duration>> = laps.collect();
+        let events = laps.iter().map(|lap| lap.len()).min().unwrap_or(0);
+        let mut latency = Latency::new();
+        for event in 0..events {
+            latency.record(median(laps.iter().map(|lap| lap[event]).collect()));
+        }
+        latency.quantiles().map_or_else(Self::default, |quantiles| Self {
+            mean: microseconds(latency.total()) / latency.count() as f64,
+            p50: quantiles.p50,
+            p99: quantiles.p99,
+        })
+    }
+}
+
+impl Timing {
+    /// Times over repeats (setting, exact).
+    pub(super) fn of(laps: &[(Lap, Lap)]) -> Self {
+        let push_predict_us = Time::of(laps.iter().map(|(own, _)| &own.push_predict));
+        let exact_us = Time::of(laps.iter().map(|(_, exact)| &exact.push_predict)).mean;
+        Self {
+            push_us: Time::of(laps.iter().map(|(own, _)| &own.push)),
+            push_predict_us,
+            exact_us,
+            // A clock may not resolve a short time.
+            ratio: push_predict_us.mean.max(1e-6) / exact_us.max(1e-6),
+        }
+    }
+}
+
+/// The median, for an even number the mean of both middle times; 0 for no times.
+fn median(mut times: Vec<Duration>) -> Duration {
+    times.sort_unstable();
+    match times.len() {
+        0 => Duration::ZERO,
+        count => (times[(count - 1) / 2] + times[count / 2]) / 2,
+    }
+}
+
+/// Sums of differences.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Differences {
+    parts: [Sum; PARTS],
+    /// Sum of the squares of the exact values.
+    exact: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    count: u64,
+    squares: f64,
+    max: f64,
+}
+
+impl Differences {
+    /// Adds the values `found` and `exact` at moment `place` of the `count` moments of a stream.
+    pub(super) fn add(&mut self, (place, count): (usize, usize), exact: &[f32], found: &[f32]) {
+        let part = &mut self.parts[place * PARTS / count];
+        for (&exact, &found) in exact.iter().zip(found) {
+            let difference = f64::from(found) - f64::from(exact);
+            part.count += 1;
+            part.squares += difference * difference;
+            part.max = part.max.max(difference.abs());
+            self.exact += f64::from(exact) * f64::from(exact);
+        }
+    }
+
+    /// The errors.
+    pub(super) fn finish(&self) -> Numerical {
+        let all = self.parts.iter().fold(Sum::default(), |all, part| Sum {
+            count: all.count + part.count,
+            squares: all.squares + part.squares,
+            max: all.max.max(part.max),
+        });
+        let by_tenth = |figure: fn(&Sum) -> f64| -> Vec<Option<f64>> {
+            self.parts.iter().map(|part| (part.count > 0).then(|| figure(part))).collect()
+        };
+        Numerical {
+            max: all.max,
+            rms: all.rms(),
+            relative_rms: (self.exact > 0.0).then(|| (all.squares / self.exact).sqrt()),
+            max_by_tenth: by_tenth(|part| part.max),
+            rms_by_tenth: by_tenth(Sum::rms),
+        }
+    }
+}
+
+impl Sum {
+    fn rms(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() }
+    }
+}
+
+#[cfg(test)]
+mod tests;

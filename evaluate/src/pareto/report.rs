@@ -1,0 +1,301 @@
+//! Results of a study, with the keys of the JSON report.
+//!
+//! Enters: measurements. Leaves: times and errors as they are compared, the Pareto front, and for each network its fastest
+//! setting within some error. A time is the ratio to the exact network times the time of the exact setting, so that a machine
+//! that is slower during one setting moves no point.
+
+use meissner_kernels::Isa;
+use meissner_pipeline::provenance::{Header, InputCard};
+use serde::Serialize;
+
+use super::measurement::{EXACT, Measurement};
+
+/// Results of all networks.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Command and input.
+    pub header: Header,
+    /// Name of the system.
+    pub system: &'static str,
+    /// Unit of the times: "event" or "window".
+    pub unit: &'static str,
+    /// The data.
+    pub data: DataReport,
+    /// Repeats of each measurement of time.
+    pub repeats: u32,
+    /// Instruction set of the kernels.
+    pub isa: &'static str,
+    /// Remarks, for people.
+    pub notes: Vec<String>,
+    /// The error that settings are compared by.
+    pub compared: Compared,
+    /// The networks.
+    pub networks: Vec<NetworkReport>,
+    /// The fastest settings of each network.
+    pub fastest_within: Vec<Fastest>,
+    /// The same in a paragraph.
+    #[serde(rename = "words")]
+    pub summary: String,
+}
+
+/// The data, and the part of it that is timed.
+#[derive(Debug, Serialize)]
+pub struct DataReport {
+    /// Its name.
+    pub name: String,
+    /// Number of recordings.
+    pub recordings: u64,
+    /// Number of events or windows.
+    pub size: u64,
+    /// Number of these that are timed in each repeat.
+    pub timed: u64,
+    /// Fingerprint of the data.
+    pub fingerprint: String,
+}
+
+/// The error that settings are compared by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Compared {
+    /// Share of wrong answers.
+    TaskError,
+    /// Error against the exact outputs, as a share of their RMS.
+    RelativeRms,
+}
+
+/// Results of a network.
+#[derive(Debug, Serialize)]
+pub struct NetworkReport {
+    /// Its name.
+    pub network: String,
+    /// Source of its weights.
+    pub weights: String,
+    /// Fingerprint of network and weights.
+    pub fingerprint: String,
+    /// The settings, the exact one first.
+    pub settings: Vec<SettingReport>,
+}
+
+/// Results of a setting.
+#[derive(Debug, Serialize)]
+pub struct SettingReport {
+    /// Its name.
+    pub setting: String,
+    /// Time as it is compared, in microseconds.
+    pub us: f64,
+    /// Time of the exact setting as a multiple of `us`.
+    pub speed_up: f64,
+    /// Error as it is compared.
+    pub error: f64,
+    /// 95 % interval of the error; `None` without labels.
+    pub interval_95: Option<(f64, f64)>,
+    /// Whether no other setting beats it.
+    pub on_front: bool,
+    /// The measurement.
+    #[serde(flatten)]
+    pub measurement: Measurement,
+}
+
+/// The fastest setting of a network within some error of the exact one.
+#[derive(Debug, Serialize)]
+pub struct Fastest {
+    /// Name of the network.
+    pub network: String,
+    /// Largest error above that of the exact setting.
+    pub within: f64,
+    /// Name of the setting.
+    pub setting: String,
+    /// Its speed-up.
+    pub speed_up: f64,
+    /// Its error.
+    pub error: f64,
+}
+
+impl Report {
+    /// The report of `networks` of a system with the unit of its times.
+    pub(super) fn new(
+        (system, unit): (&'static str, &'static str),
+        data: DataReport,
+        repeats: u32,
+        notes: Vec<String>,
+        mut networks: Vec<NetworkReport>,
+    ) -> Self {
+        let mut settings = networks.iter().flat_map(|network| &network.settings);
+        let labels = settings.all(|setting| !setting.measurement.task.is_empty());
+        let compared = if labels { Compared::TaskError } else { Compared::RelativeRms };
+        match compared {
+            Compared::TaskError => mark_front(networks.iter_mut().flat_map(|network| &mut network.settings)),
+            Compared::RelativeRms => {
+                networks.iter_mut().for_each(|network| mark_front(&mut network.settings));
+            }
+        }
+        let fastest_within = fastest(&networks, compared);
+        let summary = summary(&networks, &fastest_within, compared);
+        let header = Header::of_many("pareto", InputCard::other(&data.name, system));
+        let isa = Isa::best().name();
+        Self { header, system, unit, data, repeats, isa, notes, compared, networks, fastest_within, summary }
+    }
+
+    /// Heading of the times that are compared.
+    pub fn time_name(&self) -> String {
+        format!("time per {} (us)", self.unit)
+    }
+
+    /// Heading of the errors that are compared.
+    pub fn error_name(&self) -> &'static str {
+        let relative = |network: &NetworkReport| network.exact().measurement.numerical.relative_rms.is_some();
+        match self.compared {
+            Compared::TaskError => "wrong answers (%)",
+            Compared::RelativeRms if self.networks.iter().all(relative) => "relative RMS error",
+            Compared::RelativeRms => "RMS error",
+        }
+    }
+}
+
+impl NetworkReport {
+    /// The report of a network with its `settings`, the exact one first; none is on the front yet.
+    pub(super) fn new(
+        network: String,
+        weights: String,
+        fingerprint: String,
+        settings: Vec<(String, Measurement)>,
+    ) -> Self {
+        let exact_us = settings.first().map_or(0.0, |(_, exact)| exact.timing.push_predict_us.mean);
+        let report = |(setting, measurement): (String, Measurement)| {
+            // The exact setting is as fast as itself, whatever the clock says.
+            let ratio = if setting == EXACT { 1.0 } else { measurement.timing.ratio };
+            let (error, interval_95) = measurement.error();
+            let (us, speed_up, on_front) = (exact_us * ratio, 1.0 / ratio, false);
+            SettingReport { setting, us, speed_up, error, interval_95, on_front, measurement }
+        };
+        Self { network, weights, fingerprint, settings: settings.into_iter().map(report).collect() }
+    }
+
+    /// The exact setting.
+    pub fn exact(&self) -> &SettingReport {
+        &self.settings[0]
+    }
+}
+
+impl SettingReport {
+    /// Its time, as a cell under [`Report::time_name`].
+    pub fn time_text(&self) -> String {
+        format!("{:.*}", if self.us < 10.0 { 2 } else { 1 }, self.us)
+    }
+
+    /// Its error, as a cell under [`Report::error_name`].
+    pub fn error_text(&self, compared: Compared) -> String {
+        match compared {
+            Compared::TaskError => percent(self.error),
+            Compared::RelativeRms if self.error == 0.0 => "0".to_owned(),
+            Compared::RelativeRms => format!("{:.1e}", self.error),
+        }
+    }
+}
+
+/// `share` in percent.
+fn percent(share: f64) -> String {
+    format!("{:.2}", 100.0 * share)
+}
+
+/// Marks the settings on the Pareto front.
+fn mark_front<'a>(settings: impl IntoIterator<Item = &'a mut SettingReport>) {
+    let mut settings: Vec<&mut SettingReport> = settings.into_iter().collect();
+    let points: Vec<(f64, f64)> = settings.iter().map(|setting| (setting.us, setting.error)).collect();
+    pareto_front(&points).into_iter().for_each(|place| settings[place].on_front = true);
+}
+
+/// Indices of the points (time, error) that no other point beats, by ascending time, then error, then index. O(n log n).
+///
+/// A point beats another one if it is at most as large in both coordinates and smaller in one. Of equal points all are on the
+/// front, or none. Points with a coordinate that is not finite are left out.
+pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
+    let mut order: Vec<usize> =
+        (0..points.len()).filter(|&i| points[i].0.is_finite() && points[i].1.is_finite()).collect();
+    order.sort_by(|&a, &b| {
+        let ((ta, ea), (tb, eb)) = (points[a], points[b]);
+        ta.total_cmp(&tb).then(ea.total_cmp(&eb)).then(a.cmp(&b))
+    });
+    let mut last: Option<(f64, f64)> = None;
+    // All points before are at most as slow: a point is beaten unless it is better than the best of them, or equal to it.
+    order.retain(|&i| {
+        let stays = last.is_none_or(|last| points[i].1 < last.1 || points[i] == last);
+        if stays {
+            last = Some(points[i]);
+        }
+        stays
+    });
+    order
+}
+
+/// Errors above the exact one: shares of wrong answers, or of the RMS of the outputs.
+fn bounds(compared: Compared) -> [f64; 3] {
+    match compared {
+        Compared::TaskError => [0.005, 0.01, 0.02],
+        Compared::RelativeRms => [1e-3, 1e-2, 1e-1],
+    }
+}
+
+/// A smaller speed-up counts as none: clocks do not resolve it.
+const NOTICEABLE: f64 = 1.02;
+
+/// The fastest setting of each network within each bound of its exact error, the exact one included; the first of equally
+/// fast ones.
+fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
+    let mut all = Vec::new();
+    for network in networks {
+        for within in bounds(compared) {
+            // Differences of shares such as 0.11 - 0.1 exceed 0.01 in the last bit.
+            let most = network.exact().error + within + 1e-12;
+            let faster = |setting: &SettingReport| setting.setting == EXACT || setting.speed_up >= NOTICEABLE;
+            let fits = network.settings.iter().filter(|setting| setting.error <= most && faster(setting));
+            let fastest = fits.reduce(|best, other| if other.us < best.us { other } else { best });
+            all.extend(fastest.map(|fastest| Fastest {
+                network: network.network.clone(),
+                within,
+                setting: fastest.setting.clone(),
+                speed_up: fastest.speed_up,
+                error: fastest.error,
+            }));
+        }
+    }
+    all
+}
+
+/// The fastest settings in a paragraph.
+fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) -> String {
+    let sentence = |network: &NetworkReport| {
+        let own = fastest.iter().filter(|fastest| fastest.network == network.network);
+        let parts: Vec<String> = own.map(|fastest| part(fastest, network.exact(), compared)).collect();
+        let exact = match compared {
+            Compared::TaskError => {
+                format!(
+                    "{} is wrong in {} % of its answers when it is exact",
+                    network.network,
+                    percent(network.exact().error)
+                )
+            }
+            Compared::RelativeRms => format!("{} against its exact outputs", network.network),
+        };
+        format!("{exact}: {}.", parts.join("; "))
+    };
+    networks.iter().map(sentence).collect::<Vec<_>>().join(" ")
+}
+
+fn part(fastest: &Fastest, exact: &SettingReport, compared: Compared) -> String {
+    let within = match compared {
+        Compared::TaskError => format!("within {} points", 100.0 * fastest.within),
+        Compared::RelativeRms => format!("within {} of their RMS", fastest.within),
+    };
+    if fastest.setting == exact.setting {
+        return format!("{within} nothing is faster");
+    }
+    let error = match compared {
+        Compared::TaskError => format!("{} %", percent(fastest.error)),
+        Compared::RelativeRms => format!("{:.1e}", fastest.error),
+    };
+    format!("{within} the fastest is {}, {:.2} times as fast ({error})", fastest.setting, fastest.speed_up)
+}
+
+#[cfg(test)]
+mod tests;

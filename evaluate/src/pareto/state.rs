@@ -1,0 +1,164 @@
+//! Finished measurements in a file, one JSON object a line, so that nothing is measured twice.
+//!
+//! A line is appended when a measurement finishes. A program that is stopped can leave a last line without an end: it is cut
+//! off. Any other line that cannot be read is an error. Lines of other systems, networks, data or versions stay.
+
+use std::fs::{self, File, OpenOptions};
+use std::hash::Hasher;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use fnv::FnvHasher;
+use meissner_engine::Event;
+use meissner_models::Weights;
+use meissner_pipeline::PipelineError;
+use serde::{Deserialize, Serialize};
+
+use super::measurement::Measurement;
+use crate::error::EvaluateError;
+
+/// Identity of a measurement.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Key {
+    /// Name of the system.
+    pub system: String,
+    /// Name of the network.
+    pub network: String,
+    /// Fingerprint of network and weights.
+    pub weights: String,
+    /// Name of the setting.
+    pub setting: String,
+    /// Fingerprint of the data.
+    pub data: String,
+    /// Timed events or windows, repeats, instruction set.
+    pub options: String,
+    /// Version of the program.
+    pub version: String,
+}
+
+/// A line of the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Line {
+    key: Key,
+    measurement: Measurement,
+}
+
+/// Finished measurements, and the file that keeps them.
+#[derive(Debug, Default)]
+pub struct State {
+    lines: Vec<Line>,
+    file: Option<(PathBuf, File)>,
+}
+
+impl State {
+    /// Reads the file at `path`, which is created if it does not exist. Without a path, nothing is kept.
+    ///
+    /// # Errors
+    /// The file cannot be read or written, or one of its lines cannot be read.
+    pub fn open(path: Option<&Path>) -> Result<Self, EvaluateError> {
+        let Some(path) = path else { return Ok(Self::default()) };
+        let failed = |source| EvaluateError::Write { path: path.to_owned(), source };
+        let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
+        let bytes = fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
+        let (lines, keep) = parse(&bytes).map_err(|(line, source)| EvaluateError::State {
+            path: path.to_owned(),
+            line,
+            source,
+        })?;
+        file.set_len(keep as u64).map_err(failed)?;
+        if bytes[..keep].last().is_some_and(|&last| last != b'\n') {
+            file.write_all(b"\n").map_err(failed)?;
+        }
+        Ok(Self { lines, file: Some((path.to_owned(), file)) })
+    }
+
+    /// The measurement of `key`.
+    pub fn find(&self, key: &Key) -> Option<&Measurement> {
+        self.lines.iter().find(|line| line.key == *key).map(|line| &line.measurement)
+    }
+
+    /// Appends `measurement`, and returns it as it will be read.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add(&mut self, key: Key, measurement: Measurement) -> Result<Measurement, EvaluateError> {
+        let Some((path, file)) = &mut self.file else { return Ok(measurement) };
+        let failed = |source| EvaluateError::Write { path: path.clone(), source };
+        let mut text = serde_json::to_vec(&Line { key, measurement }).map_err(|e| failed(e.into()))?;
+        // A reader may round the last digit: a run that goes on must report what one that did not stop would.
+        let line: Line = serde_json::from_slice(&text).map_err(|e| failed(e.into()))?;
+        text.push(b'\n');
+        file.write_all(&text).and_then(|()| file.flush()).map_err(failed)?;
+        let measurement = line.measurement.clone();
+        self.lines.push(line);
+        Ok(measurement)
+    }
+}
+
+/// The lines and their number of bytes, without a last line that was not finished.
+///
+/// # Errors
+/// The number of the first line that cannot be read.
+fn parse(bytes: &[u8]) -> Result<(Vec<Line>, usize), (usize, serde_json::Error)> {
+    let mut lines = Vec::new();
+    let mut begin = 0;
+    for (number, text) in (1..).zip(bytes.split_inclusive(|&byte| byte == b'\n')) {
+        let finished = text.last() == Some(&b'\n');
+        if !text.trim_ascii().is_empty() {
+            match serde_json::from_slice(text) {
+                Ok(line) => lines.push(line),
+                Err(_) if !finished => return Ok((lines, begin)),
+                Err(error) => return Err((number, error)),
+            }
+        }
+        begin += text.len();
+    }
+    Ok((lines, begin))
+}
+
+/// Fingerprint of networks, weights and data: FNV-1a with 64 bits. It does not withstand forgery.
+#[derive(Default)]
+pub(super) struct Fingerprint(FnvHasher);
+
+impl Fingerprint {
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.0.write(bytes);
+    }
+
+    /// Adds a text with its length, so that two texts differ from their concatenation.
+    pub(super) fn text(&mut self, text: &str) {
+        self.bytes(&(text.len() as u64).to_le_bytes());
+        self.bytes(text.as_bytes());
+    }
+
+    pub(super) fn floats(&mut self, values: &[f32]) {
+        values.iter().for_each(|value| self.bytes(&value.to_bits().to_le_bytes()));
+    }
+
+    pub(super) fn events(&mut self, events: &[Event]) {
+        self.bytes(&(events.len() as u64).to_le_bytes());
+        for event in events {
+            self.bytes(&event.t_us.to_le_bytes());
+            self.bytes(&event.x.to_le_bytes());
+            self.bytes(&event.y.to_le_bytes());
+            self.bytes(&[u8::from(event.on)]);
+        }
+    }
+
+    /// Adds all tensors by name, without the metadata.
+    pub(super) fn weights(&mut self, weights: &Weights) {
+        for (name, tensor) in weights.iter() {
+            self.text(name);
+            tensor.shape().iter().for_each(|&side| self.bytes(&(side as u64).to_le_bytes()));
+            self.floats(tensor.values().unwrap_or_default());
+        }
+    }
+
+    /// The fingerprint, as 16 hexadecimal digits.
+    pub(super) fn finish(self) -> String {
+        format!("{:016x}", self.0.finish())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,240 @@
+//! Inputs of networks with labels, for training: as tensors of a safetensors file.
+//!
+//! Enters: a data set, or streams of events. Leaves: [`Prepared`] tensors. Inputs are made as the engine makes them, and equal
+//! data give equal bytes.
+
+mod streams;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use meissner_engine::representations::{ELECTRODES, Scaling};
+use meissner_engine::{Batch, Edges, Event, Graph, Search, Stream};
+use meissner_io::datasets::Split;
+use meissner_models::systems::slip::{ObjectSet, SlipWindows};
+use meissner_models::systems::{digits, slip};
+use meissner_models::{Description, FrameDescription, TensorFile, draw};
+use meissner_pipeline::text::grouped;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use crate::digits::DigitsData;
+use crate::error::{EvaluateError, weights_error};
+use crate::slip::SlipData;
+use streams::Streams;
+
+/// Tensors for training.
+pub struct Prepared {
+    /// The tensors with their metadata.
+    pub file: TensorFile,
+    /// What they are, in one line for people.
+    pub contents: String,
+}
+
+/// The windows of all recordings of `data` as `description` reads them, with labels.
+///
+/// | tensor | type and shape | values |
+/// |---|---|---|
+/// | `frames` | F32 (windows, steps, 1, 12, 11), (windows, steps, 24) or (windows, steps, 48) | input of the network |
+/// | `readings` | F32 (windows, steps, 24) | the same readings in counts of the sensor |
+/// | `label`, `recording`, `object` | I64 (windows) | indices into the lists of the metadata |
+///
+/// # Errors
+/// The network does not read electrodes, or a reading cannot be scaled.
+pub fn slip_windows(data: &SlipData, description: &FrameDescription) -> Result<Prepared, EvaluateError> {
+    let mut windows = SlipWindows::new(description)?;
+    let mut objects: Vec<&str> = data.objects.iter().map(|object| object.name).collect();
+    objects.sort_unstable();
+    objects.dedup();
+    let (mut frames, mut readings, mut ids) = (Vec::new(), Vec::new(), [const { Vec::new() }; 3]);
+    for (index, recording) in data.recordings.iter().enumerate() {
+        let count = data.cut(index, &mut windows, &mut frames, Some(&mut readings))?;
+        let object = objects.iter().position(|&object| object == data.objects[index].name);
+        for (list, id) in ids.iter_mut().zip([recording.class, index, object.unwrap_or_default()]) {
+            list.extend(std::iter::repeat_n(id as i64, count));
+        }
+    }
+    let count = ids[0].len();
+    let preparation = description.preparation().unwrap_or_default();
+    let mut file = TensorFile::new(slip_metadata(data, &objects, preparation.clone()));
+    let shape = [&[count, windows.steps()], windows.frame_shape()].concat();
+    file.f32("frames", &shape, &frames);
+    file.f32("readings", &[count, windows.steps(), ELECTRODES], &readings);
+    for (name, values) in ["label", "recording", "object"].iter().zip(&ids) {
+        file.i64(name, &[count], values);
+    }
+    let (windows, recordings) = (grouped(count as u64), grouped(data.recordings.len() as u64));
+    let contents = format!(
+        "{windows} windows of {recordings} recordings, {preparation}, consecutive and without overlap"
+    );
+    Ok(Prepared { file, contents })
+}
+
+fn slip_metadata(data: &SlipData, objects: &[&str], preparation: String) -> BTreeMap<String, String> {
+    let recordings: Vec<_> = data.recordings.iter().map(|recording| &recording.name).collect();
+    let sets: BTreeMap<_, _> = data.objects.iter().map(|object| (object.name, object.set.name())).collect();
+    let basic =
+        data.recordings.iter().zip(&data.objects).filter(|(_, object)| object.set == ObjectSet::Basic);
+    let readings = basic.flat_map(|(recording, _)| recording.readings.iter().map(|reading| &reading.values));
+    let range = match Scaling::range_of(readings) {
+        Some(Scaling::Range { minimum, maximum }) => Some([minimum, maximum]),
+        _ => None,
+    };
+    let mut metadata = metadata([
+        ("classes", json!(slip::CLASSES)),
+        ("recordings", json!(recordings)),
+        ("objects", json!(objects)),
+        ("sets", json!(sets)),
+    ]);
+    metadata.insert("preparation".to_owned(), preparation);
+    // Not through a `Value`, which holds numbers as f64.
+    let range = serde_json::to_string(&range).expect("finite numbers always serialise");
+    metadata.insert("range_basic".to_owned(), range);
+    metadata
+}
+
+fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, String> {
+    entries.map(|(key, value)| (key.to_owned(), value.to_string())).into()
+}
+
+/// The events of all recordings of `data`, one recording after the other, with labels, splits and `folds` folds.
+///
+/// All tensors are I64: `t_us`, `x`, `y`, `on` (events); `start` (recordings + 1), the index of the first event of each
+/// recording; `label`, `split` (0 train, 1 test) and `fold` (recordings).
+///
+/// # Errors
+/// There cannot be so many folds.
+pub fn digits_events(data: &DigitsData, folds: usize) -> Result<Prepared, EvaluateError> {
+    let recordings = &data.recordings;
+    let integers = |values: Vec<usize>| values.into_iter().map(|value| value as i64).collect::<Vec<_>>();
+    let of_events = |value: fn(&Event) -> i64| {
+        recordings.iter().flat_map(|recording| recording.events.iter().map(value)).collect::<Vec<_>>()
+    };
+    let ends = recordings.iter().scan(0, |end, recording| {
+        *end += recording.events.len();
+        Some(*end)
+    });
+    let start: Vec<usize> = std::iter::once(0).chain(ends).collect();
+    let split = recordings.iter().map(|recording| usize::from(recording.split == Split::Test)).collect();
+    let fold = digits::folds(&data.classes(), folds)?;
+    let names: Vec<&str> = recordings.iter().map(|recording| recording.name.as_str()).collect();
+    let mut file = TensorFile::new(metadata([
+        ("classes", json!(digits::CLASSES)),
+        ("recordings", json!(names)),
+        ("sensor", json!([digits::SENSOR.width, digits::SENSOR.height])),
+    ]));
+    for (name, values) in [
+        ("t_us", of_events(|event| event.t_us)),
+        ("x", of_events(|event| event.x.into())),
+        ("y", of_events(|event| event.y.into())),
+        ("on", of_events(|event| event.on.into())),
+        ("start", integers(start)),
+        ("label", integers(data.classes())),
+        ("split", integers(split)),
+        ("fold", integers(fold)),
+    ] {
+        file.i64(name, &[values.len()], &values);
+    }
+    let contents = format!(
+        "{} events of {} recordings, {} for training, in {folds} folds",
+        grouped(data.events()),
+        grouped(recordings.len() as u64),
+        grouped(data.of(Split::Train).len() as u64)
+    );
+    Ok(Prepared { file, contents })
+}
+
+/// One level of the graphs of all streams.
+#[derive(Default)]
+struct Level {
+    start: Vec<i32>,
+    edges: Vec<i32>,
+    source: Vec<i32>,
+    attribute: Vec<f32>,
+    /// For each row of the level below, the row that pools it.
+    cell: Vec<i32>,
+    index: Vec<i32>,
+}
+
+/// The graphs of the streams in the safetensors file `events`, as a network of `description` builds them: each stream from a
+/// reset to its last event. The streams are shared by the threads of `pool`. `meissner prepare graphs --help` lists the
+/// tensors.
+///
+/// # Errors
+/// The file cannot be read, or its streams do not fit.
+pub fn graphs(
+    events: &Path,
+    description: &Description,
+    pool: &ThreadPool,
+) -> Result<Prepared, EvaluateError> {
+    // The graph does not depend on the weights.
+    let network = description.network(&draw(description, 0)).map_err(weights_error("drawn weights"))?;
+    let streams = Streams::read(events)?;
+    let batch = Batch::new(network, streams.sensor)?.with_search(Search::Grid);
+    let parts = streams.parts();
+    let graph = |&events: &&[Event]| batch.graph(Stream::new(events));
+    let graphs: Vec<Graph> = pool.install(|| parts.par_iter().map(graph).collect::<Result<_, _>>())?;
+
+    let mut levels: Vec<Level> = (0..batch.network().levels()).map(|_| Level::default()).collect();
+    let (mut event, mut readout) = (Vec::new(), Vec::new());
+    for (graph, end) in graphs.iter().zip(streams.ends()) {
+        event.extend((end - graph.levels[0].edges.rows()..end).map(|event| event as i32));
+        for (level, (to, trace)) in levels.iter_mut().zip(&graph.levels).enumerate() {
+            let first = to.start_stream(&trace.edges);
+            to.index.extend(trace.cells.iter().flatten().map(|&i| i as i32));
+            if level > 0 {
+                let below = graph.levels[level - 1].edges.rows();
+                to.pool(below, &trace.members, first);
+            }
+        }
+        readout.extend(graph.readout.iter().map(|&cell| cell as i32));
+    }
+
+    let mut file = TensorFile::new(BTreeMap::new());
+    file.i32("event", &[event.len()], &event);
+    file.i32("readout", &[readout.len()], &readout);
+    for (i, level) in levels.into_iter().enumerate() {
+        level.write(i, &mut file);
+    }
+    let (count, rows) = (grouped(graphs.len() as u64), grouped(event.len() as u64));
+    Ok(Prepared { file, contents: format!("graphs of {count} streams, {rows} rows at the event level") })
+}
+
+impl Level {
+    /// Appends the rows of a stream, and returns the index of the first one.
+    fn start_stream(&mut self, edges: &Edges) -> i32 {
+        let first = self.edges.len() as i32;
+        self.start.push(first);
+        for row in 0..edges.rows() {
+            self.edges.push(self.source.len() as i32);
+            self.source.extend(edges.row(row).iter().map(|edge| first + edge.row as i32));
+            self.attribute.extend(edges.row(row).iter().flat_map(|edge| edge.u));
+        }
+        first
+    }
+
+    /// Stores which row, from `first` on, pools each of the `below` rows of the level below.
+    fn pool(&mut self, below: usize, members: &[Vec<usize>], first: i32) {
+        let start = self.cell.len();
+        self.cell.resize(start + below, -1);
+        for (row, members) in (first..).zip(members) {
+            members.iter().for_each(|&member| self.cell[start + member] = row);
+        }
+    }
+
+    fn write(mut self, level: usize, file: &mut TensorFile) {
+        let rows = self.edges.len();
+        self.start.push(rows as i32);
+        self.edges.push(self.source.len() as i32);
+        let name = |name| format!("level{level}.{name}");
+        file.i32(&name("start"), &[self.start.len()], &self.start);
+        file.i32(&name("edges"), &[self.edges.len()], &self.edges);
+        file.i32(&name("source"), &[self.source.len()], &self.source);
+        file.f32(&name("attribute"), &[self.source.len(), 3], &self.attribute);
+        if level > 0 {
+            file.i32(&name("cell"), &[self.cell.len()], &self.cell);
+            file.i32(&name("index"), &[rows, 3], &self.index);
+        }
+    }
+}

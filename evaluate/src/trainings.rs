@@ -1,0 +1,331 @@
+//! Networks that are judged, and their trainings.
+//!
+//! Enters: names of networks or description files; a file of weights, a folder of trainings, or the shipped weights. Leaves:
+//! each network with its [`Training`]s, which state what they were trained on and what they have not seen.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use meissner_models::{AnyDescription, TensorFile, Weights};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::labelled;
+use serde::de::DeserializeOwned;
+
+use crate::error::{EvaluateError, TrainingError, weights_error};
+
+/// A task that networks are trained for, with a labelled data set.
+pub trait Task {
+    /// Description of a network of this task.
+    type Description;
+    /// The part of the data set that a fold of a cross-validation held out.
+    type HeldOut;
+    /// Beginning of the names of its shipped networks.
+    const PREFIX: &'static str;
+
+    /// The description of a shipped network or in a file, and whether it is shipped.
+    ///
+    /// # Errors
+    /// There is none, or the network is for another task.
+    fn describe(network: &str) -> Result<(Self::Description, bool), EvaluateError>;
+
+    /// The name of the network.
+    fn name(description: &Self::Description) -> &str;
+
+    /// The network that the weights of `network` were trained as.
+    fn trained_as(network: &str) -> &str {
+        network
+    }
+
+    /// The part that a training held out by its metadata; `None` for a whole training.
+    ///
+    /// # Errors
+    /// The metadata do not state which part of the data set is unseen.
+    fn held_out(metadata: Metadata<'_>) -> Result<Option<Self::HeldOut>, TrainingError>;
+}
+
+/// The networks and trainings that are asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Request<'a> {
+    /// Names of shipped networks or description files; none for every shipped network of the task.
+    pub networks: &'a [String],
+    /// Weights of the only network.
+    pub weights: Option<&'a Path>,
+    /// Folder of trainings, each a safetensors file with metadata.
+    pub trainings: Option<&'a Path>,
+}
+
+/// Figures of networks, and their outputs.
+pub struct Evaluation<R> {
+    /// The figures.
+    pub report: R,
+    /// Outputs of the trainings: a tensor for each.
+    pub logits: TensorFile,
+    /// Time that judging took.
+    pub took: Duration,
+}
+
+/// A network with its trainings, by seed and then by file.
+pub struct Candidate<T: Task> {
+    /// The network.
+    pub description: T::Description,
+    /// Its trainings; at least one.
+    pub trainings: Vec<Arc<Training<T::HeldOut>>>,
+}
+
+/// Weights with the data that they were trained on.
+#[derive(Clone, Debug)]
+pub struct Training<H> {
+    /// The file; empty for shipped weights.
+    pub path: PathBuf,
+    /// Source of the weights, with their own remark about themselves.
+    pub label: String,
+    /// The network that they were trained as.
+    pub network: String,
+    /// Seed of the training, where the weights state it.
+    pub seed: Option<i64>,
+    /// The part that a fold held out; `None` for a whole training.
+    pub held_out: Option<H>,
+    /// The weights.
+    pub weights: Weights,
+}
+
+/// The networks of `request` in the order of their names, and notes about trainings that are left out.
+///
+/// # Errors
+/// A network is unknown or for another task, weights cannot be read, or a training does not state what it is.
+pub fn candidates<T: Task>(request: Request<'_>) -> Result<(Vec<Candidate<T>>, Vec<String>), EvaluateError> {
+    let descriptions = descriptions::<T>(request.networks)?;
+    if let Some(folder) = request.trainings {
+        return from_folder(folder, descriptions, !request.networks.is_empty());
+    }
+    if let (Some(_), 2..) = (request.weights, descriptions.len()) {
+        return Err(EvaluateError::OneNetwork { found: descriptions.len() });
+    }
+    let candidate = |(description, shipped): (T::Description, bool)| {
+        let name = T::name(&description);
+        let training = match request.weights {
+            Some(path) => Training::given(path, name)?,
+            None => Training::shipped(name, shipped)?,
+        };
+        Ok(Candidate { description, trainings: vec![Arc::new(training)] })
+    };
+    Ok((descriptions.into_iter().map(candidate).collect::<Result<_, EvaluateError>>()?, Vec::new()))
+}
+
+/// The descriptions with these names or in these files, and whether they are shipped.
+fn descriptions<T: Task>(names: &[String]) -> Result<Vec<(T::Description, bool)>, EvaluateError> {
+    let shipped = AnyDescription::shipped_names().filter(|name| name.starts_with(T::PREFIX));
+    let names = if names.is_empty() { shipped.map(str::to_owned).collect() } else { names.to_vec() };
+    let mut descriptions: Vec<(T::Description, bool)> = Vec::new();
+    for name in &names {
+        let (description, shipped) = T::describe(name)?;
+        if descriptions.iter().any(|(other, _)| T::name(other) == T::name(&description)) {
+            return Err(EvaluateError::NetworkTwice(name.clone()));
+        }
+        descriptions.push((description, shipped));
+    }
+    Ok(descriptions)
+}
+
+/// The networks with their trainings in `folder`. A network that was `named` must have one.
+fn from_folder<T: Task>(
+    folder: &Path,
+    descriptions: Vec<(T::Description, bool)>,
+    named: bool,
+) -> Result<(Vec<Candidate<T>>, Vec<String>), EvaluateError> {
+    let trainings = files(folder)?.into_iter().map(|path| Ok(Arc::new(Training::load::<T>(&path)?)));
+    let trainings = trainings.collect::<Result<Vec<Arc<Training<T::HeldOut>>>, EvaluateError>>()?;
+    let none = |expected: String| {
+        let mut found: Vec<&str> = trainings.iter().map(|training| training.network.as_str()).collect();
+        found.sort_unstable();
+        found.dedup();
+        let found = if found.is_empty() { "no such file".to_owned() } else { found.join(", ") };
+        EvaluateError::NoTrainings { folder: folder.to_owned(), expected, found }
+    };
+    let trained_as =
+        |(description, _): &(T::Description, bool)| T::trained_as(T::name(description)).to_owned();
+    let names: Vec<String> = descriptions.iter().map(trained_as).collect();
+    let (mut candidates, mut notes) = (Vec::new(), Vec::new());
+    for ((description, _), name) in descriptions.into_iter().zip(&names) {
+        let own = trainings.iter().filter(|training| training.network == *name).map(Arc::clone);
+        let mut own: Vec<_> = own.collect();
+        own.sort_by(|a, b| (a.seed, &a.path).cmp(&(b.seed, &b.path)));
+        seeds_differ(&own)?;
+        match own.is_empty() {
+            true if named => return Err(none(name.clone())),
+            true => notes.push(format!("{}: no training in {}", T::name(&description), folder.display())),
+            false => candidates.push(Candidate { description, trainings: own }),
+        }
+    }
+    if candidates.is_empty() {
+        return Err(none(names.join(", ")));
+    }
+    for training in trainings.iter().filter(|training| !names.contains(&training.network)) {
+        notes.push(format!("{}: network {} is not judged", training.path.display(), training.network));
+    }
+    Ok((candidates, notes))
+}
+
+/// `Ok` where no two whole trainings, in the order of their seeds, have the same seed.
+fn seeds_differ<H>(trainings: &[Arc<Training<H>>]) -> Result<(), EvaluateError> {
+    let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
+    let Some(pair) = whole.windows(2).find(|pair| pair[0].seed == pair[1].seed) else { return Ok(()) };
+    let (network, seed) = (pair[1].network.clone(), seed_name(pair[1].seed));
+    Err(pair[1].refused(TrainingError::Twice { network, seed, other: pair[0].path.clone() }))
+}
+
+/// The safetensors files in `folder`, by name.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, EvaluateError> {
+    let list = || -> std::io::Result<Vec<PathBuf>> {
+        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
+    };
+    let mut files = list().map_err(|source| PipelineError::Open { path: folder.to_owned(), source })?;
+    files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
+    files.sort();
+    Ok(files)
+}
+
+/// A seed as text: "shipped" where the weights state none.
+pub fn seed_name(seed: Option<i64>) -> String {
+    seed.map_or_else(|| "shipped".to_owned(), |seed| seed.to_string())
+}
+
+impl<T: Task> Candidate<T> {
+    /// Name of the network.
+    pub fn name(&self) -> &str {
+        T::name(&self.description)
+    }
+
+    /// Source of the weights, in one line.
+    pub fn weights(&self) -> String {
+        let folds = self.trainings.iter().filter(|training| training.held_out.is_some()).count();
+        match &self.trainings[..] {
+            [training] => training.label.clone(),
+            trainings => format!("{} trainings, {folds} folds of cross-validations", trainings.len() - folds),
+        }
+    }
+
+    /// The trainings take every this many events one: their common stride.
+    ///
+    /// # Errors
+    /// A stride cannot be read, or two trainings have different ones.
+    pub fn stride(&self) -> Result<usize, EvaluateError> {
+        let first = &self.trainings[0];
+        let expected = first.stride()?;
+        for training in &self.trainings[1..] {
+            let found = training.stride()?;
+            if found != expected {
+                let other = first.path.clone();
+                return Err(training.refused(TrainingError::Stride { expected, other, found }));
+            }
+        }
+        Ok(expected)
+    }
+}
+
+impl<H> Training<H> {
+    /// The weights shipped with `network`, if it is `shipped` itself.
+    fn shipped(network: &str, shipped: bool) -> Result<Self, EvaluateError> {
+        let weights = Weights::shipped(network).filter(|_| shipped);
+        let weights = weights.ok_or_else(|| EvaluateError::NeedsTrainings(network.to_owned()))?;
+        Ok(Self::whole(PathBuf::new(), "shipped with the network".to_owned(), network, weights))
+    }
+
+    /// The weights for `network` in the file at `path`, as a whole training.
+    fn given(path: &Path, network: &str) -> Result<Self, EvaluateError> {
+        let label = path.display().to_string();
+        let weights = Weights::load(path).map_err(weights_error(&label))?;
+        if weights.metadata().contains_key("held_out") {
+            return Err(EvaluateError::WeightsOfFold(path.to_owned()));
+        }
+        Ok(Self::whole(path.to_owned(), label, network, weights))
+    }
+
+    fn whole(path: PathBuf, label: String, network: &str, weights: Weights) -> Self {
+        let seed = Metadata(weights.metadata()).integer("seed").ok().flatten();
+        let label = labelled(label, &weights);
+        Self { path, label, network: network.to_owned(), seed, held_out: None, weights }
+    }
+
+    /// The training in the file at `path`.
+    fn load<T: Task<HeldOut = H>>(path: &Path) -> Result<Self, EvaluateError> {
+        let label = path.display().to_string();
+        let weights = Weights::load(path).map_err(weights_error(&label))?;
+        let metadata = Metadata(weights.metadata());
+        let read = || {
+            let network = metadata.required("network", "with a network's name")?.to_owned();
+            let seed = metadata.integer("seed")?;
+            let seed = seed.ok_or_else(|| metadata.refused("seed", "with a whole number"))?;
+            metadata.integer("fold")?;
+            Ok((network, seed, T::held_out(metadata)?))
+        };
+        let (network, seed, held_out) =
+            read().map_err(|source| EvaluateError::Training { path: path.to_owned(), source })?;
+        let label = labelled(label, &weights);
+        Ok(Self { path: path.to_owned(), label, network, seed: Some(seed), held_out, weights })
+    }
+
+    /// The path as text; none for shipped weights.
+    pub fn files(&self) -> Vec<String> {
+        let path = Some(self.path.display().to_string()).filter(|path| !path.is_empty());
+        path.into_iter().collect()
+    }
+
+    /// It was trained on every this many events one.
+    ///
+    /// # Errors
+    /// The weights state something else than a number.
+    pub fn stride(&self) -> Result<usize, EvaluateError> {
+        Ok(self.weights.card().map_err(weights_error(&self.label))?.stride)
+    }
+
+    /// The error `source` of this training.
+    pub(crate) fn refused(&self, source: TrainingError) -> EvaluateError {
+        EvaluateError::Training { path: self.path.clone(), source }
+    }
+}
+
+/// The metadata of a file of weights.
+#[derive(Clone, Copy, Debug)]
+pub struct Metadata<'a>(pub &'a BTreeMap<String, String>);
+
+impl<'a> Metadata<'a> {
+    /// The value of `key` is not as `expected`.
+    pub fn refused(self, key: &'static str, expected: &'static str) -> TrainingError {
+        let found = self.0.get(key).map_or_else(|| "none".to_owned(), |text| format!("{text:?}"));
+        TrainingError::Metadata { key, expected, found }
+    }
+
+    /// The value of `key`.
+    ///
+    /// # Errors
+    /// It is missing or empty.
+    pub fn required(self, key: &'static str, expected: &'static str) -> Result<&'a str, TrainingError> {
+        let text = self.0.get(key).filter(|text| !text.is_empty());
+        text.map(String::as_str).ok_or_else(|| self.refused(key, expected))
+    }
+
+    /// The whole number of `key`, where the key is there.
+    ///
+    /// # Errors
+    /// The value is something else.
+    pub fn integer(self, key: &'static str) -> Result<Option<i64>, TrainingError> {
+        let number = self.0.get(key).map(|text| text.parse());
+        number.transpose().map_err(|_| self.refused(key, "with a whole number"))
+    }
+
+    /// The JSON list of `key`.
+    ///
+    /// # Errors
+    /// It is missing, or the value is something else.
+    pub fn list<T: DeserializeOwned>(
+        self,
+        key: &'static str,
+        expected: &'static str,
+    ) -> Result<Vec<T>, TrainingError> {
+        let list = self.0.get(key).and_then(|text| serde_json::from_str(text).ok());
+        list.ok_or_else(|| self.refused(key, expected))
+    }
+}
