@@ -1,7 +1,7 @@
 //! Accuracies: lines against time with their intervals, bars by group, and confusion matrices.
 
 use crate::axes::{Axis, Field};
-use crate::svg::{Area, Element, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
+use crate::svg::{Area, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
 
 const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
 /// Baseline of the first names, and names in a row.
@@ -133,7 +133,7 @@ impl Bars {
                 };
                 svg.rect(&bar, colour(i));
                 if let Some(std) = std {
-                    whisker(svg, x, (y(mean - std), y(mean + std)), INK);
+                    svg.error_bar(x, (y(mean - std), y(mean + std)), INK);
                 }
             }
             let reach = group * (FILLED + 0.12) / 2.0;
@@ -225,16 +225,6 @@ fn percent_field(area: Area, x: (f64, f64)) -> Field {
     let (x, y) =
         (Axis::linear(x, (area.left, area.right)), Axis::linear((0.0, 100.0), (area.bottom, area.top)));
     Field { area, x, y }
-}
-
-/// An error bar between two y coordinates.
-pub(crate) fn whisker<'a>(
-    svg: &'a mut Svg,
-    x: f64,
-    (low, high): (f64, f64),
-    stroke: &str,
-) -> &'a mut Element {
-    svg.path(&format!("M{:.1} {high:.1}h6m-3 0V{low:.1}m-3 0h6", x - 3.0), stroke)
 }
 
 #[cfg(test)]

@@ -117,6 +117,11 @@ impl Svg {
         self.add("path", &[]).set("d", commands).set("fill", fill)
     }
 
+    /// Adds an error bar between two y coordinates.
+    pub(crate) fn error_bar(&mut self, x: f64, (low, high): (f64, f64), stroke: &str) -> &mut Element {
+        self.path(&format!("M{:.1} {high:.1}h6m-3 0V{low:.1}m-3 0h6", x - 3.0), stroke)
+    }
+
     /// Adds an open line through `places`.
     pub(crate) fn polyline(&mut self, places: impl Iterator<Item = Place>, stroke: &str) -> &mut Element {
         self.add("polyline", &[]).set("points", listed(places)).set("fill", "none").set("stroke", stroke)

@@ -4,7 +4,6 @@
 //! largest shape to the smallest, so that every colour is visible where points meet. Labels keep off points, lines and
 //! error bars.
 
-use crate::accuracy::whisker;
 use crate::axes::{Axis, Field, ends, widened};
 use crate::labels;
 use crate::svg::{Area, Element, FRAME, GREY, Place, SMALL, Svg, WHITE, colour};
@@ -78,7 +77,7 @@ impl TradeOff {
             let (x, low, high) = (place(point).0, field.y.place(low), field.y.place(high));
             obstacles.push(Area { left: x - 3.0, top: high, right: x + 3.0, bottom: low });
             let opacity = if point.on_front { 0.7 } else { 0.2 };
-            whisker(svg, x, (low, high), colour(point.network)).set("stroke-opacity", opacity);
+            svg.error_bar(x, (low, high), colour(point.network)).set("stroke-opacity", opacity);
         }
         let mut points: Vec<&Setting> = self.points.iter().collect();
         points.sort_by_key(|point| (point.network, point.on_front));
