@@ -1,32 +1,31 @@
-//! What can be asked for on the command line. Whatever is wrong with a single argument is found here, by clap, which
-//! exits with status 2.
+//! Groups of arguments that several subcommands share. Wrong values of single arguments are found by clap, which exits with
+//! status 2.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
-
-mod heading;
-#[cfg(test)]
-mod tests;
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::ValueEnum;
+use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, Sensor};
-use meissner_io::{ColumnOrder, Format, ReadOptions, TextOptions, TimeUnit};
-
+use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::model::DEFAULT_NETWORK;
+use meissner_pipeline::predictor;
 pub(crate) use meissner_pipeline::schedule::Every;
-use meissner_pipeline::time;
+use meissner_pipeline::text::span_us;
 
-pub(crate) use crate::approximations::ApproximationArgs;
-pub(crate) use crate::bench::BenchArgs;
-pub(crate) use crate::draw::DrawArgs;
-pub(crate) use crate::eval::EvalArgs;
-pub(crate) use crate::pareto::ParetoArgs;
-pub(crate) use crate::play::PlayArgs;
-pub(crate) use crate::prepare::PrepareArgs;
-pub(crate) use crate::run::RunArgs;
-pub(crate) use crate::soak::SoakArgs;
-pub(crate) use crate::stress::StressArgs;
-pub(crate) use crate::verify::VerifyArgs;
-pub(crate) use heading::*;
+// Headings of the help. Each option names its heading: a heading of a group of arguments would also stand over the options
+// that follow the group.
+pub(crate) const INPUT: &str = "Input";
+pub(crate) const NETWORK: &str = "Network";
+pub(crate) const PREDICTIONS: &str = "Predictions";
+pub(crate) const QUEUE: &str = "Queue";
+pub(crate) const MEASUREMENT: &str = "Measurement";
+pub(crate) const STATE: &str = "State";
+pub(crate) const FRAMES: &str = "Frame networks";
+pub(crate) const ELECTRODES: &str = "Electrodes";
+pub(crate) const APPROXIMATIONS: &str = "Approximations";
+pub(crate) const OUTPUT: &str = "Output";
 
 /// At the end of every help.
 pub(crate) const STATUS: &str = "\
@@ -36,48 +35,6 @@ Exit status:
   2    bad usage: an unknown option, a wrong value, options that do not fit
   130  a signal (SIGINT from Ctrl-C, or SIGTERM) ended the program
   At the first signal run, play and soak end their stream with summary and state; the others, and any at the second signal, end at once. pareto --state keeps the measurements that are finished.";
-
-/// Incremental inference for event cameras and event-based touch.
-#[derive(Debug, Parser)]
-#[command(name = "meissner", version, max_term_width = 80, after_help = STATUS)]
-pub(crate) struct Args {
-    /// What to do.
-    #[command(subcommand)]
-    pub(crate) command: Command,
-}
-
-/// The subcommands.
-#[derive(Debug, Subcommand)]
-pub(crate) enum Command {
-    /// Run a network over a recording or a live stream.
-    Run(RunArgs),
-    /// Play a recording at real speed through a bounded queue.
-    Play(PlayArgs),
-    /// Measure latencies, work, memory and missed deadlines.
-    Bench(BenchArgs),
-    /// List the shipped networks.
-    Networks(NetworksArgs),
-    /// Show the layers, shapes and costs of a network.
-    Inspect(InspectArgs),
-    /// Draw weights for a network from a seed.
-    Draw(DrawArgs),
-    /// Show what a recording holds.
-    Info(InfoArgs),
-    /// Write a recording in another format.
-    Convert(ConvertArgs),
-    /// Judge networks on a labelled data set.
-    Eval(EvalArgs),
-    /// Measure run time against error: a network exactly, and with approximations.
-    Pareto(ParetoArgs),
-    /// Write the inputs of a network with labels, for training.
-    Prepare(PrepareArgs),
-    /// Check every promise on streams, weights and states that are built to break it.
-    Stress(StressArgs),
-    /// Run for very long, and check bits, memory and latencies.
-    Soak(SoakArgs),
-    /// Check that a network's incremental results equal full recomputation.
-    Verify(VerifyArgs),
-}
 
 /// How a recording is read.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -104,7 +61,7 @@ pub(crate) struct ReadArgs {
 }
 
 impl ReadArgs {
-    /// What they say, for the reader.
+    /// The options for the reader.
     pub(crate) fn options(self) -> ReadOptions {
         let text = TextOptions::new().columns(self.columns).time_unit(self.time_unit);
         ReadOptions::new().text(text).salvage(self.salvage)
@@ -158,7 +115,7 @@ pub(crate) struct Input {
     /// Name of a shipped network, or a description file (.toml).
     ///
     /// `meissner networks` lists the shipped networks. A description file needs --weights.
-    #[arg(long, value_name = "NETWORK", default_value = meissner_pipeline::model::DEFAULT_NETWORK, help_heading = NETWORK)]
+    #[arg(long, value_name = "NETWORK", default_value = DEFAULT_NETWORK, help_heading = NETWORK)]
     pub(crate) network: String,
     /// Weights [default: those shipped with the network].
     ///
@@ -173,7 +130,7 @@ pub(crate) struct Input {
     #[arg(long, help_heading = NETWORK)]
     pub(crate) ignore_preparation: bool,
     /// Length of the window, in place of the description's.
-    #[arg(long = "span", value_name = "TIME", value_parser = time::span_us, help_heading = NETWORK)]
+    #[arg(long = "span", value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     pub(crate) span_us: Option<i64>,
     /// Most events in the window, in place of the description's.
     #[arg(long, value_name = "N", help_heading = NETWORK,
@@ -184,78 +141,87 @@ pub(crate) struct Input {
     pub(crate) approximations: ApproximationArgs,
 }
 
-/// `meissner networks`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
-pub(crate) struct NetworksArgs {
-    /// Print one JSON array.
+/// What makes results cheaper and less exact.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct ApproximationArgs {
+    /// Keep the values of a row or pixel that changes by at most X.
     ///
-    /// An object for each network: {"name", "system", "purpose", "trained" (whether the shipped weights are), "sensor":
-    /// [columns, rows] in pixels (null where any will do), "input", "outputs": list of names, "unit"}.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
+    /// X bounds the change in every channel. Without this option every change counts, and results are exact. Networks
+    /// over events: a row of a spline block that has just entered is always stored, and pooled maxima and the readout
+    /// are exact over stored rows, so that no error grows with time. Rows that are computed once on arrival (the event
+    /// level of tactigraph-frozen and tactigraph-past) stay exact.
+    #[arg(long, value_name = "X", value_parser = number, help_heading = APPROXIMATIONS)]
+    pub(crate) tolerance: Option<f32>,
+    /// Let each node of the event graph read only its first K neighbours.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..), help_heading = APPROXIMATIONS)]
+    pub(crate) neighbours: Option<u8>,
+    /// Drop events as noise where no neighbouring pixel fired in the TIME before.
+    ///
+    /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us. Filters act in this
+    /// order: --activity-filter, --refractory, --rate-limit, --stride. They act before late events, and events outside
+    /// the sensor, are dropped.
+    #[arg(long = "activity-filter", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) activity_filter_us: Option<i64>,
+    /// Drop events of a pixel within TIME of its last event that was kept.
+    #[arg(long = "refractory", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) refractory_us: Option<i64>,
+    /// Thin events evenly above this rate, in events per second.
+    ///
+    /// Bursts of up to 1 ms at that rate pass.
+    #[arg(long, value_name = "RATE", help_heading = APPROXIMATIONS,
+          value_parser = clap::value_parser!(u64).range(1..=RateLimit::HIGHEST))]
+    pub(crate) rate_limit: Option<u64>,
+    /// Keep every Nth event, and drop the others.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = APPROXIMATIONS)]
+    pub(crate) stride: Option<u32>,
+    /// Recompute a prediction only after N more accepted events.
+    ///
+    /// Until then the last prediction stands, with its time. With --stale-time as well, a prediction is recomputed as
+    /// soon as either is reached.
+    #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
+          value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
+    pub(crate) stale_events: Option<u64>,
+    /// Recompute a prediction only after TIME of stream time.
+    #[arg(long = "stale-time", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) stale_us: Option<i64>,
 }
 
-/// `meissner inspect`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
-pub(crate) struct InspectArgs {
-    /// Name of a shipped network, or a description file (.toml).
-    ///
-    /// `meissner networks` lists the shipped networks.
-    #[arg(value_name = "NETWORK")]
-    pub(crate) network: String,
-    /// Print the graph of the layers in Graphviz's DOT language.
-    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
-    pub(crate) dot: bool,
-    /// Draw the network into this file, in place of the table.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(crate) svg: Option<PathBuf>,
-    /// Print one JSON object.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
-}
+impl ApproximationArgs {
+    /// The options that only fit networks over events, and whether each was given.
+    pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
+        [
+            ("--neighbours", self.neighbours.is_some()),
+            ("--activity-filter", self.activity_filter_us.is_some()),
+            ("--refractory", self.refractory_us.is_some()),
+            ("--rate-limit", self.rate_limit.is_some()),
+            ("--stride", self.stride.is_some()),
+            ("--stale-events", self.stale_events.is_some()),
+            ("--stale-time", self.stale_us.is_some()),
+        ]
+    }
 
-/// `meissner info`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
-pub(crate) struct InfoArgs {
-    /// Recording, or - for text on standard input.
-    pub(crate) recording: PathBuf,
-    /// How it is read.
-    #[command(flatten)]
-    pub(crate) read: ReadArgs,
-    /// Print one JSON object.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
-}
+    /// The first of those given that remember events or predictions beside the engine.
+    pub(crate) fn remembers(&self) -> Option<&'static str> {
+        let [.., activity, refractory, rate, stride, stale_events, stale_us] = self.given();
+        let remembering = [activity, refractory, rate, stride, stale_events, stale_us];
+        remembering.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
 
-/// `meissner convert`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
-pub(crate) struct ConvertArgs {
-    /// Recording to read, or - for text on standard input.
-    #[arg(value_name = "IN")]
-    pub(crate) input: PathBuf,
-    /// File to write, or - for standard output.
-    ///
-    /// The file must not exist (see --force). Standard output needs --to.
-    #[arg(value_name = "OUT")]
-    pub(crate) output: PathBuf,
-    /// Replace OUT where it exists.
-    #[arg(long, short, help_heading = OUTPUT)]
-    pub(crate) force: bool,
-    /// How IN is read.
-    #[command(flatten)]
-    pub(crate) read: ReadArgs,
-    /// Size of the sensor in pixels for the header, in place of the recording's.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    pub(crate) sensor: Option<Sensor>,
-    /// Format to write [default: as OUT's extension says].
-    ///
-    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
-    #[arg(long, value_name = "FORMAT", value_enum, help_heading = OUTPUT)]
-    pub(crate) to: Option<To>,
+    /// The approximations that were asked for.
+    pub(crate) fn values(&self) -> Approximations {
+        let Self { tolerance, neighbours, activity_filter_us, refractory_us, .. } = *self;
+        let Self { rate_limit, stride, stale_events, stale_us, .. } = *self;
+        Approximations {
+            tolerance,
+            neighbours,
+            activity_filter_us,
+            refractory_us,
+            rate_limit,
+            stride,
+            stale_events,
+            stale_us,
+        }
+    }
 }
 
 /// How predictions are computed.
@@ -267,7 +233,7 @@ pub(crate) enum Mode {
     Batch,
 }
 
-impl From<Mode> for meissner_pipeline::predictor::Mode {
+impl From<Mode> for predictor::Mode {
     fn from(mode: Mode) -> Self {
         match mode {
             Mode::Incremental => Self::Incremental,
@@ -294,30 +260,6 @@ impl From<Late> for LatePolicy {
     }
 }
 
-/// The formats that can be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum To {
-    /// Text, one event a line.
-    Csv,
-    /// NumPy structured array.
-    Npy,
-    /// Prophesee DAT, version 2.
-    Dat,
-    /// Prophesee EVT 3.0.
-    Evt3,
-}
-
-impl From<To> for Format {
-    fn from(to: To) -> Self {
-        match to {
-            To::Csv => Self::Csv,
-            To::Npy => Self::Npy,
-            To::Dat => Self::Dat,
-            To::Evt3 => Self::Evt3,
-        }
-    }
-}
-
 /// Reads columns x rows.
 pub(crate) fn sensor(text: &str) -> Result<Sensor, String> {
     let side = |text: &str| text.parse().ok().filter(|&side: &u16| side > 0);
@@ -326,4 +268,10 @@ pub(crate) fn sensor(text: &str) -> Result<Sensor, String> {
         Some(Sensor::new(side(width)?, side(height)?))
     };
     parse().ok_or_else(|| "expected columns x rows, each 1 to 65535, such as 346x260".to_owned())
+}
+
+/// Reads a finite number of at least 0.
+pub(crate) fn number(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
+    number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
 }

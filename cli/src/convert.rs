@@ -1,16 +1,73 @@
 //! `meissner convert`: a recording in another format.
+#![expect(
+    clippy::doc_markdown,
+    reason = "comments of arguments are the help text, which would show the backticks"
+)]
 
 use std::io::{BufWriter, Write, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::ConvertArgs;
+use crate::args::{INPUT, OUTPUT, ReadArgs, STATUS, sensor};
 use crate::error::CliError;
 use crate::tell::tell;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::grouped;
+
+/// `meissner convert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct ConvertArgs {
+    /// Recording to read, or - for text on standard input.
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// File to write, or - for standard output.
+    ///
+    /// The file must not exist (see --force). Standard output needs --to.
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// Replace OUT where it exists.
+    #[arg(long, short, help_heading = OUTPUT)]
+    force: bool,
+    /// How IN is read.
+    #[command(flatten)]
+    read: ReadArgs,
+    /// Size of the sensor in pixels for the header, in place of the recording's.
+    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
+    sensor: Option<Sensor>,
+    /// Format to write [default: as OUT's extension says].
+    ///
+    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
+    #[arg(long, value_name = "FORMAT", value_enum, help_heading = OUTPUT)]
+    to: Option<To>,
+}
+
+/// The formats that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum To {
+    /// Text, one event a line.
+    Csv,
+    /// NumPy structured array.
+    Npy,
+    /// Prophesee DAT, version 2.
+    Dat,
+    /// Prophesee EVT 3.0.
+    Evt3,
+}
+
+impl From<To> for Format {
+    fn from(to: To) -> Self {
+        match to {
+            To::Csv => Self::Csv,
+            To::Npy => Self::Npy,
+            To::Dat => Self::Dat,
+            To::Evt3 => Self::Evt3,
+        }
+    }
+}
 
 /// Reads, writes, and says what did not come along.
 pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {

@@ -7,16 +7,14 @@ use std::process::ExitCode;
 use meissner_engine::EngineError;
 use meissner_evaluate::EvaluateError;
 use meissner_io::{Format, ImageError, IoError, Kind};
-use meissner_live::LiveError;
 use meissner_models::ModelError;
-use meissner_models::systems::contact_area::ContactError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::DecisionError;
+use meissner_pipeline::PipelineError;
 use meissner_pipeline::source::STDIN_NAME;
-use meissner_pipeline::{PipelineError, time};
 use meissner_verify::VerifyError;
 
-use crate::run;
+use crate::kind::readers;
 
 /// A subcommand gives up.
 #[derive(Debug, thiserror::Error)]
@@ -45,19 +43,6 @@ pub(crate) enum CliError {
         /// What the network is.
         kind: &'static str,
     },
-    /// Predictions were asked for between two frames.
-    #[error(
-        "--every: expected `end` or a multiple of {every}, since network {network} reads a frame every {every}, \
-         found {found}", every = time::display(*.period_us)
-    )]
-    BetweenFrames {
-        /// The network.
-        network: String,
-        /// Length of a frame.
-        period_us: i64,
-        /// What was asked for.
-        found: String,
-    },
     /// The network needs an input that the program does not hold.
     #[error("network {network}: expected {expected} as INPUT, found {found}")]
     NoInput {
@@ -68,49 +53,13 @@ pub(crate) enum CliError {
         /// What there is.
         found: &'static str,
     },
-    /// A picture of another size than the network's.
-    #[error(
-        "{}: expected {}x{} pixels, as network {network} reads them, found {}x{}",
-        path.display(), expected.0, expected.1, found.0, found.1
-    )]
-    PictureSize {
-        /// The file.
-        path: PathBuf,
-        /// The network.
-        network: String,
-        /// Width and height that it reads.
-        expected: (usize, usize),
-        /// Width and height of the picture.
-        found: (usize, usize),
-    },
-    /// A network over pictures that predicts no map of forces.
-    #[error("network {network}: expected a prediction of {expected}, a force for each pixel, found {found}")]
-    NoForceMap {
-        /// The network.
-        network: String,
-        /// The shape that fits.
-        expected: String,
-        /// The shape that it has.
-        found: String,
-    },
-    /// Overlays of two pictures would be one file, or an overlay the picture itself.
-    #[error("--overlay: {} would replace {other}; choose another folder or other names", path.display())]
-    OverlayTaken {
-        /// The overlay.
-        path: PathBuf,
-        /// What it would replace.
-        other: String,
-    },
-    /// A frame network whose frames are not made of events.
-    #[error(
-        "network {network}: bench expects a frame network whose frames are made of events (event-counts, signed), \
-         found frames = {found:?}: `meissner inspect` shows it"
-    )]
-    FramesOfOther {
-        /// Its name or its file.
-        network: String,
-        /// The word for its frames.
-        found: &'static str,
+    /// The value of an option does not fit the network or the input.
+    #[error("{option}")]
+    OptionValue {
+        /// The option.
+        option: &'static str,
+        /// Why.
+        source: Box<PipelineError>,
     },
     /// An option that does not go with the others.
     #[error("{option}: expected {expected}, found {found}")]
@@ -122,12 +71,6 @@ pub(crate) enum CliError {
         /// What was given.
         found: String,
     },
-    /// An image cannot be read or written; the reason names it.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// A setting of what stands around the network is refused.
-    #[error(transparent)]
-    Contact(#[from] ContactError),
     /// How a decision is to be held makes no sense.
     #[error(transparent)]
     Decision(#[from] DecisionError),
@@ -142,9 +85,6 @@ pub(crate) enum CliError {
         /// Why.
         source: rayon::ThreadPoolBuildError,
     },
-    /// The engine's thread cannot start, or has ended.
-    #[error(transparent)]
-    Live(LiveError),
     /// A prediction has other bits than the batch's.
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
@@ -189,7 +129,19 @@ pub(crate) enum CliError {
 
 impl From<PipelineError> for CliError {
     fn from(error: PipelineError) -> Self {
-        Self::Pipeline(Box::new(error))
+        let option = match &error {
+            PipelineError::BetweenFrames { .. }
+            | PipelineError::FramePeriod { .. }
+            | PipelineError::ManyFrames { .. } => "--every",
+            PipelineError::OverlayTaken { .. } => "--overlay",
+            _ => {
+                return match error {
+                    PipelineError::Output(error) => Self::Output(error),
+                    error => Self::Pipeline(Box::new(error)),
+                };
+            }
+        };
+        Self::OptionValue { option, source: Box::new(error) }
     }
 }
 
@@ -236,20 +188,11 @@ impl From<EvaluateError> for CliError {
     }
 }
 
-impl From<LiveError> for CliError {
-    fn from(error: LiveError) -> Self {
-        match error {
-            LiveError::Engine(error) => error.into(),
-            error => Self::Live(error),
-        }
-    }
-}
-
 impl From<VerifyError> for CliError {
     fn from(error: VerifyError) -> Self {
         match error {
             VerifyError::Engine(error) => error.into(),
-            VerifyError::Pipeline(error) => Self::Pipeline(error),
+            VerifyError::Pipeline(error) => (*error).into(),
             error => Self::Verify(error),
         }
     }
@@ -259,21 +202,15 @@ impl CliError {
     /// The remedy, if there is one beyond the message.
     pub(crate) fn hint(&self) -> Option<String> {
         match self {
-            Self::Pipeline(error) => hint(error),
+            Self::Pipeline(error) | Self::OptionValue { source: error, .. } => hint(error),
             Self::Evaluate(error) if matches!(**error, EvaluateError::NeedsTrainings(_)) => {
                 Some("add --trainings DIR".to_owned())
             }
-            Self::Image(ImageError::OtherKind { found, .. }) => run::readers(*found),
             Self::Differs { network, file, .. } => Some(format!(
                 "the minimal stream is in {file}: `meissner verify {network} --replay {file}` runs it again"
             )),
             _ => None,
         }
-    }
-
-    /// The error of the pipeline, if it is one.
-    pub(crate) fn pipeline(&self) -> Option<&PipelineError> {
-        if let Self::Pipeline(error) = self { Some(error) } else { None }
     }
 
     /// Whether the reader of standard output went away.
@@ -301,11 +238,10 @@ impl CliError {
             | Self::Exists { .. }
             | Self::Misfit { .. }
             | Self::Option { .. }
-            | Self::BetweenFrames { .. }
+            | Self::OptionValue { .. }
             | Self::NoInput { .. }
             | Self::Decision(_)
-            | Self::Verify(VerifyError::Empty(_) | VerifyError::Line { .. })
-            | Self::OverlayTaken { .. } => ExitCode::from(2),
+            | Self::Verify(VerifyError::Empty(_) | VerifyError::Line { .. }) => ExitCode::from(2),
             _ => ExitCode::from(1),
         }
     }
@@ -317,7 +253,11 @@ fn hint(error: &PipelineError) -> Option<String> {
         PipelineError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
         PipelineError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
         PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
-        PipelineError::IsFrameNetwork(_) => "`meissner inspect` shows the network",
+        PipelineError::IsFrameNetwork(_) | PipelineError::FramesOfOther { .. } => {
+            "`meissner inspect` shows the network"
+        }
+        PipelineError::ManyFrames { .. } => "--for takes a part of the recording",
+        PipelineError::Image(ImageError::OtherKind { found, .. }) => return readers(*found),
         PipelineError::IsRecording { .. } => "`meissner info` shows a recording",
         PipelineError::Cut { salvaged, .. } => {
             return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
@@ -358,7 +298,7 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
         {
             return Some(format!("{format} is read from a file: give its path in place of -"));
         }
-        IoError::OtherKind { found, .. } => return run::readers(*found),
+        IoError::OtherKind { found, .. } => return readers(*found),
         _ => return None,
     };
     Some(text.to_owned())

@@ -1,27 +1,43 @@
-//! The first lines of a report for people: what runs on what.
+//! The first lines of a report for people: input, network and weights.
 
 use std::io::{self, Write};
 
 use meissner_engine::Sensor;
+use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::provenance::ModelCard;
-
-use meissner_pipeline::model::Model;
 use meissner_pipeline::source::Source;
 use meissner_pipeline::text::grouped;
 
 /// Writes recording, network with its `mode`, weights and window.
 pub(crate) fn header(
     out: &mut impl Write,
-    model: &Model,
+    card: &ModelCard,
     mode: &str,
     source: &Source,
     sensor: Sensor,
 ) -> io::Result<()> {
-    let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
     writeln!(out, "recording    {}", source.name)?;
-    writeln!(out, "             {}, {sensor} pixels{events}", source.format)?;
-    write_model(out, &model.card, mode, Some([sensor.width, sensor.height]))?;
+    writeln!(out, "             {}", about(source, sensor))?;
+    write_model(out, card, mode, Some([sensor.width, sensor.height]))?;
     writeln!(out)
+}
+
+/// Format, sensor and events of `source`.
+pub(crate) fn about(source: &Source, sensor: Sensor) -> String {
+    let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
+    format!("{}, {sensor} pixels{events}", source.format)
+}
+
+/// Writes input, network with its `mode`, weights and frames of a frame network.
+pub(crate) fn frame_header(
+    out: &mut impl Write,
+    model: &FrameModel,
+    mode: &str,
+    [name, about]: [&str; 2],
+) -> io::Result<()> {
+    writeln!(out, "input        {name}\n             {about}")?;
+    write_model(out, &model.card, mode, None)?;
+    writeln!(out, "frames       {}: {}\n", model.description.input(), model.source)
 }
 
 /// Writes the lines of network and weights: the first says what runs on which sensor and whether the weights are trained.

@@ -1,18 +1,33 @@
 //! `meissner info`: what a recording holds.
 
 use std::io::{self, Write, stdout};
+use std::path::PathBuf;
 
 use meissner_engine::Event;
 use meissner_io::Recording;
 use serde::Serialize;
 
-use crate::args::InfoArgs;
+use crate::args::{OUTPUT, ReadArgs, STATUS};
 use crate::error::CliError;
 use crate::text::Folded;
-use meissner_pipeline::salvage::Salvaged;
+use meissner_pipeline::losses::Salvaged;
 use meissner_pipeline::text::grouped;
 
 const PEAK_US: i64 = 1_000;
+
+/// `meissner info`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct InfoArgs {
+    /// Recording, or - for text on standard input.
+    recording: PathBuf,
+    /// How it is read.
+    #[command(flatten)]
+    read: ReadArgs,
+    /// Print one JSON object.
+    #[arg(long, help_heading = OUTPUT)]
+    json: bool,
+}
 
 /// A recording in figures.
 #[derive(Debug, Serialize)]

@@ -1,8 +1,11 @@
-//! The input and the network that the options ask for.
+//! The source and the network that the arguments ask for.
 
 use std::path::Path;
 
+use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::losses::LossReason;
 use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::source::{self, STDIN_NAME, Source, is_stdin};
@@ -71,12 +74,33 @@ impl Input {
             capacity: self.capacity.map(|capacity| capacity as usize),
             approximations: self.approximations.values(),
         };
-        Model::load(&options).map_err(crate::approximations::with_option)
+        Model::load(&options).map_err(with_option)
     }
 
-    /// The source, of which every `stride`-th event is taken as the weights of `card` say.
+    /// The source, of which every `stride`-th event is taken if the weights of `card` say so.
     pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
         let source = self.read.open(self.recording.as_deref(), self.sensor.is_some(), self.strict)?;
-        Ok(source.every(card.stride()))
+        Ok(source.every(card.stride()).with_advice(advice))
+    }
+}
+
+/// The option that may help against a loss of input.
+pub(crate) fn advice(reason: LossReason) -> Option<&'static str> {
+    match reason {
+        LossReason::OutsideSensor => Some("--sensor sets it"),
+        LossReason::Late => Some("--late clamp lets such events in"),
+        LossReason::OutsideCrop => Some("`meissner inspect` shows it"),
+        LossReason::LinesRefused => Some("--strict makes the first an error"),
+        _ => None,
+    }
+}
+
+/// `error` with the option that it is about.
+fn with_option(error: PipelineError) -> CliError {
+    match error {
+        PipelineError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {
+            CliError::Option { option: "--neighbours", expected, found }
+        }
+        error => error.into(),
     }
 }

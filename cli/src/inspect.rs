@@ -1,11 +1,33 @@
 //! `meissner inspect`: a network as a table, as data, as pictures.
 
 use std::io::{Write, stderr, stdout};
+use std::path::PathBuf;
 
-use crate::args::InspectArgs;
+use meissner_pipeline::model::describe_any;
+
+use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::text::Folded;
-use meissner_pipeline::model::describe_any;
+
+/// `meissner inspect`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct InspectArgs {
+    /// Name of a shipped network, or a description file (.toml).
+    ///
+    /// `meissner networks` lists the shipped networks.
+    #[arg(value_name = "NETWORK")]
+    network: String,
+    /// Print the graph of the layers in Graphviz's DOT language.
+    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
+    dot: bool,
+    /// Draw the network into this file, in place of the table.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    svg: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long, help_heading = OUTPUT)]
+    json: bool,
+}
 
 /// Prints what `args` ask for.
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {

@@ -1,33 +1,20 @@
 //! The `meissner` program: recordings and live events in, predictions and measurements out.
 //!
-//! | file | job |
+//! | file | contents |
 //! |---|---|
-//! | `args` | what can be asked for on the command line |
-//! | `answer` | predictions in the words of their network: classes, names, units |
-//! | `approximations` | what makes results cheaper and less exact, where it is asked for |
-//! | `run/` | `meissner run` |
-//! | `play/` | `meissner play` |
-//! | `bench/` | `meissner bench` |
-//! | `eval/` | `meissner eval` |
-//! | `prepare/` | `meissner prepare` |
-//! | `pareto/` | `meissner pareto` |
-//! | `stress/` | `meissner stress` |
-//! | `soak/` | `meissner soak` |
-//! | `verify/` | `meissner verify` |
-//! | `tasks` | data sets, networks and trainings on the command line, for `eval` and `pareto` |
-//! | `threads` | threads that share work |
-//! | `header`, `progress`, `text` | how results are shown to people |
-//! | `output` | files that are written |
-//! | `tell` | messages on standard error |
-//! | `networks`, `inspect`, `draw`, `info`, `convert` | the other subcommands |
-//! | `error` | what can go wrong, and the exit status that says so |
+//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
+//! | `args`, `input` | arguments that several subcommands share; the source and the network that they ask for |
+//! | `kind` | what a network reads |
+//! | `report`, `header`, `skips`, `approximations`, `text`, `progress` | how results are shown to people and programs |
+//! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
+//! | `output`, `tell` | files that are written; messages on standard error |
+//! | `error` | what can go wrong, hints, and the exit status |
 //!
 //! Results go to standard output, messages and progress to standard error.
 #![forbid(unsafe_code)]
 // They panic where nobody reads on: `tell` does not, and results go to a locked standard output, with its errors.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-mod answer;
 mod approximations;
 mod args;
 mod bench;
@@ -39,31 +26,90 @@ mod header;
 mod info;
 mod input;
 mod inspect;
+mod kind;
 mod networks;
 mod output;
 mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod report;
 mod run;
 mod skips;
 mod soak;
 mod stress;
 mod tasks;
 mod tell;
+#[cfg(test)]
+mod tests;
 mod text;
 mod threads;
 mod verify;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
+use clap::{Parser, Subcommand};
 use meissner_pipeline::interrupt;
 
-use crate::args::{Args, Command};
+use crate::args::STATUS;
+use crate::bench::BenchArgs;
+use crate::convert::ConvertArgs;
+use crate::draw::DrawArgs;
 use crate::error::CliError;
+use crate::eval::EvalArgs;
+use crate::info::InfoArgs;
+use crate::inspect::InspectArgs;
+use crate::networks::NetworksArgs;
+use crate::pareto::ParetoArgs;
+use crate::play::PlayArgs;
+use crate::prepare::PrepareArgs;
+use crate::run::RunArgs;
+use crate::soak::SoakArgs;
+use crate::stress::StressArgs;
 use crate::tell::{tell, tell_warnings};
+use crate::verify::VerifyArgs;
+
+/// Incremental inference for event cameras and event-based touch.
+#[derive(Debug, Parser)]
+#[command(name = "meissner", version, max_term_width = 80, after_help = STATUS)]
+struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a network over a recording or a live stream.
+    Run(RunArgs),
+    /// Play a recording at real speed through a bounded queue.
+    Play(PlayArgs),
+    /// Measure latencies, work, memory and missed deadlines.
+    Bench(BenchArgs),
+    /// List the shipped networks.
+    Networks(NetworksArgs),
+    /// Show the layers, shapes and costs of a network.
+    Inspect(InspectArgs),
+    /// Draw weights for a network from a seed.
+    Draw(DrawArgs),
+    /// Show what a recording holds.
+    Info(InfoArgs),
+    /// Write a recording in another format.
+    Convert(ConvertArgs),
+    /// Judge networks on a labelled data set.
+    Eval(EvalArgs),
+    /// Measure run time against error: a network exactly, and with approximations.
+    Pareto(ParetoArgs),
+    /// Write the inputs of a network with labels, for training.
+    Prepare(PrepareArgs),
+    /// Check every promise on streams, weights and states that are built to break it.
+    Stress(StressArgs),
+    /// Run for very long, and check bits, memory and latencies.
+    Soak(SoakArgs),
+    /// Check that a network's incremental results equal full recomputation.
+    Verify(VerifyArgs),
+}
 
 /// What a program whose times mean nothing says before it runs.
 const UNOPTIMISED: &str = "note: this program was built without optimisation and is many times slower than one from \

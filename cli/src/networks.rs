@@ -7,9 +7,21 @@ use meissner_models::systems::digits;
 use meissner_models::{AnyDescription, Card, FrameSource};
 use serde::Serialize;
 
-use crate::args::NetworksArgs;
+use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::text::Table;
+
+/// `meissner networks`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct NetworksArgs {
+    /// Print one JSON array.
+    ///
+    /// An object for each network: {"name", "system", "purpose", "trained" (whether the shipped weights are), "sensor":
+    /// [columns, rows] in pixels (null where any will do), "input", "outputs": list of names, "unit"}.
+    #[arg(long, help_heading = OUTPUT)]
+    json: bool,
+}
 
 /// The systems, in the order in which they are listed.
 const ANGLE: &str = "contact angle";

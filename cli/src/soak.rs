@@ -9,7 +9,8 @@ use std::path::Path;
 
 use meissner_engine::Sensor;
 use meissner_pipeline::interrupt;
-use meissner_pipeline::lost::{Lost, Warning};
+use meissner_pipeline::losses::{InputLosses, LossWarning};
+use meissner_pipeline::memory::{peak_resident_bytes, resident_bytes};
 use meissner_pipeline::model::Model;
 use meissner_pipeline::provenance::{Header, InputCard};
 use meissner_verify::soak::{Recording, Report, Settings, Soak};
@@ -17,8 +18,8 @@ use serde::Serialize;
 
 pub(crate) use args::SoakArgs;
 
-use crate::bench::{peak_resident_bytes, resident_bytes};
 use crate::error::CliError;
+use crate::input::advice;
 use crate::output;
 use crate::progress::Progress;
 use crate::tell::tell;
@@ -28,7 +29,7 @@ use crate::text::Folded;
 #[derive(Serialize)]
 struct Document {
     header: Header,
-    warnings: Vec<Warning>,
+    warnings: Vec<LossWarning>,
     #[serde(flatten)]
     report: Report,
 }
@@ -98,10 +99,10 @@ fn run(
         }
     }
     progress.finish();
-    let lost = Lost { events: soak.counters(), sensor, outside_crop: 0, lines_refused: 0 };
+    let losses = InputLosses::of_events(soak.counters(), sensor).with_advice(advice);
     let report = soak.report(args.memory_growth, peak_resident_bytes());
     let names = report.recordings.join(", ");
     let input = InputCard::events(&names, &"recordings in a loop", sensor, None);
     let header = Header::new("soak", input, model.card.clone());
-    Ok(Document { header, warnings: lost.warn(&names), report })
+    Ok(Document { header, warnings: losses.warn(&names), report })
 }

@@ -12,7 +12,7 @@ use meissner_engine::{Admission, Event, LatePolicy};
 use meissner_io::datasets::{NmnistDataset, NmnistRecording, Split};
 use meissner_models::Description;
 use meissner_models::systems::digits::{SENSOR, check, folds, trained_as};
-use meissner_pipeline::lost::{Lost, Warning};
+use meissner_pipeline::losses::{InputLosses, LossWarning};
 use meissner_pipeline::model::describe;
 use meissner_pipeline::text::grouped;
 
@@ -120,7 +120,7 @@ impl DigitsData {
 
     /// Logs and returns the warnings about events that networks drop, of every `stride`-th event of each recording; `name`
     /// is that of the data set.
-    fn lost(&self, stride: usize, name: &str) -> Vec<Warning> {
+    fn lost(&self, stride: usize, name: &str) -> Vec<LossWarning> {
         let mut gate = Admission::new(SENSOR, LatePolicy::Drop);
         for recording in &self.recordings {
             gate.reset();
@@ -129,7 +129,7 @@ impl DigitsData {
                 let _ = gate.admit(event);
             }
         }
-        Lost { events: *gate.counters(), sensor: SENSOR, outside_crop: 0, lines_refused: 0 }.warn(name)
+        InputLosses::of_events(*gate.counters(), SENSOR).warn(name)
     }
 }
 

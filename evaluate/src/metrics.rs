@@ -8,15 +8,8 @@
 //! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so they are equal on every
 //! machine.
 
+pub use meissner_pipeline::answer::largest;
 use serde::ser::{Serialize, Serializer};
-
-/// The index of the largest value, the first of equal ones; `None` for no values and where one is NaN.
-pub fn largest(values: &[f32]) -> Option<usize> {
-    if values.iter().any(|value| value.is_nan()) {
-        return None;
-    }
-    (0..values.len()).reduce(|best, i| if values[i] > values[best] { i } else { best })
-}
 
 /// The index of the largest of the `values` of a prediction. An engine gives no others.
 pub(crate) fn predicted(values: &[f32]) -> usize {

@@ -1,12 +1,17 @@
-//! Approximations: which there are, where each takes effect, and what a run reports of them.
+//! Approximations, an engine that runs with them, and the report of what they did.
 //!
-//! Filters drop events before the engine; fewer neighbours change the network before it runs; the tolerance is an option of
-//! the engine; a stale readout repeats its last prediction. Without any of them, results are exact.
+//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The tolerance is an option of
+//! the engine. A stale readout repeats its last prediction. Without any of them, results are exact.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
 };
-use meissner_engine::{Counters, EngineError, Network, Sensor, Staleness};
+use meissner_engine::{
+    Counters, Engine, EngineError, Event, Network, Options, Sensor, StaleReadout, Staleness,
+};
 use serde::Serialize;
 
 /// Approximations that make results cheaper and less exact. `Default` has none.
@@ -73,7 +78,7 @@ impl Approximations {
         Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
     }
 
-    /// What the reports say, where any was asked for.
+    /// The report of a run with these approximations; `None` if results are exact.
     pub fn report(&self, chain: &Chain, counters: &Counters, stale: u64) -> Option<ApproximationReport> {
         let of_filter = |filter: &Filter| {
             let FilterCounters { passed, dropped } = filter.counters();
@@ -92,7 +97,7 @@ impl Approximations {
     }
 }
 
-/// The approximations that ran. What was not asked for is missing.
+/// The approximations that ran. Those that nobody asked for are missing.
 #[derive(Debug, Serialize)]
 pub struct ApproximationReport {
     /// In the order in which events came to them.
@@ -112,12 +117,12 @@ pub struct ApproximationReport {
     /// Stream time after which a prediction is recomputed, in microseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_us: Option<i64>,
-    /// Predictions that stood, and were not computed.
+    /// Predictions that were repeated and not computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_predictions: Option<u64>,
 }
 
-/// What a filter did.
+/// Events that a filter passed and dropped.
 #[derive(Debug, Serialize)]
 pub struct FilteredEvents {
     /// Name of the filter.
@@ -126,4 +131,80 @@ pub struct FilteredEvents {
     pub passed: u64,
     /// Events that it dropped.
     pub dropped: u64,
+}
+
+/// An engine with event filters and a readout that may be stale.
+#[derive(Clone, Debug)]
+pub struct FilteredEngine {
+    /// Filters, in the order in which events come to them.
+    pub chain: Chain,
+    /// The engine with its readout.
+    pub readout: StaleReadout,
+}
+
+impl FilteredEngine {
+    /// An engine for `network` with the filters, the tolerance and the staleness of `approximations`. The number of
+    /// neighbours is that of `network`, see [`Approximations::adapt`].
+    ///
+    /// # Errors
+    /// The engine refuses the sensor, an option or an approximation.
+    pub fn new(
+        network: Arc<Network>,
+        sensor: Sensor,
+        approximations: &Approximations,
+        options: Options,
+    ) -> Result<Self, EngineError> {
+        let tolerance = approximations.tolerance.unwrap_or(0.0);
+        let engine = Engine::with_options(network, sensor, options.with_tolerance(tolerance))?;
+        let readout = StaleReadout::new(engine, approximations.staleness())?;
+        Ok(Self { chain: approximations.chain(sensor)?, readout })
+    }
+
+    /// Forgets all events. Counters go on.
+    pub fn reset(&mut self) {
+        self.chain.reset();
+        self.readout.reset();
+    }
+
+    /// Whether `event` passes the filters, and how long they took.
+    pub fn admit(&mut self, event: Event) -> (bool, Duration) {
+        admit(&mut self.chain, event)
+    }
+
+    /// Hands those of `events` that pass the filters to the engine.
+    pub fn push_slice(&mut self, events: &[Event]) {
+        for &event in events {
+            if self.chain.admit(event) {
+                self.readout.push(event);
+            }
+        }
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &Engine {
+        self.readout.engine()
+    }
+
+    /// Events that no filter has dropped.
+    pub fn passed(&self) -> u64 {
+        self.engine().counters().events.pushed
+    }
+
+    /// The engine's counters. Events that a filter dropped count as pushed, repeated predictions as read.
+    pub fn counters(&self) -> Counters {
+        let mut counters = self.engine().counters();
+        counters.events.pushed += self.chain.counters().dropped;
+        counters.predictions.read += self.readout.stale();
+        counters
+    }
+}
+
+/// Whether `event` passes the filters of `chain`, and how long they took; no time if there are no filters.
+pub(crate) fn admit(chain: &mut Chain, event: Event) -> (bool, Duration) {
+    if chain.filters().is_empty() {
+        return (true, Duration::ZERO);
+    }
+    let start = Instant::now();
+    let passes = chain.admit(event);
+    (passes, start.elapsed())
 }

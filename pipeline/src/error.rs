@@ -6,10 +6,14 @@ use std::path::PathBuf;
 
 use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
-use meissner_io::{Format, IoError};
+use meissner_io::{Format, ImageError, IoError};
+use meissner_live::LiveError;
 use meissner_models::ModelError;
+use meissner_models::systems::contact_area::ContactError;
 
-use crate::salvage::Salvaged;
+use crate::losses::Salvaged;
+use crate::schedule::Every;
+use crate::text::{display_us, grouped};
 
 /// A source cannot be read, or a network cannot run.
 #[derive(Debug, thiserror::Error)]
@@ -121,9 +125,116 @@ pub enum PipelineError {
         /// Why.
         source: RepresentationError,
     },
+    /// A frame network whose frames are not made of events was given; one over frames of events was expected.
+    #[error(
+        "network {network}: expected a frame network whose frames are made of events (event-counts, signed), found frames \
+         = {found:?}"
+    )]
+    FramesOfOther {
+        /// The network.
+        network: String,
+        /// The name of its kind of frames.
+        found: &'static str,
+    },
+    /// Predictions would be due between two frames.
+    #[error(
+        "expected `end` or a multiple of {every}, since network {network} reads a frame every {every}, found {found}",
+        every = display_us(*.period_us)
+    )]
+    BetweenFrames {
+        /// The network.
+        network: String,
+        /// Length of a frame.
+        period_us: i64,
+        /// When predictions were asked for.
+        found: Every,
+    },
+    /// Frames have another period than the windows of the network, or no period.
+    #[error("expected {expected}, found {found}")]
+    FramePeriod {
+        /// The periods that fit.
+        expected: String,
+        /// When predictions were asked for.
+        found: Every,
+    },
+    /// Frames would be more than anybody waits for.
+    #[error("expected at most {} frames, found {found} frames, one every {period_us} us", grouped(*.most))]
+    ManyFrames {
+        /// The limit.
+        most: u64,
+        /// The number of frames.
+        found: u64,
+        /// Time from frame to frame.
+        period_us: i64,
+    },
+    /// A network over pictures that does not predict a map of forces.
+    #[error("network {network}: expected a prediction of {expected}, a force for each pixel, found {found}")]
+    NoForceMap {
+        /// The network.
+        network: String,
+        /// The shape that fits.
+        expected: String,
+        /// The shape that it has.
+        found: String,
+    },
+    /// A picture has another size than the input of the network.
+    #[error(
+        "{}: expected {}x{} pixels, as network {network} reads them, found {}x{}",
+        path.display(), expected.0, expected.1, found.0, found.1
+    )]
+    PictureSize {
+        /// The file.
+        path: PathBuf,
+        /// The network.
+        network: String,
+        /// Width and height that it reads.
+        expected: (usize, usize),
+        /// Width and height of the picture.
+        found: (usize, usize),
+    },
+    /// Overlays of two pictures would be one file, or an overlay would replace a picture.
+    #[error("{} would replace {other}; choose another folder or other names", path.display())]
+    OverlayTaken {
+        /// The overlay.
+        path: PathBuf,
+        /// The file that it would replace.
+        other: String,
+    },
+    /// An image cannot be read or written; the source names it.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A setting of the contact measurement is refused.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    /// A folder or a file cannot be written.
+    #[error("cannot write {}", path.display())]
+    Write {
+        /// The folder or the file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A state cannot be resumed from.
+    #[error("the state to resume from")]
+    Resume(#[source] EngineError),
+    /// The thread of the engine cannot start, or has ended.
+    #[error(transparent)]
+    Live(LiveError),
+    /// The observer of a run cannot show a result.
+    #[error("output")]
+    Output(#[source] io::Error),
     /// The engine refuses its input, or a result is not a number.
     #[error(transparent)]
     Engine(#[from] EngineError),
+}
+
+impl From<LiveError> for PipelineError {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Engine(error) => Self::Engine(error),
+            error => Self::Live(error),
+        }
+    }
 }
 
 /// Whether an error of a model names the file that it is about.

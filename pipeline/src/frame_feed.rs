@@ -1,11 +1,14 @@
-//! Events in, the frames that a network reads out.
+//! Makes the frames that a network reads from events.
 //!
 //! Enters: events in order of arrival. Leaves: the frames that a description's `[input]` asks for, (channels, rows,
-//! columns), each with its time on the events' own clock; consecutive empty frames as one run, however long the silence.
+//! columns), each with its time on the clock of the events. Consecutive empty frames are one run, however long the silence.
 //! Invariant: frames come in order of time, and every accepted event inside the crop is in a frame or will be in one.
 //!
-//! Frames over consecutive windows come once each, when time has passed the window's end, which is their time. A sliding
-//! window is read when [`Every`] says, and the time of its frame is that at which it is read.
+//! A frame over a consecutive window comes once, when time has passed the end of the window, which is the frame's time. A
+//! sliding window is read when [`Every`] says, and the time of its frame is that time.
+//!
+//! A feed that was told to [keep](FrameFeed::keep) events gives its state, and another feed resumes from it: consecutive
+//! windows with the open one, a sliding window with the events of its span.
 
 mod state;
 
@@ -17,20 +20,20 @@ use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Outcome, Sens
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
-use crate::schedule::Every;
+use crate::schedule::{Every, Last, Schedule};
 pub use state::FeedState;
 use state::KeptEvents;
 
 /// Makes the frames of one stream of events.
 pub struct FrameFeed {
-    /// Stands before the frames, whose own gates know no policy but to drop; what it lets through, they do too.
+    /// Admits events before the frames do, whose own gates only drop late events. They accept every event that it accepts.
     gate: Admission,
     frames: Frames,
-    /// Events that frames to come will show, where someone will ask for the state.
+    /// Events that later frames will show, if someone will ask for the state.
     kept: Option<KeptEvents>,
     /// Events that were accepted before this input.
     before: u64,
-    /// Events beside the frame, and evicted ones, that were so before this input.
+    /// Events outside the crop, and evicted events, before this input.
     shown_before: [u64; 2],
 }
 
@@ -64,11 +67,11 @@ pub enum FeedOutput<'a> {
 }
 
 impl FrameFeed {
-    /// A feed for the network of `description` on `sensor`; `None` where its frames are not made of events. `every`
-    /// says when a sliding window is read; consecutive windows do not ask it.
+    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says when a
+    /// sliding window is read, and does not matter to consecutive windows.
     ///
     /// # Errors
-    /// Where the sensor does not have the pixels that a frame shows.
+    /// The sensor does not have the pixels that a frame shows.
     pub fn new(
         description: &FrameDescription,
         sensor: Sensor,
@@ -104,7 +107,7 @@ impl FrameFeed {
                 let crop = place.crop(width, height, sensor);
                 let capacity = SlidingSigned::DEFAULT_CAPACITY;
                 let window = SlidingSigned::new(sensor, crop, rule, span_us, capacity)?;
-                Frames::Sliding(Sliding { window, span_us, every, due_us: None, accepted: 0 })
+                Frames::Sliding(Sliding { window, span_us, schedule: Schedule::new(every) })
             }
             _ => return Ok(None),
         };
@@ -120,8 +123,8 @@ impl FrameFeed {
         }
     }
 
-    /// Takes `event`. The frames that its time completes go to `sink` before it enters, a sliding one that is due
-    /// because of it after that. At most three calls.
+    /// Takes `event`. The frames that its time completes go to `sink` before it enters, a sliding one that is due because of
+    /// it after that.
     ///
     /// # Errors
     /// The first error of `sink`, which is not called again then.
@@ -147,7 +150,7 @@ impl FrameFeed {
             Frames::Signed { windows, period_us } => {
                 windows.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
             }
-            Frames::Sliding(sliding) => done = sliding.push(event, self.gate.epoch_us(), &mut sink),
+            Frames::Sliding(sliding) => done = sliding.push(event, &mut sink),
         }
         if let Some(kept) = &mut self.kept {
             match &self.frames {
@@ -158,8 +161,8 @@ impl FrameFeed {
         done.map(|()| Outcome::Accepted)
     }
 
-    /// After the last event: the window that is still open, or the sliding window where it is due once more. Nothing
-    /// where no event has been accepted.
+    /// Delivers what is due after the last event: the window that is still open, or the sliding window if it is due once
+    /// more. Delivers nothing if no event has been accepted.
     ///
     /// # Errors
     /// Those of `sink`.
@@ -174,17 +177,75 @@ impl FrameFeed {
         })
     }
 
+    /// From now on, keeps the events that [`Self::state`] needs.
+    pub fn keep(&mut self) {
+        self.kept.get_or_insert_default();
+    }
+
+    /// The state of the feed; `None` before the first event, and if the feed was not told to [keep](Self::keep) events.
+    pub fn state(&mut self) -> Option<FeedState> {
+        let kept = self.kept.as_ref()?;
+        let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
+        let open_us = match &mut self.frames {
+            Frames::Counts { counts, .. } => counts.open().map(|frame| frame.start_us),
+            Frames::Signed { windows, .. } => windows.open().map(|frame| frame.start_us),
+            Frames::Sliding(_) => None,
+        };
+        Some(FeedState {
+            epoch_us: self.gate.epoch_us()?,
+            now_us: self.gate.now_us()?,
+            accepted: self.before.saturating_add(self.gate.counters().accepted),
+            open_us,
+            events,
+        })
+    }
+
+    /// As [`Self::new`], but continues from `state`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn resume(
+        description: &FrameDescription,
+        sensor: Sensor,
+        late: LatePolicy,
+        every: Every,
+        state: &FeedState,
+    ) -> Result<Option<Self>, RepresentationError> {
+        let Some(mut feed) = Self::beginning(description, sensor, late, every, state.open_us)? else {
+            return Ok(None);
+        };
+        feed.keep();
+        for &(t_us, x, y, on) in &state.events {
+            let event = Event::new(t_us, x, y, on);
+            match &mut feed.frames {
+                Frames::Counts { counts, .. } => drop(counts.push(event, |_| {})),
+                Frames::Signed { windows, .. } => drop(windows.push(event, |_| {})),
+                Frames::Sliding(sliding) => drop(sliding.window.push(event)),
+            }
+            if let Some(kept) = &mut feed.kept {
+                kept.events.push_back(event);
+            }
+        }
+        if let Frames::Sliding(sliding) = &mut feed.frames {
+            sliding.schedule.resume(state.epoch_us, state.now_us, state.accepted);
+        }
+        feed.gate.resume(state.epoch_us, state.now_us);
+        feed.before = state.accepted;
+        feed.shown_before = [feed.outside_crop(), feed.evicted()];
+        Ok(Some(feed))
+    }
+
     /// The newest time; none before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.gate.now_us()
     }
 
-    /// What became of the events so far.
+    /// Counts of the events so far.
     pub fn counters(&self) -> &EventCounters {
         self.gate.counters()
     }
 
-    /// Accepted events that no frame shows because they lie outside its part of the sensor.
+    /// Accepted events outside the part of the sensor that frames show.
     pub fn outside_crop(&self) -> u64 {
         let outside_crop = match &self.frames {
             Frames::Counts { counts, .. } => counts.outside_crop(),
@@ -194,7 +255,7 @@ impl FrameFeed {
         outside_crop - self.shown_before[0]
     }
 
-    /// Events that left a sliding window before their time because it was full.
+    /// Events that left a sliding window early because it was full.
     pub fn evicted(&self) -> u64 {
         match &self.frames {
             Frames::Counts { .. } | Frames::Signed { .. } => 0,
@@ -207,60 +268,31 @@ impl FrameFeed {
 struct Sliding {
     window: SlidingSigned,
     span_us: i64,
-    every: Every,
-    /// Next time of [`Every::StreamUs`]; none before the first event and beyond the clock's end.
-    due_us: Option<i64>,
-    /// Accepted events since the last frame, for [`Every::Events`].
-    accepted: u64,
+    schedule: Schedule,
 }
 
 impl Sliding {
-    /// Goes on where another one was that had seen so many events, from the time of the first to `now_us`.
-    fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
-        match self.every {
-            Every::End => {}
-            Every::Events(events) => self.accepted = accepted % events,
-            Every::StreamUs(period_us) => {
-                // At least one: the first is due a period after the first event.
-                let count = if now_us > first_us { times(first_us, now_us, period_us) } else { 1 };
-                self.due_us = later(first_us, count, period_us);
-            }
-        }
-    }
-
-    /// Takes an accepted event; `epoch_us` is the time of the first one.
+    /// Takes an accepted event.
     fn push<E>(
         &mut self,
         event: Event,
-        epoch_us: Option<i64>,
         sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
-        if let Every::StreamUs(period_us) = self.every {
-            let is_first = self.window.counters().pushed == 0;
-            if is_first {
-                self.due_us = epoch_us.and_then(|epoch| epoch.checked_add(period_us));
-            }
-            // An event at the due time belongs to the frame.
-            while let Some(due_us) = self.due_us.filter(|&due_us| due_us < event.t_us) {
-                self.window.advance(due_us);
-                let frame = self.window.frame();
-                if frame.is_empty() {
-                    let count = times(due_us, event.t_us, period_us);
-                    self.due_us = later(due_us, count, period_us);
-                    sink(FeedOutput::Empty { count, t_us: due_us, period_us })?;
-                } else {
-                    self.due_us = due_us.checked_add(period_us);
-                    sink(feed_output(&frame, due_us, period_us))?;
-                }
+        self.schedule.begin(event.t_us);
+        let period_us = self.schedule.period_us().unwrap_or(0);
+        while let Some(due_us) = self.schedule.due_before(event.t_us) {
+            self.window.advance(due_us);
+            let frame = self.window.frame();
+            if frame.is_empty() {
+                let count = 1 + self.schedule.skip_to(event.t_us);
+                sink(FeedOutput::Empty { count, t_us: due_us, period_us })?;
+            } else {
+                sink(feed_output(&frame, due_us, period_us))?;
             }
         }
         self.window.push(event);
-        if let Every::Events(events) = self.every {
-            self.accepted += 1;
-            if self.accepted == events {
-                self.accepted = 0;
-                sink(feed_output(&self.window.frame(), event.t_us, 0))?;
-            }
+        if self.schedule.is_due_after_event() {
+            sink(feed_output(&self.window.frame(), event.t_us, 0))?;
         }
         Ok(())
     }
@@ -270,15 +302,14 @@ impl Sliding {
         now_us: Option<i64>,
         sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let (t_us, period_us) = match self.every {
-            Every::End => (now_us, 0),
-            Every::Events(_) => (None, 0),
-            // All times before the last event are done: this is the first one that covers it.
-            Every::StreamUs(period_us) => (self.due_us, period_us),
+        let t_us = match self.schedule.last() {
+            Last::Nothing => None,
+            Last::Now => now_us,
+            Last::At(due_us) => Some(due_us),
         };
         let Some(t_us) = t_us else { return Ok(()) };
         self.window.advance(t_us);
-        sink(feed_output(&self.window.frame(), t_us, period_us))
+        sink(feed_output(&self.window.frame(), t_us, self.schedule.period_us().unwrap_or(0)))
     }
 }
 
@@ -291,7 +322,7 @@ fn feed_output<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> FeedOut
     }
 }
 
-/// Hands on what a window has completed, up to the sink's first error.
+/// Hands completed frames to the sink, up to its first error.
 fn deliver<E>(
     completed: Completed<'_>,
     period_us: i64,
@@ -309,18 +340,6 @@ fn deliver<E>(
             }
         };
     }
-}
-
-/// Number of `first`, `first + period`, ... that are before `end`, which is after `first`.
-fn times(first: i64, end: i64, period: i64) -> u64 {
-    // The difference can exceed an i64 where times span its whole range.
-    let (span, period) = (i128::from(end) - i128::from(first), i128::from(period));
-    ((span + period - 1) / period) as u64
-}
-
-/// The time `count` periods after `first`; none beyond the clock's end.
-fn later(first: i64, count: u64, period: i64) -> Option<i64> {
-    i64::try_from(i128::from(first) + i128::from(count) * i128::from(period)).ok()
 }
 
 #[cfg(test)]

@@ -1,18 +1,21 @@
-//! The engine with a clock around everything that costs time.
+//! A frame engine with a clock around each call, and the cost of its layers in multiply-adds.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::EngineError;
-use meissner_engine::frames::{FrameCounters, FrameEngine, FrameNetwork, FrameOptions};
+use meissner_engine::frames::{
+    FrameCounters, FrameEngine, FrameLayerCounters, FrameNetwork, FrameOptions, FrameShape,
+};
+use meissner_models::{FrameKind, FrameLayer};
 
 use crate::latency::Latency;
 
-/// Takes frames and predicts, and knows how long that took.
+/// A frame engine that records how long its calls took.
 pub struct FramePredictor {
     engine: FrameEngine,
     options: FrameOptions,
-    /// What was counted before this run.
+    /// Counts before this run.
     before: FrameCounters,
     /// Making of frames, for each event, reading or picture.
     pub prepare: Latency,
@@ -20,7 +23,7 @@ pub struct FramePredictor {
     pub push: Latency,
     /// Predictions.
     pub predict: Latency,
-    /// From a reading to the decision behind it, for readings that have one.
+    /// From a reading to the decision after it, for readings that complete a window.
     pub decision: Latency,
     /// Time spent since the last prediction.
     update: Duration,
@@ -54,7 +57,7 @@ impl FramePredictor {
         })
     }
 
-    /// Goes on from the state in `bytes`.
+    /// Continues from the state in `bytes`.
     ///
     /// # Errors
     /// As [`FrameEngine::restore_bytes`].
@@ -74,12 +77,12 @@ impl FramePredictor {
         self.options
     }
 
-    /// So much time went into making a frame; [`Self::prepare`] counts what belongs together.
+    /// Adds time that went into making a frame. [`Self::prepare`] records whole frames.
     pub fn spent(&mut self, spent: Duration) {
         self.update += spent;
     }
 
-    /// Making a frame took so long.
+    /// Records how long making a frame took.
     pub fn prepared(&mut self, spent: Duration) {
         self.prepare.record(spent);
         self.spent(spent);
@@ -98,7 +101,7 @@ impl FramePredictor {
         pushed
     }
 
-    /// Predicts, and lets `read` make of it what it is wanted for, on the same clock.
+    /// Predicts, and hands the prediction to `read`, whose time counts too.
     ///
     /// # Errors
     /// As [`FrameEngine::predict`], and those of `read`.
@@ -137,5 +140,43 @@ impl FramePredictor {
     /// Names of the layers, in the order of [`Self::counters`].
     pub fn layers(&self) -> impl Iterator<Item = &str> {
         self.engine.network().layers()
+    }
+}
+
+/// Multiply-adds of the pixels of a layer. A layer over vectors has one pixel.
+#[derive(Clone, Debug)]
+pub struct LayerCost {
+    /// Name of the layer.
+    pub name: String,
+    /// Pixels of its output.
+    pub pixels: u64,
+    /// Of all its pixels.
+    multiply_adds: u64,
+    /// Of one absorbed pixel: where the frame is empty, a convolutional LSTM still reads its hidden state.
+    absorbed: u64,
+}
+
+impl LayerCost {
+    /// The cost of `layer`.
+    pub fn new(layer: &FrameLayer) -> Self {
+        let pixels = match layer.output {
+            FrameShape::Image { height, width, .. } => (height * width) as u64,
+            FrameShape::Vector(_) => 1,
+        };
+        let absorbed = match layer.kind {
+            // Four gates of 3 x 3.
+            FrameKind::ConvLstm { hidden, .. } => (36 * hidden * hidden) as u64,
+            _ => 0,
+        };
+        let (name, multiply_adds) = (layer.name.clone(), layer.multiply_adds as u64);
+        Self { name, pixels, multiply_adds, absorbed }
+    }
+
+    /// Multiply-adds of the pixels that `counters` counted.
+    pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
+        // In u128: a recording's pixels times a layer's products can exceed a u64.
+        let computed =
+            u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
+        u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)
     }
 }

@@ -1,6 +1,6 @@
-//! How long calls took.
+//! Durations of calls, as histograms and quantiles.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -9,6 +9,9 @@ use serde::Serialize;
 const LONGEST_NS: u64 = 3_600_000_000_000;
 /// Digits to which times are told apart.
 const DIGITS: u8 = 3;
+/// Empty measurements whose mean is the overhead of the clock, and how often that mean is taken.
+const CLOCK_READS: u32 = 2000;
+const CLOCK_RUNS: usize = 50;
 
 /// A histogram of durations, to the nanosecond and three digits.
 #[derive(Debug)]
@@ -32,6 +35,33 @@ pub struct Quantiles {
     pub p999: f64,
     /// Longest.
     pub max: f64,
+}
+
+/// Durations in microseconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Distribution {
+    /// How many.
+    pub count: u64,
+    /// Mean.
+    pub mean: f64,
+    /// Quantiles.
+    #[serde(flatten)]
+    pub quantiles: Quantiles,
+}
+
+/// Overhead of the clock in microseconds, by timing nothing: the least mean of several runs, since an interruption can only
+/// add to a mean.
+pub fn clock_us() -> f64 {
+    let mean = |_| {
+        let mut nothing = Duration::ZERO;
+        for _ in 0..CLOCK_READS {
+            let start = Instant::now();
+            nothing += start.elapsed();
+        }
+        microseconds(nothing) / f64::from(CLOCK_READS)
+    };
+    (0..CLOCK_RUNS).map(mean).fold(f64::INFINITY, f64::min)
 }
 
 /// `duration` in microseconds.
@@ -92,7 +122,13 @@ impl Latency {
         self.histogram.iter_recorded().map(point).collect()
     }
 
-    /// None where nothing was recorded.
+    /// Count, mean and quantiles; `None` if nothing was recorded.
+    pub fn distribution(&self) -> Option<Distribution> {
+        let (count, quantiles) = (self.count(), self.quantiles()?);
+        Some(Distribution { count, mean: microseconds(self.total) / count as f64, quantiles })
+    }
+
+    /// `None` if nothing was recorded.
     pub fn quantiles(&self) -> Option<Quantiles> {
         let us = |ns: u64| ns as f64 / 1e3;
         let at = |quantile| us(self.histogram.value_at_quantile(quantile).min(self.max_ns));

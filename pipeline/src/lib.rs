@@ -1,38 +1,68 @@
 //! Drives an engine over a source: recordings and live streams in, predictions out. Nothing here parses arguments or prints;
 //! messages for people go to the `log` crate.
 //!
+//! The embedded recording through a shipped network, with a line of JSON for each prediction:
+//!
+//! ```
+//! use meissner_pipeline::model::Model;
+//! use meissner_pipeline::run::{EventRun, Observer, Prediction, RunOptions};
+//! use meissner_pipeline::source::Source;
+//!
+//! struct Print;
+//!
+//! impl Observer for Print {
+//!     fn prediction(&mut self, prediction: &Prediction<'_>) -> std::io::Result<()> {
+//!         println!("{}", serde_json::to_string(prediction)?);
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let model = Model::named("tactigraph-past", None, false)?;
+//! let source = Source::open(None, &Default::default(), false, false)?;
+//! let sensor = source.sensor(None)?;
+//! let options = RunOptions { limit: Some(500), ..RunOptions::default() };
+//! EventRun::new(&model, source, sensor, options)?.run(&mut Print).result?;
+//! # Ok::<(), meissner_pipeline::PipelineError>(())
+//! ```
+//!
 //! | module | contents |
 //! |---|---|
 //! | [`source`] | events of a file, of standard input, of the embedded recording |
-//! | [`refusals`], [`lost`], [`salvage`] | malformed lines, lost input, recordings that were cut short |
+//! | [`refusals`], [`losses`] | malformed lines; lost input, and recordings that were cut short |
 //! | [`model`] | networks and weights by name or from files |
 //! | [`provenance`] | network, weights and input of a result, for reports |
-//! | [`approximations`], [`filtered`] | approximations, and an engine that runs with them |
-//! | [`schedule`], [`time`] | when predictions are read; lengths of time as text |
-//! | [`predictor`] | incremental and batch behind the same verbs |
+//! | [`answer`] | classes and probabilities of predictions |
+//! | [`approximations`] | approximations, and an engine that runs with them |
+//! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
+//! | [`predictor`] | incremental and from scratch with the same methods |
 //! | [`frame_feed`], [`frame_predictor`] | frames made of events; a frame engine with its timings |
-//! | [`latency`], [`layer_cost`] | measurements |
+//! | [`run`] | a network over a whole input: predictions, summary, states |
+//! | [`play`] | a recording at real speed through a bounded queue |
+//! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
+//! | [`latency`], [`memory`], [`skips`] | measurements |
 //! | [`interrupt`] | signals that ask the process to end |
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+pub mod answer;
 pub mod approximations;
+pub mod bench;
 pub mod error;
-pub mod filtered;
 pub mod frame_feed;
 pub mod frame_predictor;
 pub mod interrupt;
 pub mod latency;
-pub mod layer_cost;
-pub mod lost;
+pub mod losses;
+pub mod memory;
 pub mod model;
+pub mod play;
 pub mod predictor;
 pub mod provenance;
 pub mod refusals;
-pub mod salvage;
+pub mod run;
 pub mod schedule;
+pub mod skips;
 pub mod source;
 pub mod text;
-pub mod time;
 
 pub use error::PipelineError;

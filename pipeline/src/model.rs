@@ -1,4 +1,4 @@
-//! Which network runs: a description by name or from a file, its weights, and what the command line changes about it.
+//! Networks by name or from files, their weights, and options that change them.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameNetwork};
+use meissner_engine::representations::Sampling;
 use meissner_engine::{EngineError, Network};
 use meissner_io::Format;
-use meissner_models::{AnyDescription, Description, FrameDescription, ModelError, Weights};
+use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError, Weights};
 
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
@@ -17,7 +18,7 @@ use crate::provenance::ModelCard;
 /// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
 pub const DEFAULT_NETWORK: &str = "graphres";
 
-/// Which network runs, and what is changed about it.
+/// A network over events by name, and options that change it.
 #[derive(Clone, Debug, Default)]
 pub struct ModelOptions {
     /// Name of a shipped network, or path of a description file.
@@ -30,7 +31,7 @@ pub struct ModelOptions {
     pub span_us: Option<i64>,
     /// Most events in the window, in place of the description's.
     pub capacity: Option<usize>,
-    /// Approximations, of which the network itself knows the number of neighbours.
+    /// Approximations. The network itself has the number of neighbours.
     pub approximations: Approximations,
 }
 
@@ -47,11 +48,11 @@ impl ModelOptions {
     }
 }
 
-/// A network that can run, and what to say about it.
+/// A network over events with its weights.
 pub struct Model {
     /// The network.
     pub network: Network,
-    /// What it is, with which weights.
+    /// The card of network and weights, for reports.
     pub card: ModelCard,
     /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
     pub multiply_adds: Vec<u64>,
@@ -227,6 +228,50 @@ impl Model {
         let card = card(&AnyDescription::Events(description.clone()), weights, label)?;
         let card = card.running(network.fingerprint(), Some(window(&network)));
         Ok(Self { network, card, multiply_adds })
+    }
+}
+
+/// A frame network with its weights.
+pub struct FrameModel {
+    /// The name or the file that it was asked for by.
+    pub name: String,
+    /// The description.
+    pub description: FrameDescription,
+    /// What makes the frames: as in the description, with another sampling if that was asked for.
+    pub source: FrameSource,
+    /// The network.
+    pub network: Arc<FrameNetwork>,
+    /// The card of network and weights, for reports.
+    pub card: ModelCard,
+}
+
+impl FrameModel {
+    /// The frame network called `name`, or described in this file, with the weights in the file at `path` or those shipped.
+    /// Weights of another preparation are refused, unless that is to be ignored.
+    ///
+    /// # Errors
+    /// The network is unknown, or the weights do not fit.
+    pub fn named(
+        name: &str,
+        path: Option<&Path>,
+        convolution: Convolution,
+        ignore_preparation: bool,
+    ) -> Result<Self, PipelineError> {
+        let (description, shipped) = describe_frames(name)?;
+        let (weights, label) = weights(name, shipped, path)?;
+        let (network, card) =
+            frame_network(&description, (&weights, label), convolution, ignore_preparation)?;
+        let source = *description.source();
+        Ok(Self { name: name.to_owned(), description, source, network, card })
+    }
+
+    /// The same with another sampling of readings, if its frames are made of readings.
+    #[must_use]
+    pub fn with_sampling(mut self, sampling: Sampling) -> Self {
+        if let FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) = &mut self.source {
+            readings.sampling = sampling;
+        }
+        self
     }
 }
 

@@ -1,19 +1,21 @@
-//! What computes predictions: the engine, or the same network from scratch each time.
+//! The engine of a run over events: incremental, or the same network from scratch at every prediction.
 
 use std::sync::Arc;
+use std::time::Duration;
 
+use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{
-    BatchEngine, Counters, Engine, EngineError, Event, LatePolicy, Network, Options, Outcome, Prediction,
-    Search, Sensor, StaleReadout, Staleness,
+    BatchEngine, Counters, Engine, EngineError, Event, EventCounters, LatePolicy, Network, Options, Outcome,
+    Prediction, Search, Sensor, StaleReadout, Staleness,
 };
 
-use crate::approximations::Approximations;
+use crate::approximations::{ApproximationReport, Approximations, FilteredEngine, admit};
 
-/// Takes events and predicts.
+/// A network over events behind filters, incremental or from scratch.
 #[derive(Clone)]
 pub struct Predictor {
     backend: Backend,
-    /// What was counted before this run.
+    /// Counts before this run.
     before: Counters,
 }
 
@@ -23,21 +25,19 @@ pub enum Mode {
     /// Recompute the rows that an event changes.
     #[default]
     Incremental,
-    /// Recompute every row, at every prediction.
+    /// Recompute every row at every prediction.
     Batch,
 }
 
 /// The engine of a mode.
 #[derive(Clone)]
 enum Backend {
-    /// What an event changes, behind a readout that may be stale.
-    Incremental(Box<StaleReadout>),
-    /// Every row, at every prediction.
-    Batch(Box<BatchEngine>),
+    Incremental(Box<FilteredEngine>),
+    Batch(Chain, Box<BatchEngine>),
 }
 
 impl Predictor {
-    /// A predictor over an empty window.
+    /// A predictor over an empty window. [`Mode::Batch`] knows the filters of `approximations` only.
     ///
     /// # Errors
     /// The engine refuses the sensor or an approximation.
@@ -50,62 +50,73 @@ impl Predictor {
     ) -> Result<Self, EngineError> {
         let backend = match mode {
             Mode::Incremental => {
-                let tolerance = approximations.tolerance.unwrap_or(0.0);
-                let options = Options::new().with_late(late).with_tolerance(tolerance);
-                let engine = Engine::with_options(network, sensor, options)?;
-                Backend::Incremental(Box::new(StaleReadout::new(engine, approximations.staleness())?))
+                let options = Options::new().with_late(late);
+                let engine = FilteredEngine::new(network, sensor, approximations, options)?;
+                Backend::Incremental(Box::new(engine))
             }
             Mode::Batch => {
-                let batch = BatchEngine::new(network, sensor)?;
-                Backend::Batch(Box::new(batch.with_late(late).with_search(Search::Grid)))
+                let batch = BatchEngine::new(network, sensor)?.with_late(late).with_search(Search::Grid);
+                Backend::Batch(approximations.chain(sensor)?, Box::new(batch))
             }
         };
         let before = Counters { layers: backend.counters().layers, ..Counters::default() };
         Ok(Self { backend, before })
     }
 
-    /// Goes on from the state in `bytes`. Only for [`Mode::Incremental`], whose readout is not stale.
+    /// Continues from the state in `bytes`. Only for [`Mode::Incremental`], with a readout that is never stale.
     ///
     /// # Errors
     /// As [`Engine::restore_bytes`].
     pub fn resume(self, bytes: &[u8]) -> Result<Self, EngineError> {
-        let Backend::Incremental(readout) = self.backend else { return Ok(self) };
-        let mut engine = readout.into_engine();
+        let Backend::Incremental(filtered) = self.backend else { return Ok(self) };
+        let mut engine = filtered.readout.into_engine();
         engine.restore_bytes(bytes)?;
         let before = engine.counters();
-        let backend = Backend::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
-        Ok(Self { backend, before })
+        let readout = StaleReadout::new(engine, Staleness::default())?;
+        let filtered = FilteredEngine { readout, ..*filtered };
+        Ok(Self { backend: Backend::Incremental(Box::new(filtered)), before })
     }
 
     /// The engine, in [`Mode::Incremental`].
     pub fn engine(&self) -> Option<&Engine> {
         match &self.backend {
-            Backend::Incremental(readout) => Some(readout.engine()),
-            Backend::Batch(_) => None,
+            Backend::Incremental(filtered) => Some(filtered.engine()),
+            Backend::Batch(..) => None,
         }
     }
 
-    /// Forgets all events; counters go on.
+    /// Forgets all events; counters continue.
     pub fn reset(&mut self) {
         match &mut self.backend {
-            Backend::Incremental(engine) => engine.reset(),
-            Backend::Batch(batch) => batch.reset(),
+            Backend::Incremental(filtered) => filtered.reset(),
+            Backend::Batch(chain, batch) => {
+                chain.reset();
+                batch.reset();
+            }
         }
     }
 
-    /// Takes `event`.
+    /// Whether `event` passes the filters, and how long they took.
+    pub fn admit(&mut self, event: Event) -> (bool, Duration) {
+        match &mut self.backend {
+            Backend::Incremental(filtered) => admit(&mut filtered.chain, event),
+            Backend::Batch(chain, _) => admit(chain, event),
+        }
+    }
+
+    /// Takes `event`, which has passed the filters.
     pub fn push(&mut self, event: Event) -> Outcome {
         match &mut self.backend {
-            Backend::Incremental(engine) => engine.push(event),
-            Backend::Batch(batch) => batch.push(event),
+            Backend::Incremental(filtered) => filtered.readout.push(event),
+            Backend::Batch(_, batch) => batch.push(event),
         }
     }
 
-    /// Moves the clock to `t_us`.
+    /// Advances the clock to `t_us`.
     pub fn advance(&mut self, t_us: i64) {
         match &mut self.backend {
-            Backend::Incremental(engine) => engine.advance(t_us),
-            Backend::Batch(batch) => batch.advance(t_us),
+            Backend::Incremental(filtered) => filtered.readout.advance(t_us),
+            Backend::Batch(_, batch) => batch.advance(t_us),
         }
     }
 
@@ -115,38 +126,53 @@ impl Predictor {
     /// As [`Engine::predict`].
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         match &mut self.backend {
-            Backend::Incremental(engine) => engine.predict(),
-            Backend::Batch(batch) => batch.predict(),
+            Backend::Incremental(filtered) => filtered.readout.predict(),
+            Backend::Batch(_, batch) => batch.predict(),
         }
     }
 
     /// Events in the window.
     pub fn nodes(&self) -> usize {
         match &self.backend {
-            Backend::Incremental(readout) => readout.engine().nodes(),
-            Backend::Batch(batch) => batch.nodes(),
+            Backend::Incremental(filtered) => filtered.engine().nodes(),
+            Backend::Batch(_, batch) => batch.nodes(),
         }
     }
 
-    /// Predictions that stood and were not computed.
-    pub fn stale(&self) -> u64 {
-        match &self.backend {
-            Backend::Incremental(readout) => readout.stale(),
-            Backend::Batch(_) => 0,
-        }
+    /// Counts of the events that passed the filters in this run.
+    pub fn events(&self) -> EventCounters {
+        self.backend.counters().since(&self.before).events
     }
 
-    /// Counts of what the engine did in this run; predictions that stood are not among them.
+    /// Counts of this run. Events that a filter dropped count as pushed, repeated predictions as read.
     pub fn counters(&self) -> Counters {
-        self.backend.counters().since(&self.before)
+        let mut counters = self.backend.counters().since(&self.before);
+        let (chain, stale) = self.beside();
+        counters.events.pushed += chain.counters().dropped;
+        counters.predictions.read += stale;
+        counters
+    }
+
+    /// The report of `approximations` after this run; `None` if results are exact.
+    pub fn report(&self, approximations: &Approximations) -> Option<ApproximationReport> {
+        let (chain, stale) = self.beside();
+        approximations.report(chain, &self.counters(), stale)
+    }
+
+    /// The filters, and the number of repeated predictions.
+    fn beside(&self) -> (&Chain, u64) {
+        match &self.backend {
+            Backend::Incremental(filtered) => (&filtered.chain, filtered.readout.stale()),
+            Backend::Batch(chain, _) => (chain, 0),
+        }
     }
 }
 
 impl Backend {
     fn counters(&self) -> Counters {
         match self {
-            Self::Incremental(readout) => readout.engine().counters(),
-            Self::Batch(batch) => batch.counters(),
+            Self::Incremental(filtered) => filtered.engine().counters(),
+            Self::Batch(_, batch) => batch.counters(),
         }
     }
 }

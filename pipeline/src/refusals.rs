@@ -1,32 +1,31 @@
-//! Lines of a text that are not what it should hold: told, counted, and passed over, for events as for readings.
+//! Lines of a text that cannot be read, of events or of readings: they are logged, counted and skipped.
 //!
-//! Enters: what is wrong with each. Leaves: a warning for each of the first [`TOLD`], the number of all, and an error where
-//! they are not to be passed over: any with `--strict`, else where they are most of the lines.
+//! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`], the number of all, and an error
+//! if they cannot be skipped: any line of a strict source, or most lines of a text.
 
 use crate::error::PipelineError;
+use crate::losses::LINES_TOLD;
 use crate::text::grouped;
 
-/// So many are told, each with its reason.
-pub const TOLD: u64 = 5;
-/// Where more than half of so many first lines are refused, or more than half of a shorter text, the text is another.
+/// If more than half of the first lines are refused, or more than half of a shorter text, the text has another format.
 const FIRST: u64 = 100;
 
-/// What has been refused of a text so far, and what has been taken.
+/// Counts of the lines of a text, refused and taken.
 #[derive(Debug)]
 pub struct Refusals {
-    /// Of the text, for messages.
+    /// Name of the text, for messages.
     name: String,
     strict: bool,
     taken: u64,
     count: u64,
-    /// What is wrong with the first lines, while none has been taken: such a text may be another.
+    /// Problems of the first lines until one is taken: the text may have another format.
     held: Vec<String>,
-    /// What is wrong with the first.
+    /// The problem of the first refused line.
     first: String,
 }
 
 impl Refusals {
-    /// Nothing yet, of the text `name`; with `strict` the first one will be an error.
+    /// Counts for the text called `name`. With `strict`, the first refused line is an error.
     pub fn new(name: &str, strict: bool) -> Self {
         Self { name: name.to_owned(), strict, taken: 0, count: 0, held: Vec::new(), first: String::new() }
     }
@@ -41,12 +40,12 @@ impl Refusals {
         self.count
     }
 
-    /// How many were not.
+    /// How many lines were taken.
     pub fn taken(&self) -> u64 {
         self.taken
     }
 
-    /// The next line is as it should be.
+    /// Counts a line that could be read.
     pub fn take(&mut self) {
         self.taken += 1;
         for held in std::mem::take(&mut self.held) {
@@ -54,10 +53,10 @@ impl Refusals {
         }
     }
 
-    /// The next line is refused because of `problem`, which names it.
+    /// Counts a line that is refused because of `problem`, which names the line.
     ///
     /// # Errors
-    /// It is not to be passed over.
+    /// The source is strict, or most lines are refused.
     pub fn refuse(&mut self, problem: String) -> Result<(), PipelineError> {
         if self.strict {
             return Err(PipelineError::Line { recording: self.name.clone(), problem });
@@ -67,8 +66,8 @@ impl Refusals {
             self.first.clone_from(&problem);
         }
         let problem = match self.count {
-            ..=TOLD => Some(problem),
-            count if count == TOLD + 1 => {
+            ..=LINES_TOLD => Some(problem),
+            count if count == LINES_TOLD + 1 => {
                 Some("more lines are refused; the summary says how many".to_owned())
             }
             _ => None,
@@ -88,7 +87,7 @@ impl Refusals {
     /// The text has ended.
     ///
     /// # Errors
-    /// Most of it was refused.
+    /// Most lines were refused.
     pub fn end(&self) -> Result<(), PipelineError> {
         let lines = self.taken + self.count;
         if self.count > self.taken && lines < FIRST { Err(self.most(lines)) } else { Ok(()) }

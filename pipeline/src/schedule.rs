@@ -1,15 +1,15 @@
-//! When predictions are read.
+//! When predictions are read: for every event, every so many events, every so much stream time, or once at the end.
 //!
-//! Enters: the events. Leaves: for `--every Nus` the times at which a prediction is due before an event enters, for
-//! `--every N` whether one is due after it. Both modes of running follow one schedule, and so does
-//! every pass of a benchmark, so that they predict at the same moments.
+//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and whether
+//! one is due after it. Everything that reads predictions follows one [`Schedule`], so that all modes and all passes of a
+//! benchmark predict at the same times. For frames, each frame counts as an event.
 
 use std::fmt;
 use std::str::FromStr;
 
-use meissner_engine::{Admission, Event, LatePolicy, Sensor};
+use meissner_engine::{Admission, Event};
 
-use crate::time;
+use crate::text::{TIME_FORMS, display_us, span_us};
 
 /// When a prediction is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +31,8 @@ impl FromStr for Every {
             "end" => Ok(Self::End),
             _ => match text.parse() {
                 Ok(events @ 1..) => Ok(Self::Events(events)),
-                _ => time::span_us(text).map(Self::StreamUs).map_err(|_| {
-                    format!("expected `event`, `end`, a number of events such as 100, or {}", time::FORMS)
+                _ => span_us(text).map(Self::StreamUs).map_err(|_| {
+                    format!("expected `event`, `end`, a number of events such as 100, or {TIME_FORMS}")
                 }),
             },
         }
@@ -45,84 +45,107 @@ impl fmt::Display for Every {
             Self::End => f.write_str("end"),
             Self::Events(1) => f.write_str("event"),
             Self::Events(events) => write!(f, "{events}"),
-            Self::StreamUs(us) => f.write_str(&time::display(us)),
+            Self::StreamUs(us) => f.write_str(&display_us(us)),
         }
     }
 }
 
 /// Decides when a prediction is read.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Schedule {
     every: Every,
     /// Accepted events since the last prediction, for [`Every::Events`].
-    accepted: u64,
-    /// Knows which events will be accepted, and at what time: dropped ones must not move time on.
-    gate: Admission,
-    /// Next time of [`Every::StreamUs`], on the events' clock; none before the first event and beyond the clock's end.
+    since: u64,
+    /// Whether an event has been accepted.
+    has_begun: bool,
+    /// Next time of [`Every::StreamUs`]; `None` before the first event and beyond the end of the clock.
     due_us: Option<i64>,
 }
 
 impl Schedule {
-    /// The schedule of predictions `every` so often, for events of `sensor`.
-    pub fn new(every: Every, sensor: Sensor, late: LatePolicy) -> Self {
-        Self { every, accepted: 0, gate: Admission::new(sensor, late), due_us: None }
+    /// A schedule before the first event.
+    pub fn new(every: Every) -> Self {
+        Self { every, since: 0, has_begun: false, due_us: None }
     }
 
-    /// Goes on where another schedule was that had seen so many accepted events, from the time of the first to `now_us`:
-    /// periods count from the first event, whatever was asked for then.
+    /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from the
+    /// first event, even if the other schedule had another period.
     pub fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
-        self.gate.resume(first_us, now_us);
-        match self.every {
-            Every::End => {}
-            Every::Events(events) => self.accepted = accepted % events,
-            Every::StreamUs(period) => {
-                self.due_us = first_us.checked_add(period);
-                self.skip_to(now_us);
-            }
+        self.begin(first_us);
+        self.skip_to(now_us);
+        if let Every::Events(events) = self.every {
+            self.since = accepted % events;
         }
     }
 
-    /// Looks at the next event, before it is pushed: the time at which it will enter, where stream time matters and the
-    /// event will be accepted.
-    pub fn arrival_us(&mut self, event: Event) -> Option<i64> {
-        let Every::StreamUs(period) = self.every else { return None };
-        let first = self.gate.epoch_us().is_none();
-        let t_us = self.gate.admit(event).ok()?.t_us;
-        if first {
+    /// The first event is accepted at `t_us`; later calls change nothing.
+    pub fn begin(&mut self, t_us: i64) {
+        if let (Every::StreamUs(period), false) = (self.every, self.has_begun) {
             self.due_us = t_us.checked_add(period);
         }
+        self.has_begun = true;
+    }
+
+    /// Looks at `event` before it is pushed: the time at which it will enter, if stream time matters and `gate` accepts it.
+    /// Dropped events do not advance the clock.
+    pub fn arrival_us(&mut self, gate: &mut Admission, event: Event) -> Option<i64> {
+        let Every::StreamUs(_) = self.every else { return None };
+        let t_us = gate.admit(event).ok()?.t_us;
+        self.begin(t_us);
         Some(t_us)
     }
 
-    /// The next time due before `t_us`, which is then done. An event at the due time belongs to its window.
+    /// The next time due before `t_us`, which then is done. An event at a due time belongs to the window of that time.
     pub fn due_before(&mut self, t_us: i64) -> Option<i64> {
-        let Every::StreamUs(period) = self.every else { return None };
         let due = self.due_us.filter(|&due| due < t_us)?;
-        self.due_us = due.checked_add(period);
+        self.due_us = due.checked_add(self.period_us()?);
         Some(due)
     }
 
-    /// Leaves out the times before `t_us`: the window is empty until then.
-    pub fn skip_to(&mut self, t_us: i64) {
-        if let (Every::StreamUs(period), Some(due)) = (self.every, self.due_us)
-            && due < t_us
-        {
-            // The difference can exceed an i64 where times span its whole range.
-            let periods = (i128::from(t_us) - i128::from(due)).div_euclid(i128::from(period));
-            let next = i128::from(due) + periods * i128::from(period);
-            let next = if next < i128::from(t_us) { next + i128::from(period) } else { next };
-            self.due_us = i64::try_from(next).ok();
+    /// Calls `read` with each time due before `t_us`, until it returns 0, the number of events in the window: the window
+    /// then stays empty, and the other times are skipped.
+    ///
+    /// # Errors
+    /// Those of `read`.
+    pub fn each_due_before<E>(
+        &mut self,
+        t_us: i64,
+        mut read: impl FnMut(i64) -> Result<usize, E>,
+    ) -> Result<(), E> {
+        while let Some(due_us) = self.due_before(t_us) {
+            if read(due_us)? == 0 {
+                self.skip_to(t_us);
+            }
         }
+        Ok(())
+    }
+
+    /// Leaves out the times before `t_us`, and returns how many there were.
+    pub fn skip_to(&mut self, t_us: i64) -> u64 {
+        let Some((due, period)) = self.due_us.zip(self.period_us()) else { return 0 };
+        let count = times_before(due, t_us, period);
+        self.due_us = i64::try_from(i128::from(due) + i128::from(count) * i128::from(period)).ok();
+        count
     }
 
     /// An event has been accepted; whether a prediction is due.
     pub fn is_due_after_event(&mut self) -> bool {
         let Every::Events(events) = self.every else { return false };
-        self.accepted += 1;
-        if self.accepted == events {
-            self.accepted = 0;
+        self.since += 1;
+        if self.since == events {
+            self.since = 0;
         }
-        self.accepted == 0
+        self.since == 0
+    }
+
+    /// Accepted events since the last prediction, for [`Every::Events`].
+    pub fn since(&self) -> u64 {
+        self.since
+    }
+
+    /// The period of [`Every::StreamUs`].
+    pub fn period_us(&self) -> Option<i64> {
+        if let Every::StreamUs(period) = self.every { Some(period) } else { None }
     }
 
     /// What is due after the last event.
@@ -134,6 +157,13 @@ impl Schedule {
             Every::StreamUs(_) => self.due_us.map_or(Last::Nothing, Last::At),
         }
     }
+}
+
+/// How many of the times `first`, `first + period`, ... are before `end`.
+pub fn times_before(first: i64, end: i64, period: i64) -> u64 {
+    // The difference can exceed an i64 where times span its whole range.
+    let (span, period) = (i128::from(end) - i128::from(first), i128::from(period));
+    u64::try_from((span + period - 1).div_euclid(period)).unwrap_or(0)
 }
 
 /// What is due after the last event.
@@ -149,17 +179,18 @@ pub enum Last {
 
 #[cfg(test)]
 mod tests {
-    use super::{Every, Last, Schedule};
-    use meissner_engine::{Event, LatePolicy, Sensor};
+    use super::{Every, Last, Schedule, times_before};
+    use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
-    fn schedule(every: Every) -> Schedule {
-        Schedule::new(every, Sensor::new(4, 4), LatePolicy::Drop)
+    fn gate() -> Admission {
+        Admission::new(Sensor::new(4, 4), LatePolicy::Drop)
     }
 
     /// Due times before each of the events at `times`.
     fn due(schedule: &mut Schedule, times: &[i64]) -> Vec<Vec<i64>> {
+        let mut gate = gate();
         let before = |&t: &i64| {
-            let arrival = schedule.arrival_us(Event::new(t, 0, 0, true));
+            let arrival = schedule.arrival_us(&mut gate, Event::new(t, 0, 0, true));
             std::iter::from_fn(|| schedule.due_before(arrival?)).collect()
         };
         times.iter().map(before).collect()
@@ -167,7 +198,7 @@ mod tests {
 
     #[test]
     fn periods_count_from_the_first_event_and_hold_the_event_at_their_end() {
-        let mut schedule = schedule(Every::StreamUs(10));
+        let mut schedule = Schedule::new(Every::StreamUs(10));
         let due = due(&mut schedule, &[5, 15, 16, 40]);
         assert_eq!(due, [vec![], vec![], vec![15], vec![25, 35]]);
         assert_eq!(schedule.last(), Last::At(45));
@@ -175,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_skipped_gap_resumes_on_the_same_grid() {
-        let mut schedule = schedule(Every::StreamUs(10));
+        let mut schedule = Schedule::new(Every::StreamUs(10));
         due(&mut schedule, &[5]);
         for (t, next) in [(15, 15), (16, 25), (1_000_000, 1_000_005)] {
             schedule.skip_to(t);
@@ -190,7 +221,7 @@ mod tests {
         for every in [Every::StreamUs(10), Every::Events(3)] {
             for cut in 1..7 {
                 let times = [5, 6, 15, 15, 16, 40, 65];
-                let (mut whole, mut resumed) = (schedule(every), schedule(every));
+                let (mut whole, mut resumed) = (Schedule::new(every), Schedule::new(every));
                 due(&mut whole, &times[..cut]);
                 for _ in 0..cut {
                     whole.is_due_after_event();
@@ -206,18 +237,26 @@ mod tests {
     }
 
     #[test]
-    fn a_dropped_event_does_not_move_time_on() {
-        let mut schedule = schedule(Every::StreamUs(10));
+    fn a_dropped_event_does_not_advance_the_clock() {
+        let mut schedule = Schedule::new(Every::StreamUs(10));
         due(&mut schedule, &[0]);
-        assert_eq!(schedule.arrival_us(Event::new(100, 4, 0, true)), None);
+        assert_eq!(schedule.arrival_us(&mut gate(), Event::new(100, 4, 0, true)), None);
         assert_eq!(schedule.last(), Last::At(10));
     }
 
     #[test]
     fn events_are_counted_from_one_prediction_to_the_next() {
-        let mut schedule = schedule(Every::Events(3));
+        let mut schedule = Schedule::new(Every::Events(3));
         let due: Vec<bool> = (0..7).map(|_| schedule.is_due_after_event()).collect();
         assert_eq!(due, [false, false, true, false, false, true, false]);
         assert_eq!(schedule.last(), Last::Nothing);
+    }
+
+    #[test]
+    fn times_before_an_end_are_counted_over_the_whole_clock() {
+        let counts =
+            [(5, 5), (5, 6), (5, 15), (5, 16), (5, -100)].map(|(first, end)| times_before(first, end, 10));
+        assert_eq!(counts, [0, 1, 1, 2, 0]);
+        assert_eq!(times_before(i64::MIN, i64::MAX, 1), u64::MAX);
     }
 }

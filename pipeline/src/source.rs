@@ -1,16 +1,16 @@
-//! Where events come from: a file, lines on standard input as they arrive, or the recording that the program holds.
+//! Where events come from: a file, lines on standard input as they arrive, or the embedded recording.
 
 use std::fs;
 use std::io::BufRead;
 use std::path::Path;
 
-use meissner_engine::{Event, Sensor};
+use meissner_engine::{Event, EventCounters, Sensor};
 use meissner_io::{CsvEvents, Format, IoError, Place, ReadOptions, Recording};
 
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
+use crate::losses::{Advice, InputLosses, Salvaged};
 use crate::refusals::Refusals;
-use crate::salvage::Salvaged;
 
 /// A synthetic press and release; see `pipeline/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/press_release_synthetic.evt3");
@@ -18,24 +18,27 @@ const EMBEDDED_NAME: &str = "press_release_synthetic.evt3 (embedded; synthetic, 
 /// Name of standard input, for messages.
 pub const STDIN_NAME: &str = "standard input";
 
-/// A stream of events, and what is known about it.
+/// A stream of events with its name, format and geometry.
 ///
-/// Lines of a text that are no events are passed over ([`Refusals`]), unless it is to be strict.
+/// Lines of a text that cannot be read are skipped ([`Refusals`]), unless the source is strict.
 pub struct Source {
     /// For messages and reports.
     pub name: String,
     /// Its format.
     pub format: Format,
-    /// What was left out of a recording that was cut short.
+    /// The part that was kept of a recording that was cut short.
     pub salvaged: Option<Salvaged>,
     /// The geometry that it names.
     sensor: Option<Sensor>,
+    /// Events of the recording, if that is known.
+    recorded: Option<u64>,
     events: Events,
     refusals: Refusals,
     /// Every `stride`-th event is taken.
     stride: usize,
-    /// How many are passed over before the next one that is taken.
+    /// How many are skipped before the next one that is taken.
     pass_over: usize,
+    advice: Advice,
 }
 
 enum Events {
@@ -52,7 +55,7 @@ pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Standard input, which ends with an error where the program is asked to end.
+/// Standard input, which ends with an error when a signal asks the process to end.
 ///
 /// # Errors
 /// Standard input cannot be duplicated.
@@ -103,11 +106,11 @@ fn arriving(options: &ReadOptions) -> Result<CsvEvents<interrupt::Input>, Pipeli
 }
 
 impl Source {
-    /// Opens `recording`; `None` is the embedded one. With `strict`, a line of a text that is
-    /// no event is an error: of a file at once, of standard input when it comes.
+    /// Opens `recording`; `None` is the embedded one. With `strict`, a line of a text that cannot be read is an error: of a
+    /// file here, of standard input when the line arrives.
     ///
-    /// With `sensor_known`, standard input is not waited for; else its first event, since a comment before it may name
-    /// the geometry.
+    /// Without `sensor_known`, this waits for the first event on standard input, since a comment before it may name the
+    /// geometry.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -133,10 +136,12 @@ impl Source {
                     format: Format::Csv,
                     salvaged: None,
                     sensor: lines.sensor(),
+                    recorded: None,
                     events: Events::Arriving { first, lines: Box::new(lines) },
                     refusals,
                     stride: 1,
                     pass_over: 0,
+                    advice: |_| None,
                 })
             }
             Some(path) => {
@@ -155,9 +160,21 @@ impl Source {
     fn of(recording: Recording, refusals: Refusals) -> Self {
         let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, .. } = recording;
+        let recorded = Some(events.len() as u64);
         let events = Events::Read(events.into_iter());
         let name = refusals.name().to_owned();
-        Self { name, format, salvaged, sensor, events, refusals, stride: 1, pass_over: 0 }
+        Self {
+            name,
+            format,
+            salvaged,
+            sensor,
+            recorded,
+            events,
+            refusals,
+            stride: 1,
+            pass_over: 0,
+            advice: |_| None,
+        }
     }
 
     /// The geometry: `asked`, or what the recording names.
@@ -170,28 +187,43 @@ impl Source {
             .ok_or_else(|| PipelineError::NoGeometry { recording: self.name.clone(), format: self.format })
     }
 
-    /// The same with every `stride`-th event alone, the first of all among them.
+    /// The same with every `stride`-th event only, beginning with the first.
     #[must_use]
     pub fn every(self, stride: usize) -> Self {
         Self { stride: stride.max(1), ..self }
     }
 
-    /// How many events the recording has, where that is known.
-    pub fn recorded(&self) -> Option<u64> {
-        match &self.events {
-            Events::Read(events) => Some(events.len() as u64),
-            Events::Arriving { .. } => None,
-        }
+    /// The same with `advice` at the end of each warning of lost input.
+    #[must_use]
+    pub fn with_advice(self, advice: Advice) -> Self {
+        Self { advice, ..self }
     }
 
-    /// How many lines were no events so far.
+    /// Whether events are read as they arrive, from standard input.
+    pub fn is_live(&self) -> bool {
+        matches!(self.events, Events::Arriving { .. })
+    }
+
+    /// The losses so far of a run on `sensor`: `events` counts those that reached the network.
+    pub fn losses(&self, events: EventCounters, sensor: Sensor) -> InputLosses {
+        let losses = InputLosses::of_events(events, sensor);
+        losses.with_lines_refused(self.lines_refused()).with_advice(self.advice)
+    }
+
+    /// How many events the recording has, if that is known.
+    pub fn recorded(&self) -> Option<u64> {
+        self.recorded
+    }
+
+    /// How many lines could not be read so far.
     pub fn lines_refused(&self) -> u64 {
         self.refusals.count()
     }
 
-    /// How many events are to be taken, where that is known.
+    /// How many events are left to take, if that is known.
     pub fn remaining(&self) -> Option<u64> {
-        let rest = self.recorded()?.saturating_sub(self.pass_over as u64);
+        let Events::Read(events) = &self.events else { return None };
+        let rest = (events.len() as u64).saturating_sub(self.pass_over as u64);
         Some(rest.div_ceil(self.stride as u64))
     }
 

@@ -1,11 +1,12 @@
-//! `meissner bench`: what can be asked for.
+//! `meissner bench`: its arguments.
 
 use std::path::PathBuf;
 
 use crate::args::{Every, INPUT, Input, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, STATUS};
-use meissner_pipeline::time::{self, length_us, span_us};
+use meissner_pipeline::bench::{BenchOptions, Part};
+use meissner_pipeline::text::{TIME_FORMS, length_us, span_us};
 
-/// What is measured and how, at the end of the long help.
+/// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
 How it measures:
   Events are read beforehand. Then they are pushed one at a time, as fast as possible, and every push and prediction is timed by itself. The clock's overhead is measured and stated, and not subtracted. Every pass begins with a new engine:
@@ -97,12 +98,29 @@ pub(crate) struct BenchArgs {
     pub(crate) json: bool,
 }
 
+impl BenchArgs {
+    /// The options of the benchmark.
+    pub(super) fn options(&self) -> BenchOptions {
+        BenchOptions {
+            part: Part { from_us: self.from_us, for_us: self.for_us },
+            limit: self.input.limit,
+            late: self.input.late.into(),
+            every: self.every,
+            approximations: self.input.approximations.values(),
+            repeat: self.repeat,
+            warmup: self.warmup,
+            burst_rate: self.burst_rate,
+            period_us: self.period_us,
+        }
+    }
+}
+
 /// A single prediction at the end has no distribution.
 fn every(text: &str) -> Result<Every, String> {
     match text.parse() {
         Ok(every @ (Every::Events(_) | Every::StreamUs(_))) => Ok(every),
         Ok(Every::End) | Err(_) => {
-            Err(format!("expected `event`, a number of events such as 100, or {}", time::FORMS))
+            Err(format!("expected `event`, a number of events such as 100, or {TIME_FORMS}"))
         }
     }
 }

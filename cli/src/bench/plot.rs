@@ -1,15 +1,14 @@
 //! The picture of `bench --svg`: how long calls took, of all events and of those in each phase.
 
+use meissner_pipeline::bench::{EventReport, Measured, whole};
 use meissner_pipeline::latency::Latency;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Distribution, LatencyCurve, Panel, page};
 
-use super::pass::Measured;
-use super::report::{Report, whole};
 use crate::text::file_name;
 
 /// The picture, as the text of a file.
-pub(super) fn svg(report: &Report, measured: &Measured) -> String {
+pub(super) fn svg(report: &EventReport, measured: &Measured) -> String {
     let [push, predict, push_predict] = whole(measured);
     let (idle, burst) = (&measured.idle.push_predict, &measured.burst.push_predict);
     let mut curves = vec![("push", &push), ("predict", &predict), ("push + predict", &push_predict)];
@@ -23,16 +22,17 @@ pub(super) fn svg(report: &Report, measured: &Measured) -> String {
         points: latency.longer(),
     };
     let curves = curves.into_iter().enumerate().map(curve).filter(|curve| !curve.points.is_empty()).collect();
-    let passes = if report.passes > 1 { format!(" x {} passes", report.passes) } else { String::new() };
+    let input = &report.input;
+    let passes = if input.passes > 1 { format!(" x {} passes", input.passes) } else { String::new() };
     let about = format!(
         "{}: {} events{passes}\n{} predictions, {} kernels",
-        file_name(&report.recording),
-        grouped(report.events),
+        file_name(&input.recording),
+        grouped(input.events),
         grouped(report.predictions),
-        report.isa
+        input.isa
     );
     page(
-        &format!("Latency of {}", report.network),
+        &format!("Latency of {}", input.card.network.name),
         &about,
         &[vec![Panel::Distribution(Distribution { curves })]],
     )

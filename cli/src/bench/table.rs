@@ -2,48 +2,78 @@
 
 use std::io::{self, Write};
 
-use super::report::{DeadlineReport, Distribution, PhaseReport, PhasesReport, Report, Work};
-use crate::text::{Table, duration};
-use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::bench::{DeadlineReport, EventReport, InputReport, PhaseReport, PhasesReport, Work};
+use meissner_pipeline::latency::{Distribution, Quantiles};
 use meissner_pipeline::text::grouped;
 
-/// Writes everything but the headings that say what ran on what.
-pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
+use crate::header::write_model;
+use crate::report::summary;
+use crate::skips;
+use crate::text::{Table, duration};
+
+/// Writes the report of a network over events.
+pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
+    let input = &report.input;
+    recording(out, input, input.recorded, None, "incremental")?;
+    writeln!(out)?;
+    if input.part.is_some() {
+        writeln!(out, "part         {}", input.part)?;
+    }
     counts(out, report)?;
     latencies(out, report)?;
     phases(out, &report.phases)?;
-    report.skips.write(out)?;
+    skips::write(&report.skips, out)?;
     work(out, &report.work)?;
     stages(out, report)?;
     memory(out, report)?;
     deadline(out, &report.deadline)
 }
 
-fn counts(out: &mut impl Write, report: &Report) -> io::Result<()> {
-    let (events, accepted) = (grouped(report.events), grouped(report.accepted));
+/// Writes recording and network. `events` is how many the recording has; `part` is a line for the measured part.
+pub(super) fn recording(
+    out: &mut impl Write,
+    input: &InputReport,
+    events: Option<u64>,
+    part: Option<&String>,
+    mode: &str,
+) -> io::Result<()> {
+    let events = events.map_or_else(String::new, |events| format!(", {} events", grouped(events)));
+    writeln!(out, "recording    {}", input.recording)?;
+    writeln!(out, "             {}, {} pixels{events}", input.format, input.sensor)?;
+    if let Some(part) = part {
+        writeln!(out, "             {part}")?;
+    }
+    write_model(out, &input.card, mode, Some([input.sensor.width, input.sensor.height]))
+}
+
+/// Memory that the process had resident, for the end of a line.
+pub(super) fn peak(bytes: Option<u64>) -> String {
+    let text = |bytes| format!("; the process at most {} resident, with the recording", mebibytes(bytes));
+    bytes.map_or_else(String::new, text)
+}
+
+/// "pass" or "passes".
+pub(super) fn passes(count: u32) -> String {
+    format!("{count} {}", if count == 1 { "pass" } else { "passes" })
+}
+
+fn counts(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
+    let input = &report.input;
+    let (events, accepted) = (grouped(input.events), grouped(input.accepted));
     writeln!(out, "events       {events} taken, {accepted} accepted")?;
-    for (reason, &count) in report.dropped.iter().filter(|&(_, &count)| count > 0) {
-        writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
-    }
-    if report.lines_refused > 0 {
-        writeln!(out, "refused      {} lines that are no events", grouped(report.lines_refused))?;
-    }
-    let predictions = grouped(report.predictions);
-    writeln!(
-        out,
-        "predictions  {predictions}, windows of at most {} events",
-        grouped(report.nodes_max as u64)
-    )?;
+    summary::dropped(out, &input.dropped)?;
+    summary::refused(out, input.lines_refused)?;
+    let (predictions, nodes_max) = (grouped(report.predictions), grouped(report.nodes_max as u64));
+    writeln!(out, "predictions  {predictions}, windows of at most {nodes_max} events")?;
     if let Some(approximations) = &report.approximations {
         crate::approximations::write(approximations, out)?;
     }
-    let passes = if report.passes == 1 { "pass" } else { "passes" };
     writeln!(
         out,
-        "measured     {} {passes} after a warm-up of {} events, {} kernels, clock {:.3} us a measurement, not subtracted",
-        report.passes,
+        "measured     {} after a warm-up of {} events, {} kernels, clock {:.3} us a measurement, not subtracted",
+        passes(input.passes),
         grouped(report.warmup_events),
-        report.isa,
+        input.isa,
         report.clock_us
     )
 }
@@ -52,7 +82,7 @@ const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "ma
 
 /// A row's quantiles.
 pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
-    let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max } } = *distribution;
+    let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max }, .. } = *distribution;
     let times = [mean, p50, p90, p99, p999, max].map(duration);
     std::iter::once(grouped(count)).chain(times)
 }
@@ -62,7 +92,7 @@ pub(super) fn headings<'a>(first: &'a [&'a str]) -> Vec<&'a str> {
     first.iter().copied().chain(QUANTILES).collect()
 }
 
-fn latencies(out: &mut impl Write, report: &Report) -> io::Result<()> {
+fn latencies(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     let (all, PhasesReport { idle, burst, .. }) = (&report.latency_us, &report.phases);
     let (idle, burst) = (&idle.latency_us, &burst.latency_us);
     let mut table = Table::new(&headings(&["latency (us)"]));
@@ -79,11 +109,7 @@ fn latencies(out: &mut impl Write, report: &Report) -> io::Result<()> {
     }
     writeln!(out)?;
     table.write(out)?;
-    if let Some(rate) = report.events_per_s {
-        let rate = grouped(rate.round() as u64);
-        writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")?;
-    }
-    Ok(())
+    summary::rate(out, report.events_per_s)
 }
 
 fn phases(out: &mut impl Write, phases: &PhasesReport) -> io::Result<()> {
@@ -128,7 +154,7 @@ fn work(out: &mut impl Write, work: &Work) -> io::Result<()> {
     Ok(())
 }
 
-fn stages(out: &mut impl Write, report: &Report) -> io::Result<()> {
+fn stages(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     let mut table = Table::new(&["stage", "us an event", "share (%)"]);
     for stage in &report.stages {
         table.row([
@@ -147,10 +173,8 @@ pub(super) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-fn memory(out: &mut impl Write, report: &Report) -> io::Result<()> {
-    let peak = report.memory.peak_resident_bytes.map_or_else(String::new, |bytes| {
-        format!("; the process at most {} resident, with the recording", mebibytes(bytes))
-    });
+fn memory(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
+    let peak = peak(report.memory.peak_resident_bytes);
     writeln!(out, "\nmemory       {} of state{peak}", mebibytes(report.memory.state_bytes))
 }
 

@@ -7,8 +7,8 @@ use std::io::{self, Write};
 use meissner_evaluate::digits::{Judged, Options, Protocol, Report, evaluate};
 use meissner_evaluate::trainings::seed_name;
 use meissner_models::systems::digits::CLASSES;
+use meissner_pipeline::text;
 use meissner_pipeline::text::grouped;
-use meissner_pipeline::time;
 
 use super::{NONE, OutputArgs, Views, confusion, spread};
 use crate::args::{Mode, NETWORK, PREDICTIONS, STATUS};
@@ -76,7 +76,7 @@ pub(super) struct DigitsArgs {
 
 /// Reads a time from one prediction to the next.
 fn every_us(text: &str) -> Result<i64, String> {
-    let us = time::span_us(text)?;
+    let us = text::span_us(text)?;
     let fits = (100..=10_000_000).contains(&us);
     if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }
 }

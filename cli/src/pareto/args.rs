@@ -7,7 +7,7 @@ use clap::Subcommand;
 use meissner_engine::Sensor;
 use meissner_evaluate::pareto::Options;
 use meissner_pipeline::source::is_stdin;
-use meissner_pipeline::time::length_us;
+use meissner_pipeline::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
 use crate::tasks::{DigitsTask, SlipTask};

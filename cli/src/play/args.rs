@@ -1,4 +1,4 @@
-//! `meissner play`: what can be asked for.
+//! `meissner play`: its arguments.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -6,9 +6,10 @@ use std::time::Duration;
 use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Refractory};
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions};
+use meissner_pipeline::play::PlayOptions;
 
 use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS};
-use meissner_pipeline::time;
+use meissner_pipeline::text::{length_us, span_us};
 
 /// At the end of the long help.
 const EXAMPLES: &str = "\
@@ -79,7 +80,7 @@ pub(crate) struct PlayArgs {
     pub(crate) json: bool,
 }
 
-/// What `--overload` names, before the sensor is known.
+/// An overload policy, before the sensor is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Policy {
     Block,
@@ -91,9 +92,26 @@ pub(crate) enum Policy {
     Rate(u64),
 }
 
+impl PlayArgs {
+    /// The options of the play on `sensor`.
+    pub(super) fn options(&self, sensor: Sensor) -> Result<PlayOptions, EngineError> {
+        Ok(PlayOptions {
+            speed: self.speed,
+            queue: self.queue as usize,
+            overload: self.overload.overload(sensor)?,
+            report_every: self.report_every,
+            deadline: self.deadline,
+            late: self.input.late.into(),
+            approximations: self.input.approximations.values(),
+            limit: self.input.limit,
+            verify: self.verify.then_some(meissner_reference::PROPOSE),
+        })
+    }
+}
+
 impl Policy {
     /// The policy for `sensor`.
-    pub(super) fn overload(self, sensor: Sensor) -> Result<Overload, EngineError> {
+    fn overload(self, sensor: Sensor) -> Result<Overload, EngineError> {
         let filter = match self {
             Self::Block => return Ok(Overload::Block),
             Self::DropOldest => return Ok(Overload::DropOldest),
@@ -111,7 +129,7 @@ impl FromStr for Policy {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let us = |text| time::span_us(text).ok();
+        let us = |text| span_us(text).ok();
         let policy = match text.split_once(':') {
             None => match text {
                 "block" => Some(Self::Block),
@@ -135,12 +153,12 @@ impl FromStr for Policy {
 
 /// Reads a length of time.
 fn length(text: &str) -> Result<Duration, String> {
-    time::length_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
+    length_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
 }
 
 /// Reads a length of time above 0.
 fn period(text: &str) -> Result<Duration, String> {
-    time::span_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
+    span_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
 }
 
 /// Reads a positive factor.

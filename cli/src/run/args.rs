@@ -1,15 +1,22 @@
-//! `meissner run`: what can be asked for.
+//! `meissner run`: its arguments.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use meissner_engine::frames::Convolution;
+use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::provenance::{Header, ModelCard};
+use meissner_pipeline::run::{RunOptions, SaveState};
+use meissner_pipeline::text::span_us;
 
-use super::state::StateArgs;
-use crate::approximations::number;
-use crate::args::{ELECTRODES, Every, FRAMES, Input, Mode, OUTPUT, PREDICTIONS, STATUS};
+use crate::args::{ELECTRODES, Every, FRAMES, Input, Late, Mode, OUTPUT, PREDICTIONS, STATE, STATUS, number};
+use crate::error::CliError;
+use crate::kind::NetworkKind;
+use crate::progress::Progress;
+use crate::report::{About, TableKind};
 
 /// At the end of the long help.
 const EXAMPLES: &str = "\
@@ -38,12 +45,12 @@ JSON (--json): one object a line: a header that says what runs on what, predicti
 pub(crate) struct RunArgs {
     /// Input and network.
     #[command(flatten)]
-    pub(crate) input: Input,
+    pub(super) input: Input,
     /// Recompute what an event changes, or every row at every prediction.
     ///
     /// Both give the same values, bit for bit.
     #[arg(long, value_enum, default_value_t = Mode::Incremental, help_heading = PREDICTIONS)]
-    pub(crate) mode: Mode,
+    pub(super) mode: Mode,
     /// When to predict [default: 10ms, or every frame].
     ///
     /// event: after every accepted event. N: after every N accepted events. end: once, at the end of the input. TIME:
@@ -55,66 +62,66 @@ pub(crate) struct RunArgs {
     /// a multiple of the windows' length. Over a sliding window, a frame is formed whenever a prediction is due. Empty
     /// frames count like others (see --longest-silence).
     #[arg(long, value_name = "event|N|TIME|end", help_heading = PREDICTIONS)]
-    pub(crate) every: Option<Every>,
+    pub(super) every: Option<Every>,
     /// Print JSON lines: the predictions, then a summary.
     ///
     /// The keys are explained below.
     #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
+    pub(super) json: bool,
     /// Where a run goes on later, or from.
     #[command(flatten)]
-    pub(crate) state: StateArgs,
+    pub(super) state: StateArgs,
     /// How a frame network runs.
     #[command(flatten)]
-    pub(crate) frames: FrameArgs,
+    pub(super) frames: FrameArgs,
     /// What is made of readings and decisions.
     #[command(flatten)]
-    pub(crate) electrodes: ElectrodeArgs,
+    pub(super) electrodes: ElectrodeArgs,
 }
 
 /// What can be asked for where the network reads frames.
 #[derive(Debug, clap::Args)]
-pub(crate) struct FrameArgs {
+pub(super) struct FrameArgs {
     /// Compute everything at every frame, also what no change reaches.
     ///
     /// The results have the same bits.
     #[arg(long, conflicts_with = "tolerance", help_heading = FRAMES)]
-    pub(crate) no_skip: bool,
+    pub(super) no_skip: bool,
     /// How 3 x 3 convolutions of many channels are computed [default: direct].
     ///
     /// Winograd's ways round differently: they are an approximation.
     #[arg(long, value_enum, value_name = "WAY", help_heading = FRAMES)]
-    pub(crate) convolution: Option<Way>,
+    pub(super) convolution: Option<Way>,
     /// Threads that share the rows of large maps, 1 or 2 [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = FRAMES)]
-    pub(crate) threads: Option<u8>,
+    pub(super) threads: Option<u8>,
     /// Most empty frames in a row that are pushed [default: 6000].
     ///
     /// Each empty frame is a step of the network. After that many, the state goes back to that before the first frame,
     /// until events come again. 6000 is a minute of frames of 10 ms. The summary counts both.
     #[arg(long, value_name = "N", help_heading = FRAMES)]
-    pub(crate) longest_silence: Option<u64>,
+    pub(super) longest_silence: Option<u64>,
     /// Draw forces, outline and centroid over each picture, into this folder.
     ///
     /// The files are PNG, with the names of the pictures.
     #[arg(long, value_name = "DIR", help_heading = FRAMES)]
-    pub(crate) overlay: Option<PathBuf>,
+    pub(super) overlay: Option<PathBuf>,
     /// Force in N per pixel at the overlay's strongest colour.
     ///
     /// Without it, this is the strongest force of each picture.
     #[arg(long, value_name = "X", requires = "overlay", value_parser = number, help_heading = FRAMES)]
-    pub(crate) full_scale: Option<f32>,
+    pub(super) full_scale: Option<f32>,
     /// Picture without contact, to compare with by plain differences.
     ///
     /// Adds the area and the centroid of where a picture differs from this one by more than 10 of 255 levels, in the
     /// mean over 5 x 5 pixels.
     #[arg(long, value_name = "IMAGE", help_heading = FRAMES)]
-    pub(crate) reference: Option<PathBuf>,
+    pub(super) reference: Option<PathBuf>,
 }
 
 /// What can be asked for where the network reads electrodes.
 #[derive(Debug, clap::Args)]
-pub(crate) struct ElectrodeArgs {
+pub(super) struct ElectrodeArgs {
     /// Which readings form a window [default: as the network's description says].
     ///
     /// sliding: the newest readings, with a prediction at every reading, as a controller needs it (the shipped
@@ -126,24 +133,24 @@ pub(crate) struct ElectrodeArgs {
     /// or earlier. Nothing is printed while a new window fills. The summary counts each of these, values outside 0 to
     /// 4095, and intervals more than 20 % off 10 ms; the latter two are used as they are.
     #[arg(long, value_name = "sliding|consecutive|N", value_parser = sampling, help_heading = ELECTRODES)]
-    pub(crate) sampling: Option<Sampling>,
+    pub(super) sampling: Option<Sampling>,
     /// Change the decision only when N windows in a row agree [default: 1].
     ///
     /// The first decision, too, needs N windows that agree; until then there is none. With sliding windows at 100 Hz a
     /// decision comes 10 (N - 1) ms after the first window that would have made it. The decision is forgotten where a
     /// window begins anew (see --sampling).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = ELECTRODES)]
-    pub(crate) hold: Option<u32>,
+    pub(super) hold: Option<u32>,
     /// Ignore windows whose largest probability is below P [default: 0].
     ///
     /// Such a window leaves the decision as it is, and ends a run of windows that agree (see --hold).
     #[arg(long, value_name = "P", value_parser = probability, help_heading = ELECTRODES)]
-    pub(crate) least_probability: Option<f32>,
+    pub(super) least_probability: Option<f32>,
 }
 
 /// How 3 x 3 convolutions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Way {
+pub(super) enum Way {
     /// Multiply and add, pixel by pixel.
     Direct,
     /// Winograd's filtering of 2 x 2 pixels.
@@ -158,6 +165,197 @@ impl From<Way> for Convolution {
             Way::Direct => Self::Direct,
             Way::Winograd2 => Self::Winograd(WinogradTile::Two),
             Way::Winograd4 => Self::Winograd(WinogradTile::Four),
+        }
+    }
+}
+
+/// What can be asked for where a run goes on later.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct StateArgs {
+    /// Write the state after the last event to this file, for --resume.
+    ///
+    /// For networks over events, and over frames of events. What is due only because the input ends (the prediction of
+    /// --every TIME, a frame whose window is still open) is left to the run that goes on; --every end predicts. The state
+    /// is also written at Ctrl-C, SIGTERM and errors of input and output, but not where the engine ends with an error or
+    /// most of a text is refused. The file is replaced whole: a crash while it is written leaves the former one.
+    #[arg(long, value_name = "FILE", help_heading = STATE)]
+    pub(super) save_state: Option<PathBuf>,
+    /// Write the state also whenever TIME of stream time has passed.
+    #[arg(long = "save-every", value_name = "TIME", requires = "save_state", value_parser = span_us,
+          help_heading = STATE)]
+    pub(super) save_every_us: Option<i64>,
+    /// Go on from the state in this file; INPUT is what comes after it.
+    ///
+    /// Both runs together print what one run would. Network, weights, sensor, --late and --tolerance must be those of
+    /// the run that wrote the state, or it is refused. Events that the other run has already seen are not recognised:
+    /// those before its last event are late (see --late), and those at its time count twice. "rows" of the first
+    /// prediction and "skips" are of this run, which computes each row anew.
+    #[arg(long, value_name = "FILE", help_heading = STATE)]
+    pub(super) resume: Option<PathBuf>,
+}
+
+impl StateArgs {
+    /// The first of the options that was given.
+    fn given(&self) -> Option<&'static str> {
+        let options = [("--save-state", self.save_state.is_some()), ("--resume", self.resume.is_some())];
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+}
+
+impl RunArgs {
+    /// The options of a run over events.
+    pub(super) fn options(&self) -> Result<RunOptions, CliError> {
+        let read = |path: &PathBuf| {
+            fs::read(path).map_err(|source| PipelineError::Open { path: path.clone(), source })
+        };
+        let save = |path: PathBuf| SaveState { path, every_us: self.state.save_every_us };
+        Ok(RunOptions {
+            mode: self.mode.into(),
+            every: self.every,
+            late: self.input.late.into(),
+            approximations: self.input.approximations.values(),
+            limit: self.input.limit,
+            resume: self.state.resume.as_ref().map(read).transpose()?,
+            save: self.state.save_state.clone().map(save),
+            longest_silence: self.frames.longest_silence,
+        })
+    }
+
+    /// `error`, with the file that it is about.
+    pub(super) fn refused(&self, error: PipelineError) -> CliError {
+        match (error, &self.state.resume) {
+            (PipelineError::Resume(source), Some(path)) => CliError::Resume { path: path.clone(), source },
+            (error, _) => error.into(),
+        }
+    }
+
+    /// The options of a frame engine; `sparse` frames are mostly zeros.
+    pub(super) fn frame_options(&self, sparse: bool) -> FrameOptions {
+        let skip = match self.input.approximations.tolerance {
+            Some(tolerance) => Skip::Tolerance(tolerance),
+            None if self.frames.no_skip => Skip::Nothing,
+            None => Skip::Exact,
+        };
+        let two_threads = self.frames.threads == Some(2);
+        FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads)
+    }
+
+    /// How a frame network runs, for people.
+    pub(super) fn mode_of(&self, options: FrameOptions) -> String {
+        let skip = match options.skip {
+            Skip::Nothing => "computes everything".to_owned(),
+            Skip::Exact => "computes what changes".to_owned(),
+            Skip::Tolerance(tolerance) => {
+                format!("computes what changes by more than {tolerance} (an approximation)")
+            }
+        };
+        let way = match self.frames.convolution.unwrap_or(Way::Direct) {
+            Way::Direct => "",
+            Way::Winograd2 => ", convolves by Winograd 2 x 2 (an approximation)",
+            Way::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
+        };
+        let threads = if options.two_threads { ", two threads" } else { "" };
+        format!("{skip}{way}{threads}")
+    }
+
+    pub(super) fn about<'a>(
+        &self,
+        header: &'a Header,
+        card: &'a ModelCard,
+        table: TableKind,
+        live: bool,
+        total: Option<u64>,
+    ) -> About<'a> {
+        let progress = Progress::new(total, self.json);
+        About { json: self.json, live, header, card, table, total, progress }
+    }
+
+    /// The path of the input, which must be `expected`.
+    pub(super) fn recording(&self, expected: &'static str) -> Result<&Path, CliError> {
+        self.input.recording.as_deref().ok_or_else(|| self.no_input(expected, "no INPUT"))
+    }
+
+    pub(super) fn no_input(&self, expected: &'static str, found: &'static str) -> CliError {
+        CliError::NoInput { network: self.input.network.clone(), expected, found }
+    }
+
+    /// Refuses options that do not fit a network of `kind`.
+    pub(super) fn check(&self, kind: NetworkKind) -> Result<(), CliError> {
+        use NetworkKind::{Electrodes, EventFrames, EventGraph, Pictures};
+        let Self { input, frames, electrodes, .. } = self;
+        let all_frames: &[NetworkKind] = &[EventFrames, Electrodes, Pictures];
+        let events: &[NetworkKind] = &[EventGraph, EventFrames];
+        let options: [(&str, bool, &[NetworkKind]); 19] = [
+            ("--sensor", input.sensor.is_some(), events),
+            ("--late clamp", input.late == Late::Clamp, events),
+            ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
+            ("--every", self.every.is_some(), events),
+            ("--save-state", self.state.save_state.is_some(), events),
+            ("--resume", self.state.resume.is_some(), events),
+            ("--span", input.span_us.is_some(), &[EventGraph]),
+            ("--capacity", input.capacity.is_some(), &[EventGraph]),
+            ("--mode batch", self.mode == Mode::Batch, &[EventGraph]),
+            ("--no-skip", frames.no_skip, all_frames),
+            ("--convolution", frames.convolution.is_some(), all_frames),
+            ("--threads", frames.threads.is_some(), all_frames),
+            ("--longest-silence", frames.longest_silence.is_some(), &[EventFrames]),
+            ("--overlay", frames.overlay.is_some(), &[Pictures]),
+            ("--full-scale", frames.full_scale.is_some(), &[Pictures]),
+            ("--reference", frames.reference.is_some(), &[Pictures]),
+            ("--sampling", electrodes.sampling.is_some(), &[Electrodes]),
+            ("--hold", electrodes.hold.is_some(), &[Electrodes]),
+            ("--least-probability", electrodes.least_probability.is_some(), &[Electrodes]),
+        ];
+        let of_graphs =
+            input.approximations.given().map(|(option, given)| (option, given, &[EventGraph][..]));
+        let of_events = input.read.given().map(|(option, given)| (option, given, events));
+        let misfit = options
+            .into_iter()
+            .chain(of_graphs)
+            .chain(of_events)
+            .find(|(_, given, kinds)| *given && !kinds.contains(&kind));
+        misfit.map_or(Ok(()), |(option, _, kinds)| {
+            let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
+            Err(CliError::Misfit { option, fits, network: input.network.clone(), kind: kind.name() })
+        })
+    }
+
+    /// Refuses approximations that keep results from one prediction to the next in batch mode, and states of runs that
+    /// remember more than the state holds.
+    pub(super) fn check_state(&self) -> Result<(), CliError> {
+        let approximations = &self.input.approximations;
+        let batch = self.mode == Mode::Batch;
+        let given = [
+            ("--tolerance", approximations.tolerance.is_some()),
+            ("--stale-events", approximations.stale_events.is_some()),
+            ("--stale-time", approximations.stale_us.is_some()),
+        ];
+        if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && batch) {
+            return Err(CliError::Option {
+                option,
+                expected: "--mode incremental with it, since it says what may be kept".to_owned(),
+                found: "--mode batch, which computes every row at every prediction".to_owned(),
+            });
+        }
+        let Some(option) = self.state.given() else { return Ok(()) };
+        let found = match approximations.remembers() {
+            _ if batch => "--mode batch, which keeps all events".to_owned(),
+            Some(other) => format!("{other}, which remembers what the state does not hold"),
+            None => return Ok(()),
+        };
+        let expected = "neither --mode batch nor filters nor a stale readout with it".to_owned();
+        Err(CliError::Option { option, expected, found })
+    }
+
+    /// Refuses a state of a run that skips events: the state does not say which event is next.
+    pub(super) fn check_stride(&self, card: &ModelCard) -> Result<(), CliError> {
+        match (self.state.given(), card.stride()) {
+            (Some(option), 2..) => Err(CliError::Option {
+                option,
+                expected: "weights of a network that takes every event".to_owned(),
+                found: format!("weights with metadata \"stride\" {}", card.stride()),
+            }),
+            _ => Ok(()),
         }
     }
 }

@@ -6,7 +6,7 @@ use meissner_pipeline::provenance::ModelCard;
 use meissner_verify::{Difference, Mismatch, Step, Stream, VerifyError};
 
 use super::{Verified, report};
-use crate::args::{Args, Command};
+use crate::{Args, Command};
 
 #[test]
 fn a_mismatch_is_written_as_a_stream_that_replays_and_is_an_error_with_its_place() {

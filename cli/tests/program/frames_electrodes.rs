@@ -131,7 +131,7 @@ fn the_readers_warnings_stand_in_the_summary() {
     assert_eq!(summary["values_out_of_range"], 24);
     assert_eq!(summary["rows_off_rate"], 5);
     let people = text(&meissner_reading(&["run", "-", "--network", "slip-lstm"], &input));
-    for expected in ["24 values beyond", "5 readings off their time", "probability", "class"] {
+    for expected in ["24 values outside", "5 readings off their time", "probability", "class"] {
         assert!(people.contains(expected), "{expected}: {people}");
     }
 }

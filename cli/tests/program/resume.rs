@@ -236,11 +236,7 @@ fn a_state_whose_note_was_made_up_is_refused_with_what_was_expected_and_found() 
     assert!(resume(&note.to_string()).status.success(), "with its own note");
     let (least, most) = (i64::MIN, i64::MAX);
     for (key, value, expected) in [
-        (
-            "now_us",
-            (least).into(),
-            "expected newest time in the note from 777 to 2^63 behind it, found -9223",
-        ),
+        ("now_us", (least).into(), "expected newest time in the note from 777 to 2^63 after it, found -9223"),
         ("epoch_us", least.into(), "expected newest time in the note from -9223"),
         ("epoch_us", most.into(), "expected newest time in the note from 9223"),
         ("open_us", least.into(), "expected open window in the note from 777 to"),

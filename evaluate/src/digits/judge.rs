@@ -15,7 +15,7 @@ use meissner_io::datasets::Split;
 use meissner_models::systems::digits::{CLASSES, SENSOR, correct_from};
 use meissner_models::{AnyDescription, ModelError, TensorFile};
 use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::lost::Warning;
+use meissner_pipeline::losses::LossWarning;
 use meissner_pipeline::model::card;
 use meissner_pipeline::predictor::{Mode, Predictor};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
@@ -79,7 +79,7 @@ pub struct DataReport {
     /// Remarks about the data and the trainings, for people.
     pub notes: Vec<String>,
     /// Warnings about events that networks drop.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<LossWarning>,
 }
 
 /// Figures of a network.

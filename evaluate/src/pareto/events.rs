@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::{Counters, EngineError, Event, Network, Options, Outcome, Sensor};
 use meissner_models::Description;
 use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::filtered::FilteredEngine;
+use meissner_pipeline::approximations::FilteredEngine;
 use rayon::ThreadPool;
 
 use super::NetworkStudy;

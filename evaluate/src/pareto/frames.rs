@@ -14,7 +14,7 @@ use meissner_engine::frames::{
 };
 use meissner_kernels::WinogradTile;
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
-use meissner_pipeline::layer_cost::LayerCost;
+use meissner_pipeline::frame_predictor::LayerCost;
 use rayon::ThreadPool;
 
 use super::NetworkStudy;

@@ -11,8 +11,8 @@ use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 use meissner_io::datasets::Split;
 use meissner_models::systems::digits::SENSOR;
 use meissner_models::systems::slip::ObjectSet;
-use meissner_pipeline::layer_cost::LayerCost;
-use meissner_pipeline::lost::Lost;
+use meissner_pipeline::frame_predictor::LayerCost;
+use meissner_pipeline::losses::InputLosses;
 use meissner_pipeline::model::{Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
 use rayon::ThreadPool;
@@ -73,7 +73,7 @@ pub fn angle(
         // Accepted events are counted, too.
         let _ = gate.admit(event);
     }
-    let lost = Lost { events: *gate.counters(), sensor, outside_crop: 0, lines_refused: 0 };
+    let lost = InputLosses::of_events(*gate.counters(), sensor);
     let mut notes: Vec<String> = lost.warn(&name).into_iter().map(|warning| warning.message).collect();
 
     let default = [NETWORK.to_owned()];

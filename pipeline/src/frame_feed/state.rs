@@ -1,19 +1,11 @@
-//! What a feed holds between two inputs: its clock, and the events that frames to come will show.
-//!
-//! Enters: a feed that was told to [keep](FrameFeed::keep) events. Leaves: a [`FeedState`], and a new feed that goes on from one:
-//! over consecutive windows it begins with the open one, over a sliding window with the events of the span.
+//! The state of a feed between two inputs: its clock, and the events that later frames will show.
 
 use std::collections::VecDeque;
 
-use meissner_engine::representations::RepresentationError;
-use meissner_engine::{Event, LatePolicy, Sensor};
-use meissner_models::FrameDescription;
+use meissner_engine::{Event, Sensor};
 use serde::{Deserialize, Serialize};
 
-use super::{FrameFeed, Frames};
-use crate::schedule::Every;
-
-/// What a feed holds between two inputs.
+/// The state of a feed between two inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FeedState {
     /// Time of the first accepted event.
@@ -21,19 +13,20 @@ pub struct FeedState {
     /// The newest time.
     pub now_us: i64,
     /// Accepted events so far.
-    accepted: u64,
-    /// When the open window begins, where windows are consecutive.
-    open_us: Option<i64>,
+    pub(super) accepted: u64,
+    /// Start of the open window, if windows are consecutive.
+    pub(super) open_us: Option<i64>,
     /// Time, column, row, polarity of the events of the open window or of the span.
-    events: Vec<(i64, u16, u16, bool)>,
+    pub(super) events: Vec<(i64, u16, u16, bool)>,
 }
 
 impl FeedState {
-    /// What cannot be in a state that a feed on `sensor` has written: which part, what it should be, and what it is.
+    /// The first part that a feed on `sensor` cannot have written, if there is one: its name, the expected and the actual
+    /// value.
     pub fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
-            let expected = format!("from {epoch_us} to 2^63 behind it");
+            let expected = format!("from {epoch_us} to 2^63 after it");
             return Some(("newest time in the note", expected, now_us.to_string()));
         }
         if let Some(open_us) = open_us.filter(|open_us| !(epoch_us..=now_us).contains(open_us)) {
@@ -56,14 +49,14 @@ impl FeedState {
     }
 }
 
-/// Events that frames to come will show.
+/// Events that later frames will show.
 #[derive(Debug, Default)]
 pub(super) struct KeptEvents {
-    events: VecDeque<Event>,
+    pub(super) events: VecDeque<Event>,
 }
 
 impl KeptEvents {
-    /// Notes an accepted event; before it, windows were completed or not.
+    /// Notes an accepted event. `completed`: it has completed the window before it.
     pub(super) fn note(&mut self, event: Event, completed: bool, span_us: Option<i64>) {
         if completed {
             self.events.clear();
@@ -74,65 +67,5 @@ impl KeptEvents {
         while self.events.front().is_some_and(too_old) {
             self.events.pop_front();
         }
-    }
-}
-
-impl FrameFeed {
-    /// Keeps from now on what [`Self::state`] needs.
-    pub fn keep(&mut self) {
-        self.kept.get_or_insert_default();
-    }
-
-    /// What the feed holds; none before the first event, and where it was not told to keep it.
-    pub fn state(&mut self) -> Option<FeedState> {
-        let kept = self.kept.as_ref()?;
-        let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
-        let open_us = match &mut self.frames {
-            Frames::Counts { counts, .. } => counts.open().map(|frame| frame.start_us),
-            Frames::Signed { windows, .. } => windows.open().map(|frame| frame.start_us),
-            Frames::Sliding(_) => None,
-        };
-        Some(FeedState {
-            epoch_us: self.gate.epoch_us()?,
-            now_us: self.gate.now_us()?,
-            accepted: self.before.saturating_add(self.gate.counters().accepted),
-            open_us,
-            events,
-        })
-    }
-
-    /// As [`Self::new`], but going on from `state`.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn resume(
-        description: &FrameDescription,
-        sensor: Sensor,
-        late: LatePolicy,
-        every: Every,
-        state: &FeedState,
-    ) -> Result<Option<Self>, RepresentationError> {
-        let Some(mut feed) = Self::beginning(description, sensor, late, every, state.open_us)? else {
-            return Ok(None);
-        };
-        feed.keep();
-        for &(t_us, x, y, on) in &state.events {
-            let event = Event::new(t_us, x, y, on);
-            match &mut feed.frames {
-                Frames::Counts { counts, .. } => drop(counts.push(event, |_| {})),
-                Frames::Signed { windows, .. } => drop(windows.push(event, |_| {})),
-                Frames::Sliding(sliding) => drop(sliding.window.push(event)),
-            }
-            if let Some(kept) = &mut feed.kept {
-                kept.events.push_back(event);
-            }
-        }
-        if let Frames::Sliding(sliding) = &mut feed.frames {
-            sliding.resume(state.epoch_us, state.now_us, state.accepted);
-        }
-        feed.gate.resume(state.epoch_us, state.now_us);
-        feed.before = state.accepted;
-        feed.shown_before = [feed.outside_crop(), feed.evicted()];
-        Ok(Some(feed))
     }
 }

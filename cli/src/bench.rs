@@ -1,0 +1,122 @@
+//! `meissner bench`: latencies, work, memory and missed deadlines.
+
+mod args;
+mod compare_table;
+mod frame_table;
+mod plot;
+mod table;
+
+use std::io::{self, Write};
+
+use meissner_models::AnyDescription;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::bench::{BenchInput, Comparison, EventBench, EventFrameModel, FrameBench};
+use meissner_pipeline::model::describe_any;
+use meissner_pipeline::provenance::ModelCard;
+use serde::Serialize;
+
+use crate::args::Input;
+use crate::error::CliError;
+use crate::output;
+use crate::progress::Progress;
+use crate::report::{Out, out};
+pub(crate) use args::BenchArgs;
+
+/// Measures what `args` ask for, and reports to standard output.
+pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
+    match (describe_any(&args.input.network)?, &args.compare) {
+        ((AnyDescription::Frames(_), _), _) => bench_frames(args),
+        ((AnyDescription::Events(_), _), Some(name)) => compare(args, name),
+        ((AnyDescription::Events(_), _), None) => bench_events(args),
+    }
+}
+
+/// A network over events.
+fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
+    let model = args.input.model()?;
+    if let Some(path) = &args.svg {
+        output::check_writable(path)?;
+    }
+    let bench = EventBench::new(&model, input(args, &model.card)?, args.options());
+    let progress = Progress::new(Some(bench.total()), args.json);
+    let (report, measured) = bench.run(&mut |taken| progress.set(taken))?;
+    progress.finish();
+    if let Some(path) = &args.svg {
+        output::write(path, plot::svg(&report, &measured))?;
+    }
+    write(args, &report, |out| table::write(out, &report))
+}
+
+/// A frame network over events.
+fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
+    check_frames(args)?;
+    let Input { network, weights, ignore_preparation, .. } = &args.input;
+    let model = EventFrameModel::named(network, weights.as_deref(), *ignore_preparation)?;
+    let report = FrameBench::new(&model, input(args, &model.model.card)?, args.options()).run()?;
+    write(args, &report, |out| frame_table::write(out, &report))
+}
+
+/// The network over events against the frame network called `name`.
+fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
+    let model = args.input.model()?;
+    let weights = args.compare_weights.as_deref();
+    let against = EventFrameModel::named(name, weights, args.input.ignore_preparation);
+    let against = against.map_err(with_its_option)?;
+    let report = Comparison::new(&model, &against, input(args, &model.card)?, args.options()).run()?;
+    write(args, &report, |out| compare_table::write(out, &report))
+}
+
+/// The events that `args` ask for, for a benchmark of the network of `card`.
+fn input(args: &BenchArgs, card: &ModelCard) -> Result<BenchInput, CliError> {
+    let source = args.input.source(card)?;
+    let sensor = source.sensor(args.input.sensor)?;
+    Ok(BenchInput::take(source, sensor, card, &args.options())?)
+}
+
+/// Writes `report` as JSON, or as `table` does.
+fn write(
+    args: &BenchArgs,
+    report: &impl Serialize,
+    table: impl FnOnce(&mut Out) -> io::Result<()>,
+) -> Result<(), CliError> {
+    let mut out = out(args.json);
+    if args.json {
+        out.write_all(&output::json(report)?)?;
+    } else {
+        table(&mut out)?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Refuses options that only fit networks over events.
+fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
+    let approximations = &args.input.approximations;
+    let given = [
+        ("--tolerance", approximations.tolerance.is_some()),
+        ("--span", args.input.span_us.is_some()),
+        ("--capacity", args.input.capacity.is_some()),
+        ("--burst-rate", args.burst_rate.is_some()),
+        ("--period", args.period_us.is_some()),
+        ("--svg", args.svg.is_some()),
+        ("--compare", args.compare.is_some()),
+    ];
+    given.into_iter().chain(approximations.given()).find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
+        Err(CliError::Option {
+            option,
+            expected: "a network over events with it".to_owned(),
+            found: format!("the frame network {}", args.input.network),
+        })
+    })
+}
+
+/// `error`, with the option for the weights of the frame network to compare with.
+fn with_its_option(error: PipelineError) -> CliError {
+    match error {
+        PipelineError::NoWeights(network) => CliError::Option {
+            option: "--compare-weights",
+            expected: format!("a file of weights: the description file {network} comes without"),
+            found: "none".to_owned(),
+        },
+        error => error.into(),
+    }
+}

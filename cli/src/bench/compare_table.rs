@@ -1,0 +1,114 @@
+//! The comparison for people.
+
+use std::io::{self, Write};
+
+use meissner_pipeline::bench::{CompareReport, Ratios, WayReport};
+use meissner_pipeline::text::grouped;
+
+use super::table::{cells, headings, mebibytes, peak, recording};
+use crate::report::summary;
+use crate::text::Table;
+
+/// Writes the report of a comparison.
+pub(super) fn write(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
+    heading(out, report)?;
+    compute(out, report)?;
+    moments(out, report)?;
+    let peak = peak(report.peak_resident_bytes);
+    let state = ways(report).map(|(name, way)| format!("{} ({name})", mebibytes(way.state_bytes)));
+    writeln!(out, "\nmemory       {} of state{peak}", state.join(", "))
+}
+
+fn ways(report: &CompareReport) -> [(&'static str, &WayReport); 3] {
+    let ways = &report.ways;
+    [
+        ("events", &ways.events),
+        ("frames, everything", &ways.frames_everything),
+        ("frames, skipping", &ways.frames_skipping),
+    ]
+}
+
+fn heading(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
+    let CompareReport { input, made, against, .. } = report;
+    recording(out, input, None, made.part.as_ref(), "incremental")?;
+    writeln!(out, "against      {}, weights {}", against.network.name, against.trust())?;
+    writeln!(out, "             {}", against.source())?;
+    writeln!(out, "             {}", made.frames_of)?;
+    writeln!(out, "             {}\n", made.field)?;
+    let counts = [input.events, input.accepted, made.outside_frames];
+    let [events, accepted, outside] = counts.map(grouped);
+    writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;
+    summary::dropped(out, &input.dropped)?;
+    if report.evicted_from_frames > 0 {
+        writeln!(out, "evicted      {} from full frames", grouped(report.evicted_from_frames))?;
+    }
+    writeln!(
+        out,
+        "moments      {}, one every {} us: {:.3} s of stream",
+        grouped(report.moments),
+        grouped(made.period_us.unsigned_abs()),
+        made.stream_s
+    )?;
+    let passes = if input.passes == 1 { "1 pass" } else { "the fastest pass" };
+    writeln!(out, "measured     {passes} of each way, one thread, {} kernels", input.isa)
+}
+
+fn compute(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
+    let mut table = Table::new(&[
+        "compute",
+        "s",
+        "s a second of stream",
+        "events in (s)",
+        "push (s)",
+        "predict (s)",
+        "frames",
+        "predictions",
+        "multiply-adds (M)",
+    ]);
+    for (name, way) in ways(report) {
+        let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+        table.row([
+            name.to_owned(),
+            format!("{:.4}", way.compute_s),
+            or_none(way.compute_s_per_s.map(|s| format!("{s:.5}"))),
+            format!("{:.4}", way.events_s),
+            or_none(way.push_s.map(|s| format!("{s:.4}"))),
+            format!("{:.4}", way.predict_s),
+            or_none(way.frames.map(grouped)),
+            grouped(way.predictions),
+            format!("{:.1}", way.multiply_adds as f64 / 1e6),
+        ]);
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    writeln!(
+        out,
+        "  multiply-adds of the network over events are at full neighbourhoods: an upper bound there\n"
+    )?;
+    let mut table = Table::new(&["events in % of", "compute", "multiply-adds"]);
+    let of = |ratios: &Ratios| [ratios.frames_everything, ratios.frames_skipping];
+    let both = of(&report.ratio_percent).into_iter().zip(of(&report.multiply_adds_ratio_percent));
+    for ((name, _), (compute, multiply_adds)) in ways(report)[1..].iter().zip(both) {
+        let percent = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"));
+        table.row([(*name).to_owned(), percent(compute), percent(multiply_adds)]);
+    }
+    table.write(out)?;
+    let (differ, predictions) = (report.predictions_that_differ, report.ways.frames_skipping.predictions);
+    writeln!(
+        out,
+        "  {} of {} predictions over frames differ in a bit between everything and skipping",
+        grouped(differ),
+        grouped(predictions)
+    )
+}
+
+fn moments(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
+    let mut table = Table::new(&headings(&["compute of a moment (us)"]));
+    for (name, way) in ways(report) {
+        if let Some(distribution) = &way.moment_us {
+            table.row(std::iter::once(name.to_owned()).chain(cells(distribution)));
+        }
+    }
+    writeln!(out)?;
+    table.write(out)
+}

@@ -1,0 +1,122 @@
+//! The report of a frame network for people.
+
+use std::io::{self, Write};
+
+use meissner_pipeline::bench::{FrameReport, FrameWayReport};
+use meissner_pipeline::text::grouped;
+
+use super::table::{cells, deadline, headings, mebibytes, passes, peak, recording};
+use crate::report::summary;
+use crate::text::Table;
+
+/// Writes the report of a frame network.
+pub(super) fn write(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
+    heading(out, report)?;
+    latencies(out, report)?;
+    for (name, way) in ways(report) {
+        pixels(out, name, way)?;
+    }
+    let FrameReport { skipping, everything, .. } = report;
+    let peak = peak(report.peak_resident_bytes);
+    writeln!(
+        out,
+        "\nmemory       {} of state with skipping, {} without{peak}",
+        mebibytes(skipping.state_bytes),
+        mebibytes(everything.state_bytes)
+    )?;
+    deadline(out, &report.deadline)
+}
+
+fn ways(report: &FrameReport) -> [(&'static str, &FrameWayReport); 2] {
+    [("skipping", &report.skipping), ("everything", &report.everything)]
+}
+
+fn heading(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
+    let FrameReport { input, made, .. } = report;
+    recording(out, input, Some(input.events), made.part.as_ref(), "with skipping and without")?;
+    writeln!(out, "frames       {}", made.frames_of)?;
+    let period_us = grouped(made.period_us.unsigned_abs());
+    writeln!(out, "             {}, one every {period_us} us\n", made.field)?;
+    let counts = [input.events, input.accepted, made.outside_frames];
+    let [events, accepted, outside] = counts.map(grouped);
+    writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;
+    summary::dropped(out, &input.dropped)?;
+    if report.evicted > 0 {
+        writeln!(out, "evicted      {} because the window was full", grouped(report.evicted))?;
+    }
+    writeln!(out, "frames       {}, over {:.3} s of stream", grouped(report.frames), made.stream_s)?;
+    writeln!(
+        out,
+        "measured     {} a way after a warm-up of {} frames, {} kernels, clock {:.3} us a measurement, not subtracted",
+        passes(input.passes),
+        report.warmup_frames,
+        input.isa,
+        report.clock_us
+    )
+}
+
+fn latencies(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
+    let mut table = Table::new(&headings(&["latency of a frame (us)"]));
+    for (name, way) in ways(report) {
+        let latency = &way.latency_us;
+        for (part, distribution) in [
+            ("events in", &latency.frame),
+            ("push", &latency.push),
+            ("predict", &latency.predict),
+            ("push + predict", &latency.push_predict),
+        ] {
+            if let Some(distribution) = distribution {
+                table.row(std::iter::once(format!("{part}, {name}")).chain(cells(distribution)));
+            }
+        }
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    for (name, way) in ways(report) {
+        if let Some(rate) = way.frames_per_s {
+            writeln!(
+                out,
+                "  {name}: {:.3} s of compute, {rate:.1} frames/s, {:.3} G multiply-adds/s",
+                way.compute_s,
+                way.multiply_adds_per_s.unwrap_or(0.0) / 1e9
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn pixels(out: &mut impl Write, name: &str, way: &FrameWayReport) -> io::Result<()> {
+    let heading = format!("layer ({name})");
+    let mut table = Table::new(&[
+        &heading,
+        "pixels computed",
+        "(%)",
+        "skipped",
+        "(%)",
+        "absorbed",
+        "(%)",
+        "multiply-adds (M)",
+    ]);
+    for layer in &way.layers {
+        let counts = [layer.computed, layer.skipped, layer.absorbed];
+        let share = |count: u64| match layer.pixels {
+            0 => "-".to_owned(),
+            all => format!("{:.2}", count as f64 / all as f64 * 100.0),
+        };
+        let shares = counts.iter().flat_map(|&count| [grouped(count), share(count)]);
+        let millions = format!("{:.1}", layer.multiply_adds as f64 / 1e6);
+        table.row(std::iter::once(layer.name.clone()).chain(shares).chain([millions]));
+    }
+    let millions = format!("{:.1}", way.multiply_adds as f64 / 1e6);
+    let blank = std::iter::repeat_n(String::new(), 6);
+    table.row(std::iter::once("all".to_owned()).chain(blank).chain([millions]));
+    writeln!(out)?;
+    table.write(out)?;
+    if way.layers.iter().any(|layer| layer.skipped + layer.absorbed > 0) {
+        writeln!(
+            out,
+            "  blocks of pixels are computed: some that could be skipped or absorbed are in both columns"
+        )?;
+    }
+    Ok(())
+}

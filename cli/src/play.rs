@@ -1,0 +1,69 @@
+//! `meissner play`: a recording at real speed through a bounded queue, with reports by their deadline.
+
+mod args;
+
+use meissner_pipeline::play::Play;
+use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::source;
+
+use crate::error::CliError;
+use crate::header::header;
+use crate::progress::Progress;
+use crate::report::{About, Report, TableKind};
+pub(crate) use args::PlayArgs;
+
+/// Plays what `args` ask for, to standard output.
+pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
+    check(args)?;
+    let input = &args.input;
+    let model = input.model()?;
+    let source = input.source(&model.card)?;
+    let sensor = source.sensor(input.sensor)?;
+    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let provenance = Header::new("play", described, model.card.clone());
+    provenance.warn();
+    let options = args.options(sensor)?;
+    let policy = options.overload.name().replace('_', " ");
+    let play = Play::new(&model, source, sensor, options)?;
+    let about = About {
+        json: args.json,
+        live: true,
+        header: &provenance,
+        card: &model.card,
+        table: TableKind::Reports,
+        total: Some(play.reports()),
+        progress: Progress::new(None, false),
+    };
+    let mut report = Report::begin(about, |out| {
+        let mode = format!("live, {} s of stream time a second, queue: {policy}", args.speed);
+        header(out, &model.card, &mode, play.source(), sensor)
+    })?;
+    let summary = play.run(&mut report)?;
+    report.end_play(&summary)?;
+    if summary.verified.is_some_and(|verified| !verified.equal) { Err(CliError::NotEqual) } else { Ok(()) }
+}
+
+/// Refuses an input without a real time, and approximations that `--verify` cannot check.
+fn check(args: &PlayArgs) -> Result<(), CliError> {
+    if args.input.recording.as_deref().is_some_and(source::is_stdin) {
+        return Err(CliError::Option {
+            option: "INPUT",
+            expected: "a recording, whose times say when events are due".to_owned(),
+            found: "standard input".to_owned(),
+        });
+    }
+    let approximations = &args.input.approximations;
+    let given = [
+        ("--tolerance", approximations.tolerance.is_some()),
+        ("--stale-events", approximations.stale_events.is_some()),
+        ("--stale-time", approximations.stale_us.is_some()),
+    ];
+    match given.into_iter().find(|&(_, given)| given && args.verify) {
+        None => Ok(()),
+        Some((option, _)) => Err(CliError::Option {
+            option: "--verify",
+            expected: "predictions that are exact over the accepted events".to_owned(),
+            found: format!("{option}, with which they are not"),
+        }),
+    }
+}

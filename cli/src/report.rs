@@ -1,0 +1,198 @@
+//! The output of `run` and `play`: JSON lines for programs, or a table with a summary for people.
+//!
+//! People see some of the predictions of a file, all of those of a live stream, and always the last one.
+
+mod rows;
+pub(crate) mod summary;
+
+use std::io::{self, BufWriter, StdoutLock, Write, stdout};
+
+use meissner_pipeline::play::PlaySummary;
+use meissner_pipeline::provenance::{Header, ModelCard};
+use meissner_pipeline::run::{Ended, Observer, Prediction, Summary};
+use meissner_pipeline::text::grouped;
+use serde::Serialize;
+
+use crate::error::CliError;
+use crate::progress::Progress;
+use crate::text::Folded;
+use rows::Columns;
+pub(crate) use rows::TableKind;
+
+/// About so many predictions of a file are shown to people.
+const SHOWN: u64 = 40;
+
+/// Standard output.
+pub(crate) type Out = Folded<BufWriter<StdoutLock<'static>>>;
+
+/// Standard output, with long lines folded for people.
+pub(crate) fn out(json: bool) -> Out {
+    Folded::new(BufWriter::new(stdout().lock()), !json)
+}
+
+/// Writes the predictions of a run and its summary.
+pub(crate) struct Report {
+    out: Out,
+    progress: Progress,
+    /// The input that there is to take, if that is known.
+    total: Option<u64>,
+    form: Form,
+}
+
+enum Form {
+    /// JSON lines; each is flushed if the stream is live.
+    Json {
+        live: bool,
+    },
+    People(Rows),
+}
+
+/// Rows for people.
+struct Rows {
+    columns: Columns,
+    /// The part of the input that the last row was in, of [`SHOWN`] equal parts.
+    part: Option<u64>,
+    shown: u64,
+    /// The newest row, if it has not been shown.
+    held: Option<String>,
+}
+
+#[derive(Serialize)]
+struct HeaderLine<'a> {
+    header: &'a Header,
+}
+
+#[derive(Serialize)]
+struct SummaryLine<'a, S> {
+    summary: &'a S,
+}
+
+/// What a report is about.
+pub(crate) struct About<'a> {
+    pub(crate) json: bool,
+    /// Whether each prediction is to be seen at once.
+    pub(crate) live: bool,
+    pub(crate) header: &'a Header,
+    pub(crate) card: &'a ModelCard,
+    pub(crate) table: TableKind,
+    /// The input that there is to take, if that is known and not all of it is shown.
+    pub(crate) total: Option<u64>,
+    pub(crate) progress: Progress,
+}
+
+impl Report {
+    /// Begins a report. `heading` writes the lines above the predictions for people.
+    pub(crate) fn begin(
+        about: About<'_>,
+        heading: impl FnOnce(&mut Out) -> io::Result<()>,
+    ) -> Result<Self, CliError> {
+        let About { json, live, header, card, table, total, progress } = about;
+        let mut out = out(json);
+        let form = if json {
+            line(&mut out, &HeaderLine { header })?;
+            if live {
+                out.flush()?;
+            }
+            Form::Json { live }
+        } else {
+            let columns = Columns::new(table, card);
+            heading(&mut out)?;
+            writeln!(out, "{}", columns.headings())?;
+            out.flush()?;
+            Form::People(Rows { columns, part: None, shown: 0, held: None })
+        };
+        Ok(Self { out, progress, total, form })
+    }
+
+    /// Writes the summary of a run, if standard output can still be written to.
+    pub(crate) fn end(mut self, ended: Ended) -> Result<(), CliError> {
+        self.progress.finish();
+        let result = ended.result.map_err(CliError::from);
+        if matches!(result, Err(CliError::Output(_))) {
+            return result;
+        }
+        let written = match &ended.summary {
+            Summary::Events(summary) => {
+                self.summary(&**summary, summary.predictions, |out| summary::events(out, summary))
+            }
+            Summary::Frames(summary) => {
+                self.summary(&**summary, summary.predictions, |out| summary::frames(out, summary))
+            }
+            _ => Ok(()),
+        };
+        result.and(written.map_err(CliError::from))
+    }
+
+    /// Writes the summary of a play.
+    pub(crate) fn end_play(mut self, summary: &PlaySummary) -> io::Result<()> {
+        self.summary(summary, summary.reports.made, |out| summary::play(out, summary))
+    }
+
+    fn summary(
+        &mut self,
+        summary: &impl Serialize,
+        predictions: u64,
+        write: impl FnOnce(&mut Out) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let Self { out, progress, form, .. } = self;
+        match form {
+            Form::Json { .. } => line(out, &SummaryLine { summary })?,
+            Form::People(rows) => {
+                if let Some(row) = rows.held.take() {
+                    rows.show(out, progress, &row)?;
+                }
+                progress.finish();
+                if rows.shown < predictions {
+                    let (shown, all) = (grouped(rows.shown), grouped(predictions));
+                    writeln!(out, "({shown} of {all} predictions shown; --json shows every one)")?;
+                }
+                if let Some(left_out) = rows.columns.left_out() {
+                    writeln!(out, "{left_out}")?;
+                }
+                write(out)?;
+            }
+        }
+        out.flush()
+    }
+}
+
+impl Observer for Report {
+    fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()> {
+        let Self { out, progress, total, form } = self;
+        match form {
+            Form::Json { live } => {
+                line(out, prediction)?;
+                if *live { out.flush() } else { Ok(()) }
+            }
+            Form::People(rows) => {
+                let (taken, row) = rows.columns.row(prediction, *total);
+                let part = total.map(|total| taken.saturating_mul(SHOWN) / total.max(1));
+                if part.is_some() && rows.part == part {
+                    rows.held = Some(row);
+                    return Ok(());
+                }
+                (rows.part, rows.held) = (part, None);
+                rows.show(out, progress, &row)
+            }
+        }
+    }
+
+    fn progress(&mut self, taken: u64) {
+        self.progress.set(taken);
+    }
+}
+
+impl Rows {
+    fn show(&mut self, out: &mut Out, progress: &Progress, row: &str) -> io::Result<()> {
+        self.shown += 1;
+        progress.suspend(|| {
+            writeln!(out, "{row}")?;
+            out.flush()
+        })
+    }
+}
+
+fn line(out: &mut Out, line: &impl Serialize) -> io::Result<()> {
+    serde_json::to_writer(&mut *out, line)?;
+    out.write_all(b"\n")
+}

@@ -1,0 +1,174 @@
+//! Predictions as rows of a table, and the headings of the table.
+
+use std::path::Path;
+
+use meissner_pipeline::answer::Answer;
+use meissner_pipeline::provenance::ModelCard;
+use meissner_pipeline::run::{Place, Prediction};
+use meissner_pipeline::text::grouped;
+
+/// Most columns of values: a line of 80 characters has room for so many beside counts and times.
+const MOST_COLUMNS: usize = 2;
+/// Most columns of values over electrodes.
+const MOST_ELECTRODE_COLUMNS: usize = 3;
+/// Width of a column of values.
+const WIDTH: usize = 11;
+
+/// Which table is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TableKind {
+    Events,
+    Frames,
+    Electrodes,
+    /// With the columns of a baseline, or without.
+    Pictures(bool),
+    Reports,
+}
+
+/// The names of a network's values.
+pub(super) struct Columns {
+    kind: TableKind,
+    names: Vec<String>,
+    has_classes: bool,
+}
+
+impl Columns {
+    pub(super) fn new(kind: TableKind, card: &ModelCard) -> Self {
+        Self { kind, names: card.headings(), has_classes: card.classes.is_some() }
+    }
+
+    /// The headings of the table.
+    pub(super) fn headings(&self) -> String {
+        let most = if self.kind == TableKind::Electrodes { MOST_ELECTRODE_COLUMNS } else { MOST_COLUMNS };
+        let names = || row_of(self.names.iter().take(most).map(|name| format!("  {name:>WIDTH$}")));
+        let values = || {
+            if self.has_classes {
+                format!("  {:>WIDTH$}  {:>WIDTH$}", "class", "probability")
+            } else {
+                names()
+            }
+        };
+        match self.kind {
+            TableKind::Events => {
+                let (time, update) = ("time (ms)", "update (us)");
+                format!("{:>5}  {time:>11}{}  {:>8}  {:>9}  {update:>11}", "done", values(), "nodes", "rows")
+            }
+            TableKind::Frames => {
+                let (time, update) = ("time (ms)", "update (us)");
+                format!("{:>5}  {time:>13}{}  {:>8}  {update:>11}", "done", values(), "events")
+            }
+            TableKind::Electrodes => {
+                let values = if self.has_classes {
+                    format!("  {:>8}  {:>11}  {:>8}", "class", "probability", "decision")
+                } else {
+                    names()
+                };
+                format!("{:>7}  {:>9}{values}  {:>11}", "line", "time (s)", "update (us)")
+            }
+            TableKind::Pictures(baseline) => {
+                let columns = ["area (mm2)", "force (N)", "median (N)"];
+                let columns = columns.map(|name| format!("  {name:>10}")).concat();
+                let (area, centroid) = ("baseline area (mm2)", "centroid (px)");
+                let baseline = if baseline { format!("  {area:>19}  {centroid:>15}") } else { String::new() };
+                format!("{:<16}{columns}  {centroid:>13}{baseline}  {:>11}", "image", "update (us)")
+            }
+            TableKind::Reports => {
+                let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
+                let values = values();
+                format!("{:>9}{values}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}", "time (ms)")
+            }
+        }
+    }
+
+    /// How much of the input had been taken at `prediction`, and the row. `total` is how much there is to take.
+    pub(super) fn row(&self, prediction: &Prediction<'_>, total: Option<u64>) -> (u64, String) {
+        let done =
+            |taken: u64| total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
+        match prediction {
+            Prediction::Events(p) => {
+                let values = self.values(p.value.0, p.answer.as_ref());
+                let time =
+                    p.elapsed_us.map_or_else(|| "-".to_owned(), |us| format!("{:.3}", us as f64 / 1e3));
+                let (nodes, rows) = (grouped(p.nodes as u64), grouped(p.rows.iter().sum()));
+                let (done, update_us) = (done(p.taken), p.update_us);
+                let row = format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}");
+                (p.taken, row)
+            }
+            Prediction::Frames(p) => {
+                let values = self.values(&means(p.value.0, self.names.len()), p.answer.as_ref());
+                let (done, time_ms, events) = (done(p.taken), p.elapsed_us as f64 / 1e3, grouped(p.events));
+                let update_us = p.update_us;
+                (p.taken, format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}"))
+            }
+            Prediction::Electrodes(p) => {
+                let time = p.time_s.map_or_else(|| "-".to_owned(), |s| format!("{s:.3}"));
+                let values = match p.class.zip(p.probabilities) {
+                    Some((class, probabilities)) => {
+                        let probability = probabilities.0.iter().copied().fold(0.0, f32::max);
+                        format!("  {class:>8}  {probability:>11.4}  {:>8}", p.decision.unwrap_or("-"))
+                    }
+                    None => columns(p.value.0, MOST_ELECTRODE_COLUMNS),
+                };
+                (p.line, format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us))
+            }
+            Prediction::Picture(p) => {
+                let name = Path::new(p.image).file_name().unwrap_or_default().to_string_lossy();
+                let baseline = p.baseline.map_or_else(String::new, |baseline| {
+                    format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
+                });
+                let (area, force, median) = (p.area_mm2, p.force_n, p.median_force_n);
+                let (centroid, update_us) = (place(p.centroid), p.update_us);
+                let row = format!(
+                    "{name:<16}  {area:>10.3}  {force:>10.4}  {median:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
+                );
+                (p.taken, row)
+            }
+            Prediction::Report(p) => {
+                let values = self.values(p.value.0, p.answer.as_ref());
+                let [time, behind, age] =
+                    [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
+                let (state, waited_us) = (p.state.name(), p.waited_us);
+                let row =
+                    format!("{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}");
+                (p.number, row)
+            }
+            _ => (0, String::new()),
+        }
+    }
+
+    /// The columns of `values`.
+    fn values(&self, values: &[f32], answer: Option<&Answer<'_>>) -> String {
+        match answer {
+            Some(answer) => format!("  {:>WIDTH$}  {:>WIDTH$.4}", answer.class, answer.probability()),
+            None if self.has_classes => String::new(),
+            None => columns(values, MOST_COLUMNS),
+        }
+    }
+
+    /// A line about the values that are not shown; `None` if all are.
+    pub(super) fn left_out(&self) -> Option<String> {
+        let all = self.names.len();
+        let some = !self.has_classes && all > MOST_COLUMNS;
+        let some = some && matches!(self.kind, TableKind::Events | TableKind::Reports);
+        some.then(|| format!("({MOST_COLUMNS} of {all} outputs shown; --json has all of them)"))
+    }
+}
+
+fn columns(values: &[f32], most: usize) -> String {
+    row_of(values.iter().take(most).map(|value| format!("  {value:>WIDTH$.6}")))
+}
+
+fn row_of(cells: impl Iterator<Item = String>) -> String {
+    cells.collect::<Vec<_>>().concat()
+}
+
+fn place(centroid: Option<Place>) -> String {
+    centroid.map_or_else(|| "-".to_owned(), |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
+}
+
+/// Of each of `outputs` its value, or for an image the mean of its channel.
+fn means(values: &[f32], outputs: usize) -> Vec<f32> {
+    let each = values.len() / outputs.max(1);
+    let mean = |channel: &[f32]| channel.iter().map(|&v| f64::from(v)).sum::<f64>() / each as f64;
+    values.chunks_exact(each.max(1)).map(|channel| mean(channel) as f32).collect()
+}

@@ -1,0 +1,205 @@
+//! Summaries for people: counts, and tables with units.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::play::PlaySummary;
+use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
+use meissner_pipeline::text::grouped;
+
+use crate::skips;
+use crate::text::{Table, duration};
+
+/// Reasons for which the queue drops events; all others are the engine's.
+const QUEUE_REASONS: [&str; 4] = ["oldest", "newest", "thinned", "filtered"];
+
+/// Writes the summary of a network over events.
+pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result<()> {
+    let (events, accepted) = (grouped(summary.events), grouped(summary.accepted));
+    writeln!(out, "\nevents       {events} taken, {accepted} accepted")?;
+    dropped(out, &summary.dropped)?;
+    refused(out, summary.lines_refused)?;
+    let skips = &summary.skips;
+    if skips.events_clamped > 0 {
+        let clamped = grouped(skips.events_clamped);
+        writeln!(out, "clamped      {clamped} late events entered at the newest time")?;
+    }
+    writeln!(
+        out,
+        "window       at most {} events; {} left by age, {} because it was full",
+        grouped(summary.nodes_max as u64),
+        grouped(skips.events_expired),
+        grouped(skips.events_evicted)
+    )?;
+    writeln!(out, "predictions  {}", grouped(summary.predictions))?;
+    if let Some(approximations) = &summary.approximations {
+        crate::approximations::write(approximations, out)?;
+    }
+    quantiles(out, &[("push", summary.latency_us.push), ("predict", summary.latency_us.predict)])?;
+    rate(out, summary.events_per_s)?;
+    skips::write(skips, out)
+}
+
+/// Writes dropped events, a line for each reason.
+pub(crate) fn dropped(out: &mut impl Write, dropped: &BTreeMap<&'static str, u64>) -> io::Result<()> {
+    for (reason, &count) in dropped.iter().filter(|&(_, &count)| count > 0) {
+        writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
+    }
+    Ok(())
+}
+
+/// Writes refused lines, if there were any.
+pub(crate) fn refused(out: &mut impl Write, lines: u64) -> io::Result<()> {
+    if lines == 0 {
+        return Ok(());
+    }
+    writeln!(out, "refused      {} lines that are no events", grouped(lines))
+}
+
+/// Writes how many events the pushes and predictions of a second took.
+pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Result<()> {
+    let Some(rate) = events_per_s else { return Ok(()) };
+    let rate = grouped(rate.round() as u64);
+    writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")
+}
+
+/// Writes a row for each of `latencies` that was measured.
+fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantiles>)]) -> io::Result<()> {
+    let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
+    for &(name, quantiles) in latencies {
+        if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {
+            let cells = [p50, p90, p99, p999, max].map(duration);
+            table.row(std::iter::once(name.to_owned()).chain(cells));
+        }
+    }
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// Writes the summary of a frame network.
+pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result<()> {
+    writeln!(out)?;
+    match &summary.input {
+        InputCounts::Events(counts) => event_counts(out, counts)?,
+        InputCounts::Electrodes(counts) => electrode_counts(out, counts)?,
+        InputCounts::Pictures { pictures } => writeln!(out, "pictures     {}", grouped(*pictures))?,
+        _ => {}
+    }
+    writeln!(out, "frames       {} pushed", grouped(summary.frames))?;
+    writeln!(out, "predictions  {}", grouped(summary.predictions))?;
+    let latency = &summary.latency_us;
+    let latencies = [
+        ("prepare", latency.prepare),
+        ("push", latency.push),
+        ("predict", latency.predict),
+        ("decision", latency.decision),
+    ];
+    quantiles(out, &latencies)?;
+    if let Some(rate) = summary.frames_per_s {
+        writeln!(out, "  {rate:.1} frames/s, counting the time in preparing, pushing and predicting only")?;
+    }
+    let mut table = Table::new(&["layer (pixels)", "computed", "skipped", "absorbed", "computed (%)"]);
+    let mut row = |name: &str, &Pixels { computed, skipped, absorbed, .. }: &Pixels| {
+        let share = match computed + skipped + absorbed {
+            0 => "-".to_owned(),
+            all => format!("{:.2}", computed as f64 / all as f64 * 100.0),
+        };
+        table.row([name.to_owned(), grouped(computed), grouped(skipped), grouped(absorbed), share]);
+    };
+    summary.layers.iter().for_each(|layer| row(&layer.name, &layer.pixels));
+    row("all", &summary.pixels);
+    writeln!(out)?;
+    table.write(out)
+}
+
+fn event_counts(out: &mut impl Write, counts: &EventCounts) -> io::Result<()> {
+    writeln!(out, "events       {} taken, {} accepted", grouped(counts.events), grouped(counts.accepted))?;
+    dropped(out, &counts.dropped)?;
+    let notes = [
+        (counts.lines_refused, "lines that are no events"),
+        (counts.clamped, "late events entered at the newest time"),
+        (counts.outside_crop, "events beside the part of the sensor that frames show"),
+        (counts.evicted, "events left their window early because it was full"),
+        (counts.empty_frames, "frames without events"),
+        (counts.empty_frames_left_out, "frames without events left out, beyond the longest silence"),
+        (counts.resets, "resets of the state in a silence"),
+    ];
+    write_counts(out, "", &notes)
+}
+
+fn electrode_counts(out: &mut impl Write, counts: &ElectrodeCounts) -> io::Result<()> {
+    writeln!(out, "readings     {}, in windows of {}", grouped(counts.readings), counts.steps)?;
+    let warnings = [
+        (counts.lines_refused, "lines are no readings; a new window begins after each"),
+        (counts.values_out_of_range, "values outside the sensor's range of 0 to 4095"),
+        (counts.rows_off_rate, "readings off their time at 100 Hz by more than 20 %"),
+        (counts.gaps, "gaps of more than 50 ms between readings; a new window begins after each"),
+        (counts.times_backwards, "readings earlier than the one before; a new window begins with each"),
+        (counts.times_repeated, "readings with the time of the one before"),
+    ];
+    write_counts(out, "warning", &warnings)?;
+    let Some(decisions) = counts.decisions else { return Ok(()) };
+    writeln!(out, "decisions    {} made or changed", grouped(decisions))
+}
+
+/// Writes those of `counts` that are not 0.
+fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::Result<()> {
+    for &(count, words) in counts.iter().filter(|&&(count, _)| count > 0) {
+        writeln!(out, "{key:<12} {} {words}", grouped(count))?;
+    }
+    Ok(())
+}
+
+/// Writes the summary of a play.
+pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()> {
+    let PlaySummary { queue, reports, latency_us, .. } = summary;
+    let counts = [summary.events, summary.offered, summary.delivered, summary.accepted];
+    let [events, offered, delivered, accepted] = counts.map(grouped);
+    writeln!(
+        out,
+        "\nevents       {events} taken, {offered} offered, {delivered} delivered, {accepted} accepted"
+    )?;
+    refused(out, summary.lines_refused)?;
+    for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
+        let by_queue = if QUEUE_REASONS.contains(reason) { "by the queue: " } else { "" };
+        writeln!(out, "dropped      {} {by_queue}{}", grouped(count), reason.replace('_', " "))?;
+    }
+    writeln!(
+        out,
+        "queue        {}: at most {} of {} events waited; the reader waited {:.1} ms, and was {:.1} ms behind at most",
+        queue.overload.replace('_', " "),
+        grouped(queue.high_water),
+        grouped(queue.capacity),
+        queue.blocked_us / 1e3,
+        summary.reader_lag_max_us / 1e3,
+    )?;
+    let counts = [reports.made, reports.due, reports.fresh, reports.behind, reports.old];
+    let [made, due, fresh, behind, old] = counts.map(grouped);
+    writeln!(out, "reports      {made} of {due} made: {fresh} fresh, {behind} behind, {old} old")?;
+    writeln!(
+        out,
+        "deadline     passed by {} of them, by {:.1} us at most; asked for {:.1} us late at most",
+        grouped(reports.past_deadline),
+        reports.past_deadline_max_us,
+        reports.asked_late_max_us
+    )?;
+    writeln!(out, "drained      {:.1} ms after the end", summary.drain_us / 1e3)?;
+    if let Some(bytes) = summary.peak_resident_bytes {
+        let mebibytes = bytes as f64 / f64::from(1 << 20);
+        writeln!(out, "memory       at most {mebibytes:.1} MiB, the recording included")?;
+    }
+    if let Some(verified) = &summary.verified {
+        let events = grouped(verified.events as u64);
+        let verdict = if verified.equal { "equals" } else { "DIFFERS from" };
+        let ms = verified.batch_us / 1e3;
+        writeln!(
+            out,
+            "verified     the last prediction {verdict} the batch over {events} accepted events ({ms:.0} ms)"
+        )?;
+    }
+    if let Some(approximations) = &summary.approximations {
+        crate::approximations::write(approximations, out)?;
+    }
+    quantiles(out, &[("waited", latency_us.waited), ("age", latency_us.age), ("behind", latency_us.behind)])
+}

@@ -1,0 +1,150 @@
+//! `meissner run`: a network over an input, with predictions and measurements to standard output.
+
+mod args;
+
+use meissner_engine::Sensor;
+use meissner_models::systems::slip::DecisionFilter;
+use meissner_pipeline::interrupt;
+use meissner_pipeline::model::{FrameModel, describe_any};
+use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use meissner_pipeline::run::{
+    ElectrodeOptions, ElectrodeRun, EventRun, FrameRun, PictureOptions, PictureRun,
+};
+use meissner_pipeline::source::{self, Source};
+use meissner_pipeline::text::grouped;
+
+use crate::args::Mode;
+use crate::error::CliError;
+use crate::header;
+use crate::input::advice;
+use crate::kind::NetworkKind;
+use crate::report::{Report, TableKind};
+pub(crate) use args::RunArgs;
+use args::Way;
+
+/// Runs what `args` ask for, to standard output.
+pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
+    let (description, _) = describe_any(&args.input.network)?;
+    let kind = NetworkKind::of(&description);
+    args.check(kind)?;
+    if kind == NetworkKind::EventGraph {
+        return run_events(args);
+    }
+    let input = &args.input;
+    let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
+    let model =
+        FrameModel::named(&input.network, input.weights.as_deref(), convolution, input.ignore_preparation)?;
+    let model = match args.electrodes.sampling {
+        Some(sampling) => model.with_sampling(sampling),
+        None => model,
+    };
+    match kind {
+        NetworkKind::Electrodes => run_electrodes(args, &model),
+        NetworkKind::Pictures => run_pictures(args, &model),
+        _ => run_frames(args, &model),
+    }
+}
+
+/// A network over events.
+fn run_events(args: &RunArgs) -> Result<(), CliError> {
+    let input = &args.input;
+    args.check_state()?;
+    let model = input.model()?;
+    args.check_stride(&model.card)?;
+    let source = input.source(&model.card)?;
+    interrupt::listen();
+    let sensor = source.sensor(input.sensor)?;
+    let header = provenance(&source, sensor, &model.card);
+    let run = EventRun::new(&model, source, sensor, args.options()?).map_err(|error| args.refused(error))?;
+    let mode = match args.mode {
+        Mode::Incremental => "incremental",
+        Mode::Batch => "batch: every row at every prediction",
+    };
+    let about = args.about(&header, &model.card, TableKind::Events, run.source().is_live(), run.total());
+    let mut report =
+        Report::begin(about, |out| header::header(out, &model.card, mode, run.source(), sensor))?;
+    let ended = run.run(&mut report);
+    report.end(ended)
+}
+
+/// A network over frames of events.
+fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
+    let source = args.input.source(&model.card)?;
+    interrupt::listen();
+    let sensor = source.sensor(args.input.sensor)?;
+    let options = args.frame_options(true);
+    let run = FrameRun::new(model, options, source, sensor, args.options()?);
+    let run = run.map_err(|error| args.refused(error))?;
+    let header = provenance(run.source(), sensor, &model.card);
+    let about = args.about(&header, &model.card, TableKind::Frames, run.source().is_live(), run.total());
+    let mut report = Report::begin(about, |out| {
+        let source = run.source();
+        let input = [source.name.as_str(), &header::about(source, sensor)];
+        header::frame_header(out, model, &args.mode_of(options), input)
+    })?;
+    let ended = run.run(&mut report);
+    report.end(ended)
+}
+
+/// A network over electrodes.
+fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
+    let path = args.recording("CSV with a column for each of 24 electrodes, in a file or as -")?;
+    let asked = &args.electrodes;
+    let given =
+        [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
+    if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && model.card.classes.is_none()) {
+        let expected = format!("network {} to predict classes, in logit", args.input.network);
+        let found = format!("values in {}", model.description.outputs().1);
+        return Err(CliError::Option { option, expected, found });
+    }
+    let decisions = DecisionFilter::new(asked.hold.unwrap_or(1), asked.least_probability.unwrap_or(0.0))?;
+    let frame_options = args.frame_options(false);
+    let (strict, limit) = (args.input.strict, args.input.limit);
+    let options = ElectrodeOptions { strict, limit, decisions, advice };
+    let run = ElectrodeRun::open(model, frame_options, path, options)?;
+    let text = "CSV of 24 electrodes, 100 readings a second";
+    let header = Header::new("run", InputCard::other(run.name(), text), model.card.clone());
+    header.warn();
+    let about = args.about(&header, &model.card, TableKind::Electrodes, run.is_live(), None);
+    let mut report = Report::begin(about, |out| {
+        header::frame_header(out, model, &args.mode_of(frame_options), [run.name(), text])
+    })?;
+    let ended = run.run(&mut report);
+    report.end(ended)
+}
+
+/// A network over pictures.
+fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
+    let expected = "a picture, a folder of pictures or a list of them";
+    let path = args.recording(expected)?;
+    if source::is_stdin(path) {
+        return Err(args.no_input(expected, "standard input"));
+    }
+    let frame_options = args.frame_options(false);
+    let options = PictureOptions {
+        limit: args.input.limit,
+        reference: args.frames.reference.clone(),
+        overlay: args.frames.overlay.clone(),
+        full_scale_n: args.frames.full_scale,
+    };
+    let run = PictureRun::open(model, frame_options, path, &options)?;
+    let (name, text) = (path.display().to_string(), format!("{} pictures", grouped(run.count())));
+    let header = Header::new("run", InputCard::other(&name, &text), model.card.clone());
+    header.warn();
+    let table = TableKind::Pictures(options.reference.is_some());
+    // Each picture is shown as soon as it is measured, whether it is one of thousands or not.
+    let about = args.about(&header, &model.card, table, true, None);
+    let mut report = Report::begin(about, |out| {
+        header::frame_header(out, model, &args.mode_of(frame_options), [&name, &text])
+    })?;
+    let ended = run.run(&mut report);
+    report.end(ended)
+}
+
+/// Network, weights and input of a run over events, with its warnings logged.
+fn provenance(source: &Source, sensor: Sensor, card: &ModelCard) -> Header {
+    let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
+    let header = Header::new("run", input, card.clone());
+    header.warn();
+    header
+}

@@ -1,0 +1,122 @@
+//! Predictions in the terms of their network: exact digits, classes and probabilities.
+
+use meissner_kernels::softmax;
+use serde::Serialize;
+
+/// The index of the largest value, the first of equal ones; `None` for no values and where one is NaN.
+pub fn largest(values: &[f32]) -> Option<usize> {
+    if values.iter().any(|value| value.is_nan()) {
+        return None;
+    }
+    (0..values.len()).reduce(|best, i| if values[i] > values[best] { i } else { best })
+}
+
+/// f32 values that are serialised with the digits of the equal f64. The shortest digits of an f32 do not survive every
+/// reader that goes through f64 (7.038531e-26 is one that does not); these digits do.
+#[derive(Clone, Copy, Debug)]
+pub struct Values<'a>(pub &'a [f32]);
+
+impl Serialize for Values<'_> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        exact_digits(self.0, serializer)
+    }
+}
+
+/// Serialises `values` as [`Values`].
+pub(crate) fn exact_digits<S: serde::Serializer>(values: &[f32], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(values.iter().map(|&value| f64::from(value)))
+}
+
+/// The class that a prediction stands for. It is serialised beside `value`.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Answer<'a> {
+    /// Name of the most probable class.
+    pub class: &'a str,
+    /// Softmax of the values.
+    pub probabilities: Values<'a>,
+}
+
+impl Answer<'_> {
+    /// Probability of the class.
+    pub fn probability(&self) -> f32 {
+        self.probabilities.0.iter().copied().fold(0.0, f32::max)
+    }
+}
+
+/// Names of the classes of a network, and the newest probabilities.
+#[derive(Clone, Debug, Default)]
+pub struct Classes {
+    /// `None` where values are not logits of classes.
+    names: Option<Vec<String>>,
+    probabilities: Vec<f32>,
+    largest: Option<usize>,
+}
+
+impl Classes {
+    /// Of a network whose values are logits of the classes `names`, or are not of classes.
+    pub fn new(names: Option<Vec<String>>) -> Self {
+        Self { names, ..Self::default() }
+    }
+
+    /// Whether values are logits of classes.
+    pub fn are_known(&self) -> bool {
+        self.names.is_some()
+    }
+
+    /// The name of the class with this index.
+    ///
+    /// # Panics
+    /// There is no such class.
+    pub fn name(&self, class: usize) -> &str {
+        &self.names.as_ref().expect("values are of classes")[class]
+    }
+
+    /// Takes the values of a new prediction: its class, and the probability of the class. `None` where values are not logits
+    /// of classes.
+    pub fn update(&mut self, values: &[f32]) -> Option<(usize, f32)> {
+        self.largest = None;
+        if values.len() != self.names.as_ref()?.len() {
+            return None;
+        }
+        self.probabilities.clear();
+        self.probabilities.extend_from_slice(values);
+        softmax(&mut self.probabilities);
+        self.largest = largest(values);
+        self.largest.map(|class| (class, self.probabilities[class]))
+    }
+
+    /// Class and probabilities of the newest prediction.
+    pub fn answer(&self) -> Option<Answer<'_>> {
+        let class = self.name(self.largest?);
+        Some(Answer { class, probabilities: Values(&self.probabilities) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Classes, Values};
+
+    #[test]
+    fn digits_restore_every_bit_through_f64_and_through_f32() {
+        let mut values = vec![0.0, -0.0, 0.1, 7.038_531e-26, f32::MIN_POSITIVE, f32::MAX, f32::from_bits(1)];
+        values.extend((0..2000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761) & 0xbf7f_ffff)));
+        let text = serde_json::to_string(&Values(&values)).expect("numbers are JSON");
+        for (value, digits) in values.iter().zip(text.trim_matches(['[', ']']).split(',')) {
+            let through = [digits.parse::<f64>().map(|v| v as f32).ok(), digits.parse::<f32>().ok()];
+            assert!(
+                through.iter().all(|v| v.map(f32::to_bits) == Some(value.to_bits())),
+                "{value}: {digits}"
+            );
+        }
+    }
+
+    #[test]
+    fn values_that_are_no_logits_have_no_answer() {
+        let mut classes = Classes::new(Some(vec!["a".to_owned(), "b".to_owned()]));
+        assert_eq!(classes.update(&[0.0, 2.0]).map(|(class, _)| class), Some(1));
+        assert_eq!(classes.answer().map(|answer| answer.class), Some("b"));
+        assert!(classes.update(&[0.0; 3]).is_none() && classes.answer().is_none());
+        assert!(Classes::default().update(&[1.0]).is_none());
+    }
+}

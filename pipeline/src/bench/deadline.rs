@@ -1,0 +1,291 @@
+//! Whether each period's work is done within a period.
+//!
+//! Stream time is cut in periods from the first accepted event on; an event at a period's end belongs to it. The work of
+//! a period is to push its events, to advance the clock to its end, and to predict. It is measured as one piece, so that the
+//! clock is read twice a period, however many events it has.
+//!
+//! The cost of a period depends on the events that leave the window as much as on those that enter: in the silence after a
+//! burst nothing enters and everything leaves. So the rate of a period is the larger of the two numbers. In a steady stream
+//! they are equal.
+//!
+//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that is later. The lag is the
+//! time from the end of the period to its prediction. A missed period thus delays those after it.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::latency::{Distribution, Latency, microseconds};
+
+/// Periods from which on a p99.9 is not just the slowest of them: a bin with fewer is judged together with those below
+/// it, so that a single interruption by the system does not decide on a rate.
+const POOLED_PERIODS: u64 = 1000;
+
+/// Whether the work of each period was done within a period.
+#[derive(Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct DeadlineReport {
+    /// Length of a period.
+    pub period_us: i64,
+    /// Periods from the first to the last event.
+    pub periods: u64,
+    /// Periods with neither events nor a window; they are not in `work_us` and `bins`.
+    pub periods_without_work: u64,
+    /// Periods whose work took longer than the period.
+    pub missed: u64,
+    /// Work beyond the period, at most; 0 where none was missed.
+    pub excess_max_us: f64,
+    /// Work beyond the period, in the mean of the missed ones.
+    pub excess_mean_us: Option<f64>,
+    /// Longest time from a period's end to its prediction, where missed periods delay those after them.
+    pub lag_max_us: f64,
+    /// Work over the length of all periods.
+    pub load: Option<f64>,
+    /// Work of a period.
+    pub work_us: Option<Distribution>,
+    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all below it; none where the
+    /// lowest bin does not hold.
+    pub sustained: Option<Sustained>,
+    /// Whether that is the highest rate of the recording.
+    pub sustained_is_all_seen: bool,
+    /// Periods by the number of events that entered or left, whichever is larger.
+    pub bins: Vec<DeadlineBin>,
+}
+
+/// The highest rate that holds.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Sustained {
+    /// Most events of a period.
+    pub events_per_period: u64,
+    /// The same in events per second.
+    pub events_per_s: f64,
+}
+
+/// Periods with about as many events.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct DeadlineBin {
+    /// Fewest events of a period in this bin.
+    pub events_least: u64,
+    /// Most events of a period in this bin.
+    pub events_most: u64,
+    /// Most events that entered or left in a period of this bin.
+    pub events_seen: u64,
+    /// Periods in this bin.
+    pub periods: u64,
+    /// Of these, periods whose work took longer than the period.
+    pub missed: u64,
+    /// Work of a period.
+    pub work_us: Distribution,
+    /// p99.9 of the work of this bin, with as many bins below it as it takes for 1,000 periods.
+    pub pooled_p999_us: f64,
+}
+
+/// The work of all periods.
+pub(super) struct Deadline {
+    period_us: i64,
+    /// Ends of the first and of the latest period, on the events' clock.
+    ends_us: Option<(i64, i64)>,
+    work: Latency,
+    misses: Misses,
+    /// By the least number of events of a bin.
+    bins: BTreeMap<u64, Bin>,
+    /// When the work so far is done, in nanoseconds since the end of the first period.
+    done_ns: i128,
+    lag_max_ns: i128,
+}
+
+/// Periods whose work took longer than the period.
+#[derive(Clone, Copy, Debug, Default)]
+struct Misses {
+    count: u64,
+    excess: Duration,
+    excess_max: Duration,
+}
+
+/// Periods with about as many events.
+struct Bin {
+    /// Largest number that belongs here.
+    most: u64,
+    /// Largest number that occurred.
+    seen: u64,
+    missed: u64,
+    work: Latency,
+}
+
+impl Deadline {
+    /// No period yet.
+    pub(super) fn new(period_us: i64) -> Self {
+        Self {
+            period_us,
+            ends_us: None,
+            work: Latency::new(),
+            misses: Misses::default(),
+            bins: BTreeMap::new(),
+            done_ns: 0,
+            lag_max_ns: 0,
+        }
+    }
+
+    /// Notes the period that ends at `end_us`, in which as many `events` entered or left.
+    pub(super) fn record(&mut self, events: u64, end_us: i64, work: Duration) {
+        let period = Duration::from_micros(self.period_us.unsigned_abs());
+        let (least, most) = bin(events);
+        let of_bin =
+            self.bins.entry(least).or_insert_with(|| Bin { most, seen: 0, missed: 0, work: Latency::new() });
+        of_bin.seen = of_bin.seen.max(events);
+        of_bin.work.record(work);
+        self.work.record(work);
+        if let Some(excess) = work.checked_sub(period).filter(|excess| !excess.is_zero()) {
+            of_bin.missed += 1;
+            self.misses.count += 1;
+            self.misses.excess += excess;
+            self.misses.excess_max = self.misses.excess_max.max(excess);
+        }
+        let (first_us, _) = self.ends_us.unwrap_or((end_us, end_us));
+        self.ends_us = Some((first_us, end_us));
+        // In i128: the difference of two times can exceed an i64.
+        let end_ns = (i128::from(end_us) - i128::from(first_us)) * 1000;
+        self.done_ns = self.done_ns.max(end_ns) + i128::try_from(work.as_nanos()).unwrap_or(i128::MAX >> 1);
+        self.lag_max_ns = self.lag_max_ns.max(self.done_ns - end_ns);
+    }
+
+    /// Periods from the first to the last event, with those that took no work.
+    fn periods(&self) -> u64 {
+        self.ends_us.map_or(0, |(first, last)| {
+            let periods = (i128::from(last) - i128::from(first)) / i128::from(self.period_us) + 1;
+            u64::try_from(periods).unwrap_or(u64::MAX)
+        })
+    }
+
+    /// All bins, from the fewest events to the most.
+    fn bins(&self) -> Vec<DeadlineBin> {
+        let works: Vec<&Latency> = self.bins.values().map(|bin| &bin.work).collect();
+        let report = |(index, (&least, bin)): (usize, (&u64, &Bin))| {
+            let mut pooled = Latency::new();
+            for work in works[..=index].iter().rev() {
+                if pooled.count() >= POOLED_PERIODS {
+                    break;
+                }
+                pooled.add(work);
+            }
+            bin.report(least, &pooled)
+        };
+        self.bins.iter().enumerate().map(report).collect()
+    }
+
+    /// The report.
+    pub(super) fn report(&self) -> DeadlineReport {
+        let (periods, period_us) = (self.periods(), self.period_us as f64);
+        let bins = self.bins();
+        let holds = |bin: &&DeadlineBin| bin.pooled_p999_us < period_us;
+        let sustained = bins.iter().take_while(holds).last().map(|bin| Sustained {
+            events_per_period: bin.events_seen,
+            events_per_s: bin.events_seen as f64 / (period_us / 1e6),
+        });
+        DeadlineReport {
+            period_us: self.period_us,
+            periods,
+            periods_without_work: periods - self.work.count().min(periods),
+            missed: self.misses.count,
+            excess_max_us: microseconds(self.misses.excess_max),
+            excess_mean_us: (self.misses.count > 0)
+                .then(|| microseconds(self.misses.excess) / self.misses.count as f64),
+            lag_max_us: self.lag_max_ns as f64 / 1e3,
+            load: (periods > 0).then(|| microseconds(self.work.total()) / (periods as f64 * period_us)),
+            work_us: self.work.distribution(),
+            sustained,
+            sustained_is_all_seen: bins.iter().all(|bin| holds(&bin)),
+            bins,
+        }
+    }
+}
+
+impl Bin {
+    /// The report of this bin. `pooled` is its work with that of bins below.
+    fn report(&self, least: u64, pooled: &Latency) -> DeadlineBin {
+        const RECORDED: &str = "a bin is made for a period";
+        DeadlineBin {
+            events_least: least,
+            events_most: self.most,
+            events_seen: self.seen,
+            periods: self.work.count(),
+            missed: self.missed,
+            work_us: self.work.distribution().expect(RECORDED),
+            pooled_p999_us: pooled.quantiles().expect(RECORDED).p999,
+        }
+    }
+}
+
+/// Least and most events of the bin that `events` belongs to: two bins for each doubling.
+fn bin(events: u64) -> (u64, u64) {
+    let shift = events.max(2).ilog2() - 1;
+    let half = events >> shift;
+    (half << shift, (half << shift) + ((1 << shift) - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Deadline, bin};
+    use std::time::Duration;
+
+    #[test]
+    fn bins_follow_one_another_two_for_each_doubling() {
+        let expected = [(0, 0), (1, 1), (2, 2), (3, 3), (4, 5), (4, 5), (6, 7), (6, 7), (8, 11)];
+        assert_eq!(std::array::from_fn::<_, 9, _>(|n| bin(n as u64)), expected);
+        assert_eq!(bin(u64::MAX), (3 << 62, u64::MAX));
+        let mut next = 0;
+        while next < 100_000 {
+            let (least, most) = bin(next);
+            assert!(least == next && bin(most) == (least, most));
+            next = most + 1;
+        }
+    }
+
+    #[test]
+    fn a_missed_period_delays_those_after_it_and_a_pause_makes_up_for_it() {
+        let mut deadline = Deadline::new(1000);
+        for (end_us, work_us) in [(1000, 1700), (2000, 900), (3000, 100), (10_000, 1000)] {
+            deadline.record(1, end_us, Duration::from_micros(work_us));
+        }
+        let report = deadline.report();
+        assert_eq!((report.periods, report.periods_without_work, report.missed), (10, 6, 1));
+        assert_eq!((report.excess_max_us, report.excess_mean_us), (700.0, Some(700.0)));
+        // 1700, then 700 left + 900, then 600 + 100, then 1000.
+        assert_eq!(report.lag_max_us, 1700.0);
+        assert_eq!(report.load, Some(0.37));
+    }
+
+    #[test]
+    fn the_sustained_rate_is_below_the_first_bin_that_does_not_hold() {
+        let mut deadline = Deadline::new(1000);
+        for (events, work_us) in [(1, 10), (9, 100), (30, 1200), (100, 50)] {
+            deadline.record(events, 1000, Duration::from_micros(work_us));
+        }
+        let report = deadline.report();
+        assert_eq!(report.sustained.map(|s| (s.events_per_period, s.events_per_s)), Some((9, 9000.0)));
+        assert!(!report.sustained_is_all_seen);
+    }
+
+    #[test]
+    fn a_single_interruption_among_1000_periods_does_not_end_the_sustained_rate_and_two_do() {
+        for (interruptions, sustained) in [(1, 9), (2, 1)] {
+            let mut deadline = Deadline::new(1000);
+            let works = [(1, 1000, 10), (9, 1, 100), (9, interruptions, 5000)];
+            for (events, count, work_us) in works {
+                (0..count).for_each(|_| deadline.record(events, 1000, Duration::from_micros(work_us)));
+            }
+            let report = deadline.report();
+            assert_eq!(report.sustained.map(|s| s.events_per_period), Some(sustained));
+        }
+    }
+
+    #[test]
+    fn no_periods_have_no_figures() {
+        let report = Deadline::new(1000).report();
+        assert_eq!((report.periods, report.missed, report.load), (0, 0, None));
+        assert!(report.sustained.is_none() && report.work_us.is_none());
+    }
+}

@@ -1,0 +1,467 @@
+//! A network over events, every call timed: latencies by phase, work, stages, memory and deadlines.
+//!
+//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost of an event is its push,
+//! the predictions that were due before it could enter, and the one that is due after it; at the end of the stream, also the
+//! last prediction.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Admission, Engine, Event, Network, Options, Outcome, Sensor, Stage};
+use serde::Serialize;
+
+use super::deadline::{Deadline, DeadlineReport};
+use super::input::{BenchInput, BenchOptions, InputReport};
+use super::phases::{Phase, Phases, WINDOW_US};
+use crate::approximations::{ApproximationReport, FilteredEngine};
+use crate::error::PipelineError;
+use crate::latency::{Distribution, Latency, clock_us, microseconds};
+use crate::memory::peak_resident_bytes;
+use crate::model::Model;
+use crate::schedule::{Every, Last, Schedule};
+use crate::skips::Skips;
+
+/// Period of the deadline report, unless asked for otherwise.
+const PERIOD_US: i64 = 1000;
+
+/// A benchmark of a network over events.
+pub struct EventBench<'a> {
+    model: &'a Model,
+    input: BenchInput,
+    options: BenchOptions,
+}
+
+/// The report of a network over events. Counts are of one pass, except those of distributions.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct EventReport {
+    /// The input.
+    #[serde(flatten)]
+    pub input: InputReport,
+    /// Events of the warm-up.
+    pub warmup_events: u64,
+    /// Overhead of the clock; it is contained in every push and prediction.
+    pub clock_us: f64,
+    /// Predictions read.
+    pub predictions: u64,
+    /// Most events in the window after any push.
+    pub nodes_max: usize,
+    /// Times of calls.
+    pub latency_us: LatencyReport,
+    /// Events over the time in pushes and predictions.
+    pub events_per_s: Option<f64>,
+    /// Bursts, and the other events.
+    pub phases: PhasesReport,
+    /// What was computed, and what was skipped.
+    pub skips: Skips,
+    /// The approximations, in one pass; `None` if results are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approximations: Option<ApproximationReport>,
+    /// Rows and multiply-adds.
+    pub work: Work,
+    /// Times of the stages in a separate pass; empty if no time was spent.
+    pub stages: Vec<StageReport>,
+    /// Memory.
+    pub memory: MemoryReport,
+    /// Deadlines.
+    pub deadline: DeadlineReport,
+}
+
+/// Durations in microseconds; `None` where nothing was measured.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct LatencyReport {
+    /// Pushes.
+    pub push: Option<Distribution>,
+    /// Predictions.
+    pub predict: Option<Distribution>,
+    /// What each event brought about.
+    pub push_predict: Option<Distribution>,
+}
+
+/// Events of bursts, and the others.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct PhasesReport {
+    /// Stream time before an event that decides on its phase.
+    pub window_us: i64,
+    /// Mean rate of the accepted events.
+    pub mean_rate_events_per_s: Option<f64>,
+    /// Least rate of a burst.
+    pub burst_rate_events_per_s: Option<f64>,
+    /// Events outside bursts.
+    pub idle: PhaseReport,
+    /// Events of bursts.
+    pub burst: PhaseReport,
+}
+
+/// Events of one phase.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct PhaseReport {
+    /// Events of the phase.
+    pub events: u64,
+    /// Rows computed over all layers; none without events.
+    pub rows_per_event: Option<f64>,
+    /// Times of calls.
+    pub latency_us: LatencyReport,
+}
+
+/// Rows and multiply-adds.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct Work {
+    /// Rows computed over all layers.
+    pub rows_per_event: f64,
+    /// Multiply-adds over all layers.
+    pub multiply_adds_per_event: f64,
+    /// Multiply-adds over the time of the stages of the layers, in the pass that measured stages.
+    pub multiply_adds_per_s: Option<f64>,
+    /// Each layer.
+    pub layers: Vec<LayerWork>,
+}
+
+/// Rows and multiply-adds of a layer.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct LayerWork {
+    /// Name of the layer.
+    pub name: String,
+    /// Rows computed.
+    pub rows_per_event: f64,
+    /// At full neighbourhoods.
+    pub multiply_adds_per_row: u64,
+    /// At full neighbourhoods.
+    pub multiply_adds_per_event: f64,
+}
+
+/// Time of a stage.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct StageReport {
+    /// Name of the stage.
+    pub name: &'static str,
+    /// Microseconds an event.
+    pub us_per_event: f64,
+    /// Of the time of all stages.
+    pub share: f64,
+}
+
+/// Memory of the engine and of the process.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct MemoryReport {
+    /// State that the engine takes when it is made, about.
+    pub state_bytes: u64,
+    /// Most that the process had resident after the latency passes, with the recording; none where the platform does
+    /// not say.
+    pub peak_resident_bytes: Option<u64>,
+}
+
+/// Times of calls in one phase, over any number of passes.
+#[derive(Debug, Default)]
+#[non_exhaustive]
+pub struct PhaseLatencies {
+    /// Pushes.
+    pub push: Latency,
+    /// Predictions.
+    pub predict: Latency,
+    /// Push and predictions of each event.
+    pub push_predict: Latency,
+    /// Rows computed.
+    rows: u64,
+}
+
+/// Times of calls by phase.
+#[derive(Debug, Default)]
+#[non_exhaustive]
+pub struct Measured {
+    /// Events outside bursts.
+    pub idle: PhaseLatencies,
+    /// Events of bursts.
+    pub burst: PhaseLatencies,
+    /// Most events in the window after any push.
+    nodes_max: usize,
+}
+
+/// Push, predict and push + predict over all phases.
+pub fn whole(measured: &Measured) -> [Latency; 3] {
+    let of: [fn(&PhaseLatencies) -> &Latency; 3] = [|l| &l.push, |l| &l.predict, |l| &l.push_predict];
+    of.map(|of| {
+        let mut sum = Latency::new();
+        [&measured.idle, &measured.burst].map(of).into_iter().for_each(|part| sum.add(part));
+        sum
+    })
+}
+
+impl<'a> EventBench<'a> {
+    /// A benchmark of `model` over `input`.
+    pub fn new(model: &'a Model, input: BenchInput, options: BenchOptions) -> Self {
+        Self { model, input, options }
+    }
+
+    /// Events that all passes take together.
+    pub fn total(&self) -> u64 {
+        self.input.events.len() as u64 * (u64::from(self.options.repeat.max(1)) + 2) + self.warmup() as u64
+    }
+
+    fn warmup(&self) -> usize {
+        usize::try_from(self.options.warmup).unwrap_or(usize::MAX).min(self.input.events.len())
+    }
+
+    /// Measures, and calls `progress` with the number of events that were taken.
+    ///
+    /// # Errors
+    /// The engine refuses an option, or a result is not a number.
+    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<(EventReport, Measured), PipelineError> {
+        let Self { model, input, options, .. } = &self;
+        let (events, repeat) = (&input.events, options.repeat.max(1));
+        let phases = Phases::new(events, input.sensor, options.late, options.burst_rate);
+        let network = Arc::new(model.network.clone());
+        let mut passes = Passes { network, sensor: input.sensor, options, progress, taken: 0 };
+
+        let clock_us = clock_us();
+        let warmup = self.warmup();
+        passes.latency(&events[..warmup], &phases, false, &mut Measured::default())?;
+        let mut measured = Measured::default();
+        let mut engine = passes.latency(events, &phases, false, &mut measured)?;
+        for _ in 1..repeat {
+            engine = passes.latency(events, &phases, false, &mut measured)?;
+        }
+        // Before the other passes, which take memory of their own.
+        let peak_resident_bytes = peak_resident_bytes();
+        let staged = passes.latency(events, &phases, true, &mut Measured::default())?;
+        let deadline = passes.deadline(events, options.period_us.unwrap_or(PERIOD_US))?;
+
+        let counters = engine.counters();
+        let [push, predict, push_predict] = whole(&measured);
+        let seconds = push_predict.total().as_secs_f64();
+        let skips = Skips::new(&counters, &model.network.layers());
+        let count = counters.events.pushed;
+        let losses = input.losses(engine.engine().counters().events);
+        let report = EventReport {
+            input: input.report(&counters.events, &losses, repeat),
+            warmup_events: warmup as u64,
+            clock_us,
+            predictions: counters.predictions.read,
+            nodes_max: measured.nodes_max,
+            latency_us: LatencyReport::of(&push, &predict, &push_predict),
+            events_per_s: (seconds > 0.0).then(|| push.count() as f64 / seconds),
+            phases: PhasesReport {
+                window_us: WINDOW_US,
+                mean_rate_events_per_s: phases.mean_rate,
+                burst_rate_events_per_s: phases.burst_rate,
+                idle: PhaseReport::new(phases.count(Phase::Idle), &measured.idle, repeat),
+                burst: PhaseReport::new(phases.count(Phase::Burst), &measured.burst, repeat),
+            },
+            work: Work::new(&skips, &model.multiply_adds, count, staged.engine()),
+            skips,
+            approximations: options.approximations.report(
+                &engine.chain,
+                &engine.engine().counters(),
+                engine.readout.stale(),
+            ),
+            stages: stages(staged.engine(), count),
+            memory: MemoryReport {
+                state_bytes: u64::try_from(engine.engine().state_bytes()).unwrap_or(u64::MAX),
+                peak_resident_bytes,
+            },
+            deadline: deadline.report(),
+        };
+        Ok((report, measured))
+    }
+}
+
+/// What all passes have in common.
+struct Passes<'a> {
+    network: Arc<Network>,
+    sensor: Sensor,
+    options: &'a BenchOptions,
+    progress: &'a mut dyn FnMut(u64),
+    /// Events taken so far, over all passes.
+    taken: u64,
+}
+
+impl Passes<'_> {
+    fn engine(&self, stage_times: bool) -> Result<FilteredEngine, PipelineError> {
+        let options = Options::new().with_late(self.options.late).with_stage_times(stage_times);
+        let network = Arc::clone(&self.network);
+        Ok(FilteredEngine::new(network, self.sensor, &self.options.approximations, options)?)
+    }
+
+    /// The next event has been taken.
+    fn count(&mut self) {
+        self.taken += 1;
+        (self.progress)(self.taken);
+    }
+
+    /// A new engine over `events`, the first of those in `phases`; measures `into`.
+    fn latency(
+        &mut self,
+        events: &[Event],
+        phases: &Phases,
+        stage_times: bool,
+        into: &mut Measured,
+    ) -> Result<FilteredEngine, PipelineError> {
+        let mut engine = self.engine(stage_times)?;
+        let mut gate = Admission::new(self.sensor, self.options.late);
+        let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
+        for (index, &event) in events.iter().enumerate() {
+            let latencies = match phases.of(index) {
+                Phase::Idle => &mut into.idle,
+                Phase::Burst => &mut into.burst,
+            };
+            let mut both = Duration::ZERO;
+            let (passes, filtering) = engine.admit(event);
+            // Dropped events do not advance the clock.
+            if passes && let Some(t_us) = schedule.arrival_us(&mut gate, event) {
+                schedule
+                    .each_due_before(t_us, |due_us| latencies.read(&mut engine, Some(due_us), &mut both))?;
+            }
+            let start = Instant::now();
+            let accepted = passes && engine.readout.push(event) == Outcome::Accepted;
+            let spent = filtering + start.elapsed();
+            latencies.push.record(spent);
+            both += spent;
+            if accepted && schedule.is_due_after_event() {
+                latencies.read(&mut engine, None, &mut both)?;
+            }
+            if index + 1 == events.len()
+                && let Last::At(due_us) = schedule.last()
+            {
+                latencies.read(&mut engine, Some(due_us), &mut both)?;
+            }
+            latencies.push_predict.record(both);
+            into.nodes_max = into.nodes_max.max(engine.engine().nodes());
+            self.count();
+        }
+        Ok(engine)
+    }
+
+    /// A new engine over `events`, in periods of `period_us`.
+    fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline, PipelineError> {
+        let mut engine = self.engine(false)?;
+        let mut gate = Admission::new(self.sensor, self.options.late);
+        let mut schedule = Schedule::new(Every::StreamUs(period_us));
+        let mut deadline = Deadline::new(period_us);
+        let mut waiting = Vec::new();
+        for &event in events {
+            if let Some(t_us) = schedule.arrival_us(&mut gate, event) {
+                schedule.each_due_before(t_us, |end_us| {
+                    period(&mut deadline, &mut engine, &mut waiting, end_us)
+                })?;
+            }
+            waiting.push(event);
+            self.count();
+        }
+        if let Last::At(end_us) = schedule.last() {
+            period(&mut deadline, &mut engine, &mut waiting, end_us)?;
+        }
+        Ok(deadline)
+    }
+}
+
+/// The work of the period that ends at `end_us`; returns the number of events in the window.
+fn period(
+    deadline: &mut Deadline,
+    engine: &mut FilteredEngine,
+    waiting: &mut Vec<Event>,
+    end_us: i64,
+) -> Result<usize, PipelineError> {
+    let before = engine.engine().counters().events;
+    let start = Instant::now();
+    engine.push_slice(waiting);
+    engine.readout.advance(end_us);
+    let prediction = engine.readout.predict().map(drop);
+    let work = start.elapsed();
+    prediction?;
+    let after = engine.engine().counters().events;
+    let entered = after.accepted - before.accepted;
+    let left = (after.expired + after.evicted) - (before.expired + before.evicted);
+    deadline.record(entered.max(left), end_us, work);
+    waiting.clear();
+    Ok(engine.engine().nodes())
+}
+
+impl PhaseLatencies {
+    /// Reads a prediction, at `due_us` if that is given; returns the number of events in its window.
+    fn read(
+        &mut self,
+        engine: &mut FilteredEngine,
+        due_us: Option<i64>,
+        both: &mut Duration,
+    ) -> Result<usize, PipelineError> {
+        let start = Instant::now();
+        if let Some(due_us) = due_us {
+            engine.readout.advance(due_us);
+        }
+        let prediction = engine.readout.predict();
+        let spent = start.elapsed();
+        let prediction = prediction?;
+        self.predict.record(spent);
+        self.rows += prediction.rows.iter().sum::<u64>();
+        *both += spent;
+        Ok(prediction.nodes)
+    }
+}
+
+impl LatencyReport {
+    fn of(push: &Latency, predict: &Latency, push_predict: &Latency) -> Self {
+        let [push, predict, push_predict] = [push, predict, push_predict].map(Latency::distribution);
+        Self { push, predict, push_predict }
+    }
+}
+
+impl PhaseReport {
+    fn new(events: u64, latencies: &PhaseLatencies, passes: u32) -> Self {
+        let measured = events as f64 * f64::from(passes);
+        Self {
+            events,
+            rows_per_event: (events > 0).then(|| latencies.rows as f64 / measured),
+            latency_us: LatencyReport::of(&latencies.push, &latencies.predict, &latencies.push_predict),
+        }
+    }
+}
+
+impl Work {
+    fn new(skips: &Skips, multiply_adds: &[u64], events: u64, staged: &Engine) -> Self {
+        let per_event = |count: f64| if events > 0 { count / events as f64 } else { 0.0 };
+        let layers: Vec<LayerWork> = skips
+            .layers
+            .iter()
+            .zip(multiply_adds)
+            .map(|(layer, &of_row)| LayerWork {
+                name: layer.name.clone(),
+                rows_per_event: per_event(layer.recomputed as f64),
+                multiply_adds_per_row: of_row,
+                multiply_adds_per_event: per_event(layer.recomputed as f64 * of_row as f64),
+            })
+            .collect();
+        let multiply_adds_per_event = layers.iter().map(|layer| layer.multiply_adds_per_event).sum();
+        let is_of_layers = |stage| matches!(stage, Stage::EventLayers | Stage::PooledLayers);
+        let times = staged.stage_times();
+        let seconds: f64 =
+            times.iter().filter(|(stage, _)| is_of_layers(*stage)).map(|(_, time)| time.as_secs_f64()).sum();
+        Self {
+            rows_per_event: layers.iter().map(|layer| layer.rows_per_event).sum(),
+            multiply_adds_per_event,
+            multiply_adds_per_s: (seconds > 0.0).then(|| multiply_adds_per_event * events as f64 / seconds),
+            layers,
+        }
+    }
+}
+
+/// The time of each stage.
+fn stages(engine: &Engine, events: u64) -> Vec<StageReport> {
+    let times = engine.stage_times().map(|(stage, time)| (stage, microseconds(time)));
+    let total: f64 = times.iter().map(|(_, us)| us).sum();
+    if total == 0.0 {
+        return Vec::new();
+    }
+    let report = |(stage, us): (Stage, f64)| StageReport {
+        name: stage.name(),
+        us_per_event: us / events as f64,
+        share: us / total,
+    };
+    times.into_iter().map(report).collect()
+}

@@ -1,0 +1,316 @@
+//! A frame network over events: the part of the sensor that its frames show, and passes over all events.
+//!
+//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost of a frame is what its
+//! events took to enter, making it, its push, and its prediction.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use meissner_engine::frames::{Convolution, FrameEngine, FrameLayerCounters, FrameOptions, FrameShape, Skip};
+use meissner_engine::representations::Crop;
+use meissner_engine::{LatePolicy, Sensor};
+use meissner_models::FrameSource;
+use meissner_models::description::frames::{CropPlace, SignedTiming};
+
+use super::moments::{End, Moments};
+use crate::error::PipelineError;
+use crate::frame_feed::{FeedOutput, FrameFeed};
+use crate::frame_predictor::LayerCost;
+use crate::latency::Latency;
+use crate::model::FrameModel;
+use crate::schedule::Every;
+use crate::text::display_us;
+
+/// Time from frame to frame, unless the network or the caller says: 10 ms, as in the force networks.
+const PERIOD_US: i64 = 10_000;
+/// Most frames of a warm-up: with a slow network they would take longer than they help.
+pub(super) const WARMUP_FRAMES: u64 = 20;
+
+/// A frame network whose frames are made of events.
+pub struct EventFrameModel {
+    /// The network.
+    pub model: FrameModel,
+    /// Multiply-adds of each layer.
+    pub(super) costs: Vec<LayerCost>,
+    place: CropPlace,
+    /// Length of its windows, if they are consecutive.
+    windows_us: Option<i64>,
+    size: [u16; 2],
+}
+
+/// The part of the sensor that frames show.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    crop: Crop,
+    sensor: Sensor,
+}
+
+impl EventFrameModel {
+    /// The frame network called `name`, or described in this file, with the weights in the file at `path` or those shipped.
+    ///
+    /// # Errors
+    /// The network is unknown or its frames are not made of events, or the weights do not fit.
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, PipelineError> {
+        let model = FrameModel::named(name, path, Convolution::Direct, ignore_preparation)?;
+        let of_other = || frames_of_other(name, model.source);
+        let (place, windows_us) = match model.source {
+            FrameSource::EventCounts { place, period_us, .. }
+            | FrameSource::Signed { place, timing: SignedTiming::Consecutive { period_us }, .. } => {
+                (place, Some(period_us))
+            }
+            FrameSource::Signed { place, timing: SignedTiming::Sliding { .. }, .. } => (place, None),
+            _ => return Err(of_other()),
+        };
+        let FrameShape::Image { height, width, .. } = model.description.input() else {
+            return Err(of_other());
+        };
+        let costs = model.description.layers().iter().map(LayerCost::new).collect();
+        // The sides of a description fit.
+        Ok(Self { costs, place, windows_us, size: [width as u16, height as u16], model })
+    }
+
+    /// Microseconds from frame to frame, as `asked` or as the network says.
+    pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64, PipelineError> {
+        match (asked, self.windows_us) {
+            (None, windows_us) => Ok(windows_us.unwrap_or(PERIOD_US)),
+            (Some(Every::StreamUs(asked_us)), None) => Ok(asked_us),
+            (Some(Every::StreamUs(asked_us)), Some(windows_us)) if asked_us == windows_us => Ok(asked_us),
+            (Some(found), windows_us) => {
+                let name = self.model.network.name();
+                let expected = windows_us.map_or_else(
+                    || "the time from frame to frame, such as 10ms".to_owned(),
+                    |us| format!("{}, the length of the windows of {name}", display_us(us)),
+                );
+                Err(PipelineError::FramePeriod { expected, found })
+            }
+        }
+    }
+
+    /// Which events belong to a frame at a moment.
+    pub(super) fn end(&self) -> End {
+        if self.windows_us.is_some() { End::Excluded } else { End::Included }
+    }
+
+    /// The part of `sensor` that its frames show.
+    pub(super) fn field(&self, sensor: Sensor) -> Field {
+        let [width, height] = self.size;
+        let crop = self.place.crop(width, height, sensor);
+        let around = Field { crop, sensor }.around();
+        Field { crop: self.place.crop(width, height, around), sensor }
+    }
+
+    /// The feed of its frames over `field`, for events that have been accepted, every `period_us`.
+    fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, PipelineError> {
+        let every = Every::StreamUs(period_us);
+        let name = self.model.network.name();
+        let feed = FrameFeed::new(&self.model.description, field.around(), LatePolicy::Drop, every)
+            .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
+        feed.ok_or_else(|| frames_of_other(name, self.model.source))
+    }
+
+    /// Multiply-adds of the pixels that `counters` counted.
+    pub(super) fn multiply_adds(&self, counters: &[FrameLayerCounters]) -> u64 {
+        self.costs.iter().zip(counters).map(|(cost, counters)| cost.of(counters)).sum()
+    }
+}
+
+fn frames_of_other(network: &str, source: FrameSource) -> PipelineError {
+    PipelineError::FramesOfOther { network: network.to_owned(), found: source.word() }
+}
+
+impl Field {
+    /// A sensor that has every pixel of the crop.
+    fn around(self) -> Sensor {
+        let side = |side: u16, first: u16, count: u16| side.max(first.saturating_add(count));
+        let Crop { x, y, width, height } = self.crop;
+        Sensor::new(side(self.sensor.width, x, width), side(self.sensor.height, y, height))
+    }
+
+    /// Whether frames have pixels that the sensor has not.
+    pub(super) fn is_padded(self) -> bool {
+        self.around() != self.sensor
+    }
+}
+
+impl std::fmt::Display for Field {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { crop, sensor } = *self;
+        if crop == Crop::whole(sensor) {
+            return write!(f, "all {}x{} pixels", crop.width, crop.height);
+        }
+        write!(f, "{crop}")?;
+        if self.is_padded() {
+            write!(f, ", zeros where the sensor of {sensor} has no pixels")?;
+        }
+        Ok(())
+    }
+}
+
+/// What all passes have in common.
+pub(super) struct FramePasses<'a> {
+    pub(super) model: &'a EventFrameModel,
+    pub(super) field: Field,
+    pub(super) moments: &'a Moments,
+}
+
+/// Latencies of frames, over any number of passes.
+#[derive(Debug, Default)]
+pub(super) struct FrameTimes {
+    /// Events entering the frame, and making it.
+    pub(super) frame: Latency,
+    pub(super) push: Latency,
+    pub(super) predict: Latency,
+    pub(super) push_predict: Latency,
+}
+
+/// A prediction, and its cost.
+pub(super) struct Predicted<'a> {
+    pub(super) t_us: i64,
+    pub(super) values: &'a [f32],
+    /// Time from its first event on.
+    pub(super) work: Duration,
+}
+
+/// The end of a pass.
+pub(super) struct Pass {
+    pub(super) engine: FrameEngine,
+    /// Accepted events that no frame shows.
+    pub(super) outside: u64,
+    /// Events that left a sliding window early because it was full.
+    pub(super) evicted: u64,
+}
+
+impl FrameTimes {
+    /// The sum of all times.
+    pub(super) fn total(&self) -> Duration {
+        self.frame.total() + self.push_predict.total()
+    }
+}
+
+/// An engine, its measurements, and the start of its next frame.
+struct InProgress<'a, L> {
+    engine: FrameEngine,
+    zeros: Vec<f32>,
+    into: &'a mut FrameTimes,
+    look: L,
+    /// Frames that may still come.
+    left: u64,
+    since: Instant,
+}
+
+impl FramePasses<'_> {
+    /// A new engine over the first `frames` frames; measures `into`, and hands every prediction to `look`.
+    pub(super) fn pass<L>(
+        &self,
+        skip: Skip,
+        frames: u64,
+        into: &mut FrameTimes,
+        look: L,
+    ) -> Result<Pass, PipelineError>
+    where
+        L: FnMut(Predicted<'_>) -> Result<(), PipelineError>,
+    {
+        let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
+        let engine = FrameEngine::with_options(self.model.model.network.clone(), options)?;
+        let zeros = vec![0.0; self.model.model.network.input().values()];
+        let mut feed = self.model.feed(self.field, self.moments.period_us)?;
+        let mut run = InProgress { engine, zeros, into, look, left: frames, since: Instant::now() };
+        for &event in &self.moments.events {
+            feed.push(event, |output| run.take(output))?;
+            if run.left == 0 {
+                break;
+            }
+        }
+        feed.finish(|output| run.take(output))?;
+        let (outside, evicted) = (feed.outside_crop(), feed.evicted());
+        Ok(Pass { engine: run.engine, outside, evicted })
+    }
+}
+
+impl<L> InProgress<'_, L>
+where
+    L: FnMut(Predicted<'_>) -> Result<(), PipelineError>,
+{
+    /// Takes the frames that are complete.
+    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), PipelineError> {
+        match output {
+            FeedOutput::Frame { values, t_us, .. } => self.frame(Some(values), t_us)?,
+            FeedOutput::Empty { count, t_us, period_us } => {
+                for (_, number) in (0..count.min(self.left)).zip(0..) {
+                    self.frame(None, t_us + number * period_us)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a frame; `None` is one of zeros.
+    fn frame(&mut self, values: Option<&[f32]>, t_us: i64) -> Result<(), PipelineError> {
+        if self.left == 0 {
+            return Ok(());
+        }
+        self.left -= 1;
+        let begin = Instant::now();
+        self.engine.push(values.unwrap_or(&self.zeros))?;
+        let pushed = Instant::now();
+        let prediction = self.engine.predict()?;
+        let end = Instant::now();
+        let frame = begin - self.since;
+        self.into.frame.record(frame);
+        self.into.push.record(pushed - begin);
+        self.into.predict.record(end - pushed);
+        self.into.push_predict.record(end - begin);
+        (self.look)(Predicted { t_us, values: prediction.values, work: end - self.since })?;
+        self.since = Instant::now();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use meissner_engine::{Event, LatePolicy, Sensor};
+
+    use super::{EventFrameModel, FeedOutput, Moments};
+    use crate::error::PipelineError;
+
+    /// Times of the frames that the feed delivers for `moments`.
+    fn times(model: &EventFrameModel, moments: &Moments, sensor: Sensor) -> Vec<i64> {
+        let mut feed = model.feed(model.field(sensor), moments.period_us).expect("the field fits");
+        let mut times = Vec::new();
+        let mut note = |output: FeedOutput<'_>| {
+            match output {
+                FeedOutput::Frame { t_us, .. } => times.push(t_us),
+                FeedOutput::Empty { count, t_us, period_us } => {
+                    times.extend((0..count as i64).map(|number| t_us + number * period_us));
+                }
+            }
+            Ok::<_, PipelineError>(())
+        };
+        for &event in &moments.events {
+            feed.push(event, &mut note).expect("nothing refuses a frame");
+        }
+        feed.finish(&mut note).expect("nothing refuses a frame");
+        times
+    }
+
+    #[test]
+    fn frames_come_at_the_moments_whatever_the_gaps_between_events() {
+        let sensor = Sensor::new(200, 100);
+        for name in ["force-tdnn", "event-frame-cnn"] {
+            let model = EventFrameModel::named(name, None, false).expect("it is shipped");
+            let period_us = model.period_us(None).expect("it has one");
+            for seed in 1..50_u64 {
+                // Gaps of 0, of less than a frame, of whole frames, and longer than the window.
+                let gaps = [0, 1, 3333, 9999, 10_000, 10_001, 70_000, 150_000, 200_000];
+                let gap = |i: u64| gaps[(seed * (i + 1) * (i + 7) / 3 % gaps.len() as u64) as usize];
+                let at = |i: u64| -5 + (0..=i).map(gap).sum::<i64>();
+                let events: Vec<Event> =
+                    (0..30).map(|i| Event::new(at(i), (i * 6) as u16, (i * 3) as u16, i % 2 == 0)).collect();
+                let moments = Moments::new(&events, (sensor, LatePolicy::Drop), period_us, model.end());
+                let moments = moments.expect("there are few");
+                let expected: Vec<i64> = moments.iter().map(|moment| moment.t_us).collect();
+                assert_eq!(times(&model, &moments, sensor), expected, "{name}, seed {seed}");
+            }
+        }
+    }
+}

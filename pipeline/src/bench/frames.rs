@@ -1,0 +1,187 @@
+//! A benchmark of a frame network over events: how long a frame takes, with skipping and without.
+
+use meissner_engine::frames::{FrameEngine, Skip};
+use serde::Serialize;
+
+use super::deadline::{Deadline, DeadlineReport};
+use super::frame_passes::{EventFrameModel, FramePasses, FrameTimes, WARMUP_FRAMES};
+use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
+use super::moments::Moments;
+use crate::error::PipelineError;
+use crate::latency::{Distribution, clock_us};
+use crate::memory::peak_resident_bytes;
+
+/// A benchmark of a frame network over events.
+pub struct FrameBench<'a> {
+    model: &'a EventFrameModel,
+    input: BenchInput,
+    options: BenchOptions,
+}
+
+/// The report of a frame network. Counts are of one pass, except those of distributions.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameReport {
+    /// The input.
+    #[serde(flatten)]
+    pub input: InputReport,
+    /// The frames.
+    #[serde(flatten)]
+    pub made: FrameInputReport,
+    /// Frames of the warm-up.
+    pub warmup_frames: u64,
+    /// Overhead of the clock; it is contained in every push and prediction.
+    pub clock_us: f64,
+    /// Events that left a sliding window early because it was full.
+    pub evicted: u64,
+    /// Frames.
+    pub frames: u64,
+    /// Pixels whose inputs do not change keep their values.
+    pub skipping: FrameWayReport,
+    /// Everything is computed.
+    pub everything: FrameWayReport,
+    /// Most memory that the process had resident; `None` if the platform does not report it.
+    pub peak_resident_bytes: Option<u64>,
+    /// Deadlines of the first pass with skipping.
+    pub deadline: DeadlineReport,
+}
+
+impl<'a> FrameBench<'a> {
+    /// A benchmark of `model` over `input`.
+    pub fn new(model: &'a EventFrameModel, input: BenchInput, options: BenchOptions) -> Self {
+        Self { model, input, options }
+    }
+
+    /// Measures.
+    ///
+    /// # Errors
+    /// The frames have another period than the network, or are too many, or the engine refuses an option.
+    pub fn run(self) -> Result<FrameReport, PipelineError> {
+        let Self { model, input, options } = self;
+        let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
+        let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
+        let field = model.field(input.sensor);
+        let passes = FramePasses { model, field, moments: &moments };
+
+        let clock_us = clock_us();
+        let warmup = if options.warmup == 0 { 0 } else { WARMUP_FRAMES };
+        let mut works = Deadline::new(period_us);
+        let [skipping, everything] = [Skip::Exact, Skip::Nothing].map(|skip| {
+            let mut times = FrameTimes::default();
+            let mut last = passes.pass(skip, warmup, &mut FrameTimes::default(), |_| Ok(()))?;
+            for pass in 0..repeat {
+                let mut entered = moments.iter().map(|moment| moment.events.len() as u64);
+                let is_judged = pass == 0 && skip == Skip::Exact;
+                last = passes.pass(skip, u64::MAX, &mut times, |predicted| {
+                    if is_judged {
+                        works.record(entered.next().unwrap_or(0), predicted.t_us, predicted.work);
+                    }
+                    Ok(())
+                })?;
+            }
+            let way = FrameWayReport::new(model, &last.engine, &times, repeat);
+            Ok::<_, PipelineError>((way, last))
+        });
+        let ((skipping, last), (everything, _)) = (skipping?, everything?);
+
+        let counters = moments.counters;
+        let losses = input.losses(counters).with_outside_crop(last.outside);
+        Ok(FrameReport {
+            made: FrameInputReport::new(&input, model, field, &moments, last.outside),
+            input: input.report(&counters, &losses, repeat),
+            warmup_frames: warmup.min(moments.count() as u64),
+            clock_us,
+            evicted: last.evicted,
+            frames: moments.count() as u64,
+            skipping,
+            everything,
+            peak_resident_bytes: peak_resident_bytes(),
+            deadline: works.report(),
+        })
+    }
+}
+
+/// Passes with skipping, or without.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameWayReport {
+    /// Times of a frame.
+    pub latency_us: FrameLatencyReport,
+    /// Seconds of compute for the whole stream, of one pass in the mean.
+    pub compute_s: f64,
+    /// Frames over that time.
+    pub frames_per_s: Option<f64>,
+    /// Each layer.
+    pub layers: Vec<PixelReport>,
+    /// Multiply-adds of one pass.
+    pub multiply_adds: u64,
+    /// Multiply-adds over the compute.
+    pub multiply_adds_per_s: Option<f64>,
+    /// Activations and state.
+    pub state_bytes: u64,
+}
+
+/// Durations in microseconds; `None` where nothing was measured.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameLatencyReport {
+    /// Events entering the frame, and making it.
+    pub frame: Option<Distribution>,
+    /// Pushes.
+    pub push: Option<Distribution>,
+    /// Predictions.
+    pub predict: Option<Distribution>,
+    /// Both.
+    pub push_predict: Option<Distribution>,
+}
+
+/// Pixels of a layer; a layer over vectors has one.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct PixelReport {
+    /// Name of the layer.
+    pub name: String,
+    /// Of all frames.
+    pub pixels: u64,
+    /// Of these, computed. Whole blocks are computed, so some skipped and absorbed pixels are too.
+    pub computed: u64,
+    /// Kept because their inputs had not changed.
+    pub skipped: u64,
+    /// Taken from the layer's output over zeros.
+    pub absorbed: u64,
+    /// Multiply-adds.
+    pub multiply_adds: u64,
+}
+
+impl FrameWayReport {
+    /// The report of so many `passes`. Counters are those of `engine`, of the last pass.
+    fn new(model: &EventFrameModel, engine: &FrameEngine, latencies: &FrameTimes, passes: u32) -> Self {
+        let counters = engine.counters();
+        let compute_s = latencies.total().as_secs_f64() / f64::from(passes);
+        let over = |amount: u64| (compute_s > 0.0).then(|| amount as f64 / compute_s);
+        let layers = model.costs.iter().zip(&counters.layers).map(|(cost, layer)| PixelReport {
+            name: cost.name.clone(),
+            pixels: cost.pixels * counters.frames,
+            computed: layer.computed,
+            skipped: layer.skipped,
+            absorbed: layer.absorbed,
+            multiply_adds: cost.of(layer),
+        });
+        let multiply_adds = model.multiply_adds(&counters.layers);
+        let FrameTimes { frame, push, predict, push_predict } = latencies;
+        Self {
+            latency_us: FrameLatencyReport {
+                frame: frame.distribution(),
+                push: push.distribution(),
+                predict: predict.distribution(),
+                push_predict: push_predict.distribution(),
+            },
+            compute_s,
+            frames_per_s: over(counters.frames),
+            layers: layers.collect(),
+            multiply_adds,
+            multiply_adds_per_s: over(multiply_adds),
+            state_bytes: engine.state_bytes() as u64,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Which events belong to a burst.
+//!
+//! Enters: the events. Leaves: a phase for each. An event belongs to a burst where the accepted events of the
+//! [`WINDOW_US`] before it came at least at the burst rate: by default [`FACTOR`] times the mean rate of the whole.
+//! Times are those at which the engine accepts; a dropped event has the phase of its place in the stream.
+
+use meissner_engine::{Admission, Event, LatePolicy, Sensor};
+
+/// Stream time over which the rate is taken, in microseconds.
+pub(super) const WINDOW_US: i64 = 10_000;
+/// Burst rate over mean rate.
+const FACTOR: f64 = 5.0;
+
+/// A phase of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    Idle,
+    Burst,
+}
+
+/// The phases of all events.
+#[derive(Debug)]
+pub(super) struct Phases {
+    of: Vec<Phase>,
+    /// Accepted events per second of stream time; none without a span.
+    pub(super) mean_rate: Option<f64>,
+    /// Least rate of a burst, in events per second; none without a rate and without a span.
+    pub(super) burst_rate: Option<f64>,
+}
+
+impl Phases {
+    /// The phases of `events`, as `sensor` and `late` accept them.
+    pub(super) fn new(events: &[Event], sensor: Sensor, late: LatePolicy, burst_rate: Option<u64>) -> Self {
+        let mut gate = Admission::new(sensor, late);
+        let mut accepted = Vec::with_capacity(events.len());
+        // How many events had been accepted before each.
+        let before: Vec<usize> = events
+            .iter()
+            .map(|&event| {
+                let before = accepted.len();
+                accepted.extend(gate.admit(event).map(|event| event.t_us));
+                before
+            })
+            .collect();
+        let span_us = accepted.first().zip(accepted.last()).map_or(0, |(first, last)| last.abs_diff(*first));
+        let mean_rate = (span_us > 0).then(|| accepted.len() as f64 / (span_us as f64 / 1e6));
+        let burst_rate = burst_rate.map(|rate| rate as f64).or(mean_rate.map(|mean| mean * FACTOR));
+        let least = burst_rate.map_or(f64::INFINITY, |rate| rate * (WINDOW_US as f64 / 1e6));
+        let mut oldest = 0;
+        let of = before
+            .into_iter()
+            .map(|before| {
+                // A dropped event after all others has no time of its own: that of the newest accepted event stands in.
+                let now = accepted.get(before).or(accepted.last()).copied().unwrap_or(0);
+                while oldest < before && now.abs_diff(accepted[oldest]) >= WINDOW_US.unsigned_abs() {
+                    oldest += 1;
+                }
+                if (before - oldest) as f64 >= least { Phase::Burst } else { Phase::Idle }
+            })
+            .collect();
+        Self { of, mean_rate, burst_rate }
+    }
+
+    /// The phase of the event at `index`.
+    pub(super) fn of(&self, index: usize) -> Phase {
+        self.of[index]
+    }
+
+    /// How many events belong to `phase`.
+    pub(super) fn count(&self, phase: Phase) -> u64 {
+        self.of.iter().filter(|&&of| of == phase).count() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Phase, Phases};
+    use meissner_engine::{Event, LatePolicy, Sensor};
+
+    fn phases(events: &[Event], burst_rate: Option<u64>) -> Phases {
+        Phases::new(events, Sensor::new(4, 4), LatePolicy::Drop, burst_rate)
+    }
+
+    #[test]
+    fn a_burst_begins_when_the_events_before_reach_the_rate_and_ends_10_ms_after_them() {
+        // 300 events per second are 3 in 10 ms.
+        let events = [0, 1, 2, 3, 9_999, 10_000, 50_000].map(|t| Event::new(t, 0, 0, true));
+        let phases = phases(&events, Some(300));
+        let burst: Vec<bool> = (0..events.len()).map(|i| phases.of(i) == Phase::Burst).collect();
+        assert_eq!(burst, [false, false, false, true, true, true, false]);
+        assert_eq!((phases.count(Phase::Idle), phases.count(Phase::Burst)), (4, 3));
+    }
+
+    #[test]
+    fn without_a_rate_5_times_the_mean_is_taken() {
+        let phases = phases(&[0, 1_000_000].map(|t| Event::new(t, 0, 0, true)), None);
+        assert_eq!((phases.mean_rate, phases.burst_rate), (Some(2.0), Some(10.0)));
+    }
+
+    #[test]
+    fn dropped_events_raise_no_rate() {
+        let events: Vec<Event> = (0..100).map(|t| Event::new(t, 9, 9, true)).collect();
+        assert_eq!(phases(&events, Some(1)).count(Phase::Burst), 0);
+    }
+
+    #[test]
+    fn no_events_and_no_span_have_no_burst() {
+        assert_eq!(phases(&[], None).burst_rate, None);
+        assert_eq!(phases(&[Event::new(7, 0, 0, true); 9], None).count(Phase::Burst), 0);
+    }
+}

@@ -1,0 +1,253 @@
+//! Input that reaches no prediction although nobody asked for that, and recordings that were cut short.
+//!
+//! Enters: counts. Leaves: a warning for each reason that more than [`PERCENT`] of the input was lost for, with the likely
+//! cause. Events that a filter or a queue drops are not counted: someone asked for that. A live stream may go on for days, so
+//! its losses are reported after a thousand events, ten thousand and so on.
+
+use std::fmt;
+
+use meissner_engine::{EventCounters, Sensor};
+use meissner_io::Recording;
+use serde::Serialize;
+
+use crate::text::grouped;
+
+/// Share of the input that may be lost without a warning.
+const PERCENT: u64 = 1;
+/// Refused lines that are reported one by one, each with its reason.
+pub const LINES_TOLD: u64 = 5;
+
+/// Why input is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum LossReason {
+    /// Events outside the sensor.
+    OutsideSensor,
+    /// Events earlier than one before them.
+    Late,
+    /// Events too far in time from the first one.
+    TimeOutOfRange,
+    /// Accepted events outside the part of the sensor that frames show.
+    OutsideCrop,
+    /// Lines of a text that could not be read.
+    LinesRefused,
+}
+
+/// What the user of a program can do about a loss, such as an option of that program.
+pub type Advice = fn(LossReason) -> Option<&'static str>;
+
+/// Lost input, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct LossWarning {
+    /// The reason.
+    pub reason: LossReason,
+    /// How many were lost.
+    pub count: u64,
+    /// Of how many.
+    pub of: u64,
+    /// The same as a sentence, with the likely cause.
+    pub message: String,
+}
+
+/// Logs what is lost of a stream, each reason once.
+#[derive(Debug)]
+pub struct LossWatch {
+    /// Events before the next look, while the stream goes on.
+    next: u64,
+    told: Vec<LossReason>,
+}
+
+impl LossWatch {
+    /// A watch over a stream. While a `live` stream goes on, it looks from time to time.
+    pub fn new(live: bool) -> Self {
+        Self { next: if live { 1000 } else { u64::MAX }, told: Vec::new() }
+    }
+
+    /// Looks at the losses if it is time to, after `taken` events of the input called `name`.
+    pub fn look(&mut self, taken: u64, name: &str, losses: impl FnOnce() -> InputLosses) {
+        if taken >= self.next {
+            self.next = self.next.saturating_mul(10);
+            self.end(name, &losses());
+        }
+    }
+
+    /// The stream called `name` has ended: logs each warning that has not been logged, and returns all of them.
+    pub fn end(&mut self, name: &str, losses: &InputLosses) -> Vec<LossWarning> {
+        let warnings = losses.warnings();
+        for LossWarning { reason, count, message, .. } in &warnings {
+            // Each of a few refused lines has been logged.
+            let is_known = *reason == LossReason::LinesRefused && *count <= LINES_TOLD;
+            if !is_known && !self.told.contains(reason) {
+                log::warn!("{name}: {message}");
+                self.told.push(*reason);
+            }
+        }
+        warnings
+    }
+}
+
+/// What was lost of an input.
+#[derive(Clone, Copy, Debug)]
+pub struct InputLosses {
+    events: EventCounters,
+    /// `None` where the input is not of events.
+    sensor: Option<Sensor>,
+    outside_crop: u64,
+    lines_refused: u64,
+    advice: Advice,
+}
+
+impl InputLosses {
+    /// Losses of a stream of events from `sensor`: `events` counts those that reached the network.
+    pub fn of_events(events: EventCounters, sensor: Sensor) -> Self {
+        Self { events, sensor: Some(sensor), outside_crop: 0, lines_refused: 0, advice: |_| None }
+    }
+
+    /// Losses of a text of which `taken` lines were read.
+    pub fn of_lines(taken: u64) -> Self {
+        let events = EventCounters { pushed: taken, ..EventCounters::default() };
+        Self { events, sensor: None, outside_crop: 0, lines_refused: 0, advice: |_| None }
+    }
+
+    /// The same with so many accepted events that no frame shows.
+    #[must_use]
+    pub fn with_outside_crop(self, outside_crop: u64) -> Self {
+        Self { outside_crop, ..self }
+    }
+
+    /// The same with so many lines that could not be read.
+    #[must_use]
+    pub fn with_lines_refused(self, lines_refused: u64) -> Self {
+        Self { lines_refused, ..self }
+    }
+
+    /// The same with `advice` at the end of each message.
+    #[must_use]
+    pub fn with_advice(self, advice: Advice) -> Self {
+        Self { advice, ..self }
+    }
+
+    /// Logs the warnings about the input called `name`, and returns them.
+    pub fn warn(&self, name: &str) -> Vec<LossWarning> {
+        LossWatch::new(false).end(name, self)
+    }
+
+    fn warnings(&self) -> Vec<LossWarning> {
+        let Self { events, outside_crop, lines_refused, .. } = *self;
+        let sensor = self.sensor.map_or_else(String::new, |sensor| format!(" of {sensor} pixels"));
+        let outside = format!(
+            "events are outside the sensor{sensor} and are dropped: the size of the sensor may not be that of the recording"
+        );
+        let late = "events are earlier than one before them and are dropped: the columns of a text may be in another \
+                    order than t,x,y,p (a header names them), or the recording is not sorted by time";
+        let range = "events are too far in time from the first one and are dropped: times may not be in microseconds, or \
+                     the first one is wrong";
+        let crop = "events are outside the part of the sensor that the network's frames show: the network may be made for \
+                    another sensor";
+        let lines = "lines are refused: the first are named above";
+        let counts = [
+            (LossReason::OutsideSensor, events.outside_sensor, events.pushed, outside.as_str()),
+            (LossReason::Late, events.late, events.pushed, late),
+            (LossReason::TimeOutOfRange, events.time_out_of_range, events.pushed, range),
+            (LossReason::OutsideCrop, outside_crop, events.accepted, crop),
+            (LossReason::LinesRefused, lines_refused, events.pushed + lines_refused, lines),
+        ];
+        counts
+            .into_iter()
+            .filter_map(|(reason, count, of, why)| self.warning(reason, count, of, why))
+            .collect()
+    }
+
+    fn warning(&self, reason: LossReason, count: u64, of: u64, why: &str) -> Option<LossWarning> {
+        (u128::from(count) * 100 > u128::from(of) * u128::from(PERCENT)).then(|| {
+            let percent = count as f64 / of as f64 * 100.0;
+            let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
+            let message = format!("{} of {} ({percent:.1} %) {why}{advice}", grouped(count), grouped(of));
+            LossWarning { reason, count, of, message }
+        })
+    }
+}
+
+/// The part of a recording that was kept, and where the rest begins.
+#[derive(Clone, Debug, Serialize)]
+pub struct Salvaged {
+    /// Events kept.
+    events: usize,
+    /// The part that is incomplete.
+    what: &'static str,
+    /// Where it starts: a byte of the file, or a line of a text.
+    place: String,
+    bytes_not_read: u64,
+}
+
+impl Salvaged {
+    /// The part of `recording` that was kept; `None` for a complete recording.
+    pub fn of(recording: &Recording) -> Option<Self> {
+        let salvage = recording.salvaged?;
+        let events = recording.events.len();
+        let (what, place) = (salvage.what, salvage.place.to_string());
+        Some(Self { events, what, place, bytes_not_read: salvage.bytes_not_read })
+    }
+}
+
+impl fmt::Display for Salvaged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { events, what, place, bytes_not_read } = self;
+        let (events, bytes) = (grouped(*events as u64), grouped(*bytes_not_read));
+        write!(f, "{events} events kept; {what}, from {place} on, is not whole: {bytes} bytes not read")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{InputLosses, LossReason, LossWatch};
+    use meissner_engine::{EventCounters, Sensor};
+
+    fn reasons(events: EventCounters, outside_crop: u64, lines_refused: u64) -> Vec<LossReason> {
+        let losses = InputLosses::of_events(events, Sensor::new(4, 4));
+        let losses = losses.with_outside_crop(outside_crop).with_lines_refused(lines_refused);
+        losses.warnings().into_iter().map(|warning| warning.reason).collect()
+    }
+
+    #[test]
+    fn a_live_stream_is_looked_at_after_a_thousand_events_and_then_ever_less_often() {
+        let looks = |live| {
+            let (mut watch, mut looks) = (LossWatch::new(live), Vec::new());
+            for taken in 1..=200_000 {
+                watch.look(taken, "stream", || {
+                    looks.push(taken);
+                    InputLosses::of_events(EventCounters::default(), Sensor::new(4, 4))
+                });
+            }
+            looks
+        };
+        assert_eq!((looks(true), looks(false)), (vec![1000, 10_000, 100_000], vec![]));
+    }
+
+    #[test]
+    fn more_than_a_hundredth_is_warned_of_and_a_hundredth_is_not() {
+        let events = EventCounters { pushed: 1000, accepted: 500, late: 10, ..EventCounters::default() };
+        assert!(reasons(events, 5, 10).is_empty());
+        assert_eq!(reasons(EventCounters { late: 11, ..events }, 5, 0), [LossReason::Late]);
+        assert_eq!(
+            reasons(EventCounters { outside_sensor: 11, ..events }, 0, 0),
+            [LossReason::OutsideSensor]
+        );
+        assert_eq!(
+            reasons(EventCounters { time_out_of_range: 11, ..events }, 0, 0),
+            [LossReason::TimeOutOfRange]
+        );
+        assert_eq!(reasons(events, 6, 11), [LossReason::OutsideCrop, LossReason::LinesRefused]);
+        assert!(reasons(EventCounters::default(), 0, 0).is_empty());
+    }
+
+    #[test]
+    fn advice_stands_at_the_end_of_the_message_of_its_reason() {
+        let losses = InputLosses::of_lines(1).with_lines_refused(1);
+        let advice = |reason| (reason == LossReason::LinesRefused).then_some("look at them");
+        let message = losses.with_advice(advice).warnings().remove(0).message;
+        assert_eq!(message, "1 of 2 (50.0 %) lines are refused: the first are named above (look at them)");
+    }
+}

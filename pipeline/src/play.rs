@@ -1,0 +1,409 @@
+//! Plays a recording at real speed through a bounded queue that may overflow, with reports by their deadline.
+//!
+//! A thread offers the events of the recording when they are due, a second one pushes and predicts, and the caller's thread
+//! asks for a prediction at the time of every report. After the end, one more prediction covers all events that wait.
+
+mod clock;
+mod reader;
+
+use std::collections::BTreeMap;
+use std::panic;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use meissner_engine::filters::Chain;
+use meissner_engine::{
+    BatchEngine, Engine, Event, LatePolicy, Network, Options, Propose, Search, Sensor, StaleReadout,
+};
+use meissner_live::{Live, Overload, Predictor, QueueCounters, QueueOptions, Recorded, Timely};
+use serde::Serialize;
+
+use crate::answer::{Classes, Values, exact_digits};
+use crate::approximations::{ApproximationReport, Approximations};
+use crate::error::PipelineError;
+use crate::interrupt;
+use crate::latency::{Latency, Quantiles, microseconds};
+use crate::losses::LossWarning;
+use crate::memory::peak_resident_bytes;
+use crate::model::Model;
+use crate::run::{Observer, Prediction, ReportPrediction, ReportState};
+use crate::schedule::times_before;
+use crate::skips::dropped;
+use crate::source::Source;
+use clock::Clock;
+use reader::Reader;
+
+/// Options of a play.
+#[derive(Clone, Debug)]
+pub struct PlayOptions {
+    /// Seconds of stream time a second.
+    pub speed: f64,
+    /// Most events that wait in the queue.
+    pub queue: usize,
+    /// What happens when events come faster than the engine takes them.
+    pub overload: Overload,
+    /// Stream time between two reports; at least a microsecond.
+    pub report_every: Duration,
+    /// Longest wait for the prediction of a report.
+    pub deadline: Duration,
+    /// Treatment of events that are earlier than one before them.
+    pub late: LatePolicy,
+    /// Approximations. Filters act before the queue.
+    pub approximations: Approximations,
+    /// Most events that are taken.
+    pub limit: Option<u64>,
+    /// Compares the last prediction with one from scratch, whose neighbours are among those that this proposes.
+    pub verify: Option<Propose>,
+}
+
+/// A network over events, and the recording that it will play.
+pub struct Play {
+    network: Arc<Network>,
+    classes: Classes,
+    source: Source,
+    sensor: Sensor,
+    events: Vec<Event>,
+    options: PlayOptions,
+    first_us: i64,
+    period_us: i64,
+    reports: u64,
+}
+
+/// What happened.
+struct Played {
+    tally: Tally,
+    queue: QueueCounters,
+    chain: Chain,
+    lag: Duration,
+    /// Events of the recording that were due.
+    taken: u64,
+    drain: Duration,
+    last: LastPrediction,
+}
+
+impl Play {
+    /// A play of the events of `source`, which come from `sensor`.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub fn new(
+        model: &Model,
+        mut source: Source,
+        sensor: Sensor,
+        options: PlayOptions,
+    ) -> Result<Self, PipelineError> {
+        let limit = options.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
+        let events = source.by_ref().take(limit).collect::<Result<Vec<_>, _>>()?;
+        let first_us = events.first().map_or(0, |event| event.t_us);
+        let last_us = events.iter().map(|event| event.t_us).max();
+        let period_us = options.report_every.as_micros() as i64;
+        // Up to the first time at or after the last event.
+        let reports = last_us.map_or(0, |last_us| times_before(first_us, last_us, period_us).max(1));
+        let network = Arc::new(model.network.clone());
+        let classes = Classes::new(model.card.classes.clone());
+        Ok(Self { network, classes, source, sensor, events, options, first_us, period_us, reports })
+    }
+
+    /// The source.
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// How many reports will be due.
+    pub fn reports(&self) -> u64 {
+        self.reports
+    }
+
+    /// Plays all events, or those up to a [requested](interrupt::requested) end.
+    ///
+    /// # Errors
+    /// The engine or the queue refuses an option, a thread cannot be started, a result is not a number, or the observer
+    /// cannot show a report.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Result<PlaySummary, PipelineError> {
+        let Self { sensor, .. } = self;
+        let (late, approximations) = (self.options.late, self.options.approximations.clone());
+        let tolerance = approximations.tolerance.unwrap_or(0.0);
+        let options = Options::new().with_late(late).with_tolerance(tolerance);
+        let engine = Engine::with_options(Arc::clone(&self.network), sensor, options)?;
+        let readout = StaleReadout::new(engine, approximations.staleness())?;
+        interrupt::listen();
+        let Some(propose) = self.options.verify else {
+            let (played, readout) = self.play(readout, observer)?;
+            return Ok(self.summary(played, &readout, None));
+        };
+        let batch = BatchEngine::new(Arc::clone(&self.network), sensor)?.with_late(late);
+        let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
+        let (played, mut recorded) = self.play(Recorded::new(readout, batch), observer)?;
+        let verified = verify(&mut recorded, &played.last.value)?;
+        Ok(self.summary(played, recorded.predictor(), Some(verified)))
+    }
+
+    /// The time at which a report is due.
+    fn due_us(&self, number: u64) -> i64 {
+        let elapsed_us = i128::from(self.period_us) * i128::from(number);
+        i128::from(self.first_us).saturating_add(elapsed_us).try_into().unwrap_or(i64::MAX)
+    }
+
+    /// Plays into `predictor`, and gives it back.
+    fn play<P: Predictor<Input = Event> + Send + 'static>(
+        &mut self,
+        predictor: P,
+        observer: &mut dyn Observer,
+    ) -> Result<(Played, P), PipelineError> {
+        let PlayOptions { queue: capacity, deadline, speed, .. } = self.options;
+        let overload = self.options.overload.clone();
+        let options = QueueOptions::new().with_capacity(capacity).with_overload(overload);
+        let chain = self.options.approximations.chain(self.sensor)?;
+        thread::scope(|threads| {
+            // Inside, so that whatever happens here ends the reader before it is waited for.
+            let (input, mut live) = Live::spawn(predictor, options)?;
+            let clock = Clock::new(Instant::now(), self.first_us, speed);
+            let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
+            let (events, end_us) = (std::mem::take(&mut self.events), self.due_us(self.reports));
+            let reader = threads.spawn(move || reader.read(&events, end_us));
+
+            let mut tally = Tally::new(self.reports, deadline);
+            for number in 1..=self.reports {
+                let at_us = self.due_us(number);
+                clock.wait(at_us);
+                if interrupt::requested() {
+                    break;
+                }
+                let late = Instant::now().saturating_duration_since(clock.at(at_us));
+                let timely = live.predict(deadline)?;
+                tally.count(&timely, late);
+                self.classes.update(timely.values);
+                let report = ReportPrediction {
+                    at_us,
+                    t_us: timely.t_us,
+                    value: Values(timely.values),
+                    answer: self.classes.answer(),
+                    nodes: timely.nodes,
+                    state: state(&timely),
+                    behind_events: timely.behind_events,
+                    behind_us: timely.behind_us,
+                    age_us: microseconds(timely.age),
+                    waited_us: microseconds(timely.waited),
+                    number,
+                    elapsed_us: i128::from(self.period_us) * i128::from(number),
+                };
+                observer.prediction(&Prediction::Report(report)).map_err(PipelineError::Output)?;
+            }
+            let reader = reader.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
+            let ended = Instant::now();
+            let last = live.predict(Duration::MAX)?;
+            let played = Played {
+                last: LastPrediction { t_us: last.t_us, value: last.values.to_vec(), nodes: last.nodes },
+                drain: ended.elapsed(),
+                tally,
+                queue: reader.input.counters(),
+                chain: reader.chain,
+                lag: reader.lag,
+                taken: reader.taken,
+            };
+            Ok((played, live.close()?))
+        })
+    }
+
+    fn summary(&self, played: Played, readout: &StaleReadout, verified: Option<Verified>) -> PlaySummary {
+        let counters = readout.engine().counters();
+        let Played { tally, queue, chain, lag, taken, drain, last } = played;
+        let PlayOptions { overload, approximations, .. } = &self.options;
+        PlaySummary {
+            events: taken,
+            lines_refused: self.source.lines_refused(),
+            warnings: self.source.losses(counters.events, self.sensor).warn(&self.source.name),
+            offered: queue.offered,
+            delivered: queue.delivered,
+            accepted: counters.events.accepted,
+            dropped: queue.dropped_by_reason().into_iter().chain(dropped(&counters.events)).collect(),
+            queue: QueueReport {
+                capacity: self.options.queue as u64,
+                overload: overload.name(),
+                high_water: queue.high_water,
+                blocked_us: microseconds(queue.blocked),
+            },
+            reports: tally.reports,
+            latency_us: PlayLatencies {
+                waited: tally.waited.quantiles(),
+                age: tally.age.quantiles(),
+                behind: tally.behind.quantiles(),
+            },
+            reader_lag_max_us: microseconds(lag),
+            drain_us: microseconds(drain),
+            last,
+            verified,
+            peak_resident_bytes: peak_resident_bytes(),
+            approximations: approximations.report(&chain, &counters, readout.stale()),
+        }
+    }
+}
+
+/// Compares `values` with the prediction from scratch over the events that `recorded` accepted.
+fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verified, PipelineError> {
+    let start = Instant::now();
+    let batch = recorded.from_scratch()?.values.to_vec();
+    let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    Ok(Verified {
+        events: recorded.batch().events().len(),
+        equal: bits(&batch) == bits(values),
+        batch_us: microseconds(start.elapsed()),
+    })
+}
+
+/// How the report of `timely` came about.
+fn state(timely: &Timely<'_>) -> ReportState {
+    match timely {
+        Timely { fresh: true, .. } => ReportState::Fresh,
+        Timely { own: true, .. } => ReportState::Behind,
+        _ => ReportState::Old,
+    }
+}
+
+/// Counts and times of reports.
+struct Tally {
+    reports: ReportCounts,
+    waited: Latency,
+    age: Latency,
+    behind: Latency,
+    deadline: Duration,
+}
+
+impl Tally {
+    fn new(due: u64, deadline: Duration) -> Self {
+        let reports = ReportCounts { due, ..ReportCounts::default() };
+        Self { reports, waited: Latency::new(), age: Latency::new(), behind: Latency::new(), deadline }
+    }
+
+    /// A report has been made. It was asked for `late` after it was due.
+    fn count(&mut self, timely: &Timely<'_>, late: Duration) {
+        let reports = &mut self.reports;
+        reports.made += 1;
+        match state(timely) {
+            ReportState::Fresh => reports.fresh += 1,
+            ReportState::Behind => reports.behind += 1,
+            ReportState::Old => reports.old += 1,
+        }
+        let past = timely.waited.saturating_sub(self.deadline);
+        reports.past_deadline += u64::from(!past.is_zero());
+        reports.past_deadline_max_us = reports.past_deadline_max_us.max(microseconds(past));
+        reports.asked_late_max_us = reports.asked_late_max_us.max(microseconds(late));
+        self.waited.record(timely.waited);
+        self.age.record(timely.age);
+        self.behind.record(Duration::from_micros(timely.behind_us));
+    }
+}
+
+/// The summary of a play.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlaySummary {
+    /// Events taken from the recording.
+    pub events: u64,
+    /// Lines of a text that could not be read; they do not count as events.
+    pub lines_refused: u64,
+    /// Losses of input that nobody asked for.
+    pub warnings: Vec<LossWarning>,
+    /// Events offered to the queue.
+    pub offered: u64,
+    /// Events delivered to the engine.
+    pub delivered: u64,
+    /// Events accepted by the engine.
+    pub accepted: u64,
+    /// Events dropped by the queue and by the engine, by reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// The queue.
+    pub queue: QueueReport,
+    /// Counts of reports.
+    pub reports: ReportCounts,
+    /// Times in microseconds.
+    pub latency_us: PlayLatencies,
+    /// Longest time from when an event was due until it was offered.
+    pub reader_lag_max_us: f64,
+    /// Time from the end of the recording until all waiting events were covered.
+    pub drain_us: f64,
+    /// The prediction after the last event.
+    #[serde(rename = "final")]
+    pub last: LastPrediction,
+    /// The comparison with a prediction from scratch, if one was made.
+    pub verified: Option<Verified>,
+    /// Most memory that the process had resident; `None` if the platform does not report it.
+    pub peak_resident_bytes: Option<u64>,
+    /// The approximations; `None` if results are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approximations: Option<ApproximationReport>,
+}
+
+/// Counts of reports.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct ReportCounts {
+    /// Due.
+    pub due: u64,
+    /// Made.
+    pub made: u64,
+    /// Covered all events that had entered the queue.
+    pub fresh: u64,
+    /// Covered the events that the engine had taken.
+    pub behind: u64,
+    /// Had the prediction of an earlier report.
+    pub old: u64,
+    /// Returned after the deadline.
+    pub past_deadline: u64,
+    /// Longest time after the deadline.
+    pub past_deadline_max_us: f64,
+    /// Longest time from when one was due until it was asked for.
+    pub asked_late_max_us: f64,
+}
+
+/// Times of reports in microseconds; `None` if there was no report.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlayLatencies {
+    /// From when one was asked for.
+    pub waited: Option<Quantiles>,
+    /// From when its prediction was begun.
+    pub age: Option<Quantiles>,
+    /// Stream time that it does not cover.
+    pub behind: Option<Quantiles>,
+}
+
+/// The queue between the reader and the engine.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct QueueReport {
+    /// Most events that can wait.
+    pub capacity: u64,
+    /// Name of the overload policy.
+    pub overload: &'static str,
+    /// Most events that waited.
+    pub high_water: u64,
+    /// Time for which the reader waited for room.
+    pub blocked_us: f64,
+}
+
+/// The prediction after the last event.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct LastPrediction {
+    /// Time of the newest event that it covers; `None` before the first.
+    pub t_us: Option<i64>,
+    /// The values.
+    #[serde(serialize_with = "exact_digits")]
+    pub value: Vec<f32>,
+    /// Events in the window.
+    pub nodes: usize,
+}
+
+/// The last prediction compared with one from scratch.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Verified {
+    /// Events that the prediction from scratch is over.
+    pub events: usize,
+    /// Whether all bits are equal.
+    pub equal: bool,
+    /// Time of the prediction from scratch.
+    pub batch_us: f64,
+}

@@ -1,0 +1,70 @@
+//! Offers the events of a recording to a queue when they are due, as a sensor would.
+//!
+//! Enters: a recording. Leaves: its events into the queue, as soon as each is due, and time as it passes. A stamp that
+//! steps back is due with the event before it.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use meissner_engine::Event;
+use meissner_engine::filters::{Chain, EventFilter};
+use meissner_live::{Input, LiveError};
+
+use super::clock::Clock;
+use crate::interrupt;
+
+/// A sleep is at least so long, so that events come in handfuls as a camera's do, and at most so long, so that time
+/// moves on in a gap.
+const NAPS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(1)];
+/// Events that filters see at once.
+const HANDFUL: usize = 1024;
+
+/// Offers a recording to the queue.
+pub(super) struct Reader {
+    pub(super) clock: Clock,
+    pub(super) input: Input,
+    /// Always acts, before the queue.
+    pub(super) chain: Chain,
+    /// Longest time from when an event was due until it was offered.
+    pub(super) lag: Duration,
+    /// Events that were due, with those that filters dropped.
+    pub(super) taken: u64,
+}
+
+impl Reader {
+    /// Offers `events`, and moves time on to `end_us` when that has come. Ends early where nobody takes events, and where
+    /// the program is asked to end.
+    pub(super) fn read(mut self, events: &[Event], end_us: i64) -> Result<Self, LiveError> {
+        let mut rest = events;
+        let mut kept = Vec::with_capacity(HANDFUL);
+        while !self.input.is_closed() && !interrupt::requested() {
+            let now = Instant::now();
+            let now_us = self.clock.stream_us(now);
+            let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
+            let (events, later) = rest.split_at(due);
+            rest = later;
+            self.taken += events.len() as u64;
+            if let Some(event) = events.first() {
+                self.lag = self.lag.max(now.saturating_duration_since(self.clock.at(event.t_us)));
+            }
+            if self.chain.filters().is_empty() {
+                self.input.push_slice(events)?;
+            } else {
+                for events in events.chunks(HANDFUL) {
+                    kept.clear();
+                    kept.extend(events.iter().filter(|&&event| self.chain.admit(event)));
+                    self.input.push_slice(&kept)?;
+                }
+            }
+            // Later events have a later time, or are late already.
+            self.input.advance(now_us.min(end_us));
+            if rest.is_empty() && now_us >= end_us {
+                break;
+            }
+            let next = self.clock.at(rest.first().map_or(end_us, |event| event.t_us));
+            let [least, most] = NAPS;
+            thread::sleep(next.saturating_duration_since(Instant::now()).clamp(least, most));
+        }
+        Ok(self)
+    }
+}

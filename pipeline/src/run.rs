@@ -1,0 +1,43 @@
+//! Runs a network over an input: predictions to an observer, then a summary.
+//!
+//! | input | run |
+//! |---|---|
+//! | events, for a network over events | [`EventRun`] |
+//! | events, for a network over frames of events | [`FrameRun`] |
+//! | readings of 24 electrodes | [`ElectrodeRun`] |
+//! | pictures of an optical tactile sensor | [`PictureRun`] |
+//!
+//! Inputs are taken as fast as they come. Only the making of frames, pushes, moves of time and predictions are timed:
+//! neither reading nor what the observer does.
+//!
+//! What is still done when a stream ends depends on how it ends:
+//!
+//! | the stream ends with | state | due predictions | result |
+//! |---|---|---|---|
+//! | its last event, the limit, a signal | written | read | success |
+//! | input that cannot be read, a refused line | written | read | the error |
+//! | a text of which most lines are refused | not written | read | the error |
+//! | an error of the engine | not written | not read | the error |
+//! | an error of the observer | written | not read | the error |
+
+mod electrodes;
+mod events;
+mod frames;
+mod pictures;
+mod prediction;
+mod state;
+mod summary;
+
+pub use electrodes::{ElectrodeOptions, ElectrodeRun};
+pub use events::EventRun;
+pub use frames::FrameRun;
+pub use pictures::{PictureOptions, PictureRun};
+pub use prediction::{
+    Baseline, ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Place,
+    Prediction, ReportPrediction, ReportState,
+};
+pub use state::{RunOptions, SaveState};
+pub use summary::{
+    ElectrodeCounts, Ended, EventCounts, EventLatencies, EventSummary, FrameLatencies, FrameSummary,
+    InputCounts, LayerPixels, Pixels, Summary,
+};

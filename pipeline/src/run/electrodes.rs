@@ -1,0 +1,277 @@
+//! A network over readings of 24 electrodes: CSV from a file or standard input, a prediction a window.
+//!
+//! Enters: a reading a line, at 100 Hz. Leaves: for each complete window a prediction and, if its values are of classes, the
+//! decision of a [`DecisionFilter`], before the next line is read.
+//!
+//! The readings of a window are pushed into a network in the state before the first frame, and the prediction is read after
+//! the last of them. A reading is prepared once; the steps of the network are computed again for each window.
+//!
+//! Invariant: the readings of a window follow each other, and so do the windows that a decision rests on. A new window
+//! begins, and the decision is forgotten, after a row that cannot be read, which is reported with its line, and with a
+//! reading whose time is more than 5 periods after that of the one before, or earlier, which is counted. That reading is the
+//! first of the new window. Other intervals off the rate, repeated times and values outside the range of the sensor are
+//! counted and change nothing. Without a column of time, readings are assumed to follow each other.
+
+use std::fs::{self, File};
+use std::io::BufRead;
+use std::path::Path;
+use std::time::Instant;
+
+use meissner_engine::frames::FrameOptions;
+use meissner_engine::representations::{TactileForm, TactileWindow};
+use meissner_io::{ElectrodeSettings, Electrodes, IoError, Kind, Reading};
+use meissner_models::FrameSource;
+use meissner_models::systems::slip::DecisionFilter;
+
+use super::prediction::{ElectrodePrediction, Observer, Prediction};
+use super::summary::{ElectrodeCounts, Ended, Ending, FrameSummary, InputCounts, Summary};
+use crate::answer::{Classes, Values};
+use crate::error::{PipelineError, chain};
+use crate::frame_predictor::FramePredictor;
+use crate::interrupt;
+use crate::latency::microseconds;
+use crate::losses::{Advice, InputLosses};
+use crate::model::FrameModel;
+use crate::refusals::Refusals;
+use crate::source::{STDIN_NAME, is_stdin, stdin};
+
+/// Options of a run over electrodes.
+#[derive(Clone, Debug)]
+pub struct ElectrodeOptions {
+    /// Whether a line that cannot be read ends the run.
+    pub strict: bool,
+    /// Most lines that are taken.
+    pub limit: Option<u64>,
+    /// How decisions are held.
+    pub decisions: DecisionFilter,
+    /// Advice at the end of warnings of lost input.
+    pub advice: Advice,
+}
+
+/// A network over electrodes, and the readings that it will run over.
+pub struct ElectrodeRun {
+    name: String,
+    live: bool,
+    rows: Electrodes<Box<dyn BufRead>>,
+    /// The next row, which is read before anything is shown: a header that does not fit is found early.
+    next: Option<Result<Reading, IoError>>,
+    refusals: Refusals,
+    limit: u64,
+    advice: Advice,
+    steps: usize,
+    windows: Windows,
+}
+
+/// Makes windows of readings, predictions of windows, and decisions of predictions.
+struct Windows {
+    predictor: FramePredictor,
+    classes: Classes,
+    window: TactileWindow,
+    filter: DecisionFilter,
+    values: Vec<f32>,
+    /// How often a decision was made or changed.
+    decisions: u64,
+}
+
+impl ElectrodeRun {
+    /// A run of `model` over the readings in the file at `path`, or on standard input if it is `-`.
+    ///
+    /// # Errors
+    /// The model does not read electrodes, or the input cannot be opened or has another header.
+    pub fn open(
+        model: &FrameModel,
+        frame_options: FrameOptions,
+        path: &Path,
+        options: ElectrodeOptions,
+    ) -> Result<Self, PipelineError> {
+        let network = &model.name;
+        let (readings, form) = match model.source {
+            FrameSource::TactileImage(readings) => (readings, TactileForm::Image),
+            FrameSource::Electrodes(readings) => (readings, TactileForm::Reading),
+            _ => return Err(PipelineError::IsFrameNetwork(network.clone())),
+        };
+        let is_stdin = is_stdin(path);
+        let name = if is_stdin { STDIN_NAME.to_owned() } else { path.display().to_string() };
+        // A pipe or a serial port is as live as standard input.
+        let live = is_stdin || fs::metadata(path).is_ok_and(|file| !file.is_file());
+        let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
+            .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
+        let predictor = FramePredictor::new(model.network.clone(), frame_options)?;
+        let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
+        interrupt::listen();
+        let next = next(&mut rows, &name)?;
+        let classes = Classes::new(model.card.classes.clone());
+        let ElectrodeOptions { strict, limit, decisions: filter, advice } = options;
+        let windows = Windows { predictor, classes, window, filter, values: Vec::new(), decisions: 0 };
+        Ok(Self {
+            refusals: Refusals::new(&name, strict),
+            name,
+            live,
+            rows,
+            next,
+            limit: limit.unwrap_or(u64::MAX),
+            advice,
+            steps: readings.steps,
+            windows,
+        })
+    }
+
+    /// Name of the input.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether readings are taken as they arrive.
+    pub fn is_live(&self) -> bool {
+        self.live
+    }
+
+    /// Takes all readings, or those up to a [requested](interrupt::requested) end.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
+        let ending = Ending(self.take_all(observer));
+        let (taken, refused) = (self.refusals.taken(), self.refusals.count());
+        let found = self.rows.warnings();
+        let counts = ElectrodeCounts {
+            readings: taken,
+            lines_refused: refused,
+            values_out_of_range: found.values_out_of_range,
+            rows_off_rate: found.rows_off_rate,
+            gaps: found.gaps,
+            times_backwards: found.times_backwards,
+            times_repeated: found.times_repeated,
+            steps: self.steps,
+            decisions: self.windows.classes.are_known().then_some(self.windows.decisions),
+        };
+        let losses = InputLosses::of_lines(taken).with_lines_refused(refused).with_advice(self.advice);
+        let warnings = losses.warn(&self.name);
+        let summary = FrameSummary::new(&self.windows.predictor, InputCounts::Electrodes(counts), warnings);
+        if summary.predictions == 0 {
+            let (name, steps) = (&self.name, self.steps);
+            log::warn!(
+                "{name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
+            );
+        }
+        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+    }
+
+    fn lines(&self) -> u64 {
+        self.refusals.taken() + self.refusals.count()
+    }
+
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        while self.lines() < self.limit {
+            let Some(row) = self.next.take() else {
+                return if interrupt::requested() { Ok(()) } else { self.refusals.end() };
+            };
+            let problem = match row {
+                Ok(reading) => {
+                    let problem = self.windows.take(&reading, self.rows.follows(), observer)?;
+                    problem.map(|problem| format!("line {}: {problem}", reading.line))
+                }
+                Err(error) => Some(chain(&error)),
+            };
+            match problem {
+                None => self.refusals.take(),
+                Some(problem) => {
+                    self.windows.begin_anew();
+                    self.refusals.refuse(problem)?;
+                }
+            }
+            if interrupt::requested() {
+                break;
+            }
+            if self.lines() < self.limit {
+                self.next = next(&mut self.rows, &self.name)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Windows {
+    /// Later readings are in no window with earlier ones, and no decision rests on both.
+    fn begin_anew(&mut self) {
+        self.window.reset();
+        self.filter.reset();
+    }
+
+    /// Takes a reading, which `follows` the one before or not; returns the problem if it cannot be taken.
+    fn take(
+        &mut self,
+        reading: &Reading,
+        follows: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<String>, PipelineError> {
+        let start = Instant::now();
+        if !follows {
+            self.begin_anew();
+        }
+        let sequence = self.window.push(&reading.values);
+        self.predictor.prepared(start.elapsed());
+        let sequence = match sequence {
+            Ok(None) => return Ok(None),
+            Ok(Some(sequence)) => sequence,
+            Err(error) => return Ok(Some(error.to_string())),
+        };
+        self.predictor.reset();
+        let [_, rows, columns] = sequence.shape;
+        for frame in sequence.values.chunks_exact(rows * columns) {
+            self.predictor.push(frame)?;
+        }
+        let Self { predictor, classes, values, filter, .. } = self;
+        let class = predictor.predict(|predicted| {
+            values.clear();
+            values.extend_from_slice(predicted.values);
+            Ok::<_, PipelineError>(classes.update(values))
+        })?;
+        let decision = class.and_then(|(class, probability)| filter.push(class, probability));
+        self.decisions += u64::from(decision.is_some_and(|decision| decision.held == 1));
+        self.predictor.decision.record(start.elapsed());
+        let answer = self.classes.answer();
+        let prediction = ElectrodePrediction {
+            line: reading.line,
+            time_s: reading.time_s,
+            value: Values(&self.values),
+            probabilities: answer.map(|answer| answer.probabilities),
+            class: answer.map(|answer| answer.class),
+            decision: decision.map(|decision| self.classes.name(decision.class)),
+            held: decision.map(|decision| decision.held),
+            update_us: microseconds(self.predictor.take_update()),
+        };
+        observer.prediction(&Prediction::Electrodes(prediction)).map_err(PipelineError::Output)?;
+        Ok(None)
+    }
+}
+
+fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
+    if is_stdin(path) {
+        return Ok(Box::new(stdin()?));
+    }
+    // Nothing is read ahead of a pipe: what has been read is gone.
+    if (path.is_dir() || path.is_file())
+        && let Ok(Some(found)) = Kind::of_file(path)
+        && found != Kind::Electrodes
+    {
+        let source = IoError::OtherKind { expected: "readings of electrodes", found };
+        return Err(PipelineError::recording(&path.display().to_string(), source));
+    }
+    let file = File::open(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
+    Ok(Box::new(interrupt::awaited(file)))
+}
+
+/// The next row: a reading, or what is wrong with this row alone; `None` at the end, and if a signal asks the process to end.
+///
+/// # Errors
+/// An error that ends the rows.
+fn next<R: BufRead>(
+    rows: &mut Electrodes<R>,
+    name: &str,
+) -> Result<Option<Result<Reading, IoError>>, PipelineError> {
+    match rows.next() {
+        Some(Err(_)) if interrupt::requested() => Ok(None),
+        Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {
+            Err(PipelineError::recording(name, error))
+        }
+        row => Ok(row),
+    }
+}

@@ -1,0 +1,362 @@
+//! A network over frames of events: a recording or a live stream, a prediction a frame.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use meissner_engine::frames::FrameOptions;
+use meissner_engine::{EngineError, Event, Outcome, Sensor};
+use serde::{Deserialize, Serialize};
+
+use super::prediction::{FramePrediction, Observer, Prediction};
+use super::state::{EVERY, RunOptions, Saver};
+use super::summary::{Ended, Ending, EventCounts, FrameSummary, InputCounts, Summary};
+use crate::answer::{Classes, Values};
+use crate::error::PipelineError;
+use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
+use crate::frame_predictor::FramePredictor;
+use crate::interrupt;
+use crate::latency::microseconds;
+use crate::losses::{InputLosses, LossWatch};
+use crate::model::FrameModel;
+use crate::schedule::{Every, Last, Schedule};
+use crate::skips::dropped;
+use crate::source::Source;
+
+/// Empty frames in a row that are pushed, unless asked for otherwise.
+const LONGEST_SILENCE: u64 = 6000;
+
+/// A network over frames of events, and the source that it will run over.
+pub struct FrameRun {
+    source: Source,
+    sensor: Sensor,
+    limit: u64,
+    feed: FrameFeed,
+    saver: Option<Saver>,
+    /// How frames are made, and of what: states of other frames are refused.
+    made: String,
+    steps: Steps,
+}
+
+/// Pushes frames and reads predictions.
+struct Steps {
+    predictor: FramePredictor,
+    /// After which frames a prediction is due.
+    schedule: Schedule,
+    classes: Classes,
+    longest_silence: u64,
+    zeros: Vec<f32>,
+    /// Time of the first accepted event.
+    epoch_us: Option<i64>,
+    /// Time and events of the newest frame.
+    newest: Option<(i64, u64)>,
+    /// Empty frames since the last one with events.
+    silence: u64,
+    counts: FrameCounts,
+    taken: u64,
+    /// Why predictions are no longer shown. All frames that an event completes are taken before the run ends, so that the
+    /// state is one after an event.
+    unshown: Option<io::Error>,
+    /// The newest prediction.
+    values: Vec<f32>,
+}
+
+/// Counts of empty frames.
+#[derive(Default)]
+struct FrameCounts {
+    empty: u64,
+    left_out: u64,
+    resets: u64,
+}
+
+/// The note of a state: where the making of frames stands.
+#[derive(Debug, Serialize, Deserialize)]
+struct Note {
+    made: String,
+    /// `None` before the first event.
+    feed: Option<FeedState>,
+    silence: u64,
+    /// Frames since the last prediction.
+    since: u64,
+}
+
+impl FrameRun {
+    /// A run of `model` over the events of `source`, which come from `sensor`.
+    ///
+    /// # Errors
+    /// The frames of the model are not made of events, the sensor lacks pixels that they show, predictions would be due
+    /// between two frames, or (as [`PipelineError::Resume`]) the state to resume from does not fit.
+    pub fn new(
+        model: &FrameModel,
+        frame_options: FrameOptions,
+        source: Source,
+        sensor: Sensor,
+        options: RunOptions,
+    ) -> Result<Self, PipelineError> {
+        let network = &model.name;
+        let RunOptions { every, late, limit, resume, save, longest_silence, .. } = options;
+        let mut predictor = FramePredictor::new(model.network.clone(), frame_options)?;
+        let made = format!("{:?} on {sensor}, late events: {late:?}", model.source);
+        let note = match resume {
+            Some(bytes) => {
+                predictor.resume(&bytes).map_err(PipelineError::Resume)?;
+                Some(Note::read(&bytes, &made, sensor).map_err(PipelineError::Resume)?)
+            }
+            None => None,
+        };
+        let of_feed = every.unwrap_or(EVERY);
+        let feed = match note.as_ref().and_then(|note| note.feed.as_ref()) {
+            Some(state) => FrameFeed::resume(&model.description, sensor, late, of_feed, state),
+            None => FrameFeed::new(&model.description, sensor, late, of_feed),
+        };
+        let mut feed = feed
+            .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
+            .ok_or_else(|| PipelineError::IsFrameNetwork(network.clone()))?;
+        if save.is_some() {
+            feed.keep();
+        }
+        let mut schedule = Schedule::new(every_frames(network, every, &feed)?);
+        if let Some(note) = &note {
+            schedule.resume(0, 0, note.since);
+        }
+        let steps = Steps {
+            predictor,
+            schedule,
+            classes: Classes::new(model.card.classes.clone()),
+            longest_silence: longest_silence.unwrap_or(LONGEST_SILENCE),
+            zeros: vec![0.0; model.description.input().values()],
+            epoch_us: note.as_ref().and_then(|note| Some(note.feed.as_ref()?.epoch_us)),
+            newest: None,
+            silence: note.as_ref().map_or(0, |note| note.silence),
+            counts: FrameCounts::default(),
+            taken: 0,
+            unshown: None,
+            values: Vec::with_capacity(model.description.output().values()),
+        };
+        let (limit, saver) = (limit.unwrap_or(u64::MAX), save.map(Saver::new));
+        Ok(Self { source, sensor, limit, feed, saver, made, steps })
+    }
+
+    /// The source.
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// How many events the run will take, if that is known.
+    pub fn total(&self) -> Option<u64> {
+        self.source.remaining().map(|remaining| remaining.min(self.limit))
+    }
+
+    /// Takes all events, or those up to a [requested](interrupt::requested) end.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
+        let mut watch = LossWatch::new(self.source.is_live());
+        let mut result = Ok(());
+        while result.is_ok() && self.steps.taken < self.limit && !interrupt::requested() {
+            let Some(event) = self.source.next() else { break };
+            result = event.and_then(|event| self.steps.event(&mut self.feed, event, observer));
+            observer.progress(self.steps.taken);
+            if let Some((saver, now_us)) = self.saver.as_mut().zip(self.feed.now_us())
+                && result.is_ok()
+                && saver.is_due(now_us)
+            {
+                result = self.save();
+            }
+            watch.look(self.steps.taken, &self.source.name, || self.losses());
+        }
+        let mut ending = Ending(result);
+        if ending.saves() {
+            ending.then(self.save());
+        }
+        let ends_now = self.steps.schedule.last() == Last::Now;
+        // The open window, and predictions that are due later, are left to a run that resumes.
+        if ending.predicts() && (self.saver.is_none() || ends_now) {
+            let Self { feed, steps, .. } = &mut self;
+            let finished = feed.finish(|output| steps.take(output, observer));
+            ending.then(finished.and_then(|()| steps.end(ends_now, observer)));
+        }
+        let warnings = watch.end(&self.source.name, &self.losses());
+        let counts = InputCounts::Events(self.counts());
+        let summary = FrameSummary::new(&self.steps.predictor, counts, warnings);
+        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+    }
+
+    fn losses(&self) -> InputLosses {
+        let losses = self.source.losses(*self.feed.counters(), self.sensor);
+        losses.with_outside_crop(self.feed.outside_crop())
+    }
+
+    /// Writes the state, if that was asked for.
+    fn save(&mut self) -> Result<(), PipelineError> {
+        let Some(saver) = &self.saver else { return Ok(()) };
+        let (made, steps) = (self.made.clone(), &self.steps);
+        let (silence, since) = (steps.silence, steps.schedule.since());
+        let note = Note { made, feed: self.feed.state(), silence, since };
+        let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
+        saver.write(&steps.predictor.to_bytes_with(&note))
+    }
+
+    fn counts(&self) -> EventCounts {
+        let counters = self.feed.counters();
+        let FrameCounts { empty, left_out, resets } = self.steps.counts;
+        EventCounts {
+            salvaged: self.source.salvaged.clone(),
+            events: counters.pushed,
+            lines_refused: self.source.lines_refused(),
+            accepted: counters.accepted,
+            dropped: dropped(counters),
+            clamped: counters.clamped,
+            outside_crop: self.feed.outside_crop(),
+            evicted: self.feed.evicted(),
+            empty_frames: empty,
+            empty_frames_left_out: left_out,
+            resets,
+        }
+    }
+}
+
+/// The schedule over frames that `every` means over time, if `feed` makes the frames.
+fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every, PipelineError> {
+    match (every, feed.period_us()) {
+        (Some(Every::End), Some(_)) => Ok(Every::End),
+        // The feed delivers a frame whenever a prediction is due.
+        (None, _) | (_, None) => Ok(Every::Events(1)),
+        (Some(Every::StreamUs(us)), Some(period_us)) if us % period_us == 0 => {
+            Ok(Every::Events((us / period_us) as u64))
+        }
+        (Some(every), Some(period_us)) => {
+            Err(PipelineError::BetweenFrames { network: network.to_owned(), period_us, found: every })
+        }
+    }
+}
+
+impl Note {
+    /// The note in the state `bytes`, of a run that made frames of `sensor` as `made` says.
+    fn read(bytes: &[u8], made: &str, sensor: Sensor) -> Result<Self, EngineError> {
+        let misfit = |what, expected, found| EngineError::Snapshot { what, expected, found };
+        let expected = "where the making of frames stands, as `meissner run` writes it".to_owned();
+        let note: Self = serde_json::from_slice(meissner_engine::snapshot_note(bytes)?)
+            .map_err(|error| misfit("note", expected, error.to_string()))?;
+        if note.made != made {
+            return Err(misfit("frames", made.to_owned(), note.made.chars().take(200).collect()));
+        }
+        match note.feed.as_ref().and_then(|feed| feed.fault(sensor)) {
+            Some((what, expected, found)) => Err(misfit(what, expected, found)),
+            None => Ok(note),
+        }
+    }
+}
+
+impl Steps {
+    fn event(
+        &mut self,
+        feed: &mut FrameFeed,
+        event: Event,
+        observer: &mut dyn Observer,
+    ) -> Result<(), PipelineError> {
+        self.taken += 1;
+        let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
+        let outcome = feed.push(event, |output| {
+            let spent = start.elapsed();
+            self.predictor.spent(spent);
+            prepare += spent;
+            // The first frame may come with the first event.
+            self.epoch_us.get_or_insert(event.t_us);
+            let taken = self.take(output, observer);
+            start = Instant::now();
+            taken
+        })?;
+        let spent = start.elapsed();
+        self.predictor.spent(spent);
+        self.predictor.prepare.record(prepare + spent);
+        if outcome == Outcome::Accepted {
+            self.epoch_us.get_or_insert(event.t_us);
+        }
+        self.shown()
+    }
+
+    /// Whether all predictions so far could be shown.
+    fn shown(&mut self) -> Result<(), PipelineError> {
+        self.unshown.take().map_or(Ok(()), |error| Err(PipelineError::Output(error)))
+    }
+
+    fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        match output {
+            FeedOutput::Frame { values, t_us, events } => {
+                self.silence = 0;
+                self.predictor.push(values)?;
+                self.pushed(t_us, events, observer)
+            }
+            FeedOutput::Empty { count, t_us, period_us } => {
+                self.take_silence(count, t_us, period_us, observer)
+            }
+        }
+    }
+
+    /// Takes `count` empty frames: they are pushed up to the longest silence, then the state is reset.
+    fn take_silence(
+        &mut self,
+        count: u64,
+        t_us: i64,
+        period_us: i64,
+        observer: &mut dyn Observer,
+    ) -> Result<(), PipelineError> {
+        let pushed = count.min(self.longest_silence.saturating_sub(self.silence));
+        let zeros = std::mem::take(&mut self.zeros);
+        for i in 0..pushed {
+            self.predictor.push(&zeros)?;
+            self.counts.empty += 1;
+            self.pushed(t_us.saturating_add(period_us.saturating_mul(i as i64)), 0, observer)?;
+        }
+        self.zeros = zeros;
+        if pushed < count {
+            // Once in a silence, however many runs it has.
+            if self.silence <= self.longest_silence {
+                self.predictor.reset();
+                self.counts.resets += 1;
+            }
+            self.counts.left_out += count - pushed;
+        }
+        self.silence = self.silence.saturating_add(count);
+        Ok(())
+    }
+
+    fn pushed(&mut self, t_us: i64, events: u64, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        self.newest = Some((t_us, events));
+        if self.schedule.is_due_after_event() { self.predict(observer) } else { Ok(()) }
+    }
+
+    fn predict(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let Some((t_us, events)) = self.newest else { return Ok(()) };
+        let values = &mut self.values;
+        let frames = self.predictor.predict(|predicted| {
+            values.clear();
+            values.extend_from_slice(predicted.values);
+            Ok::<_, PipelineError>(predicted.frames)
+        })?;
+        let update_us = microseconds(self.predictor.take_update());
+        if self.unshown.is_some() {
+            return Ok(());
+        }
+        self.classes.update(&self.values);
+        let epoch_us = self.epoch_us.unwrap_or(t_us);
+        let prediction = FramePrediction {
+            t_us,
+            value: Values(&self.values),
+            answer: self.classes.answer(),
+            frames,
+            events,
+            update_us,
+            elapsed_us: i128::from(t_us) - i128::from(epoch_us),
+            taken: self.taken,
+        };
+        self.unshown = observer.prediction(&Prediction::Frames(prediction)).err();
+        Ok(())
+    }
+
+    /// Reads what is due at the end.
+    fn end(&mut self, ends_now: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        if ends_now {
+            self.predict(observer)?;
+        }
+        self.shown()
+    }
+}

@@ -1,0 +1,275 @@
+//! A network over pictures of an optical tactile sensor: contact areas and forces, and overlays if asked for.
+
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::prediction::{Baseline, Observer, PicturePrediction, Place, Prediction};
+use super::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
+use crate::error::PipelineError;
+use crate::frame_predictor::FramePredictor;
+use crate::interrupt;
+use crate::latency::microseconds;
+use crate::model::FrameModel;
+use meissner_engine::frames::{FrameOptions, FrameShape};
+use meissner_io::{Image, ImageSequence, read_image, write_png};
+use meissner_models::FrameSource;
+use meissner_models::systems::contact_area::{
+    ContactMeter, ContactSettings, DifferenceBaseline, DifferenceSettings, ForceNormalisation,
+    ImageNormalisation, ImageSize, Overlay, Picture,
+};
+
+/// Difference to the reference above which a pixel is in contact, in levels.
+const DIFFERENCE: f32 = 10.0;
+/// Pixels to each side of the box over which differences are averaged.
+const BLUR_RADIUS: usize = 2;
+
+/// Options of a run over pictures.
+#[derive(Clone, Debug, Default)]
+pub struct PictureOptions {
+    /// Most pictures that are taken.
+    pub limit: Option<u64>,
+    /// Picture without contact, to compare with by plain differences.
+    pub reference: Option<PathBuf>,
+    /// Folder for overlays.
+    pub overlay: Option<PathBuf>,
+    /// Force in N per pixel at the strongest colour of an overlay. The default is the strongest force of each picture.
+    pub full_scale_n: Option<f32>,
+}
+
+/// A network over pictures, and the pictures that it will run over.
+pub struct PictureRun {
+    pictures: ImageSequence,
+    /// The first picture, which is read before anything is shown: one that does not fit is found early.
+    first: Option<(PathBuf, Image)>,
+    count: u64,
+    limit: usize,
+    taken: u64,
+    predictor: FramePredictor,
+    measure: Measure,
+}
+
+/// What is done with a picture before and after the network.
+struct Measure {
+    network: String,
+    size: ImageSize,
+    images: ImageNormalisation,
+    forces: ForceNormalisation,
+    meter: ContactMeter,
+    baseline: Option<DifferenceBaseline>,
+    overlays: Option<Overlays>,
+    planes: Vec<f32>,
+    force: Vec<f32>,
+}
+
+impl PictureRun {
+    /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`.
+    ///
+    /// # Errors
+    /// The model does not predict forces from pictures, the first picture or the reference cannot be read or has another
+    /// size, or overlays would replace files that are needed.
+    pub fn open(
+        model: &FrameModel,
+        frame_options: FrameOptions,
+        path: &Path,
+        options: &PictureOptions,
+    ) -> Result<Self, PipelineError> {
+        interrupt::listen();
+        let predictor = FramePredictor::new(model.network.clone(), frame_options)?;
+        let mut pictures = ImageSequence::open(path)?;
+        let count = pictures.len() as u64;
+        let limit = usize::try_from(options.limit.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
+        let measure = Measure::new(model, options, &pictures.paths()[..pictures.len().min(limit)])?;
+        let first = if limit > 0 { pictures.next().transpose()? } else { None };
+        if let Some((path, image)) = &first {
+            measure.check(path, image)?;
+        }
+        Ok(Self { pictures, first, count, limit, taken: 0, predictor, measure })
+    }
+
+    /// How many pictures there are.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Takes all pictures, or those up to a [requested](interrupt::requested) end.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
+        let ending = Ending(self.take_all(observer));
+        let counts = InputCounts::Pictures { pictures: self.taken };
+        let summary = FrameSummary::new(&self.predictor, counts, Vec::new());
+        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+    }
+
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let Self { pictures, first, limit, taken, predictor, measure, .. } = self;
+        for picture in first.take().map(Ok).into_iter().chain(pictures).take(*limit) {
+            if interrupt::requested() {
+                break;
+            }
+            let (path, image): (PathBuf, Image) = picture?;
+            measure.check(&path, &image)?;
+            measure.take(predictor, observer, *taken + 1, &path, &image)?;
+            *taken += 1;
+        }
+        Ok(())
+    }
+}
+
+impl Measure {
+    fn new(model: &FrameModel, options: &PictureOptions, paths: &[PathBuf]) -> Result<Self, PipelineError> {
+        let (input, output) = (model.description.input(), model.description.output());
+        let network = model.name.clone();
+        let (FrameSource::Picture(settings), FrameShape::Image { height, width, .. }) = (model.source, input)
+        else {
+            return Err(PipelineError::IsFrameNetwork(network));
+        };
+        let expected = FrameShape::Image { channels: 1, height, width };
+        if output != expected {
+            let (expected, found) = (expected.to_string(), output.to_string());
+            return Err(PipelineError::NoForceMap { network, expected, found });
+        }
+        let (size, pixel) = (ImageSize { width, height }, settings.pixel_size()?);
+        let (threshold_n, median_window) = (settings.threshold_n, settings.median_window);
+        let mut measure = Self {
+            network,
+            size,
+            images: settings.image_normalisation()?,
+            forces: settings.force_normalisation()?,
+            meter: ContactMeter::new(ContactSettings { size, pixel, threshold_n, median_window })?,
+            baseline: None,
+            overlays: None,
+            planes: vec![0.0; input.values()],
+            force: vec![0.0; output.values()],
+        };
+        if let Some(path) = &options.reference {
+            let reference = read_image(path)?;
+            measure.check(path, &reference)?;
+            let settings =
+                DifferenceSettings { size, pixel, threshold: DIFFERENCE, blur_radius: BLUR_RADIUS };
+            measure.baseline = Some(DifferenceBaseline::new(&reference.data, settings)?);
+        }
+        if let Some(folder) = &options.overlay {
+            measure.overlays = Some(Overlays::new(folder, paths, size, options.full_scale_n)?);
+        }
+        Ok(measure)
+    }
+
+    /// Refuses an image of another size than the network's input.
+    fn check(&self, path: &Path, image: &Image) -> Result<(), PipelineError> {
+        let (expected, found) = ((self.size.width, self.size.height), image.size());
+        if found == expected {
+            return Ok(());
+        }
+        Err(PipelineError::PictureSize {
+            path: path.to_owned(),
+            network: self.network.clone(),
+            expected,
+            found,
+        })
+    }
+
+    /// Measures a picture, the `taken`th, and shows the result.
+    fn take(
+        &mut self,
+        predictor: &mut FramePredictor,
+        observer: &mut dyn Observer,
+        taken: u64,
+        path: &Path,
+        image: &Image,
+    ) -> Result<(), PipelineError> {
+        let start = Instant::now();
+        self.images.apply(&image.data, &mut self.planes)?;
+        predictor.prepared(start.elapsed());
+        predictor.push(&self.planes)?;
+        let contact = predictor.predict(|predicted| {
+            for (force, &y) in self.force.iter_mut().zip(predicted.values) {
+                *force = self.forces.force(y);
+            }
+            Ok::<_, PipelineError>(self.meter.measure(&self.force)?)
+        })?;
+        let update_us = microseconds(predictor.take_update());
+        let baseline = self.baseline.as_mut().map(|baseline| baseline.measure(&image.data)).transpose()?;
+        let picture = Picture {
+            rgb: &image.data,
+            mask: self.meter.mask(),
+            force: Some(&self.force),
+            centroid: contact.centroid,
+        };
+        let overlays = self.overlays.as_mut();
+        let overlay = overlays.map(|overlays| overlays.write(path, image, &picture)).transpose()?;
+        let prediction = PicturePrediction {
+            image: &path.display().to_string(),
+            area_mm2: contact.area_mm2,
+            force_n: contact.force_n,
+            median_force_n: contact.median_force_n,
+            centroid: contact.centroid.map(Place::from),
+            baseline: baseline.map(Baseline::from),
+            overlay: overlay.as_deref(),
+            update_us,
+            taken,
+        };
+        observer.prediction(&Prediction::Picture(prediction)).map_err(PipelineError::Output)
+    }
+}
+
+/// Draws forces over pictures, into a folder.
+struct Overlays {
+    folder: PathBuf,
+    size: ImageSize,
+    full_scale_n: Option<f32>,
+    drawn: Vec<u8>,
+}
+
+impl Overlays {
+    /// Overlays of the pictures in `paths`, in `folder`, which is made if it does not exist.
+    ///
+    /// # Errors
+    /// Two pictures have one name, an overlay would replace its picture, or the folder cannot be made.
+    fn new(
+        folder: &Path,
+        paths: &[PathBuf],
+        size: ImageSize,
+        full_scale_n: Option<f32>,
+    ) -> Result<Self, PipelineError> {
+        fs::create_dir_all(folder)
+            .map_err(|source| PipelineError::Write { path: folder.to_owned(), source })?;
+        let drawn = vec![0; size.pixels()? * 3];
+        let overlays = Self { folder: folder.to_owned(), size, full_scale_n, drawn };
+        let pictures: Vec<PathBuf> = paths.iter().filter_map(|path| path.canonicalize().ok()).collect();
+        let mut targets: Vec<(PathBuf, &PathBuf)> =
+            paths.iter().map(|path| (overlays.target(path), path)).collect();
+        for (target, _) in &targets {
+            if target.canonicalize().is_ok_and(|target| pictures.contains(&target)) {
+                return Err(PipelineError::OverlayTaken {
+                    path: target.clone(),
+                    other: "a picture".to_owned(),
+                });
+            }
+        }
+        targets.sort();
+        if let Some(pair) = targets.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            let other = format!("the overlay of {}", pair[0].1.display());
+            return Err(PipelineError::OverlayTaken { path: pair[1].0.clone(), other });
+        }
+        Ok(overlays)
+    }
+
+    /// The path of the overlay of the picture at `path`.
+    fn target(&self, path: &Path) -> PathBuf {
+        let mut name: OsString = path.file_stem().unwrap_or_default().to_owned();
+        name.push(".png");
+        self.folder.join(name)
+    }
+
+    /// Writes the overlay of `picture`, which was read from `path`, and returns its path.
+    fn write(&mut self, path: &Path, image: &Image, picture: &Picture<'_>) -> Result<String, PipelineError> {
+        let forces = picture.force.unwrap_or_default();
+        let strongest = forces.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        let overlay = Overlay::new(self.size, self.full_scale_n.unwrap_or(strongest))?;
+        overlay.draw(picture, &mut self.drawn)?;
+        let target = self.target(path);
+        write_png(&target, image.width, image.height, &self.drawn)?;
+        Ok(target.display().to_string())
+    }
+}

@@ -1,0 +1,226 @@
+//! The predictions of a run, and the observer that takes them.
+
+use std::io;
+
+use meissner_models::systems::contact_area::{Centroid, DifferenceReport};
+use serde::Serialize;
+
+use crate::answer::{Answer, Values};
+
+/// Takes the predictions of a run as they are read.
+pub trait Observer {
+    /// Takes a prediction.
+    ///
+    /// # Errors
+    /// The prediction cannot be shown; the run ends with [`PipelineError::Output`].
+    fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()>;
+
+    /// So many events have been taken.
+    fn progress(&mut self, _taken: u64) {}
+}
+
+/// A prediction, serialised as in the program's JSON lines.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(untagged)]
+#[non_exhaustive]
+pub enum Prediction<'a> {
+    /// Of a network over events.
+    Events(EventPrediction<'a>),
+    /// Of a network over frames of events.
+    Frames(FramePrediction<'a>),
+    /// Of a network over electrodes.
+    Electrodes(ElectrodePrediction<'a>),
+    /// Of a network over pictures.
+    Picture(PicturePrediction<'a>),
+    /// Of a recording at real speed, see [`crate::play`].
+    Report(ReportPrediction<'a>),
+}
+
+/// A prediction of a network over events.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct EventPrediction<'a> {
+    /// Time of the newest event that it covers; `None` before the first.
+    pub t_us: Option<i64>,
+    /// The values.
+    pub value: Values<'a>,
+    /// Class and probabilities, if the values are logits of classes.
+    #[serde(flatten)]
+    pub answer: Option<Answer<'a>>,
+    /// Events in the window.
+    pub nodes: usize,
+    /// Rows computed for each layer since the last prediction.
+    pub rows: &'a [u64],
+    /// Microseconds spent in pushes and predictions since the last prediction.
+    pub update_us: f64,
+    /// Stream time since the first event in microseconds; `None` before it.
+    #[serde(skip)]
+    pub elapsed_us: Option<i128>,
+    /// Events taken so far.
+    #[serde(skip)]
+    pub taken: u64,
+}
+
+/// A prediction of a network over frames of events.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct FramePrediction<'a> {
+    /// End of the window of the newest frame.
+    pub t_us: i64,
+    /// The values.
+    pub value: Values<'a>,
+    /// Class and probabilities, if the values are logits of classes.
+    #[serde(flatten)]
+    pub answer: Option<Answer<'a>>,
+    /// Frames that the state has seen.
+    pub frames: u64,
+    /// Events in the newest frame.
+    pub events: u64,
+    /// Microseconds spent in making frames and in the network since the last prediction.
+    pub update_us: f64,
+    /// Stream time since the first event in microseconds.
+    #[serde(skip)]
+    pub elapsed_us: i128,
+    /// Events taken so far.
+    #[serde(skip)]
+    pub taken: u64,
+}
+
+/// A prediction of a network over electrodes, for a window of readings.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct ElectrodePrediction<'a> {
+    /// Line of the newest reading.
+    pub line: u64,
+    /// Time of the newest reading; `None` without a column of time.
+    pub time_s: Option<f64>,
+    /// The values.
+    pub value: Values<'a>,
+    /// Softmax of the values; `None` where they are not logits of classes.
+    pub probabilities: Option<Values<'a>>,
+    /// Name of the most probable class.
+    pub class: Option<&'a str>,
+    /// Name of the class that is decided; `None` before the first decision.
+    pub decision: Option<&'a str>,
+    /// Windows for which the decision has been held, from 1.
+    pub held: Option<u64>,
+    /// Microseconds spent since the last prediction.
+    pub update_us: f64,
+}
+
+/// The contact in a picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PicturePrediction<'a> {
+    /// Path of the picture.
+    pub image: &'a str,
+    /// Area of the contact.
+    pub area_mm2: f64,
+    /// Total force.
+    pub force_n: f64,
+    /// Median of the newest total forces.
+    pub median_force_n: f64,
+    /// Centroid of the contact; `None` without one.
+    pub centroid: Option<Place>,
+    /// The contact by plain differences to a reference picture, if there is one.
+    pub baseline: Option<Baseline>,
+    /// Path of the overlay, if one is drawn.
+    pub overlay: Option<&'a str>,
+    /// Microseconds spent since the last prediction.
+    pub update_us: f64,
+    /// Pictures taken so far.
+    #[serde(skip)]
+    pub taken: u64,
+}
+
+/// A report of a recording that is played at real speed.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct ReportPrediction<'a> {
+    /// When the report was due, in stream time.
+    pub at_us: i64,
+    /// Time of the newest event that it covers; `None` before the first.
+    pub t_us: Option<i64>,
+    /// The values.
+    pub value: Values<'a>,
+    /// Class and probabilities, if the values are logits of classes.
+    #[serde(flatten)]
+    pub answer: Option<Answer<'a>>,
+    /// Events in the window.
+    pub nodes: usize,
+    /// How the report came about.
+    pub state: ReportState,
+    /// Events that had entered the queue and are not covered.
+    pub behind_events: u64,
+    /// Stream time that had entered the queue and is not covered.
+    pub behind_us: u64,
+    /// Time since the prediction was begun.
+    pub age_us: f64,
+    /// Time since the report was asked for.
+    pub waited_us: f64,
+    /// Number of the report, from 1.
+    #[serde(skip)]
+    pub number: u64,
+    /// Stream time from the first event to when the report was due, in microseconds.
+    #[serde(skip)]
+    pub elapsed_us: i128,
+}
+
+/// The contact by plain differences to a reference picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Baseline {
+    /// Area of the contact.
+    pub area_mm2: f64,
+    /// Centroid of the contact.
+    pub centroid: Option<Place>,
+}
+
+/// A place in a picture, in pixels and on the sensor.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Place {
+    /// Column.
+    pub x_px: f64,
+    /// Row.
+    pub y_px: f64,
+    /// To the right.
+    pub x_mm: f64,
+    /// Down.
+    pub y_mm: f64,
+}
+
+impl From<Centroid> for Place {
+    fn from(Centroid { x_px, y_px, x_mm, y_mm }: Centroid) -> Self {
+        Self { x_px, y_px, x_mm, y_mm }
+    }
+}
+
+impl From<DifferenceReport> for Baseline {
+    fn from(report: DifferenceReport) -> Self {
+        Self { area_mm2: report.area_mm2, centroid: report.centroid.map(Place::from) }
+    }
+}
+
+/// How a report came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ReportState {
+    /// It covers all events that had entered the queue.
+    Fresh,
+    /// It covers the events that the engine had taken shortly before the deadline.
+    Behind,
+    /// It is the prediction of an earlier report.
+    Old,
+}
+
+impl ReportState {
+    /// A short name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fresh => "fresh",
+            Self::Behind => "behind",
+            Self::Old => "old",
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What a run over events is asked for, and the states that it writes to be resumed from.
+//!
+//! Invariant: a state is of the moment after an event, before anything is due because the input ends. A run that resumes
+//! from it predicts what one run over both inputs would.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use meissner_engine::LatePolicy;
+
+use crate::approximations::Approximations;
+use crate::error::PipelineError;
+use crate::predictor::Mode;
+use crate::schedule::Every;
+
+/// Predictions of networks over events, unless asked for otherwise.
+pub(super) const EVERY: Every = Every::StreamUs(10_000);
+
+/// Options of a run over events. `Default` runs all events, exactly.
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    /// How a network over events computes predictions.
+    pub mode: Mode,
+    /// When predictions are read. The default is every 10 ms; over frames, every frame.
+    pub every: Option<Every>,
+    /// Treatment of events that are earlier than one before them.
+    pub late: LatePolicy,
+    /// Approximations of a network over events.
+    pub approximations: Approximations,
+    /// Most events that are taken.
+    pub limit: Option<u64>,
+    /// State of an earlier run to resume from, as it wrote it.
+    pub resume: Option<Vec<u8>>,
+    /// Where the state is written.
+    pub save: Option<SaveState>,
+    /// Most empty frames in a row that are pushed. The default is 6000.
+    pub longest_silence: Option<u64>,
+}
+
+/// Where and when the state of a run is written. The file is replaced whole.
+#[derive(Clone, Debug)]
+pub struct SaveState {
+    /// The file.
+    pub path: PathBuf,
+    /// Stream time after which the state is also written before the end.
+    pub every_us: Option<i64>,
+}
+
+/// Writes states.
+pub(super) struct Saver {
+    to: SaveState,
+    /// Stream time of the last state, or of the first event.
+    last_us: Option<i64>,
+}
+
+impl Saver {
+    pub(super) fn new(to: SaveState) -> Self {
+        Self { to, last_us: None }
+    }
+
+    /// Whether a state is due after an event at `t_us`, which is not earlier than the event before.
+    pub(super) fn is_due(&mut self, t_us: i64) -> bool {
+        let last = *self.last_us.get_or_insert(t_us);
+        let due = self.to.every_us.is_some_and(|every| t_us.saturating_sub(last) >= every);
+        if due {
+            self.last_us = Some(t_us);
+        }
+        due
+    }
+
+    pub(super) fn write(&self, bytes: &[u8]) -> Result<(), PipelineError> {
+        meissner_io::replace_file(&self.to.path, |out| out.write_all(bytes)).map_err(PipelineError::File)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SaveState, Saver};
+
+    #[test]
+    fn states_are_due_when_the_time_has_passed_since_the_last() {
+        let saver = |every_us| Saver::new(SaveState { path: "state".into(), every_us });
+        let mut every_10 = saver(Some(10));
+        let due: Vec<bool> = [-3, 6, 7, 16, 17, 90, 91].map(|t| every_10.is_due(t)).to_vec();
+        assert_eq!(due, [false, false, true, false, true, true, false]);
+        let mut at_the_end = saver(None);
+        assert!(!at_the_end.is_due(0) && !at_the_end.is_due(i64::MAX));
+    }
+}

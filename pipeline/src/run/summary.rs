@@ -1,0 +1,291 @@
+//! Counts and latencies of a run, in the names of the JSON summary.
+
+use std::collections::BTreeMap;
+
+use meissner_engine::Counters;
+use meissner_engine::frames::FrameLayerCounters;
+use serde::Serialize;
+
+use crate::approximations::ApproximationReport;
+use crate::error::PipelineError;
+use crate::frame_predictor::FramePredictor;
+use crate::latency::{Latency, Quantiles};
+use crate::losses::{LossWarning, Salvaged};
+use crate::skips::{Skips, dropped};
+
+/// A run that has ended.
+#[derive(Debug)]
+#[must_use]
+pub struct Ended {
+    /// Counts and latencies up to the end.
+    pub summary: Summary,
+    /// The first error, if there was one.
+    pub result: Result<(), PipelineError>,
+}
+
+/// The first error of a stream, and what is still done after it.
+pub(super) struct Ending(pub(super) Result<(), PipelineError>);
+
+impl Ending {
+    /// Whether the state is worth keeping.
+    pub(super) fn saves(&self) -> bool {
+        !matches!(self.0, Err(PipelineError::Engine(_) | PipelineError::Lines { .. }))
+    }
+
+    /// Whether due predictions can be read and shown.
+    pub(super) fn predicts(&self) -> bool {
+        !matches!(self.0, Err(PipelineError::Engine(_) | PipelineError::Output(_)))
+    }
+
+    /// Notes the result of one more step.
+    pub(super) fn then(&mut self, next: Result<(), PipelineError>) {
+        if self.0.is_ok() {
+            self.0 = next;
+        }
+    }
+}
+
+/// The summary of a run.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+#[non_exhaustive]
+pub enum Summary {
+    /// Of a network over events.
+    Events(Box<EventSummary>),
+    /// Of a network over frames: events, electrodes or pictures.
+    Frames(Box<FrameSummary>),
+}
+
+/// The summary of a network over events.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct EventSummary {
+    /// Events taken from the source.
+    pub events: u64,
+    /// Lines of a text that could not be read; they do not count as events.
+    pub lines_refused: u64,
+    /// Events that entered the window.
+    pub accepted: u64,
+    /// The other events, by reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// Predictions read.
+    pub predictions: u64,
+    /// Most events in the window after any push.
+    pub nodes_max: usize,
+    /// Times in microseconds.
+    pub latency_us: EventLatencies,
+    /// Events taken, per second spent in pushes and predictions.
+    pub events_per_s: Option<f64>,
+    /// What was computed, and what was skipped.
+    pub skips: Skips,
+    /// Losses of input that nobody asked for.
+    pub warnings: Vec<LossWarning>,
+    /// The approximations; `None` if results are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approximations: Option<ApproximationReport>,
+    /// The part that was kept of a recording that was cut short.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub salvaged: Option<Salvaged>,
+}
+
+/// Times of calls in microseconds; `None` where there was no call.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct EventLatencies {
+    /// Pushes.
+    pub push: Option<Quantiles>,
+    /// Predictions, and advancing the clock to those that are due between events.
+    pub predict: Option<Quantiles>,
+}
+
+impl EventSummary {
+    pub(super) fn new(
+        counters: &Counters,
+        layers: &[String],
+        nodes_max: usize,
+        push: &Latency,
+        predict: &Latency,
+    ) -> Self {
+        let seconds = (push.total() + predict.total()).as_secs_f64();
+        let events = counters.events.pushed;
+        Self {
+            events,
+            lines_refused: 0,
+            accepted: counters.events.accepted,
+            dropped: dropped(&counters.events),
+            predictions: counters.predictions.read,
+            nodes_max,
+            latency_us: EventLatencies { push: push.quantiles(), predict: predict.quantiles() },
+            events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
+            skips: Skips::new(counters, layers),
+            warnings: Vec::new(),
+            approximations: None,
+            salvaged: None,
+        }
+    }
+}
+
+/// The summary of a network over frames.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameSummary {
+    /// Counts of the input.
+    #[serde(flatten)]
+    pub input: InputCounts,
+    /// Losses of input that nobody asked for.
+    pub warnings: Vec<LossWarning>,
+    /// Frames pushed.
+    pub frames: u64,
+    /// Predictions read.
+    pub predictions: u64,
+    /// Times in microseconds.
+    pub latency_us: FrameLatencies,
+    /// Frames per second spent in making and pushing them and in predictions.
+    pub frames_per_s: Option<f64>,
+    /// Sums over all layers.
+    pub pixels: Pixels,
+    /// Each layer.
+    pub layers: Vec<LayerPixels>,
+}
+
+/// Times of steps in microseconds; `None` where there was no step.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameLatencies {
+    /// Making of a frame, for each event, reading or picture.
+    pub prepare: Option<Quantiles>,
+    /// Pushes of frames.
+    pub push: Option<Quantiles>,
+    /// Predictions.
+    pub predict: Option<Quantiles>,
+    /// Over electrodes: from a reading to the decision after it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decision: Option<Quantiles>,
+}
+
+/// Counts of an input.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+#[non_exhaustive]
+pub enum InputCounts {
+    /// Of events.
+    Events(EventCounts),
+    /// Of readings of electrodes.
+    Electrodes(ElectrodeCounts),
+    /// Of pictures.
+    Pictures {
+        /// Pictures read.
+        pictures: u64,
+    },
+}
+
+/// Counts of events that frames are made of.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct EventCounts {
+    /// The part that was kept of a recording that was cut short.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub salvaged: Option<Salvaged>,
+    /// Events taken.
+    pub events: u64,
+    /// Lines of a text that could not be read; they do not count as events.
+    pub lines_refused: u64,
+    /// Accepted events.
+    pub accepted: u64,
+    /// The other events, by reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// Late events that entered at the newest time.
+    pub clamped: u64,
+    /// Accepted events outside the part of the sensor that frames show.
+    pub outside_crop: u64,
+    /// Events that left a sliding window early because it was full.
+    pub evicted: u64,
+    /// Frames without events that were pushed.
+    pub empty_frames: u64,
+    /// Frames without events that were left out, beyond the longest silence.
+    pub empty_frames_left_out: u64,
+    /// Resets of the state after the longest silence.
+    pub resets: u64,
+}
+
+/// Counts of readings of electrodes.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct ElectrodeCounts {
+    /// Rows that were readings.
+    pub readings: u64,
+    /// Lines that could not be read; a new window begins after each.
+    pub lines_refused: u64,
+    /// Values outside the range of the sensor.
+    pub values_out_of_range: u64,
+    /// Readings too early or too late after the one before.
+    pub rows_off_rate: u64,
+    /// Readings so late after the one before that a new window begins.
+    pub gaps: u64,
+    /// Readings earlier than the one before; a new window begins with each.
+    pub times_backwards: u64,
+    /// Readings with the time of the one before.
+    pub times_repeated: u64,
+    /// Readings of a window.
+    pub steps: usize,
+    /// How often a decision was made or changed; `None` where values are not of classes.
+    pub decisions: Option<u64>,
+}
+
+/// Counts of pixels.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct Pixels {
+    /// Computed.
+    pub computed: u64,
+    /// Kept because their inputs had not changed.
+    pub skipped: u64,
+    /// Taken from the layer's output over zeros.
+    pub absorbed: u64,
+}
+
+/// Counts of the pixels of a layer.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct LayerPixels {
+    /// Name of the layer.
+    pub name: String,
+    /// Its pixels.
+    #[serde(flatten)]
+    pub pixels: Pixels,
+}
+
+impl FrameSummary {
+    pub(super) fn new(predictor: &FramePredictor, input: InputCounts, warnings: Vec<LossWarning>) -> Self {
+        let counters = predictor.counters();
+        let pixels =
+            |&FrameLayerCounters { computed, skipped, absorbed }| Pixels { computed, skipped, absorbed };
+        let layers: Vec<LayerPixels> = predictor
+            .layers()
+            .zip(&counters.layers)
+            .map(|(name, counters)| LayerPixels { name: name.to_owned(), pixels: pixels(counters) })
+            .collect();
+        let FramePredictor { prepare, push, predict, decision, .. } = predictor;
+        let seconds = (prepare.total() + push.total() + predict.total()).as_secs_f64();
+        let frames = counters.frames;
+        Self {
+            input,
+            warnings,
+            frames,
+            predictions: counters.predictions,
+            latency_us: FrameLatencies {
+                prepare: prepare.quantiles(),
+                push: push.quantiles(),
+                predict: predict.quantiles(),
+                decision: decision.quantiles(),
+            },
+            frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
+            pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
+                computed: sum.computed + layer.pixels.computed,
+                skipped: sum.skipped + layer.pixels.skipped,
+                absorbed: sum.absorbed + layer.pixels.absorbed,
+            }),
+            layers,
+        }
+    }
+}
