@@ -46,5 +46,5 @@ pub use description::{
 pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
 pub use inspect::Summary;
-pub use shipped::{DRAWN, drawn_file};
+pub use shipped::{DEFAULT_NETWORK, DRAWN, drawn_file};
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

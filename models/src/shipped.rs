@@ -8,6 +8,9 @@ use crate::draw::{Drawable, draw};
 use crate::weights::Weights;
 use crate::weights::card::{Card, DRAWN_BY};
 
+/// The network that runs if none is named: small enough for a laptop, with the shape of the published one.
+pub const DEFAULT_NETWORK: &str = "graphres";
+
 /// A description with the weights that it runs with.
 struct Shipped {
     name: &'static str,

@@ -15,9 +15,6 @@ use crate::approximations::Approximations;
 use crate::error::PipelineError;
 use crate::provenance::ModelCard;
 
-/// The network that runs where none is named: small enough for a laptop, with the shape of the published one.
-pub const DEFAULT_NETWORK: &str = "graphres";
-
 /// A network over events by name, and options that change it.
 #[derive(Clone, Debug, Default)]
 pub struct ModelOptions {

@@ -13,7 +13,7 @@ use crate::approximations::{ApproximationReport, Approximations, FilteredEngine,
 
 /// A network over events behind filters, incremental or from scratch.
 #[derive(Clone)]
-pub struct Predictor {
+pub struct EventPredictor {
     backend: Backend,
     /// Counts before this run.
     before: Counters,
@@ -36,7 +36,7 @@ enum Backend {
     Batch(Chain, Box<BatchEngine>),
 }
 
-impl Predictor {
+impl EventPredictor {
     /// A predictor over an empty window. [`Mode::Batch`] knows the filters of `approximations` only.
     ///
     /// # Errors

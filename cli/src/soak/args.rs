@@ -57,7 +57,7 @@ pub(crate) struct SoakArgs {
     /// Name of a shipped network over events, or a description file (.toml).
     ///
     /// `meissner networks` lists the shipped networks. A description file needs --weights.
-    #[arg(long, value_name = "NETWORK", default_value = meissner_pipeline::model::DEFAULT_NETWORK, help_heading = NETWORK)]
+    #[arg(long, value_name = "NETWORK", default_value = meissner_models::DEFAULT_NETWORK, help_heading = NETWORK)]
     pub(super) network: String,
     /// Weights [default: those shipped with the network].
     ///

@@ -17,7 +17,7 @@ use meissner_models::{AnyDescription, ModelError, TensorFile};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::losses::LossWarning;
 use meissner_pipeline::model::card;
-use meissner_pipeline::predictor::{Mode, Predictor};
+use meissner_pipeline::predictor::{EventPredictor, Mode};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use rayon::ThreadPool;
 use serde::Serialize;
@@ -321,8 +321,9 @@ impl Judge<'_> {
         let failed = weights_error(&training.label);
         let Options { mode, every_us, .. } = *self.options;
         let network = Arc::new(plan.candidate.description.network(&training.weights).map_err(&failed)?);
-        let predictor = Predictor::new(mode, network, SENSOR, LatePolicy::Drop, &Approximations::default());
-        let work = |predictor: &mut Predictor, &recording: &usize| {
+        let predictor =
+            EventPredictor::new(mode, network, SENSOR, LatePolicy::Drop, &Approximations::default());
+        let work = |predictor: &mut EventPredictor, &recording: &usize| {
             let events = &self.data.recordings[recording].events;
             Ok((recording, outcome(predictor, events, plan.stride, every_us)?))
         };
@@ -344,7 +345,7 @@ impl Judge<'_> {
 
 /// Pushes every `stride`-th of `events`, and reads a prediction every `every_us` and at the end.
 fn outcome(
-    predictor: &mut Predictor,
+    predictor: &mut EventPredictor,
     events: &[Event],
     stride: usize,
     every_us: i64,

@@ -111,7 +111,9 @@ fn refused(layer: &Layer, source: KernelError) -> ModelError {
 
 fn block(layer: &Layer, tensors: &mut Tensors<'_>) -> Result<Option<Block>, ModelError> {
     let LayerKind::Block { conv, norm, .. } = &layer.kind else { return Ok(None) };
-    let conv = conv.build(layer, *norm, tensors).map_err(|e| refused(layer, e))?;
+    let conv = conv
+        .build(&layer.weights, (layer.inputs, layer.outputs), *norm, tensors)
+        .map_err(|e| refused(layer, e))?;
     let block = |conv| Block { name: layer.name.clone(), input: layer.reads, skip: layer.adds, conv };
     Ok(conv.map(block))
 }

@@ -30,7 +30,6 @@ use meissner_kernels::{
 use serde::Serialize;
 use toml::de::DeValue;
 
-use super::layer::Layer;
 use super::table::{Table, integer};
 use super::tensors::{LARGEST_TENSOR, Listing, Needed, Tensors};
 
@@ -192,21 +191,22 @@ impl ConvolutionKind {
         }
     }
 
-    /// The convolution with the values of its tensors; `None` where one does not fit, which `tensors` notes.
+    /// The convolution from `inputs` to `outputs` channels with the values of its tensors, whose names start with `prefix`;
+    /// `None` where one does not fit, which `tensors` notes.
     pub(super) fn build(
         &self,
-        layer: &Layer,
+        prefix: &str,
+        (inputs, outputs): (usize, usize),
         norm: bool,
         tensors: &mut Tensors<'_>,
     ) -> Result<Option<GraphConvolution>, KernelError> {
-        let (inputs, outputs) = (layer.inputs, layer.outputs);
         // Every tensor is looked up before the first missing one ends the search, so that all missing tensors are reported.
-        let needed = self.tensors(Listing::new(&layer.weights), inputs, outputs).0.needed();
+        let needed = self.tensors(Listing::new(prefix), inputs, outputs).0.needed();
         let mut parts = Vec::new();
         for Needed { name, shape, .. } in &needed {
             parts.push(tensors.get(name, shape).map(<[f32]>::to_vec));
         }
-        let norm = norm.then(|| tensors.norm(&layer.tensor("norm"), outputs).map(|norm| norm.rounded()));
+        let norm = norm.then(|| tensors.norm(&format!("{prefix}.norm"), outputs).map(|norm| norm.rounded()));
         let Some(parts) = parts.into_iter().collect::<Option<Vec<Vec<f32>>>>() else { return Ok(None) };
         let norm = match norm {
             Some(None) => return Ok(None),

@@ -15,7 +15,7 @@ use crate::interrupt;
 use crate::latency::{Latency, microseconds};
 use crate::losses::LossWatch;
 use crate::model::Model;
-use crate::predictor::Predictor;
+use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
 use crate::source::Source;
 
@@ -35,7 +35,7 @@ pub struct EventRun {
 
 /// Pushes events and reads predictions.
 struct Steps {
-    predictor: Predictor,
+    predictor: EventPredictor,
     classes: Classes,
     push: Latency,
     predict: Latency,
@@ -61,7 +61,7 @@ impl EventRun {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
         let RunOptions { mode, every, late, approximations, limit, resume, save, .. } = options;
-        let mut predictor = Predictor::new(mode, network, sensor, late, &approximations)?;
+        let mut predictor = EventPredictor::new(mode, network, sensor, late, &approximations)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
         let mut gate = Admission::new(sensor, late);
         if let Some(bytes) = resume {
