@@ -1,4 +1,4 @@
-//! The side of the sensor.
+//! The handle of the sensor's side.
 
 use std::sync::Arc;
 
@@ -9,14 +9,14 @@ use crate::intake::Item;
 use crate::shared::Shared;
 use crate::{LiveError, QueueCounters};
 
-/// Events that are decided about under one lock: so that nobody waits long for it.
+/// Events processed under one lock; small, so that no thread waits long for the lock.
 const CHUNK: usize = 512;
 
-/// Offers events, or frames, to the queue; for the one thread that reads the sensor.
+/// Offers events or frames to the queue; for the single thread that reads the sensor.
 #[derive(Debug)]
 pub struct Input<T = Event> {
     shared: Arc<Shared<T>>,
-    /// The filters of `Overload::Filter`: they work here, outside the lock.
+    /// The filters of `Overload::Filter`; they run in this thread, outside the lock.
     filters: Option<Chain>,
     passes: Vec<bool>,
 }
@@ -26,14 +26,14 @@ impl<T: Item> Input<T> {
         Self { shared, filters, passes: Vec::with_capacity(CHUNK) }
     }
 
-    /// Offers `events`, in order of arrival: each enters the queue or is dropped and counted. Allocates nothing for
-    /// events; frames are copied.
+    /// Offers `events` in order of arrival: each event enters the queue, or is dropped and counted. Allocates nothing
+    /// for events; frames are copied.
     ///
-    /// Waits under [`Overload::Block`](crate::Overload::Block) where the queue is full, until half of it is free;
-    /// otherwise never.
+    /// Under [`Overload::Block`](crate::Overload::Block), waits while the queue is full, until half of it is free.
+    /// Otherwise never waits.
     ///
     /// # Errors
-    /// [`LiveError::Closed`] where the worker has ended; what was not decided about is not counted.
+    /// [`LiveError::Closed`] if the worker has ended; the remaining events are not counted.
     pub fn push_slice(&mut self, events: &[T]) -> Result<(), LiveError> {
         let mut taken = 0;
         for chunk in events.chunks(CHUNK) {
@@ -51,19 +51,19 @@ impl<T: Item> Input<T> {
         Ok(())
     }
 
-    /// Moves time on to `t_us` behind the events offered so far, as [`meissner_engine::Engine::advance`]: a promise that
-    /// no earlier event will be offered, since the engine treats one as late. The next prediction that covers these
-    /// events is for the window at that time.
+    /// Advances the clock to `t_us` after the events offered so far, as [`meissner_engine::Engine::advance`]. This
+    /// promises that no earlier event will be offered: the engine would treat it as late. The next prediction that
+    /// covers these events is for the window at that time.
     pub fn advance(&mut self, t_us: i64) {
         self.shared.advance(t_us);
     }
 
-    /// Whether the worker has ended or is about to: nothing that is offered would be taken.
+    /// Whether the worker has ended or is about to; offered events would not be accepted.
     pub fn is_closed(&self) -> bool {
         self.shared.lock().is_closed()
     }
 
-    /// What has become of offered events.
+    /// Counts of offered events.
     pub fn counters(&self) -> QueueCounters {
         *self.shared.lock().intake.counters()
     }

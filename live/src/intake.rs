@@ -1,12 +1,11 @@
 //! The queue of events, without threads.
 //!
-//! Enters: offered events, and for `Filter` which of them the filters let pass. Leaves: events in the order in which
-//! they came. Frames can stand in the place of events.
-//! Invariants: at most `capacity` wait; `offered = delivered + waiting + dropped`; no memory is taken after
-//! it was made; what enters depends on the sequence of calls alone, never on how offered events are cut in slices.
+//! Input: offered events or frames and, for `Filter`, which of them pass. Output: events in order of arrival.
+//! Invariants: at most `capacity` events wait; `offered = delivered + waiting + dropped`; no memory is allocated after
+//! construction; which events enter does not depend on how offered events are split into slices.
 //!
-//! *Positions* count events that entered, from 1: those up to `left()` have left, as delivered or as dropped oldest, those
-//! up to `entered()` have left or wait.
+//! *Positions* number the entered events from 1. Events up to `left()` have left: they were delivered, or dropped as
+//! the oldest. Events up to `entered()` have left or are waiting.
 
 #[cfg(test)]
 mod tests;
@@ -18,11 +17,11 @@ use meissner_engine::frames::Frame;
 
 use crate::{Overload, QueueCounters};
 
-/// What can wait in the queue: an [`Event`] or a [`Frame`].
+/// An item of the queue: an [`Event`] or a [`Frame`].
 pub trait Item: Clone + Send + 'static {
     /// Its time in microseconds.
     fn t_us(&self) -> i64;
-    /// The event that event filters see; `None` where they do not apply.
+    /// The event that filters check; `None` if filters do not apply.
     fn event(&self) -> Option<Event>;
 }
 
@@ -46,7 +45,7 @@ impl Item for Frame {
     }
 }
 
-/// The rule of [`Overload`] that the queue itself applies.
+/// The part of [`Overload`] that the queue itself applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rule {
     Block,
@@ -68,7 +67,7 @@ impl From<&Overload> for Rule {
     }
 }
 
-/// A bounded queue under a rule.
+/// A bounded queue with an overload rule.
 #[derive(Debug)]
 pub(crate) struct Intake<T> {
     ring: VecDeque<T>,
@@ -76,7 +75,7 @@ pub(crate) struct Intake<T> {
     rule: Rule,
     congested: bool,
     counters: QueueCounters,
-    /// Stamps of the first and of the newest event that entered.
+    /// Times of the first and of the newest event that entered.
     stamps_us: Option<(i64, i64)>,
 }
 
@@ -93,8 +92,8 @@ impl<T: Item> Intake<T> {
         }
     }
 
-    /// Decides about `events`; `passes` says of each whether the filters let it pass, and is empty where there are none.
-    /// How many were decided about: all, but under `Block` those that found room.
+    /// Processes `events`. `passes` holds whether each passes the filters; it is empty if there are no filters. Returns
+    /// the number of processed events: all of them, or under `Block` those that found room.
     pub(crate) fn offer(&mut self, events: &[T], passes: &[bool]) -> usize {
         let room = self.capacity - self.ring.len();
         let taken = match self.rule {
@@ -110,7 +109,7 @@ impl<T: Item> Intake<T> {
                 events.len()
             }
             Rule::DropOldest => {
-                // One after the other, events beyond the capacity would push out those at the start of the slice.
+                // If processed one by one, events beyond the capacity would push out those at the start of the slice.
                 let (gone, staying) = events.split_at(events.len().saturating_sub(self.capacity));
                 let leaving = self.ring.len().saturating_sub(self.capacity - staying.len());
                 self.ring.drain(..leaving);
@@ -135,7 +134,8 @@ impl<T: Item> Intake<T> {
         taken
     }
 
-    /// Lets `events` in while not congested, and where `stays` is true of their number since the start and their place here.
+    /// Lets `events` enter: all if the queue is not congested, else those for which `stays(number, index)` is true,
+    /// with the event's number since the start and its index here.
     fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();
@@ -162,7 +162,7 @@ impl<T: Item> Intake<T> {
         self.counters.high_water = self.counters.high_water.max(self.ring.len() as u64);
     }
 
-    /// Appends the oldest events, at most `most`, to `to`; how many there were.
+    /// Moves the oldest events, at most `most`, to the end of `to`; returns their number.
     pub(crate) fn take(&mut self, most: usize, to: &mut Vec<T>) -> usize {
         let taken = most.min(self.ring.len());
         to.extend(self.ring.drain(..taken));
@@ -185,7 +185,7 @@ impl<T: Item> Intake<T> {
         self.counters.delivered + self.counters.dropped_oldest
     }
 
-    /// Stamps of the first and of the newest event that entered.
+    /// Times of the first and of the newest event that entered.
     pub(crate) fn stamps_us(&self) -> Option<(i64, i64)> {
         self.stamps_us
     }

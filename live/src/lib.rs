@@ -1,19 +1,19 @@
-//! An engine beside a sensor that may be faster than it: a bounded queue, a thread that owns the engine, and predictions
-//! within a deadline.
+//! Live inference for a sensor that may be faster than the engine: a bounded queue, a thread that owns the engine, and
+//! predictions within a deadline.
 //!
 //! ```text
 //! sensor's thread          Input --events, time--> bounded queue --> worker, which owns the engine
 //! controller's thread      Live  --predict(deadline)-------------->  the newest finished prediction
 //! ```
 //!
-//! | type | whose it is |
+//! | type | use |
 //! |---|---|
-//! | [`Input`] | the sensor's: offers events, never waits unless [`Overload::Block`] asks for it |
-//! | [`Live`] | the controller's: [`Live::predict`] answers by a deadline with a [`Timely`] prediction and its age |
-//! | [`QueueOptions`], [`Overload`] | how many events wait, and which are dropped when more come |
-//! | [`QueueCounters`] | what became of every offered event |
-//! | [`Predictor`], [`Item`] | the engines that can go live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
-//! | [`Recorded`] | an engine beside a batch over the same events, to compare their predictions |
+//! | [`Input`] | sensor's side: offers events; waits only under [`Overload::Block`] |
+//! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`Timely`] prediction and its age |
+//! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
+//! | [`QueueCounters`] | counts of offered, delivered, waiting and dropped events |
+//! | [`Predictor`], [`Item`] | engines that can run live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
+//! | [`Recorded`] | an engine and a batch over the same events, to compare their predictions |
 //!
 //! ```
 //! use std::time::Duration;
@@ -40,15 +40,15 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `overload` | what becomes of events that come faster than they are taken, and the counts of it |
-//! | `intake` | the queue: bounded, and every offered event accounted for |
-//! | `shared` | what the threads have in common, and how they wait for each other |
+//! | `overload` | rules for overload, and the counters of the queue |
+//! | `intake` | the bounded queue, which counts every offered event |
+//! | `shared` | state that the threads share, and how they wait for each other |
 //! | `input`, `live` | the handles of the two sides |
-//! | `worker`, `pace` | the thread that owns the engine; when it stops taking events for a prediction |
-//! | `recorded` | an engine beside a batch over the same events |
+//! | `worker`, `pace` | the thread that owns the engine; when it stops taking events to meet a deadline |
+//! | `recorded` | an engine and a batch over the same events |
 //!
-//! Bits: what the engine is given is a sequence of events and moves of time, and its predictions are those of the same
-//! sequence without threads. Which events are in the sequence depends, under overload, on how fast the machine is.
+//! Determinism: the engine receives a sequence of events and clock advances, and its predictions equal those without
+//! threads, bit for bit. Under overload, the machine's speed decides which events are in the sequence.
 #![forbid(unsafe_code)]
 
 mod error;

@@ -1,4 +1,4 @@
-//! The side of the controller.
+//! The handle of the controller's side.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -9,50 +9,50 @@ use crate::intake::{Intake, Item, Rule};
 use crate::shared::{Answer, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
-/// An engine at work in a thread of its own, and the newest prediction of it.
+/// An engine that runs in its own thread, and its newest prediction.
 ///
-/// Dropping it ends the worker after the batch or the prediction at hand; events that wait are not taken any more.
+/// Dropping it ends the worker after the current batch or prediction; waiting events are discarded.
 #[derive(Debug)]
 pub struct Live<P: Predictor<Input: Item>> {
     shared: Arc<Shared<P::Input>>,
-    /// None once it has been joined.
+    /// None after it was joined.
     worker: Option<JoinHandle<P>>,
-    /// Why it ended by itself.
+    /// Panic message, if the worker ended by itself.
     panic: String,
     values: Vec<f32>,
 }
 
-/// A prediction that is there in time, and how old it is.
+/// A prediction that is available by the deadline, with its age.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timely<'a> {
-    /// The last dense layer's outputs.
+    /// Outputs of the last dense layer.
     pub values: &'a [f32],
     /// Time of the newest event that it covers, as [`meissner_engine::Prediction::t_us`].
     pub t_us: Option<i64>,
-    /// Events in the window; of a frame engine, frames since the last reset.
+    /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: usize,
-    /// Whether it covers all that had entered the queue when it was asked for, but for what was dropped to make room.
+    /// Whether it covers every event that had entered the queue before the call, except those dropped to make room.
     pub fresh: bool,
-    /// Whether it was computed for this call; else it is the newest one that had been finished by the deadline.
+    /// Whether it was computed for this call; otherwise it is the newest prediction that was finished by the deadline.
     pub own: bool,
-    /// Events, or frames, that had entered the queue when it was asked for and are not covered.
+    /// Events or frames that had entered the queue at the time of the call and are not covered.
     pub behind_events: u64,
-    /// Stream time from the last event that it covers, or the first one of all where it covers none, to the last one
-    /// that had entered the queue when it was asked for, in microseconds.
+    /// Stream time in microseconds from the last covered event (or the first event of all, if none is covered) to the
+    /// last event that had entered the queue at the time of the call.
     pub behind_us: u64,
-    /// Time since it was begun.
+    /// Time since its computation started.
     pub age: Duration,
-    /// Time since it was asked for.
+    /// Time since the call.
     pub waited: Duration,
 }
 
 impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
-    /// Starts a worker that owns `predictor`, behind a queue. The first prediction, before any event, is computed here,
-    /// so that there always is one.
+    /// Starts a worker that owns `predictor` and reads from a queue. The first prediction, before any event, is
+    /// computed here, so that a prediction always exists.
     ///
     /// # Errors
-    /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] where the first prediction fails,
-    /// [`LiveError::Thread`] where the thread cannot be started.
+    /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] if the first prediction fails,
+    /// [`LiveError::Thread`] if the thread cannot be started.
     pub fn spawn(mut predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
         options.check()?;
         let mut answer = Answer::new(Instant::now());
@@ -75,16 +75,16 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
 }
 
 impl<P: Predictor<Input: Item>> Live<P> {
-    /// The prediction for what has entered the queue until now, or at the deadline the newest one that is finished,
+    /// The prediction for all events that have entered the queue by now or, at the deadline, the newest finished one,
     /// with its age.
     ///
-    /// The worker takes what waits in order. Where it sees that it will not be done in time, it predicts for what it
-    /// has; so a prediction that is not fresh is behind by about what waits. Returns no later than `deadline` from now,
-    /// apart from the operating system's scheduling; [`Duration::MAX`] waits for all that has entered.
+    /// The worker takes waiting events in order. If it would miss the deadline, it predicts for the events taken so
+    /// far; a prediction that is not fresh lags by about the number of waiting events. Returns within `deadline`, apart
+    /// from the operating system's scheduling; [`Duration::MAX`] waits for all events that have entered.
     ///
     /// # Errors
-    /// [`LiveError::Engine`] where the newest computation failed: it is no prediction, and an older one is not passed
-    /// off as its result. [`LiveError::Panicked`] where the worker has ended.
+    /// [`LiveError::Engine`] if the newest computation failed; an older prediction is not returned in its place.
+    /// [`LiveError::Panicked`] if the worker has ended.
     pub fn predict(&mut self, deadline: Duration) -> Result<Timely<'_>, LiveError> {
         let asked = Instant::now();
         let (request, state) = self.shared.ask(asked.checked_add(deadline));
@@ -117,16 +117,16 @@ impl<P: Predictor<Input: Item>> Live<P> {
         })
     }
 
-    /// What has become of offered events.
+    /// Counts of offered events.
     pub fn counters(&self) -> QueueCounters {
         *self.shared.lock().intake.counters()
     }
 
-    /// Ends the worker after the batch or the prediction at hand and gives its engine back; events that wait are not
-    /// taken any more. To have them taken, ask for a prediction first.
+    /// Ends the worker after the current batch or prediction and returns its engine; waiting events are discarded. To
+    /// have them processed, request a prediction first.
     ///
     /// # Errors
-    /// [`LiveError::Panicked`] where the worker had ended before.
+    /// [`LiveError::Panicked`] if the worker had already ended.
     pub fn close(mut self) -> Result<P, LiveError> {
         self.shared.stop();
         match self.worker.take().map(JoinHandle::join) {
@@ -136,7 +136,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         }
     }
 
-    /// Why the worker has ended although nobody told it to.
+    /// The error of a worker that ended by itself.
     fn panicked(&mut self) -> LiveError {
         if let Some(Err(cause)) = self.worker.take().map(JoinHandle::join) {
             self.panic = message(&*cause);
@@ -145,7 +145,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
     }
 }
 
-/// What a panic said.
+/// Message of a panic.
 fn message(cause: &(dyn Any + Send)) -> String {
     let text = cause.downcast_ref::<&str>().map(|&text| text.to_owned());
     text.or_else(|| cause.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a message".to_owned())
@@ -154,7 +154,7 @@ fn message(cause: &(dyn Any + Send)) -> String {
 impl<P: Predictor<Input: Item>> Drop for Live<P> {
     fn drop(&mut self) {
         self.shared.stop();
-        // A panic has been reported where the thread's panics are.
+        // The panic was already reported by the thread's panic hook.
         drop(self.worker.take().map(JoinHandle::join));
     }
 }

@@ -1,4 +1,4 @@
-//! What becomes of events that come faster than they are taken, and the counts of it.
+//! Rules for events that arrive faster than the engine takes them, and the counters of the queue.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,30 +7,30 @@ use meissner_engine::filters::Chain;
 
 use crate::LiveError;
 
-/// What happens to events while they come faster than the engine takes them.
+/// Rule for events while they arrive faster than the engine takes them.
 ///
-/// `Thin` and `Filter` act while the queue is *congested*: from more than half full until a quarter full. Should it
-/// fill up all the same, they drop the newest.
+/// `Thin` and `Filter` act while the queue is *congested*: from when it is more than half full until it is a quarter
+/// full. If it still fills up, they drop the newest events.
 #[derive(Clone, Debug)]
 pub enum Overload {
-    /// Nothing is dropped: who offers events waits until there is room.
+    /// Nothing is dropped: the offering thread waits until there is room.
     Block,
-    /// The oldest waiting event makes room: what is taken is recent, after a gap.
+    /// The oldest waiting event makes room: the engine receives recent events, after a gap.
     DropOldest,
-    /// The event that finds no room is dropped: what is taken is without gaps, and old.
+    /// An event that finds no room is dropped: the engine receives events without gaps, but old ones.
     DropNewest,
-    /// While congested, of the offered events numbered from 0, only multiples of `stride` enter.
+    /// While congested, only offered events whose number (from 0) is a multiple of `stride` enter.
     Thin {
         /// At least 1.
         stride: u32,
     },
-    /// While congested, only what passes these filters enters. They see every event at any time, so that they know what
-    /// came before when it matters, and work in the thread that offers. Frames pass all filters.
+    /// While congested, only events that pass these filters enter. The filters check every event at all times, so that
+    /// their state is current, and run in the offering thread. Frames pass all filters.
     Filter(Chain),
 }
 
 impl Overload {
-    /// A short name, as in the program's reports.
+    /// Short name, as in the program's reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Block => "block",
@@ -48,7 +48,7 @@ impl fmt::Display for Overload {
     }
 }
 
-/// The queue between the threads, and how the worker takes events from it.
+/// Options of the queue between the threads.
 ///
 /// ```
 /// use meissner_live::{Overload, QueueOptions};
@@ -60,12 +60,12 @@ impl fmt::Display for Overload {
 #[non_exhaustive]
 #[must_use]
 pub struct QueueOptions {
-    /// Most events that wait, 1 to [`Self::LARGEST`]: by default 65,536. Each takes 16 bytes, allocated at the start.
+    /// Most waiting events, 1 to [`Self::LARGEST`]. Default: 65,536. Each takes 16 bytes, allocated at the start.
     pub capacity: usize,
-    /// What happens to events that come faster than they are taken. By default the oldest make room.
+    /// Rule for events that arrive faster than the engine takes them. Default: the oldest make room.
     pub overload: Overload,
-    /// Most events that the worker pushes before it checks whether a prediction is due, 1 to [`Self::LARGEST`]: by
-    /// default 64.
+    /// Largest number of events that the worker inserts before it checks whether a prediction is due, 1 to
+    /// [`Self::LARGEST`]. Default: 64.
     pub batch: usize,
 }
 
@@ -79,7 +79,7 @@ impl QueueOptions {
     /// Largest capacity and batch.
     pub const LARGEST: usize = 1 << 28;
 
-    /// The defaults.
+    /// The default options.
     pub fn new() -> Self {
         Self::default()
     }
@@ -114,31 +114,31 @@ impl QueueOptions {
     }
 }
 
-/// What became of offered events. At any time `offered = delivered + waiting + dropped()`.
+/// Counts of offered events. At any time `offered = delivered + waiting + dropped()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QueueCounters {
-    /// Events that were offered and decided about.
+    /// Offered events that were processed.
     pub offered: u64,
     /// Events that the worker took.
     pub delivered: u64,
-    /// Events that wait.
+    /// Events that are waiting.
     pub waiting: u64,
-    /// Dropped: made room for a newer one.
+    /// Dropped to make room for a newer event.
     pub dropped_oldest: u64,
-    /// Dropped: found no room.
+    /// Dropped for lack of room.
     pub dropped_newest: u64,
-    /// Dropped: no multiple of the stride, while congested.
+    /// Dropped while congested: the number was no multiple of the stride.
     pub thinned: u64,
-    /// Dropped: did not pass the filters, while congested.
+    /// Dropped while congested: did not pass the filters.
     pub filtered: u64,
-    /// Most events that waited at any time.
+    /// Largest number of waiting events so far.
     pub high_water: u64,
-    /// Time for which who offers events waited for room.
+    /// Total time that the offering thread waited for room.
     pub blocked: Duration,
 }
 
 impl QueueCounters {
-    /// Events that were dropped, whatever the reason.
+    /// Dropped events, whatever the reason.
     pub fn dropped(&self) -> u64 {
         self.dropped_by_reason().iter().map(|(_, count)| count).sum()
     }

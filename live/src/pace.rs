@@ -1,18 +1,18 @@
-//! When the worker stops taking events for a prediction that cannot cover all of them.
+//! Decides when the worker stops taking events for a prediction that cannot cover all of them.
 //!
-//! A prediction is begun early enough to be there at its deadline: at twice what a batch and a prediction took lately
-//! before it. While events wait, predictions take no more than half of the worker's time: otherwise a controller that
-//! asks for predictions faster than they can be computed would keep every event out.
+//! A prediction is started early enough to meet its deadline: twice the recent duration of a batch and a prediction
+//! before it. While events wait, predictions take at most half of the worker's time; otherwise a controller that
+//! requests predictions faster than they can be computed would starve the events.
 
 use std::time::{Duration, Instant};
 
-/// What batches and predictions took.
+/// Recent durations of batches and predictions.
 #[derive(Debug, Default)]
 pub(crate) struct Pace {
-    /// Longest of the latest batches and predictions: it forgets an eighth with each.
+    /// Longest recent duration; it decays by an eighth with each new one.
     batch: Duration,
     prediction: Duration,
-    /// The last prediction, and batches since then.
+    /// Duration of the last prediction, and of the batches since then.
     last: Duration,
     since: Duration,
 }
@@ -23,20 +23,20 @@ fn lately(before: Duration, taken: Duration) -> Duration {
 }
 
 impl Pace {
-    /// A batch took so long.
+    /// Records the duration of a batch.
     pub(crate) fn pushed(&mut self, taken: Duration) {
         self.batch = lately(self.batch, taken);
         self.since += taken;
     }
 
-    /// A prediction took so long.
+    /// Records the duration of a prediction.
     pub(crate) fn predicted(&mut self, taken: Duration) {
         self.prediction = lately(self.prediction, taken);
         self.last = taken;
         self.since = Duration::ZERO;
     }
 
-    /// Whether a prediction that is `due` then must be begun `now`, whatever waits; never where it has no deadline.
+    /// Whether a prediction must be started `now` to be ready when `due`; never without a deadline.
     pub(crate) fn is_time(&self, due: Option<Instant>, now: Instant) -> bool {
         let begin = 2 * (self.batch + self.prediction);
         due.is_some_and(|due| due.saturating_duration_since(now) <= begin) && self.since >= self.last

@@ -1,11 +1,11 @@
-//! An engine beside a batch over the same events.
+//! An engine and a batch over the same events.
 //!
-//! Enters: events and moves of time. Leaves: the engine's predictions, and on request the batch's. Invariant: engine and
-//! batch are given the same.
+//! Input: events and clock advances. Output: the engine's predictions, and on request the batch's. Invariant: engine
+//! and batch receive the same input.
 
 use meissner_engine::{BatchEngine, EngineError, Event, Outcome, Prediction, Predictor};
 
-/// An engine, and a [`BatchEngine`] that takes the same events, to compare their predictions.
+/// An engine and a [`BatchEngine`] that receive the same events, to compare their predictions.
 #[derive(Clone, Debug)]
 pub struct Recorded<P> {
     predictor: P,
@@ -13,8 +13,8 @@ pub struct Recorded<P> {
 }
 
 impl<P: Predictor<Input = Event>> Recorded<P> {
-    /// `predictor` beside `batch`: both of the same network, sensor and late policy, and neither has seen an event. Over
-    /// long streams the batch should have [bounded memory](BatchEngine::with_bounded_memory).
+    /// Combines `predictor` and `batch`, which must have the same network, sensor and late policy and must not have
+    /// seen an event. For long streams the batch should have [bounded memory](BatchEngine::with_bounded_memory).
     pub fn new(predictor: P, batch: BatchEngine) -> Self {
         Self { predictor, batch }
     }

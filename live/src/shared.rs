@@ -1,13 +1,13 @@
-//! What the threads have in common, and how they wait for each other.
+//! State that the threads share, and how they wait for each other.
 //!
-//! One lock over queue, request and answer, held for copies of bounded size and never while an engine works. Whoever
-//! waits is woken by what it waits for, or by the end of the other side.
+//! One lock guards queue, request and answer. It is held for copies of bounded size, and never while an engine
+//! computes. A waiting thread is woken by the event that it waits for, or by the end of the other side.
 //!
-//! | who waits | for | woken by |
+//! | thread | waits for | woken by |
 //! |---|---|---|
-//! | worker | events, a request, the end | who offers, who asks, who closes |
-//! | who offers, under `Block` | half of the queue to be free | worker; the end |
-//! | who asks | its answer, until its deadline | worker; the end |
+//! | worker | events, a request, the end | offering thread, requesting thread, close |
+//! | offering thread, under `Block` | half of the queue to be free | worker; the end |
+//! | requesting thread | its answer, until its deadline | worker; the end |
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -21,29 +21,29 @@ use crate::intake::{Intake, Item};
 pub(crate) struct Request {
     /// Counted from 1.
     pub(crate) number: u64,
-    /// Position up to which events are to be covered.
+    /// Position of the last event to cover.
     pub(crate) target: u64,
-    /// The time to move on to behind them.
+    /// Time to advance to after these events.
     pub(crate) advance_us: Option<i64>,
-    /// When the answer is to be there.
+    /// Deadline of the answer.
     pub(crate) due: Option<Instant>,
 }
 
 /// The newest finished prediction.
 #[derive(Debug)]
 pub(crate) struct Answer {
-    /// The request that it was computed for; 0 before the first.
+    /// Number of the request that it was computed for; 0 before the first.
     pub(crate) request: u64,
-    /// Whether the newest computation failed; then the rest is of the one before.
+    /// Error of the newest computation, if it failed; the other fields are then those of the previous one.
     pub(crate) error: Option<EngineError>,
     pub(crate) values: Vec<f32>,
     pub(crate) t_us: Option<i64>,
     pub(crate) nodes: usize,
-    /// Position up to which it covers events.
+    /// Position of the last event that it covers.
     pub(crate) covered: u64,
-    /// Stamp of the last event that it covers.
+    /// Time of the last event that it covers.
     pub(crate) covered_us: Option<i64>,
-    /// When it was begun.
+    /// Start of the computation.
     pub(crate) begun: Instant,
 }
 
@@ -54,7 +54,7 @@ impl Answer {
         Self { request: 0, error: None, values, t_us: None, nodes: 0, covered: 0, covered_us: None, begun }
     }
 
-    /// Takes over values, time and size of `prediction`.
+    /// Copies values, time and size of `prediction`.
     pub(crate) fn copy(&mut self, prediction: Prediction<'_>) {
         self.values.clear();
         self.values.extend_from_slice(prediction.values);
@@ -63,44 +63,44 @@ impl Answer {
     }
 }
 
-/// What the worker is to do next.
+/// The worker's next task.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task {
-    /// Position up to which it has events, those of this task included.
+    /// Position of the last event that the worker has, including those of this task.
     pub(crate) covered: u64,
-    /// Who waits for a prediction.
+    /// The request for a prediction, if any.
     pub(crate) request: Option<Request>,
 }
 
-/// The worker's life, in order.
+/// Phases of the worker's life, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
     Running,
-    /// It is to end.
+    /// Asked to end.
     Stopping,
     Ended,
 }
 
-/// Behind the lock.
+/// The state that the lock guards.
 #[derive(Debug)]
 pub(crate) struct State<T> {
     pub(crate) intake: Intake<T>,
     capacity: usize,
-    /// Position and time of the newest move of time.
+    /// Position and time of the newest clock advance.
     moved: Option<(u64, i64)>,
     /// Position of the last event that the worker took.
     covered: u64,
     asked: u64,
     request: Option<Request>,
     pub(crate) answer: Answer,
-    /// Whether the worker waits.
+    /// Whether the worker is waiting.
     idle: bool,
-    /// Whether who offers events waits.
+    /// Whether the offering thread is waiting.
     blocked: bool,
     worker: Phase,
 }
 
-/// State, lock and the places to wait at.
+/// The locked state and its condition variables.
 #[derive(Debug)]
 pub(crate) struct Shared<T> {
     state: Mutex<State<T>>,
@@ -143,7 +143,7 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// No code that can panic runs under the lock; should it all the same, the state is whole.
+    /// Locks the state. No code that can panic runs under the lock; if it did, the state would still be consistent.
     pub(crate) fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -154,8 +154,8 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// Offers `events`, of which `passes` says what filters let pass; waits where the rule is to wait. How many were
-    /// decided about: all, unless the worker ends.
+    /// Offers `events`; `passes` holds whether each passes the filters. Waits if the rule is to wait. Returns the
+    /// number of processed events: all of them, unless the worker ends.
     pub(crate) fn offer(&self, events: &[T], passes: &[bool]) -> usize {
         let mut state = self.lock();
         let mut taken = 0;
@@ -170,7 +170,7 @@ impl<T: Item> Shared<T> {
             }
             let start = Instant::now();
             state.blocked = true;
-            // A wake-up for every batch that leaves would cost more than the batch.
+            // A wake-up for every batch taken would cost more than the batch.
             let is_crowded =
                 |state: &mut State<T>| 2 * state.intake.waiting() > state.capacity && !state.is_closed();
             state = self.room.wait_while(state, is_crowded).unwrap_or_else(PoisonError::into_inner);
@@ -179,19 +179,19 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// No event before `t_us` will be offered any more.
+    /// Promises that no event before `t_us` will be offered any more.
     pub(crate) fn advance(&self, t_us: i64) {
         let mut state = self.lock();
         let newest = state.moved.map_or(t_us, |(_, before)| before.max(t_us));
         state.moved = Some((state.intake.entered(), newest));
     }
 
-    /// Asks for a prediction of all that has entered, in place of an earlier request.
+    /// Requests a prediction of all entered events; replaces an earlier request.
     pub(crate) fn ask(&self, due: Option<Instant>) -> (Request, MutexGuard<'_, State<T>>) {
         let mut state = self.lock();
         state.asked += 1;
         let target = state.intake.entered();
-        // Behind a move of time, events have later stamps and move time on themselves.
+        // Events after a clock advance have later times and advance the clock themselves.
         let advance_us = state.moved.filter(|&(position, _)| position == target).map(|(_, t_us)| t_us);
         let request = Request { number: state.asked, target, advance_us, due };
         state.request = Some(request);
@@ -199,7 +199,7 @@ impl<T: Item> Shared<T> {
         (request, state)
     }
 
-    /// Waits for the answer to `request` until it is due, or until the worker has ended.
+    /// Waits for the answer to `request` until its deadline, or until the worker has ended.
     pub(crate) fn answered<'a>(
         &'a self,
         request: &Request,
@@ -218,8 +218,8 @@ impl<T: Item> Shared<T> {
         state
     }
 
-    /// Waits for something to do and appends at most `most` events to `batch`; none where the worker is to end. Where a
-    /// prediction is waited for, nothing beyond what it is to cover is taken, except where that was dropped: then one.
+    /// Waits for a task and appends at most `most` events to `batch`; `None` if the worker must end. While a prediction
+    /// is requested, takes no event beyond its target, except that it takes one if the target was dropped.
     pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>) -> Option<Task> {
         let mut state = self.lock();
         while !state.is_closed() && state.intake.waiting() == 0 && state.request.is_none() {
@@ -247,7 +247,7 @@ impl<T: Item> Shared<T> {
         Some(Task { covered: state.covered, request: state.request })
     }
 
-    /// Publishes the outcome of `request` by `write`.
+    /// Publishes the outcome of `request` through `write`.
     pub(crate) fn publish(&self, request: u64, write: impl FnOnce(&mut Answer)) {
         let mut state = self.lock();
         state.answer.request = request;
@@ -256,17 +256,17 @@ impl<T: Item> Shared<T> {
         self.answered.notify_all();
     }
 
-    /// Tells the worker to end, and everyone not to wait for it.
+    /// Asks the worker to end, and wakes every waiting thread.
     pub(crate) fn stop(&self) {
         self.enter(Phase::Stopping);
     }
 
-    /// The worker has ended.
+    /// Records that the worker has ended.
     pub(crate) fn end(&self) {
         self.enter(Phase::Ended);
     }
 
-    /// Nothing is to be waited for any more; phases do not go back.
+    /// Enters a later phase and wakes every waiting thread; phases never go back.
     fn enter(&self, phase: Phase) {
         let mut state = self.lock();
         state.worker = state.worker.max(phase);

@@ -1,7 +1,7 @@
 //! The thread that owns the engine.
 //!
-//! Enters: batches of events, requests. Leaves: answers. Invariant: a request is answered as soon as what it is to cover
-//! has been pushed, or as late as it can be to be there at its deadline with what has been pushed by then.
+//! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as all events that it
+//! must cover have been inserted, or else as late as its deadline allows, with the events inserted by then.
 
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use crate::intake::Item;
 use crate::pace::Pace;
 use crate::shared::Shared;
 
-/// Says that the worker has ended, however it did.
+/// Records the end of the worker when dropped, however it ends.
 struct End<'a, T: Item>(&'a Shared<T>);
 
 impl<T: Item> Drop for End<'_, T> {
@@ -19,7 +19,7 @@ impl<T: Item> Drop for End<'_, T> {
     }
 }
 
-/// Pushes and predicts until it is told to end; gives `predictor` back.
+/// Inserts events and computes predictions until asked to end; returns `predictor`.
 pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P::Input>, most: usize) -> P {
     let _end = End(shared);
     let mut pace = Pace::default();
@@ -41,7 +41,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
         if !complete && !pace.is_time(request.due, now) {
             continue;
         }
-        // Moved on any earlier, time would make events that still wait late.
+        // Advancing the clock earlier would make waiting events late.
         if let Some(t_us) = request.advance_us.filter(|_| complete) {
             predictor.advance(t_us);
         }

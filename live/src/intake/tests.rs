@@ -1,4 +1,4 @@
-//! The queue against a model that looks at one event at a time and keeps every one of them in a list of its fate.
+//! The queue equals a model that processes one event at a time and lists the outcome of each.
 
 use meissner_engine::Event;
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ enum Fate {
     Filtered,
 }
 
-/// Fates of all events offered so far, by their number.
+/// Outcomes of all events offered so far, by number.
 struct Model {
     rule: Rule,
     capacity: usize,
@@ -33,7 +33,7 @@ impl Model {
         self.fates.iter().position(|&f| f == Fate::Waiting)
     }
 
-    /// Offers one event; whether it was decided about.
+    /// Offers one event; returns whether it was processed.
     fn offer(&mut self, passes: bool) -> bool {
         let waiting = self.count(Fate::Waiting);
         let full = waiting == self.capacity;
@@ -60,7 +60,7 @@ impl Model {
         true
     }
 
-    /// Numbers of the events that are taken.
+    /// Numbers of the taken events.
     fn take(&mut self, most: usize) -> Vec<usize> {
         let mut taken = Vec::new();
         while let Some(oldest) = self.oldest().filter(|_| taken.len() < most) {
@@ -73,7 +73,7 @@ impl Model {
 
 #[derive(Clone, Debug)]
 enum Call {
-    /// Whether the filters let each pass.
+    /// Whether each event passes the filters.
     Offer(Vec<bool>),
     Take(usize),
 }
