@@ -1,12 +1,12 @@
-//! The features of one level, and the wave of changes through its blocks.
+//! Features of one level, and the propagation of changes through its blocks.
 //!
-//! Enters: rows whose neighbourhood changed, rows whose input changed. Leaves: features equal, bit for bit, to those
-//! computed from scratch, and for each feature the rows that changed. A row is recomputed whole or not at all; a
-//! recomputed row with the same bits ends the wave there.
+//! Input: rows whose neighbourhood changed, rows whose input changed. Output: features equal, bit for bit, to those
+//! computed from scratch, and for each feature the rows that changed. A row is recomputed as a whole or not at all. If
+//! its bits stay the same, propagation stops there.
 //!
-//! With a tolerance, a recomputed row that is within it of the stored one in every channel keeps what is stored, and
-//! ends the wave. It is recomputed again whenever what it reads changes, and always compared with what is stored, so
-//! that every stored row is within the tolerance of what its stored inputs give, however long the stream.
+//! With a tolerance, a recomputed row that is within it of the stored row in every channel keeps the stored values, and
+//! propagation stops there. The row is recomputed whenever its inputs change, and always compared with the stored
+//! values. Every stored row is therefore within the tolerance of the row that its stored inputs give.
 
 use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, replace_rows, replace_rows_beyond};
 
@@ -18,7 +18,7 @@ use crate::rows::{FewRows, GrowingSet, RowSet};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Activations {
-    /// What enters the level, then what each block wrote.
+    /// The level's input, then the output of each block.
     features: Vec<Matrix>,
     /// For each feature, rows that changed since `finish`.
     changed: Vec<RowSet>,
@@ -27,15 +27,15 @@ pub(crate) struct Activations {
     /// For each feature, rows that hold NaN.
     nan: Vec<FewRows>,
     dirty: GrowingSet,
-    /// Largest change of a value that does not count; 0 where every bit counts.
+    /// Largest change of a value that does not count as a change; 0 if every bit counts.
     tolerance: f32,
     scratch: ConvolutionScratch,
-    /// What a group of rows came to.
+    /// Computed outputs of a group of rows.
     rows: Vec<Lanes>,
 }
 
 impl Activations {
-    /// `rows` rows of a level, of at most `most` in-edges each, with `channels` channels of each feature.
+    /// Features of `rows` rows with at most `most` in-edges each; `channels` holds the channels of each feature.
     pub(crate) fn new(rows: usize, level: &Level, channels: &[usize], most: usize, tolerance: f32) -> Self {
         let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
         Self {
@@ -50,7 +50,7 @@ impl Activations {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(rows: usize, level: &Level, channels: &[usize], most: usize) -> usize {
         let lanes = |channels: &usize| Lanes::count(*channels);
         let group = channels.iter().map(lanes).max().unwrap_or(0) * GraphConvolution::GROUP;
@@ -65,7 +65,7 @@ impl Activations {
             + ConvolutionScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
     }
 
-    /// Forgets all rows, and with `poison` leaves NaN in what blocks wrote.
+    /// Removes all rows; with `poison`, fills the blocks' outputs with NaN.
     pub(crate) fn clear(&mut self, poison: bool) {
         self.nan.iter_mut().for_each(FewRows::clear);
         self.finish();
@@ -80,7 +80,7 @@ impl Activations {
         &self.features[index]
     }
 
-    /// What enters the level, and the set of its rows that changed, to write.
+    /// The level's input and the set of its changed rows, to write.
     pub(crate) fn input_mut(&mut self) -> (&mut Matrix, &mut RowSet) {
         (&mut self.features[0], &mut self.changed[0])
     }
@@ -90,36 +90,36 @@ impl Activations {
         &self.changed[index]
     }
 
-    /// `row` is new: whatever its slot held counts for nothing, and what is computed is stored.
+    /// Registers `row` as new: the old content of its slot is ignored, and its next computed values are stored.
     pub(crate) fn enter(&mut self, row: u32) {
         if self.tolerance > 0.0 {
             for feature in &mut self.features[1..] {
-                // No tolerance reaches from NaN to a number.
+                // NaN is beyond every tolerance.
                 feature.row_mut(row as usize).fill(Lanes::splat(f32::NAN));
             }
         }
     }
 
-    /// What is stored of a row: nothing for one that has entered with a tolerance and has not been computed yet.
+    /// Stored values of a row; none for a row that entered under a tolerance and has not been computed yet.
     pub(crate) fn stored(&self, feature: usize, row: u32) -> Option<&[f32]> {
         let values = self.features[feature].slice(row as usize);
         (!values.iter().all(|v| v.is_nan())).then_some(values)
     }
 
-    /// A row of a feature, to write as it was stored.
+    /// A row of a feature, to restore its stored values.
     pub(crate) fn stored_mut(&mut self, feature: usize, row: u32) -> &mut [f32] {
         let row = row as usize;
         self.features[feature].row_mut(row).fill(Lanes::ZERO);
         self.features[feature].slice_mut(row)
     }
 
-    /// Notes that the neighbourhood of `row` changed.
+    /// Marks `row`: its neighbourhood changed.
     #[inline]
     pub(crate) fn rewire(&mut self, row: u32) {
         self.rewired.insert(row);
     }
 
-    /// Forgets `row`, and with `poison` leaves NaN where it was.
+    /// Removes `row`; with `poison`, fills it with NaN.
     pub(crate) fn leave(&mut self, row: u32, poison: bool) {
         self.rewired.remove(row);
         for (feature, (changed, nan)) in
@@ -133,7 +133,7 @@ impl Activations {
         }
     }
 
-    /// Recomputes what the changes noted so far affect.
+    /// Recomputes the rows that the marked changes affect.
     pub(crate) fn run(&mut self, level: &Level, graph: &impl Adjacency, isa: Isa, log: &mut [LayerLog]) {
         let mut before = None;
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
@@ -146,7 +146,7 @@ impl Activations {
         }
     }
 
-    /// Computes every block of one row, which reads rows that are final.
+    /// Computes every block of one row; the rows that it reads are final.
     pub(crate) fn run_row(
         &mut self,
         level: &Level,
@@ -160,12 +160,12 @@ impl Activations {
         }
     }
 
-    /// Rows of `block` that a change reaches; those of the block `before` it are in `dirty`.
+    /// Collects the rows of `block` that a change reaches; `dirty` holds those of the block `before` it.
     fn collect(&mut self, block: &Block, before: Option<&Block>, graph: &impl Adjacency) {
         let Self { dirty, rewired, changed, .. } = self;
         let input = &changed[block.input];
-        // Changes spread: what the block before read is mostly a part of what this one reads, and its rows are then rows
-        // of this one.
+        // Changes spread: the rows that the block before read are mostly among the rows that this block reads, and its
+        // dirty rows are then dirty in this block too.
         let spread = before.filter(|before| {
             let read = changed[before.input].as_slice();
             before.skip.is_none()
@@ -187,7 +187,7 @@ impl Activations {
         }
     }
 
-    /// Recomputes rows of feature `to`, a group at most.
+    /// Recomputes rows of feature `to`, at most one group.
     #[inline]
     fn compute(
         &mut self,
@@ -231,13 +231,13 @@ impl Activations {
         }
     }
 
-    /// The first block with rows that hold NaN, and how many.
+    /// Index of the first block with rows that hold NaN, and the number of these rows.
     pub(crate) fn not_a_number(&self) -> Option<(usize, usize)> {
         let nan = self.nan.iter().enumerate().skip(1).find(|(_, nan)| nan.len() > 0);
         nan.map(|(feature, nan)| (feature - 1, nan.len()))
     }
 
-    /// Everything downstream has seen the changes.
+    /// Clears the sets of changes, after everything downstream has processed them.
     pub(crate) fn finish(&mut self) {
         self.changed.iter_mut().for_each(RowSet::clear);
         self.rewired.clear();

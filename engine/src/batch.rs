@@ -1,8 +1,8 @@
-//! The same network from scratch: the oracle of the incremental engine, and the way to run data sets.
+//! A network computed from scratch: the oracle of the incremental engine, and the way to run data sets.
 //!
-//! Nothing is shared with the engine but the kernels: neighbourhoods by comparing all pairs, or what someone else proposes,
-//! poolings through ordered maps, plain loops over all rows. With [`Search::Grid`], which is there for speed, the search grid
-//! and its metric are shared too, and the batch is no oracle.
+//! The batch shares only the kernels with the engine. It finds neighbourhoods by comparing all pairs (or takes proposed
+//! candidates), pools through ordered maps, and runs plain loops over all rows. [`Search::Grid`] is for speed: with it
+//! the batch also shares the engine's search grid and metric, and is no independent oracle.
 
 mod events;
 mod neighbours;
@@ -29,25 +29,25 @@ pub use stream::Stream;
 use trace::maximum_of;
 pub use trace::{Edges, LevelTrace, Trace};
 
-/// A network with a sensor, to run from scratch on any number of streams.
+/// A network with a sensor, computed from scratch on any number of streams.
 #[derive(Clone, Debug)]
 pub struct Batch {
     setup: Setup,
 }
 
-/// What layers of a network read from on one window. It depends on the network's graph, poolings and readout, not on its
-/// weights.
+/// Neighbourhoods, cells and positions of a network on one window. They depend on the network's graph, poolings and
+/// readout, not on its weights.
 #[derive(Clone, Debug)]
 pub struct Graph {
-    /// The event level, then one per pooling. The only feature of each is what would enter its first block if nothing
-    /// were computed below: the polarity, and its maxima.
+    /// The event level, then one level per pooling. Each level has a single feature: the input of its first block if no
+    /// layer below were computed (the polarity, or its maxima).
     pub levels: Vec<LevelTrace>,
-    /// The readout's cell of each row of the last level that is in the window, row by row of its grid.
+    /// Readout cell (row-major index) of each row of the last level that is in the window.
     pub readout: Vec<usize>,
 }
 
 impl Batch {
-    /// `network` over the events of `sensor`, searched exhaustively.
+    /// A batch of `network` over the events of `sensor`, with exhaustive search.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -60,25 +60,25 @@ impl Batch {
         Ok(Self { setup: Setup { network, sensor, search, isa, parallel: false } })
     }
 
-    /// The same with another search; over data sets [`Search::Grid`] is the fastest.
+    /// The same with a different search; [`Search::Grid`] is the fastest over data sets.
     #[must_use]
     pub fn with_search(self, search: Search) -> Self {
         Self { setup: Setup { search, ..self.setup } }
     }
 
-    /// The same with another instruction set.
+    /// The same with a different instruction set.
     #[must_use]
     pub fn with_isa(self, isa: Isa) -> Self {
         Self { setup: Setup { isa, ..self.setup } }
     }
 
-    /// Whether the rows of one forward pass are shared among rayon's threads.
+    /// Sets whether rayon's threads share the rows of one forward pass.
     #[must_use]
     pub fn with_parallel_rows(self, parallel: bool) -> Self {
         Self { setup: Setup { parallel, ..self.setup } }
     }
 
-    /// How neighbourhoods are found.
+    /// Search method of the neighbourhoods.
     pub fn search(&self) -> Search {
         self.setup.search
     }
@@ -93,19 +93,19 @@ impl Batch {
         self.setup.sensor
     }
 
-    /// The prediction for each of `streams`, on all of rayon's threads.
+    /// Predictions for all `streams`, computed on all of rayon's threads.
     pub fn predict_all(&self, streams: &[Stream<'_>]) -> Vec<Result<Vec<f32>, EngineError>> {
         streams.par_iter().map(|stream| self.forward(*stream).map(|trace| trace.prediction)).collect()
     }
 
     /// Computes every row of every layer.
     ///
-    /// Cost: n rows a layer, and the search.
+    /// Cost: n rows per layer, and the search.
     ///
     /// # Errors
-    /// [`EngineError::Stream`] where an event is outside the sensor, before the epoch, before its predecessor or after
-    /// the newest time, or where times are further apart than 64 bits say; [`EngineError::NotANumber`] where a row of
-    /// the window, or the prediction, holds NaN; [`EngineError::FrameMemory`] for a head that takes more than 4 GiB.
+    /// [`EngineError::Stream`] if an event is outside the sensor, before the epoch, before its predecessor or after the
+    /// newest time, or if a time difference does not fit 64 bits; [`EngineError::NotANumber`] if a row of the window,
+    /// or the prediction, holds NaN; [`EngineError::FrameMemory`] if the head needs more than 4 GiB.
     pub fn forward(&self, stream: Stream<'_>) -> Result<Trace, EngineError> {
         stream.check(self.setup.sensor)?;
         let parts = self.setup.network.parts();
@@ -136,7 +136,7 @@ impl Batch {
         Ok(Trace { prediction: values.values(0).collect(), levels, readout })
     }
 
-    /// Neighbourhoods, cells and positions on `stream`, without computing a layer. Cost: the search, and O(edges).
+    /// Computes neighbourhoods, cells and positions on `stream`, but no layer. Cost: the search, and O(edges).
     ///
     /// # Errors
     /// [`EngineError::Stream`] as [`Self::forward`].
@@ -154,7 +154,7 @@ impl Batch {
         Ok(Graph { levels, readout })
     }
 
-    /// Computes the blocks of a level whose input and edges are there.
+    /// Computes the blocks of a level whose input and edges exist.
     fn run_blocks(&self, level: &Level, trace: &mut LevelTrace) -> Result<(), EngineError> {
         for block in &level.blocks {
             let input = &trace.features[block.input];
@@ -201,7 +201,7 @@ impl Batch {
         out
     }
 
-    /// What `head` makes of the readout.
+    /// Applies `head` to the readout.
     fn over_image(&self, head: &Arc<FrameNetwork>, readout: &Matrix) -> Result<Vec<f32>, EngineError> {
         let options = FrameOptions::new().with_isa(self.setup.isa).with_skip(Skip::Nothing);
         let cells = readout.rows() / self.setup.network.readout_times();
@@ -218,7 +218,7 @@ impl Batch {
         Ok(engine.predict()?.values.to_vec())
     }
 
-    /// The readout's cell of each row of `top` that is in the window; whether `top` is the event level.
+    /// Readout cell of each row of `top` that is in the window. `events` is true if `top` is the event level.
     fn readout_cells(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Vec<usize> {
         let readout = self.setup.network.parts().readout;
         let rows = top.positions.len();

@@ -1,11 +1,11 @@
-//! A [`Batch`] with the verbs of the engine: events in, predictions out, every row computed again at every prediction.
+//! A [`Batch`] with the methods of the engine: every prediction recomputes every row.
 //!
-//! Enters: events and moves of time, under the same admission as an engine's. Leaves: the prediction of a batch over the
-//! accepted events. Invariant: the remembered events are all that the next prediction depends on.
+//! Input: events and clock advances, under the same admission rules as an engine. Output: the prediction of a batch
+//! over the accepted events. Invariant: the next prediction depends only on the remembered events.
 //!
-//! A row of a `frozen` network depends on events that have left the window: block b reads what the neighbours held in
-//! block b - 1, and these are at most a window's capacity of events older. Over B blocks a row of the window thus depends on
-//! no event before the last B + 1 capacities. Without `frozen`, the last capacity of events is enough.
+//! A row of a `frozen` network depends on events that have left the window: block b reads the values of the neighbours
+//! in block b - 1, and neighbours are at most one window capacity of events older. Over B blocks, a row of the window
+//! thus depends on no event before the last B + 1 capacities. Without `frozen`, the last capacity of events is enough.
 
 use std::fmt;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::engine::Prediction;
 use crate::network::Network;
 use crate::{EngineError, Event, Sensor};
 
-/// Computes every prediction from scratch; otherwise it behaves as an exact [`Engine`](crate::Engine) does. Predictions
+/// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine). Their predictions
 /// are equal bit for bit.
 ///
 /// ```
@@ -36,10 +36,10 @@ use crate::{EngineError, Event, Sensor};
 pub struct BatchEngine {
     batch: Batch,
     admission: Admission,
-    /// Accepted events; the last [`Self::most_events`] are remembered.
+    /// Accepted events, of which at least the last [`Self::most_events`] are kept.
     events: Vec<Event>,
     most_events: usize,
-    /// Events in the window: the last ones.
+    /// Number of events in the window: the last ones of `events`.
     nodes: usize,
     newest_us: Option<i64>,
     values: Vec<f32>,
@@ -48,8 +48,8 @@ pub struct BatchEngine {
 }
 
 impl BatchEngine {
-    /// An engine that drops late events, searches neighbours exhaustively, and of a `frozen` network remembers all events
-    /// since the last reset.
+    /// An engine that drops late events and searches neighbours exhaustively. For a `frozen` network it remembers all
+    /// events since the last reset.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -69,25 +69,25 @@ impl BatchEngine {
         })
     }
 
-    /// The same with another policy for late events. Only for an engine that has not seen an event.
+    /// The same with a different policy for late events. Only for an engine that has not seen an event.
     #[must_use]
     pub fn with_late(self, late: LatePolicy) -> Self {
         Self { admission: Admission::new(self.batch.sensor(), late), ..self }
     }
 
-    /// The same with another search, as [`Batch::with_search`].
+    /// The same with a different search, as [`Batch::with_search`].
     #[must_use]
     pub fn with_search(self, search: Search) -> Self {
         Self { batch: self.batch.with_search(search), ..self }
     }
 
-    /// The same with another instruction set, as [`Batch::with_isa`].
+    /// The same with a different instruction set, as [`Batch::with_isa`].
     #[must_use]
     pub fn with_isa(self, isa: Isa) -> Self {
         Self { batch: self.batch.with_isa(isa), ..self }
     }
 
-    /// The same with bounded memory: events on which no prediction depends any more are forgotten, also of a `frozen`
+    /// The same with bounded memory: events that no prediction depends on any more are forgotten, also for a `frozen`
     /// network. At most twice [`Self::most_events`] are kept, 16 bytes each.
     #[must_use]
     pub fn with_bounded_memory(self) -> Self {
@@ -106,7 +106,7 @@ impl BatchEngine {
         &self.batch
     }
 
-    /// Takes an event, as [`Engine::push`](crate::Engine::push).
+    /// Inserts an event, as [`Engine::push`](crate::Engine::push).
     pub fn push(&mut self, event: Event) -> Outcome {
         let event = match self.admission.admit(event) {
             Ok(event) => event,
@@ -126,12 +126,12 @@ impl BatchEngine {
         Outcome::Accepted
     }
 
-    /// Takes events one after the other; how many were accepted.
+    /// Inserts events in order; returns the number of accepted events.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
         events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
     }
 
-    /// Moves time on to `t_us`, as [`Engine::advance`](crate::Engine::advance).
+    /// Advances the clock to `t_us`, as [`Engine::advance`](crate::Engine::advance).
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
         self.expire();
@@ -146,7 +146,7 @@ impl BatchEngine {
         self.admission.counters_mut().expired += expired as u64;
     }
 
-    /// The prediction for the window as it is. Cost: that of [`Batch::forward`].
+    /// Computes the prediction for the current window. Cost: that of [`Batch::forward`].
     ///
     /// # Errors
     /// As [`Batch::forward`].
@@ -168,7 +168,7 @@ impl BatchEngine {
         Ok(Prediction { values: &self.values, t_us: self.newest_us, nodes: self.nodes, rows: &self.rows })
     }
 
-    /// Everything that [`Self::predict`] would compute.
+    /// Computes the activations of all layers, as [`Self::predict`] does, and returns them.
     ///
     /// # Errors
     /// As [`Batch::forward`].
@@ -176,7 +176,7 @@ impl BatchEngine {
         self.batch.forward(self.stream())
     }
 
-    /// What the batch runs on.
+    /// The stream that the batch computes.
     pub fn stream(&self) -> Stream<'_> {
         let time = |t_us: Option<i64>| t_us.unwrap_or(0);
         Stream {
@@ -186,19 +186,19 @@ impl BatchEngine {
         }
     }
 
-    /// Forgets all events, as [`Engine::reset`](crate::Engine::reset). Counters go on.
+    /// Removes all events, as [`Engine::reset`](crate::Engine::reset). Counters are kept.
     pub fn reset(&mut self) {
         self.admission.reset();
         self.events.clear();
         (self.nodes, self.newest_us) = (0, None);
     }
 
-    /// Accepted events that are remembered, from the oldest: those in the window, and earlier ones.
+    /// Remembered events, from the oldest: those in the window, and earlier ones.
     pub fn events(&self) -> &[Event] {
         &self.events[self.events.len().saturating_sub(self.most_events)..]
     }
 
-    /// Most events that are remembered.
+    /// Number of events that the next prediction can depend on.
     pub fn most_events(&self) -> usize {
         self.most_events
     }
@@ -208,19 +208,19 @@ impl BatchEngine {
         self.nodes
     }
 
-    /// The newest time: of the newest event, or of a later `advance`. `None` before the first event.
+    /// Current time: that of the newest event, or of a later `advance`. `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
     }
 
-    /// Counts of what was done. Every row counts as recomputed.
+    /// Counts of the work done. Every row counts as recomputed.
     pub fn counters(&self) -> Counters {
         Counters { events: *self.admission.counters(), ..self.counters.clone() }
     }
 }
 
 impl fmt::Debug for BatchEngine {
-    /// What tells engines apart, not what they hold.
+    /// Shows the configuration, not the state.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("BatchEngine")
             .field("network", &self.network().name())

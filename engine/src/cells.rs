@@ -1,7 +1,7 @@
-//! The fixed grid of a pooling: which cell an event or a cell of the level below falls into, and where cells lie.
+//! The fixed grid of a pooling: the cell of an event or of a cell of the level below, and the positions of cells.
 //!
-//! Cells are ordered by (t, y, x). Cells in time come and go without end, so the slots of as many of them as a window
-//! can fill at once are used round and round.
+//! Cells are ordered by (t, y, x). Cells in time come and go without end, so slots are reused cyclically; there are as
+//! many as a window can occupy at once.
 
 use crate::network::{Pooling, Position};
 use crate::{Fraction, Sensor};
@@ -9,7 +9,7 @@ use crate::{Fraction, Sensor};
 /// Index of a pooled cell along x, y and t.
 pub(crate) type CellIndex = [i64; 3];
 
-/// A cell's place in the order of cells.
+/// Key by which cells are ordered.
 pub(crate) type Key = [i64; 3];
 
 pub(crate) fn key([x, y, t]: CellIndex) -> Key {
@@ -22,9 +22,9 @@ pub(crate) struct CellGrid {
     pooling: Pooling,
     columns: usize,
     rows: usize,
-    /// Cells along t that a window can fill at once.
+    /// Number of cells along t that a window can occupy at once.
     times: usize,
-    /// Lengths, in spans, that add up to that over which the nodes of the level below spread in time.
+    /// Lengths in spans; their sum is the range in time of the nodes of the level below.
     spread: Vec<Fraction>,
     sensor: Sensor,
     span_us: i64,
@@ -34,14 +34,14 @@ pub(crate) struct CellGrid {
 }
 
 impl CellGrid {
-    /// `below` is the grid of the level below, where that is a pooled one.
+    /// `below` is the grid of the level below, if that is a pooled level.
     pub(crate) fn new(pooling: Pooling, below: Option<&Self>, sensor: Sensor, span_us: i64) -> Self {
         let [x, y] = pooling.cell;
-        // Cells of this level hold centres of cells below, which lie up to half of such a cell off what they hold: what
-        // a window fills spreads, level by level, over one cell of the level below more than there.
+        // Cells of this level contain centres of cells below, and a centre lies up to half such a cell away from the
+        // cell's members. The range in time therefore grows from level to level, by one cell of the level below.
         let mut spread = below.map_or(vec![Fraction::ONE], |below| below.spread.clone());
         spread.extend(below.and_then(|below| below.pooling.time));
-        // A closed interval of at most n cells' length touches n + 1 cells at most.
+        // A closed interval at most n cells long touches at most n + 1 cells.
         let times = pooling.time.map_or(1, |size| {
             let lengths = spread.iter().map(|length| length.cells_of(size));
             lengths.fold(1, usize::saturating_add)
@@ -53,19 +53,19 @@ impl CellGrid {
         Self { columns: x.cells(), rows: y.cells(), times, spread, pooling, sensor, span_us, of_x, of_y }
     }
 
-    /// Bytes beside its own size.
+    /// Bytes allocated, without the struct itself.
     pub(crate) fn bytes(&self) -> usize {
         self.pooling.name.capacity()
             + (self.of_x.capacity() + self.of_y.capacity()) * size_of::<u32>()
             + self.spread.capacity() * size_of::<Fraction>()
     }
 
-    /// Where the pooled nodes lie.
+    /// Position rule of the pooled nodes.
     pub(crate) fn position(&self) -> Position {
         self.pooling.position
     }
 
-    /// Number of slots: cells of the plane, times cells in time that a window can fill at once. Saturates.
+    /// Number of slots: cells of the plane, times the cells in time that a window can occupy at once. Saturates.
     pub(crate) fn slots(&self) -> usize {
         self.columns.saturating_mul(self.rows).saturating_mul(self.times)
     }
@@ -76,7 +76,7 @@ impl CellGrid {
         [self.of_x[usize::from(x)].into(), self.of_y[usize::from(y)].into(), t]
     }
 
-    /// Cell that holds the centre of cell `index` of the level below, in integers.
+    /// Cell that contains the centre of cell `index` of the level below, in integers.
     pub(crate) fn of_cell(&self, below: &Self, index: CellIndex) -> CellIndex {
         let axis = |i: i64, inner: Fraction, outer: Fraction| {
             let centre = (2 * i128::from(i) + 1) * i128::from(inner.numerator());
@@ -96,7 +96,7 @@ impl CellGrid {
         ((t * self.rows + y as usize) * self.columns + x as usize) as u32
     }
 
-    /// Centre of a cell in shares of sensor and span; the middle of the span where there are no cells in time.
+    /// Centre of a cell, as fractions of sensor and span; along t the middle of the span if there are no cells in time.
     pub(crate) fn centre(&self, index: CellIndex) -> [f64; 3] {
         let [x, y] = self.pooling.cell;
         let t = self.pooling.time.map_or(0.5, |size| size.centre(index[2]));
@@ -104,7 +104,7 @@ impl CellGrid {
     }
 }
 
-/// Sums over the events of a cell, exact.
+/// Exact sums over the events of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EventSums {
     count: i64,
@@ -128,7 +128,7 @@ impl EventSums {
         self.t -= i128::from(t);
     }
 
-    /// Mean position in shares of sensor and span: one division of exact sums per axis.
+    /// Mean position, as fractions of sensor and span: one division of exact sums per axis.
     pub(crate) fn mean(&self, grid: &CellGrid) -> [f64; 3] {
         let share = |sum: f64, extent: i64| sum / (i128::from(self.count) * i128::from(extent)) as f64;
         [
@@ -139,7 +139,7 @@ impl EventSums {
     }
 }
 
-/// Mean of positions, summed in the order in which they come.
+/// Mean of positions, summed in the given order.
 pub(crate) fn mean_position(positions: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     for p in positions {

@@ -1,8 +1,8 @@
-//! The convolution of a block: which kernels there are, and the one place where engine and batch choose between them.
+//! The convolution of a block: the available kernels, and the one place where engine and batch choose between them.
 //!
-//! A new convolution is a variant here. Everything that engine and batch need to know about it (sizes, what of an edge it
-//! reads, working space, its part of a network's fingerprint) is a method of [`GraphConvolution`] with a `match` over the
-//! variants. The choice is made once for a group of rows, never inside the loop over them.
+//! To add a convolution, add a variant here. Everything that engine and batch need to know about it (sizes, the edge
+//! data that it reads, working space, its part of a network's fingerprint) is a method of [`GraphConvolution`] with a
+//! `match` over the variants. The choice is made once for a group of rows, never inside the loop over them.
 
 use meissner_kernels::{
     GraphRow, Isa, KernelError, Lanes, Matrix, PointNetConv, PointNetParts, PointNetScratch, SplineConv,
@@ -11,7 +11,7 @@ use meissner_kernels::{
 
 use crate::fingerprint::Fingerprint;
 
-/// A graph convolution with what follows it: activation, batch norm, skip addition.
+/// A graph convolution with its activation, batch norm and skip addition.
 #[derive(Clone, Debug)]
 pub enum GraphConvolution {
     /// Spline convolution, mean over the in-edges, then ELU.
@@ -32,7 +32,7 @@ impl From<PointNetConv> for GraphConvolution {
     }
 }
 
-/// What blocks of a level read of an edge beside its source and attributes. It is kept with the edge.
+/// Edge data that the blocks of a level read in addition to source and attributes. It is stored with the edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EdgeReads {
     /// The spline basis.
@@ -42,13 +42,13 @@ pub(crate) struct EdgeReads {
 }
 
 impl EdgeReads {
-    /// What is read for one of them or the other.
+    /// Union of two sets of edge data.
     pub(crate) fn or(self, other: Self) -> Self {
         Self { basis: self.basis || other.basis, offsets: self.offsets || other.offsets }
     }
 }
 
-/// Working space of [`GraphConvolution::rows`], grown to the largest rows seen and kept.
+/// Working space of [`GraphConvolution::rows`]; grows to the largest rows seen and is reused.
 #[derive(Clone, Debug, Default)]
 pub struct ConvolutionScratch {
     spline: SplineScratch,
@@ -56,7 +56,7 @@ pub struct ConvolutionScratch {
 }
 
 impl ConvolutionScratch {
-    /// With room for all that `convs` need for rows of at most `most` in-edges: nothing is allocated later.
+    /// Working space for all of `convs` and rows of at most `most` in-edges: nothing is allocated later.
     pub(crate) fn new<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> Self {
         Self {
             spline: SplineScratch::new(convs.clone().filter_map(GraphConvolution::spline), most),
@@ -64,7 +64,7 @@ impl ConvolutionScratch {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> usize {
         SplineScratch::bytes(convs.clone().filter_map(GraphConvolution::spline), most)
             + PointNetScratch::bytes(convs.filter_map(GraphConvolution::pointnet))
@@ -72,20 +72,20 @@ impl ConvolutionScratch {
 }
 
 impl GraphConvolution {
-    /// Rows that are best computed together.
+    /// Best number of rows to compute together.
     pub const GROUP: usize = SplineConv::GROUP;
 
-    /// The spline convolution, where it is one.
+    /// The spline convolution, if it is one.
     pub fn spline(&self) -> Option<&SplineConv> {
         if let Self::Spline(conv) = self { Some(conv) } else { None }
     }
 
-    /// The `PointNet` convolution, where it is one.
+    /// The `PointNet` convolution, if it is one.
     pub fn pointnet(&self) -> Option<&PointNetConv> {
         if let Self::PointNet(conv) = self { Some(conv) } else { None }
     }
 
-    /// Channels read.
+    /// Input channels.
     pub fn inputs(&self) -> usize {
         match self {
             Self::Spline(conv) => conv.inputs(),
@@ -93,7 +93,7 @@ impl GraphConvolution {
         }
     }
 
-    /// Channels written.
+    /// Output channels.
     pub fn outputs(&self) -> usize {
         match self {
             Self::Spline(conv) => conv.outputs(),
@@ -101,7 +101,7 @@ impl GraphConvolution {
         }
     }
 
-    /// Whether a row reads its own input, and not only that of its in-edges.
+    /// Whether a row reads its own input as well as that of its in-edges.
     pub fn reads_itself(&self) -> bool {
         match self {
             Self::Spline(conv) => conv.has_root(),
@@ -109,7 +109,7 @@ impl GraphConvolution {
         }
     }
 
-    /// What it reads of an edge.
+    /// The edge data that it reads.
     pub(crate) fn edge_reads(&self) -> EdgeReads {
         match self {
             Self::Spline(conv) => EdgeReads { basis: conv.reads_basis(), offsets: false },
@@ -125,9 +125,9 @@ impl GraphConvolution {
         }
     }
 
-    /// Computes rows, each as if it were alone; best in groups of [`Self::GROUP`].
+    /// Computes rows, each as if it were alone; fastest in groups of [`Self::GROUP`].
     ///
-    /// `features` is (rows, inputs), `out` the rows' outputs in lanes, one row after the other.
+    /// `features` is (rows, inputs); `out` holds the rows' outputs in lanes, one row after the other.
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this convolution.
@@ -146,10 +146,10 @@ impl GraphConvolution {
         }
     }
 
-    /// The same with each weight multiplied by `weights`, and what is added (biases, shifts of batch norm) by `added`.
+    /// The same with weights multiplied by `weights`, and biases and shifts of batch norm by `added`.
     ///
     /// # Errors
-    /// [`KernelError::NotFinite`] where a product overflows.
+    /// [`KernelError::NotFinite`] if a product overflows.
     pub fn scaled(&self, weights: f32, added: f32) -> Result<Self, KernelError> {
         let scaled = |values: Vec<f32>, factor: f32| values.into_iter().map(|v| v * factor).collect();
         let norm =
@@ -179,7 +179,7 @@ impl GraphConvolution {
 
     /// Adds its kind, sizes and parameters to a fingerprint.
     pub(crate) fn fingerprint(&self, to: &mut Fingerprint) {
-        // The third word is the kind. That of spline convolutions also says whether there is an ELU.
+        // The third word is the kind. For spline convolutions it also encodes whether there is an ELU.
         let (sizes, parameters, norm) = match self {
             Self::Spline(conv) => {
                 let SplineParts { inputs, outputs, kernel: [x, y, t], weight, root, bias, norm, elu } =

@@ -1,23 +1,23 @@
-//! What the engine did and what it did not need to do.
+//! Counts of the work that the engine did and of the work that it avoided.
 
 use std::fmt;
 
-/// Why an event did not enter the window.
+/// Reason why an event did not enter the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DropReason {
     /// Its pixel is not on the sensor.
     OutsideSensor,
-    /// It is earlier than the newest event or the last `advance`, and the policy is to drop such events.
+    /// It is earlier than the newest event or the last `advance`, and the policy drops such events.
     Late,
-    /// Its time lies so far from the epoch that the difference cannot be represented.
+    /// The difference between its time and the epoch cannot be represented.
     TimeOutOfRange,
-    /// It is a frame that the engine refuses: the next prediction is the error that says why.
+    /// It is a frame that the engine refuses; the next prediction returns the error.
     Refused,
 }
 
 impl DropReason {
-    /// A short name, as in the program's reports.
+    /// Short name, as in the program's reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::OutsideSensor => "outside_sensor",
@@ -47,11 +47,11 @@ pub struct EventCounters {
     pub late: u64,
     /// Dropped: time out of range.
     pub time_out_of_range: u64,
-    /// Late events that were accepted at the newest time, where the policy says so.
+    /// Late events that were accepted with the newest time, under the clamping policy.
     pub clamped: u64,
-    /// Events that left because they had become older than the span.
+    /// Events that left because they were older than the span.
     pub expired: u64,
-    /// Events that left before that, because the window was full.
+    /// Events that left earlier because the window was full.
     pub evicted: u64,
 }
 
@@ -66,47 +66,47 @@ impl EventCounters {
     }
 }
 
-/// What one layer did since the engine was made. A layer is a block or a pooling.
+/// Counts of one layer since the engine was made. A layer is a block or a pooling.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LayerCounters {
     /// Rows computed.
     pub recomputed: u64,
-    /// Of these, rows that came out with the bits they had: the wave stopped there.
+    /// Computed rows whose bits did not change; propagation stopped there.
     pub unchanged: u64,
-    /// Of these, rows that came out with other bits but within [`crate::Options::tolerance`] of what they had, and kept
-    /// that: the wave stopped there, too.
+    /// Computed rows whose bits changed by no more than [`crate::Options::tolerance`]; they kept their old values, and
+    /// propagation stopped there.
     pub within_tolerance: u64,
-    /// Rows of the window that a prediction used without computing them again.
+    /// Rows of the window that a prediction used without recomputing them.
     pub kept: u64,
 }
 
-/// What predictions did since the engine was made.
+/// Counts of predictions since the engine was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PredictionCounters {
     /// Predictions read.
     pub read: u64,
-    /// Of these, predictions for which no value of the readout had changed.
+    /// Predictions for which no value of the readout had changed.
     pub reused: u64,
-    /// Readout cells computed again.
+    /// Readout cells recomputed.
     pub cells_recomputed: u64,
-    /// Of these, cells whose maxima did not move.
+    /// Recomputed readout cells whose maxima did not change.
     pub cells_unchanged: u64,
-    /// Pooled neighbourhoods looked at because an edge or a position near them changed.
+    /// Pooled neighbourhoods checked because an edge or a position near them changed.
     pub neighbourhoods_checked: u64,
-    /// Of these, neighbourhoods whose edges and attributes came out the same.
+    /// Checked neighbourhoods whose edges and attributes did not change.
     pub neighbourhoods_unchanged: u64,
 }
 
-/// Counters of a layer, and which rows they counted.
+/// Counters of a layer, and the rows that they counted.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LayerLog {
     pub(crate) counters: LayerCounters,
-    /// Slots of the rows computed since the last prediction, where someone asked for them.
+    /// Slots of the rows computed since the last prediction, if they are recorded.
     pub(crate) rows: Option<Vec<u32>>,
 }
 
 impl LayerLog {
-    /// Notes a computed row, and whether it came out with the bits that it had.
+    /// Records a computed row, and whether its bits stayed the same.
     #[inline]
     pub(crate) fn note(&mut self, row: u32, unchanged: bool) {
         self.counters.recomputed += 1;
@@ -117,14 +117,14 @@ impl LayerLog {
     }
 }
 
-/// What the stages write while they run.
+/// Counters that the stages update while they run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Log {
     pub(crate) layers: Vec<LayerLog>,
     pub(crate) predictions: PredictionCounters,
 }
 
-/// All counters. They go on over `reset`.
+/// All counters. A `reset` keeps them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Events.
@@ -136,7 +136,7 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// What was counted after `earlier`, which the same engine told.
+    /// Counts since `earlier`, an earlier state of the same engine's counters.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         let layers = self.layers.iter().zip(&earlier.layers);
@@ -148,7 +148,7 @@ impl Counters {
     }
 }
 
-/// Gives counters what each of their fields counted since.
+/// Subtracts counters field by field.
 macro_rules! since {
     ($name:ident { $($field:ident),* }) => {
         impl $name {

@@ -1,28 +1,28 @@
-//! What one step changed in a graph: the message that goes downstream, from level to level.
+//! Changes of a graph in one step, passed downstream from level to level.
 
 use crate::room::Room;
 
-/// Changes of one level's graph by one insertion, or by some of what expires. Downstream lets rows enter first and leave last.
+/// Changes of one level's graph by one insertion or some expiries. Downstream inserts rows first and removes rows last.
 #[derive(Clone, Debug)]
 pub(crate) struct Delta {
-    /// Rows that are new.
+    /// New rows.
     pub(crate) entered: Room<u32>,
-    /// Edges (source, reader) that are gone.
+    /// Removed edges (source, reader).
     pub(crate) removed: Room<(u32, u32)>,
-    /// Edges (source, reader) that are new.
+    /// New edges (source, reader).
     pub(crate) added: Room<(u32, u32)>,
-    /// Rows that are gone; their slots still tell where they were.
+    /// Removed rows; their slots still hold their positions.
     pub(crate) left: Room<u32>,
-    /// Rows whose neighbourhood changed, the entered ones among them. A row may stand here twice.
+    /// Rows whose neighbourhood changed, including the entered rows. A row may occur twice.
     pub(crate) rewired: Room<u32>,
 }
 
-/// Edges that are gone from which on those that expire together are handed on in parts.
+/// Number of removed edges at which the changes of a joint expiry are passed on in part.
 pub(crate) const PART: usize = 256;
 
 impl Delta {
-    /// No changes of a window of `capacity` events of at most `most` neighbours each, of whose edges something is told if
-    /// `edges`. An event that comes or goes changes its own edges, and at most one out and one in of every other event.
+    /// No changes, for a window of `capacity` events with at most `most` neighbours each; edges are recorded if
+    /// `edges`. An event that comes or goes changes its own edges, and at most one in and one out of any other event.
     pub(crate) fn new(capacity: usize, most: usize, edges: bool) -> Self {
         let pairs = Self::pairs(capacity, most, edges);
         Self {
@@ -42,7 +42,7 @@ impl Delta {
         PART + capacity
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(capacity: usize, most: usize, edges: bool) -> usize {
         2 * Room::<(u32, u32)>::bytes(Self::pairs(capacity, most, edges))
             + Room::<u32>::bytes(1 + capacity + Self::rewired(capacity))

@@ -22,22 +22,22 @@ use crate::{EngineError, Event, Sensor};
 /// A prediction, and what it cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction<'a> {
-    /// The last dense layer's outputs.
+    /// Outputs of the last dense layer.
     pub values: &'a [f32],
-    /// Time of the newest event that it covers; `None` before the first one.
+    /// Time of the newest event that the prediction covers; `None` before the first event.
     pub t_us: Option<i64>,
     /// Events in the window.
     pub nodes: usize,
-    /// Rows computed per layer since the last prediction, in the order of [`Network::layers`].
+    /// Rows computed per layer since the previous prediction, in the order of [`Network::layers`].
     pub rows: &'a [u64],
 }
 
 /// The state of an [`Engine`] at one moment; see [`Engine::snapshot`].
 pub type Snapshot = SnapshotOf<Engine>;
 
-/// Keeps the event graph of a sliding window and, of a network over it, every activation; recomputes what a change
-/// affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit, unless [`Options::tolerance`]
-/// asks for less.
+/// Keeps the event graph of a sliding window and every activation of a network over it; recomputes only the rows that a
+/// change affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit, unless
+/// [`Options::tolerance`] allows an approximation.
 ///
 /// ```
 /// # use std::sync::Arc;
@@ -60,7 +60,7 @@ pub struct Engine {
     newest_us: Option<i64>,
     rows: Vec<u64>,
     recomputed: Vec<u64>,
-    /// Whether there was a prediction since anything was computed.
+    /// Whether a prediction was read since the last row was computed.
     reported: bool,
 }
 
@@ -73,13 +73,13 @@ impl Engine {
         Self::with_options(network, sensor, Options::default())
     }
 
-    /// An engine for `network` over the events of `sensor`. It takes all its memory now: events, predictions, expiries and
-    /// resets allocate nothing, whatever the scene. (Errors, snapshots and methods that return a `Vec` do.)
+    /// An engine for `network` over the events of `sensor`. All memory is allocated here: events, predictions, expiries
+    /// and resets allocate nothing, whatever the scene. (Errors, snapshots and methods that return a `Vec` do.)
     ///
     /// # Errors
-    /// [`EngineError::NotIncremental`] for a network that is normalised per graph, [`EngineError::Sensor`] for a
-    /// sensor without pixels, [`EngineError::Option`] for a tolerance that is negative or not finite,
-    /// [`EngineError::Memory`] beyond the memory limit.
+    /// [`EngineError::NotIncremental`] for a network with per-graph normalisation, [`EngineError::Sensor`] for a sensor
+    /// without pixels, [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::Memory`]
+    /// if the state would exceed the memory limit.
     pub fn with_options(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -139,17 +139,17 @@ impl Engine {
         self.sensor
     }
 
-    /// Largest change that does not propagate; 0 where the engine is exact.
+    /// Largest change that does not propagate; 0 if the engine is exact.
     pub fn tolerance(&self) -> f32 {
         self.options.tolerance
     }
 
-    /// Takes an event. An event that cannot enter is counted and changes nothing else: one outside the sensor, a late
-    /// one (unless the policy clamps it), one whose distance from the epoch does not fit 64 bits. Equal stamps are
-    /// fine; among them, arrival is the order. What has become older than the span leaves first; where the window is
-    /// full, so does the oldest event.
+    /// Inserts an event. These are dropped and counted, and change nothing else: events outside the sensor, late events
+    /// (unless the policy clamps them), events whose distance from the epoch does not fit 64 bits. Events with equal
+    /// times are accepted; arrival decides their order. Before the insertion, events older than the span expire; if the
+    /// window is still full, the oldest event is evicted.
     ///
-    /// Cost: with k neighbours, O(k) rows for `frozen`; else the graph alone, and rows when a prediction is read.
+    /// Cost: with k neighbours, O(k) rows for `frozen`; otherwise the graph alone, and rows when a prediction is read.
     pub fn push(&mut self, event: Event) -> Outcome {
         let node = match self.admission.admit_node(event) {
             Ok(node) => node,
@@ -166,13 +166,13 @@ impl Engine {
         Outcome::Accepted
     }
 
-    /// Takes events one after the other; how many were accepted.
+    /// Inserts events in order; returns the number of accepted events.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
         events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
     }
 
-    /// Moves time on to `t_us`, on the events' clock, without an event: what has become older than the span leaves.
-    /// Earlier times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
+    /// Advances the clock to `t_us`, in the events' time, without an event; events older than the span expire. Earlier
+    /// times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
     /// nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
@@ -188,10 +188,10 @@ impl Engine {
         }
     }
 
-    /// The prediction for the window as it is, computing what has changed since the last one.
+    /// The prediction for the current window. Recomputes the rows that changed since the previous prediction.
     ///
     /// # Errors
-    /// [`EngineError::NotANumber`] where a layer computed NaN; the engine goes on, and predicts again once the rows
+    /// [`EngineError::NotANumber`] if a layer computed NaN. The engine remains usable: it predicts again once the rows
     /// that hold NaN have left.
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.begin();
@@ -203,7 +203,7 @@ impl Engine {
         Ok(Prediction { values, t_us, nodes, rows: &self.rows })
     }
 
-    /// Starts a new record of computed rows after a prediction.
+    /// Starts a new record of computed rows if a prediction was read.
     fn begin(&mut self) {
         if self.reported {
             self.log.layers.iter_mut().filter_map(|log| log.rows.as_mut()).for_each(Vec::clear);
@@ -211,7 +211,7 @@ impl Engine {
         }
     }
 
-    /// Rows since the last prediction, and those it found computed already.
+    /// Collects the rows computed since the previous prediction, and counts the rows that were kept.
     fn count_rows(&mut self) {
         let mut layers = self.log.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
         for level in 0..self.network.levels() {
@@ -224,14 +224,14 @@ impl Engine {
         }
     }
 
-    /// Forgets all events; the next one sets a new epoch. Counters go on.
+    /// Removes all events; the next event sets a new epoch. Counters are kept.
     pub fn reset(&mut self) {
         self.step.clear();
         self.admission.reset();
         self.newest_us = None;
     }
 
-    /// Counts of what was done and of what was not needed.
+    /// Counts of computed, kept and dropped work.
     pub fn counters(&self) -> Counters {
         Counters {
             events: *self.admission.counters(),
@@ -240,12 +240,12 @@ impl Engine {
         }
     }
 
-    /// Time spent in each stage since the engine was made; zeros without [`Options::stage_times`].
+    /// Time spent in each stage since the engine was made; zeros unless [`Options::stage_times`] is set.
     pub fn stage_times(&self) -> [(Stage, Duration); Stage::ALL.len()] {
         self.step.stopwatch.times()
     }
 
-    /// Bytes of state that the engine took when it was made, and all that it takes: the network is not among them.
+    /// Bytes of state, all allocated when the engine was made. The network's parameters are not included.
     pub fn state_bytes(&self) -> u128 {
         Self::bytes(&self.network, self.sensor)
     }
@@ -260,25 +260,25 @@ impl Engine {
         self.step.window.len()
     }
 
-    /// The newest time: of the newest event, or of a later `advance`. `None` before the first event.
+    /// Current time: that of the newest event, or of a later `advance`. `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
     }
 
-    /// The time of the first accepted event since the last reset, from which all others are counted.
+    /// Time of the first accepted event since the last reset. All other times count from it.
     pub fn epoch_us(&self) -> Option<i64> {
         self.admission.epoch_us()
     }
 
-    /// Events of the window from the oldest to the newest, with times as they were accepted.
+    /// Events of the window from the oldest to the newest, with the times at which they were accepted.
     pub fn events(&self) -> Vec<Event> {
         let epoch = self.admission.epoch_us().unwrap_or(0);
         let nodes = self.step.window.slots().map(|slot| self.step.window.node(slot));
         nodes.map(|n| Event::new(epoch + n.t, n.x, n.y, n.on)).collect()
     }
 
-    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in the order in which a batch has them:
-    /// events by arrival, cells by (t, y, x).
+    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in the row order of a batch: events by
+    /// arrival, cells by (t, y, x).
     ///
     /// # Panics
     /// If there is no such level or feature.
@@ -287,8 +287,8 @@ impl Engine {
         self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
     }
 
-    /// Rows of each layer that were computed for the last prediction, or since then, and are still there: ascending
-    /// places as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without `Options::with_record_rows`.
+    /// Rows of each layer that were computed for the last prediction or since, and that have not left. Ascending row
+    /// indices as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without `Options::with_record_rows`.
     #[doc(hidden)]
     pub fn recomputed(&self) -> Vec<Vec<usize>> {
         let mut layers = self.log.layers.iter();
@@ -304,15 +304,15 @@ impl Engine {
         out
     }
 
-    /// Neighbourhood of the `index`th oldest event: places in the window, and attributes, in order. With `frozen`
-    /// in-edges a neighbour may have left the window and is then missing here.
+    /// Neighbourhood of the `index`th oldest event: indices in the window and edge attributes, in order. With `frozen`
+    /// in-edges, neighbours that have left the window are omitted.
     ///
     /// # Panics
     /// If there is no such event.
     pub fn neighbourhood(&self, index: usize) -> Vec<Neighbour> {
         let window = &self.step.window;
         let slot = window.slots().nth(index).expect("the window has that many events");
-        // Slots that frozen in-edges name and that have left are ranked behind the reader, or beyond the window.
+        // A slot that a frozen in-edge names and that has left ranks after the reader, or beyond the window.
         let end = if self.network.parts().graph.is_frozen() { index } else { window.len() };
         let edges = self.step.graph.neighbours(slot).iter();
         edges
@@ -323,7 +323,7 @@ impl Engine {
 }
 
 impl fmt::Debug for Engine {
-    /// What tells engines apart, not what they hold.
+    /// Shows the configuration, not the state.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Engine")
             .field("network", &self.network.name())

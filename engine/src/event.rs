@@ -1,11 +1,11 @@
-//! What a sensor sends: events, and the geometry that they are counted in.
+//! Input of an engine: events, and the geometry of their sensor.
 
 use std::fmt;
 
-/// One pixel saw its brightness change.
+/// A change of brightness at one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Event {
-    /// Time in microseconds, on any epoch; only differences are used.
+    /// Time in microseconds. Any epoch works: only differences are used.
     pub t_us: i64,
     /// Column, counted from the left.
     pub x: u16,
@@ -16,7 +16,7 @@ pub struct Event {
 }
 
 impl Event {
-    /// An event at `t_us` microseconds, column `x`, row `y`; `on` where the brightness rose.
+    /// An event at `t_us` microseconds, column `x`, row `y`; `on` if the brightness rose.
     pub fn new(t_us: i64, x: u16, y: u16, on: bool) -> Self {
         Self { t_us, x, y, on }
     }

@@ -1,14 +1,14 @@
-//! Fingerprints of networks and files, to notice where two that should be equal are not: FNV-1a with 64 bits (Fowler, Noll and Vo 1991).
+//! Fingerprints of networks and files: FNV-1a with 64 bits (Fowler, Noll and Vo 1991).
 //!
-//! Two inputs of one length that differ in one place always have different fingerprints, for each step is a bijection of
-//! the state; others collide by chance, once in 2^64. It is no protection against someone who wants them to collide.
+//! Two inputs of equal length that differ in one word always have different fingerprints, because each step is a
+//! bijection of the state. Others collide by chance, once in 2^64. The hash does not resist deliberate collisions.
 
 use meissner_kernels::Activation;
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
-/// A fingerprint that words are added to.
+/// A fingerprint under construction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fingerprint(u64);
 
@@ -17,7 +17,7 @@ impl Fingerprint {
         Self(OFFSET)
     }
 
-    /// Adds one word, a byte or up to eight.
+    /// Adds one word of one to eight bytes.
     #[inline]
     pub(crate) fn word(&mut self, word: u64) {
         self.0 = (self.0 ^ word).wrapping_mul(PRIME);
@@ -32,7 +32,7 @@ impl Fingerprint {
         text.bytes().for_each(|byte| self.word(byte.into()));
     }
 
-    /// Adds the bits of some values, and how many they are.
+    /// Adds the number of some values, and their bits.
     pub(crate) fn values(&mut self, values: &[f32]) {
         self.size(values.len());
         values.iter().for_each(|value| self.word(value.to_bits().into()));
@@ -43,7 +43,7 @@ impl Fingerprint {
     }
 }
 
-/// The number by which an activation enters a fingerprint.
+/// Code of an activation in a fingerprint.
 pub(crate) fn activation_code(activation: Activation) -> usize {
     match activation {
         Activation::Identity => 0,
@@ -54,7 +54,7 @@ pub(crate) fn activation_code(activation: Activation) -> usize {
     }
 }
 
-/// The fingerprint of some bytes.
+/// Fingerprint of some bytes.
 pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
     let mut fingerprint = Fingerprint::new();
     bytes.iter().for_each(|&byte| fingerprint.word(byte.into()));

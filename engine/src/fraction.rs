@@ -1,4 +1,4 @@
-//! Exact fractions, in which the sizes of pooling cells are given.
+//! Exact fractions, used for the sizes of pooling cells.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ pub struct Fraction {
 }
 
 impl Fraction {
-    /// `numerator` / `denominator`; `None` where either is zero.
+    /// `numerator` / `denominator`; `None` if either is zero.
     pub fn new(numerator: u32, denominator: u32) -> Option<Self> {
         (numerator > 0 && denominator > 0).then_some(Self { numerator, denominator })
     }
@@ -28,23 +28,23 @@ impl Fraction {
 
     pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
 
-    /// The smallest number of `size`s that together are at least as long as this. Saturates.
+    /// The smallest number of `size`s whose total length is at least this one. Saturates.
     pub(crate) fn cells_of(self, size: Self) -> usize {
         let length = u64::from(self.numerator) * u64::from(size.denominator);
         let part = u64::from(self.denominator) * u64::from(size.numerator);
         usize::try_from(length.div_ceil(part)).unwrap_or(usize::MAX)
     }
 
-    /// Number of cells of this size, from an origin of 0, that cover 0 <= p < 1.
+    /// Number of cells of this size that cover 0 <= p < 1 from an origin of 0.
     pub fn cells(self) -> usize {
         (self.denominator as usize).div_ceil(self.numerator as usize)
     }
 
-    /// The cell that holds `position` / `extent`: floor(position / extent / self), computed in integers, for any position.
-    /// Saturates.
+    /// Cell that contains `position` / `extent`: floor(position / extent / self), computed in integers, for any
+    /// position. Saturates.
     ///
     /// # Panics
-    /// If `extent` is not positive, or of more than 62 bits.
+    /// If `extent` is not positive, or has more than 62 bits.
     #[inline]
     pub fn cell(self, position: i128, extent: i128) -> i128 {
         assert!(0 < extent && extent >> 62 == 0, "an extent must be positive and of at most 62 bits");
@@ -52,14 +52,14 @@ impl Fraction {
         if position.unsigned_abs() >> 95 == 0 {
             return (position * parts).div_euclid(size);
         }
-        // The product does not fit: in two steps, the upper bits and what they leave with the lower ones. A remainder is
-        // below 2^94.
+        // The product does not fit, so it is divided in two steps: first the upper bits, then their remainder with the
+        // lower bits. A remainder is below 2^94.
         let upper = (position >> 32) * parts;
         let lower = (upper.rem_euclid(size) << 32) + (position & 0xffff_ffff) * parts;
         upper.div_euclid(size).saturating_mul(1 << 32).saturating_add(lower.div_euclid(size))
     }
 
-    /// Centre of cell `index`, as a share of the whole.
+    /// Centre of cell `index`, as a fraction of the whole.
     #[inline]
     pub fn centre(self, index: i64) -> f64 {
         (index as f64 + 0.5) * f64::from(self.numerator) / f64::from(self.denominator)
@@ -75,7 +75,7 @@ impl fmt::Display for Fraction {
 impl FromStr for Fraction {
     type Err = String;
 
-    /// Reads "16/346".
+    /// Parses "16/346".
     fn from_str(s: &str) -> Result<Self, String> {
         let parse = || {
             let (n, d) = s.split_once('/')?;

@@ -1,8 +1,8 @@
-//! Frame networks: images or vectors in, predictions out, with the state of recurrent layers between.
+//! Frame networks: images or vectors in, predictions out, with the state of recurrent layers in between.
 //!
-//! A network is made of [`FrameNetworkParts`], checked and packed into a [`FrameNetwork`], and run by a [`FrameEngine`] with
-//! the verbs of the event engine: push, predict, reset, snapshot, restore. What no change reaches is not computed again
-//! (`patch.rs`), with the same bits as if it had been.
+//! [`FrameNetworkParts`] are checked and packed into a [`FrameNetwork`], which a [`FrameEngine`] runs with the methods
+//! of the event engine: push, predict, reset, snapshot, restore. Values that no change reaches are not recomputed
+//! (`patch.rs`); the bits are the same as if they were.
 
 mod buffer;
 mod bytes;

@@ -1,12 +1,12 @@
-//! The event graph: every node's neighbourhood, kept as the window moves.
+//! The event graph: every node's neighbourhood, kept up to date as the window moves.
 //!
-//! Enters: insertions and expiries. Leaves: the [`Delta`] of each. Invariant, after every step: the neighbourhood of
-//! a node is the first `most` candidates of the rule in the order (d2 ascending, then later arrival) with d2 at most
-//! the rule's limit; with `frozen`, as they were when the node arrived.
+//! Input: insertions and expiries. Output: the [`Delta`] of each. Invariant after every step: the neighbourhood of a
+//! node is the first `most` candidates of the rule in the order (d2 ascending, then later arrival) with d2 at most the
+//! rule's limit; with `frozen`, as it was when the node arrived.
 //!
-//! An insertion finds the rows it enters by a reverse search, pruned by the largest d2 at which any node of a grid
-//! cell still takes a neighbour. An expiry finds the rows that lose it in the reverse lists, and the replacement as
-//! the first candidate after the last of the old list: all before it are members already.
+//! An insertion finds the rows that it joins by a reverse search, pruned by the largest d2 at which any node of a grid
+//! cell still takes a neighbour. An expiry finds the rows that lose the node in the reverse lists. The replacement is
+//! the first candidate after the last one of the old list, because all earlier candidates are members already.
 
 use std::ops::Range;
 
@@ -22,14 +22,14 @@ use crate::readers::Readers;
 use crate::room::Room;
 use crate::window::Window;
 
-/// A level's graph as its layers read it.
+/// The graph of a level, as its layers read it.
 pub(crate) trait Adjacency {
     /// In-edges of `row`, in neighbourhood order.
     fn neighbours(&self, row: u32) -> &[Neighbour];
-    /// What is kept of these in-edges: `own` and `skip` are left out.
+    /// In-edges of `row` with their stored data; `own` and `skip` are empty.
     fn edges(&self, row: u32) -> GraphRow<'_>;
-    /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
-    /// its in-edges or once.
+    /// Calls `visit` with the rows that have an in-edge from one of `rows`: in batches, in any order. A row may be
+    /// visited once, or once per in-edge.
     fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32]));
 }
 
@@ -39,26 +39,26 @@ pub(crate) struct EventGraph {
     metric: Metric,
     grid: Grid,
     most: usize,
-    /// Neighbours of each slot.
+    /// Number of neighbours of each slot.
     count: Vec<u16>,
-    /// `most` in-edges of each slot, the first `count` valid.
+    /// `most` in-edges per slot; the first `count` are valid.
     edges: EdgeStore,
-    /// For each grid cell, at least the largest [`Self::bound`] of its nodes.
+    /// For each grid cell, an upper bound of [`Self::bound`] of its nodes.
     reach: Vec<f64>,
-    /// Rows that read each slot; kept where someone asks for them.
+    /// Rows that read each slot; stored only if needed.
     readers: Readers,
     keeps_readers: bool,
     found: Room<Candidate>,
 }
 
-/// In-edges, and what is kept of each because every block would compute it again.
+/// In-edges, and edge data that every block would otherwise recompute.
 #[derive(Clone, Debug)]
 struct EdgeStore {
     neighbours: Vec<Neighbour>,
     d2: Vec<f64>,
-    /// The spline basis of each, where blocks read it.
+    /// Spline basis of each in-edge, if blocks read it.
     basis: Vec<Lanes>,
-    /// The offset of each, where blocks read it.
+    /// Offset of each in-edge, if blocks read it.
     offsets: Vec<[f32; 3]>,
 }
 
@@ -79,7 +79,7 @@ impl EdgeStore {
         size_of::<Neighbour>() + size_of::<f64>() + basis + offsets
     }
 
-    /// Writes edge `at` by which `reader` reads the node `source` in slot `row`.
+    /// Writes edge `at`: `reader` reads the node `source` in slot `row`.
     #[inline]
     fn set(&mut self, at: usize, metric: &Metric, (row, source): (u32, Node), reader: Node, d2: f64) {
         let u = metric.attributes(source, reader);
@@ -93,7 +93,7 @@ impl EdgeStore {
         }
     }
 
-    /// Moves edges `from` to the place `to`.
+    /// Moves the edges `from` to index `to`.
     #[inline]
     fn shift(&mut self, from: Range<usize>, to: usize) {
         self.neighbours.copy_within(from.clone(), to);
@@ -107,11 +107,11 @@ impl EdgeStore {
     }
 }
 
-/// A node that a search came across.
+/// A node found by a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) d2: f64,
-    /// Larger is later.
+    /// Larger means later.
     pub(crate) arrival: u32,
     pub(crate) slot: u32,
 }
@@ -124,7 +124,7 @@ impl Candidate {
     }
 }
 
-/// Takes `candidate` into `list`, which holds the first `most` so far, in order.
+/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order.
 #[inline]
 pub(crate) fn take(list: &mut Vec<Candidate>, most: usize, candidate: Candidate) {
     if list.len() < most {
@@ -141,7 +141,7 @@ pub(crate) fn take(list: &mut Vec<Candidate>, most: usize, candidate: Candidate)
 }
 
 impl EventGraph {
-    /// An empty graph. Reverse lists are kept where expiries change rows or `pooled` levels follow edges.
+    /// An empty graph. Reverse lists are stored if expiries change rows or if `pooled` levels read edges.
     pub(crate) fn new(
         rule: GraphRule,
         sensor: Sensor,
@@ -167,7 +167,7 @@ impl EventGraph {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(
         rule: GraphRule,
         sensor: Sensor,
@@ -185,7 +185,7 @@ impl EventGraph {
             + Room::<Candidate>::bytes(most + 1)
     }
 
-    /// Whether edges that come and go are told to the levels above.
+    /// Whether edge changes are reported to the levels above.
     pub(crate) fn tells_edges(&self) -> bool {
         self.keeps_readers
     }
@@ -204,21 +204,21 @@ impl EventGraph {
         start..start + usize::from(self.count[slot as usize])
     }
 
-    /// In-edges of `slot` whose source is still in `window`. With `frozen` others may name slots that have left: these are
-    /// free, or a later node's, and so behind the reader in any case.
+    /// Number of in-edges of `slot` whose source is still in `window`. With `frozen`, the others may name slots that
+    /// have left: these are free or hold a later node, and so rank after the reader in either case.
     pub(crate) fn present(&self, window: &Window, slot: u32) -> usize {
         let own = window.age_rank(slot);
         self.neighbours(slot).iter().filter(|n| window.age_rank(n.row) < own).count()
     }
 
-    /// Largest d2 at which `slot` would take a later neighbour.
+    /// Largest d2 at which `slot` would accept a later neighbour.
     #[inline]
     fn bound(&self, slot: u32) -> f64 {
         let span = self.span(slot);
         if span.len() == self.most { self.edges.d2[span.end - 1] } else { self.rule.reach.limit() }
     }
 
-    /// Connects `slot`, the newest node of `window`. It reads the first `known` of its neighbourhood.
+    /// Connects `slot`, the newest node of `window`, to the first `known` nodes of its neighbourhood.
     pub(crate) fn insert(&mut self, window: &Window, slot: u32, known: usize, delta: &mut Delta) {
         let node = window.node(slot);
         self.find(window, node);
@@ -241,7 +241,7 @@ impl EventGraph {
         self.grid.push(slot, node);
     }
 
-    /// Leaves the neighbourhood of `node`, newer than the whole grid, in `found`.
+    /// Writes the neighbourhood of `node`, which is newer than all nodes of the grid, to `found`.
     fn find(&mut self, window: &Window, node: Node) {
         let Self { grid, metric, found, most, rule, .. } = self;
         let limit = rule.reach.limit();
@@ -258,7 +258,7 @@ impl EventGraph {
         }
     }
 
-    /// Offers the newest node to all others, which take it where it is near enough.
+    /// Offers the newest node to all others; those to which it is near enough take it as a neighbour.
     fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
         let Self { grid, metric, reach, count, edges, readers, most, rule, .. } = self;
         let (most, limit) = (*most, rule.reach.limit());
@@ -269,7 +269,7 @@ impl EventGraph {
             if d2 > bound {
                 return Reader { bound };
             }
-            // Among equal distances the later comes first, and this node is the latest.
+            // At equal distances the later node comes first, and this node is the latest.
             let at = edges.d2[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
             let n = if n == most {
                 let lost = edges.neighbours[start + most - 1].row;
@@ -289,20 +289,20 @@ impl EventGraph {
         });
     }
 
-    /// Takes the oldest `leaving` nodes of `window` out of the search. Leaving together costs less than one by one: what
-    /// leaves is not repaired, and no replacement is about to leave.
+    /// Removes the oldest `leaving` nodes of `window` from the search. A joint expiry costs less than single ones:
+    /// leaving nodes need no repair, and no replacement is about to leave.
     pub(crate) fn hide(&mut self, window: &Window, leaving: u32) {
         window.slots().take(leaving as usize).for_each(|slot| self.grid.pop(slot, window.node(slot)));
     }
 
-    /// Removes the edges of `slot`, one of the oldest `leaving` nodes of `window`, which are hidden; `delta` is told where
-    /// levels above follow edges, or rows change.
+    /// Removes the edges of `slot`, one of the oldest `leaving` nodes of `window`, which are hidden. Records the
+    /// changes in `delta` if levels above read edges or rows change.
     pub(crate) fn disconnect(&mut self, window: &Window, leaving: u32, slot: u32, delta: &mut Delta) {
         if !self.keeps_readers {
             return;
         }
         let stays = |slot: u32| window.age_rank(slot) >= leaving;
-        // Only under `all` does a node read from nodes that stay when it leaves.
+        // Only under `all` can a leaving node be a reader of nodes that stay.
         if self.rule.candidates == Candidates::All {
             for edge in self.span(slot) {
                 let source = self.edges.neighbours[edge].row;
@@ -347,7 +347,7 @@ impl EventGraph {
         self.reach[cell] = self.reach[cell].max(self.bound(reader));
     }
 
-    /// The first candidate of `reader` that comes after `last`, where it has `kept` neighbours left.
+    /// The first candidate of `reader` after `last`; `reader` has `kept` neighbours left.
     fn next_after(
         &self,
         window: &Window,
@@ -360,7 +360,7 @@ impl EventGraph {
         let past = self.rule.candidates == Candidates::Past(Lifetime::Window);
         let end = if past { window.age_rank(reader) } else { window.len() as u32 };
         let others = end - leaving - u32::from(!past);
-        // A list that was not full held every candidate.
+        // A list that was not full contained every candidate.
         if kept + 1 < self.most {
             return None;
         }
@@ -387,11 +387,11 @@ impl EventGraph {
     }
 }
 
-/// Candidates that are compared one by one: a search over the grid would look at most of its cells.
+/// Number of candidates up to which they are compared one by one: a grid search would visit most of its cells.
 const FEW: u32 = 64;
 
 /// Calls `visit` with d2 and slot of the nodes at `places` whose d2 to `query` is at most the bound; each call returns
-/// the bound that holds from then on.
+/// the new bound.
 fn scan(
     metric: &Metric,
     window: &Window,

@@ -1,20 +1,20 @@
-//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are of
-//! 8 x 8 pixels, and larger on sensors that would have too many of them. The queues share one store, whose size follows from
+//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are 8
+//! x 8 pixels, and larger on sensors that would need too many. The queues share one store, whose size is determined by
 //! the number of nodes that the grid is made for, wherever these lie.
 //!
 //! Inserting and expiring are O(1). A search visits cells in rings around the query and, in each cell, nodes from the
-//! query's time outwards. A ring, a cell or the rest of a cell is left out only where its lower bound of d2, computed
-//! by the same rounded operations as d2 itself, exceeds the search's bound: rounding is monotone, so a pruned node can
+//! query's time outwards. A ring, a cell or the rest of a cell is skipped only if its lower bound of d2, computed by
+//! the same rounded operations as d2 itself, exceeds the search's bound. Rounding is monotone, so a pruned node can
 //! never have been a result, not even by a tie.
 
 use crate::Sensor;
 use crate::metric::{Metric, Node};
 use crate::queues::{Cursor, Entry, Place, Queue, Queues};
 
-/// log2 of a cell's side in pixels, at least.
+/// log2 of the smallest side of a cell in pixels.
 const SIDE_LOG2: u32 = 3;
-/// Most cells: a search can come to look at all of them, and where a sensor has many more pixels than a window has nodes,
-/// small cells are empty ones.
+/// Largest number of cells. A search may visit all of them, and on a sensor with many more pixels than a window has
+/// nodes, most small cells would be empty.
 const MOST_CELLS: usize = 1 << 15;
 
 #[derive(Clone, Debug)]
@@ -27,10 +27,10 @@ pub(crate) struct Grid {
     nodes: usize,
 }
 
-/// Which nodes of a cell a search looks at.
+/// The nodes of a cell that a search visits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Times {
-    /// Any.
+    /// All.
     All,
     /// Not later than the query.
     Past,
@@ -43,7 +43,7 @@ impl Grid {
         Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity), nodes: 0 }
     }
 
-    /// log2 of a cell's side, and how many columns and rows of such cells a sensor has.
+    /// log2 of a cell's side, and the numbers of columns and rows of cells on a sensor.
     fn extent(sensor: Sensor) -> (u32, [usize; 2]) {
         let cells = |side_log2| {
             [sensor.width, sensor.height].map(|extent| usize::from(extent).div_ceil(1_usize << side_log2))
@@ -63,7 +63,7 @@ impl Grid {
         self.cells.len()
     }
 
-    /// Nodes of a cell.
+    /// Number of nodes in a cell.
     #[inline]
     pub(crate) fn len(&self, cell: usize) -> usize {
         self.cells.queue(cell).len()
@@ -74,7 +74,7 @@ impl Grid {
         self.cells.queue(cell).iter().map(|e| e.slot)
     }
 
-    /// A cell and those of the rings about it.
+    /// A cell and the cells of the rings around it.
     #[inline]
     pub(crate) fn about(&self, cell: usize, rings: usize) -> impl Iterator<Item = usize> + use<> {
         let (row, column, columns) = (cell / self.columns, cell % self.columns, self.columns);
@@ -83,24 +83,24 @@ impl Grid {
         down.flat_map(move |row| across.clone().map(move |column| row * columns + column))
     }
 
-    /// Adds a node that is not earlier than any other of its cell.
+    /// Adds a node that is not earlier than any other node of its cell.
     pub(crate) fn push(&mut self, slot: u32, node: Node) {
         let cell = self.cell(node.x, node.y);
         self.cells.push(cell, Entry { t: node.t, slot, x: node.x, y: node.y });
         self.nodes += 1;
     }
 
-    /// Removes a node that is the first to have entered its cell.
+    /// Removes the oldest node of a cell.
     ///
     /// # Panics
-    /// If it is not.
+    /// If `node` is not the first that entered its cell.
     pub(crate) fn pop(&mut self, slot: u32, node: Node) {
         let first = self.cells.pop(self.cell(node.x, node.y));
         assert_eq!(first.map(|e| e.slot), Some(slot), "nodes expire in order of arrival");
         self.nodes -= 1;
     }
 
-    /// O(cells).
+    /// Removes all nodes. O(cells).
     pub(crate) fn clear(&mut self) {
         self.cells.clear();
         self.nodes = 0;
@@ -117,8 +117,8 @@ impl Grid {
         metric.x2(gap(x, column)) + metric.y2(gap(y, row))
     }
 
-    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound, and of some others. The bound
-    /// starts as `bound`; each call returns the one that holds from then on, which never grows.
+    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound, and of some others. The bound starts
+    /// as `bound`; each call returns the new bound, which must not grow.
     pub(crate) fn search(
         &self,
         metric: &Metric,
@@ -130,8 +130,8 @@ impl Grid {
         self.search_from(metric, query, times, bound, |_, cell| cell.later_than(query.t), visit);
     }
 
-    /// The same for queries that never go back in time, on a grid that stays as it is: `cursors`, one for each cell, remember
-    /// where in its cell the query's time is.
+    /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store the position of the
+    /// query's time in the cell.
     pub(crate) fn search_onwards(
         &self,
         metric: &Metric,
@@ -144,7 +144,7 @@ impl Grid {
         self.search_from(metric, query, Times::All, bound, later, visit);
     }
 
-    /// [`Self::search`], where `later` tells for the index of a cell, and the cell, where its nodes begin that are later
+    /// [`Self::search`], where `later` returns, for a cell index and the cell, the start of its nodes that are later
     /// than the query.
     #[inline]
     fn search_from(
@@ -195,7 +195,7 @@ impl Grid {
         let gap = |p: u16| {
             let (p, cell) = (usize::from(p), usize::from(p) >> self.side_log2);
             let after = ((cell + ring) << self.side_log2) - p;
-            // Left of cell 0 there is nothing, and nothing bounds the search there.
+            // There are no cells left of cell 0, so this side does not bound the search.
             let before =
                 (cell + 1).checked_sub(ring).map_or(usize::MAX, |c| p - (c << self.side_log2).min(p) + 1);
             after.min(before)
@@ -203,8 +203,8 @@ impl Grid {
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
     }
 
-    /// Calls `visit` with d2 and slot of every node `n` for which d2 to `query`, which is not earlier than any, is at
-    /// most `reach[cell of n]`, and of some others.
+    /// Calls `visit` with d2 and slot of every node `n` whose d2 to `query` is at most `reach[cell of n]`, and of some
+    /// others. `query` must not be earlier than any node.
     pub(crate) fn search_reverse(
         &self,
         metric: &Metric,
@@ -223,7 +223,7 @@ impl Grid {
                 if plane > reach[index] {
                     continue;
                 }
-                // A visited cell is read whole, which makes its reach exact again.
+                // A visited cell is read completely, so its reach becomes exact again.
                 let mut widest = 0.0f64;
                 cell.for_each(|entry| {
                     widest = widest.max(visit(entry_distance2(metric, query, entry), entry.slot).bound);
@@ -233,16 +233,16 @@ impl Grid {
         }
     }
 
-    /// Bytes of a grid, and of a reach for each cell.
+    /// Bytes of a grid, and of one reach per cell.
     pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
         let (_, [columns, rows]) = Self::extent(sensor);
         Queues::bytes(columns * rows, capacity) + columns * rows * size_of::<f64>()
     }
 }
 
-/// What a visited reader tells the search.
+/// Reply of a visited reader to the search.
 pub(crate) struct Reader {
-    /// Largest d2 at which it would still take a neighbour.
+    /// Largest d2 at which it would still accept a neighbour.
     pub(crate) bound: f64,
 }
 
@@ -252,8 +252,8 @@ fn entry_distance2(metric: &Metric, query: Node, entry: &Entry) -> f64 {
     plane + metric.t2(query.t - entry.t)
 }
 
-/// Visits a cell, whose nodes that are later than the query begin at `later`, from the query's time outwards; the bound
-/// that holds afterwards.
+/// Visits a cell from the query's time outwards; its nodes that are later than the query start at `later`. Returns the
+/// new bound.
 #[inline]
 fn scan(
     metric: &Metric,

@@ -1,7 +1,7 @@
-//! A network's head: dense layers over the readout, or a frame network that reads it as an image.
+//! A network's head: dense layers over the readout, or a frame network that reads the readout as an image.
 //!
-//! Enters: the readout, from the newest cell in time to the oldest. Leaves: the prediction. A frame network computes again only
-//! the values that a changed cell reaches.
+//! Input: the readout, from the newest cell in time to the oldest. Output: the prediction. A frame network recomputes
+//! only the values that a changed cell reaches.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::network::Network;
 
 #[derive(Clone, Debug)]
 pub(crate) enum Head {
-    /// What each dense layer wrote.
+    /// Outputs of each dense layer.
     Dense(Vec<Matrix>),
     Image(Box<ImageHead>),
 }
@@ -23,7 +23,7 @@ pub(crate) enum Head {
 pub(crate) struct ImageHead {
     engine: FrameEngine,
     image: Vec<f32>,
-    /// Why there is no prediction.
+    /// The error, if there is no prediction.
     failure: Option<EngineError>,
 }
 
@@ -36,7 +36,7 @@ impl Head {
         }
     }
 
-    /// Bytes that it takes.
+    /// Bytes of the head.
     pub(crate) fn bytes(network: &Network) -> u128 {
         let parts = network.parts();
         let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
@@ -48,7 +48,7 @@ impl Head {
         parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
     }
 
-    /// Goes on with another instruction set.
+    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         if let Self::Image(head) = self {
             head.engine.set_isa(isa);
@@ -82,7 +82,7 @@ impl Head {
         }
     }
 
-    /// Why there is no prediction.
+    /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         match self {
             Self::Dense(hidden) => {
@@ -96,7 +96,7 @@ impl Head {
 }
 
 impl ImageHead {
-    /// What it takes is part of the event engine's memory, and held against that limit.
+    /// Its memory counts as part of the event engine's, and is checked against that limit.
     ///
     /// # Panics
     /// Never: a frame network's maps are small enough for their kernels, and no other option is out of range.
@@ -105,7 +105,7 @@ impl ImageHead {
         let mut engine =
             FrameEngine::with_options(Arc::clone(network), options).expect("every map can be made");
         let mut image = vec![0.0; network.input().values()];
-        // Working space grows with what is computed: with everything, now.
+        // Working space grows on use: compute everything now, so that it does not grow later.
         for value in [1.0, 0.0] {
             image.fill(value);
             engine.push(&image).expect("finite values");
@@ -129,7 +129,7 @@ impl ImageHead {
                 self.image[(age * channels + c) * cells + cell] = value;
             }
         }
-        // All that it refuses is a value that is not finite: the readout passes over NaN, but not over infinity.
+        // The only possible error is a value that is not finite: the readout ignores NaN, but not infinity.
         if self.engine.push(&self.image).is_err() {
             return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
         }

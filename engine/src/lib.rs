@@ -1,5 +1,5 @@
-//! Incremental inference over streams: an engine keeps the activations of a network and computes again what an event or a
-//! frame changes, bit for bit as if everything had been computed.
+//! Incremental inference over streams: an engine keeps the activations of a network and recomputes only those that an
+//! event or a frame changes. The result equals full recomputation, bit for bit.
 //!
 //! ```text
 //! events -> admission -> window -> event graph -> changed rows -> layers -> readout -> prediction
@@ -9,12 +9,12 @@
 //! | type | what it is |
 //! |---|---|
 //! | [`Engine`] | a [`Network`] over the events of a sliding window: push, advance, predict, reset, snapshot, restore |
-//! | [`Batch`] | the same network from scratch, on any number of streams: the oracle of the engine |
-//! | [`BatchEngine`] | a batch with the verbs of the engine; [`Predictor`] is what all engines have in common |
-//! | [`frames::FrameEngine`] | a network over frames, with the same verbs |
-//! | [`Event`], [`Sensor`] | a pixel at a time in microseconds, and the size that it is on |
-//! | [`Prediction`], [`Counters`] | values with their time and cost; what was computed, skipped and dropped |
-//! | [`filters`], [`representations`] | what stands before an engine: event filters; frames out of events |
+//! | [`Batch`] | the same network computed from scratch, on any number of streams: the engine's oracle |
+//! | [`BatchEngine`] | a batch with the methods of the engine; [`Predictor`] is the trait of all engines |
+//! | [`frames::FrameEngine`] | a network over frames, with the same methods |
+//! | [`Event`], [`Sensor`] | a brightness change at a pixel and time (microseconds); the sensor's size |
+//! | [`Prediction`], [`Counters`] | values with their time and cost; counts of computed, skipped and dropped work |
+//! | [`filters`], [`representations`] | preprocessing: event filters; frames built from events |
 //!
 //! Networks usually come from description files and weights (crate `meissner_models`). This one is made by hand:
 //!
@@ -54,7 +54,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! An unoptimised build is many times slower, with the same bits: measure with `--release`.
+//! An unoptimised build gives the same bits but is many times slower: measure with `--release`. Tests: whole-engine
+//! properties are in `tests/` at the root of the workspace; the crate's own unit tests are beside the code.
 #![forbid(unsafe_code)]
 
 mod activations;

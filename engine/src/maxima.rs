@@ -1,13 +1,13 @@
-//! Channel-wise maxima over cells whose members come and go.
+//! Channel-wise maxima over cells with changing members.
 //!
-//! Enters: members with the cell they are in, features of the members and which of them changed. Leaves: one row of
-//! maxima per cell, and the cells whose row changed. A new member is merged into its cell's row; a member that leaves
-//! or changes makes the row be taken again from all members, unless it was below the maximum in every channel.
-//! Members that never change and leave in the order in which they came form a queue, whose maximum two partial maxima
-//! hold: of each member of its front, the maximum from there to the front's end; and the maximum of its back. A loss
-//! then costs one row, and once in a while, when the front is used up, a pass over the members.
-//! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for a cell
-//! without any.
+//! Input: members with their cells, the features of the members, and which of them changed. Output: one row of maxima
+//! per cell, and the cells whose row changed. A new member is merged into its cell's row. When a member leaves or
+//! changes, the row is recomputed from all members, unless the member was below the maximum in every channel.
+//! Members that never change and leave in order of arrival form a queue. Two partial maxima represent its maximum: for
+//! each member of the front part, the maximum from this member to the end of the front; and the maximum of the back
+//! part. A removal then costs one row, and occasionally, when the front is used up, a pass over the members.
+//! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for an empty
+//! cell.
 
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, maximum, same_bits, settle};
 
@@ -18,32 +18,32 @@ use crate::rows::RowSet;
 #[derive(Clone, Debug)]
 pub(crate) struct Maxima {
     members: Members,
-    /// Whether the cell's row is the maximum over its members but for the fresh ones.
+    /// Whether the cell's row is the maximum over its members except the fresh ones.
     filled: Vec<bool>,
     /// Members that entered since the last `settle`.
     fresh: RowSet,
-    /// Cells to take again.
+    /// Cells to recompute from all members.
     dirty: RowSet,
-    /// Cells that fresh members are merged into.
+    /// Cells into which fresh members are merged.
     merged: RowSet,
     queue: Option<Queue>,
     row: Vec<Lanes>,
 }
 
-/// Partial maxima of cells whose members are queues.
+/// Partial maxima of cells whose members form queues.
 #[derive(Clone, Debug)]
 struct Queue {
-    /// For each member of a front, the maximum from it to the front's end.
+    /// For each member of a front, the maximum from it to the end of the front.
     suffix: Matrix,
-    /// For each cell, the maximum of its settled members behind the front.
+    /// For each cell, the maximum of its settled members after the front.
     back: Matrix,
-    /// Members of each cell's front, the first of the cell.
+    /// Number of members in each cell's front: the first members of the cell.
     front: Vec<u32>,
 }
 
 impl Maxima {
-    /// No members, `rows` possible ones, `cells` cells. `queues`: whether members never change and leave in the order in
-    /// which they come.
+    /// No members yet; at most `rows` members in `cells` cells. `queues` states that members never change and leave in
+    /// order of arrival.
     pub(crate) fn new(rows: usize, cells: usize, channels: usize, queues: bool) -> Self {
         Self {
             queue: queues.then(|| Queue {
@@ -60,7 +60,7 @@ impl Maxima {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(rows: usize, cells: usize, channels: usize, queues: bool) -> usize {
         let row = Lanes::count(channels) * size_of::<Lanes>();
         let queue = if queues { (rows + cells) * row + cells * size_of::<u32>() } else { 0 };
@@ -68,7 +68,7 @@ impl Maxima {
         queue + Members::bytes(rows, cells) + cells * size_of::<bool>() + sets + row
     }
 
-    /// Forgets all members; every cell is zeros after the next `settle` over `values`.
+    /// Removes all members; every cell is zeros after the next `settle` over `values`.
     pub(crate) fn clear(&mut self, values: &mut Matrix) {
         self.members.clear();
         values.lanes_mut().fill(Lanes::ZERO);
@@ -89,13 +89,13 @@ impl Maxima {
         &self.members
     }
 
-    /// `row` joins `cell`.
+    /// Adds `row` to `cell`.
     pub(crate) fn enter(&mut self, row: u32, cell: u32) {
         self.members.push(row, cell);
         self.fresh.insert(row);
     }
 
-    /// `row`, with the features it had at the last `settle`, leaves its cell. `values` are the maxima.
+    /// Removes `row`, which has the same features as at the last `settle`, from its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
         let cell = self.members.remove(row);
         if self.fresh.contains(row) {
@@ -103,7 +103,7 @@ impl Maxima {
             return;
         }
         if let Some(queue) = &mut self.queue {
-            // Nobody reads the maximum of a back without a front: both are taken anew together.
+            // The maximum of a back is never read without a front: both are recomputed together.
             let front = &mut queue.front[cell as usize];
             *front = front.saturating_sub(1);
         }
@@ -112,14 +112,14 @@ impl Maxima {
         }
     }
 
-    /// `row` moves to another cell.
+    /// Moves `row` to another cell.
     pub(crate) fn relocate(&mut self, row: u32, cell: u32) {
         let old = self.members.remove(row);
         self.dirty.insert(old);
         self.enter(row, cell);
     }
 
-    /// Brings every row of `values` up to date; `moved` is told the cells whose row changed, and whether they have
+    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed, and whether they have
     /// members.
     pub(crate) fn settle(
         &mut self,
@@ -146,7 +146,7 @@ impl Maxima {
         }
         for &cell in self.merged.as_slice() {
             self.row.copy_from_slice(values.row(cell as usize));
-            // Fresh members stand at the end of their cell.
+            // Fresh members are at the end of their cell.
             let members = self.members.youngest_first(cell).take_while(|&m| self.fresh.contains(m));
             isa.run(Over { members: members.clone(), features, out: &mut self.row });
             if let Some(queue) = &mut self.queue {
@@ -182,7 +182,7 @@ impl Maxima {
     }
 }
 
-/// Writes `row` where it differs; whether it did.
+/// Writes `row` if it differs; returns whether it did.
 fn store(row: &[Lanes], values: &mut Matrix, cell: u32) -> bool {
     let stored = values.row_mut(cell as usize);
     let differs = !same_bits(row, stored);
@@ -192,20 +192,20 @@ fn store(row: &[Lanes], values: &mut Matrix, cell: u32) -> bool {
     differs
 }
 
-/// Whether `row` is below `maximum` in every of its `columns` channels: its loss cannot move it.
+/// Whether `row` is below `maximum` in all of its `columns` channels, so that its removal cannot change the maximum.
 fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
     let mut reaches = false;
     for (i, (row, maximum)) in row.iter().zip(maximum).enumerate() {
         let counts = (columns - i * LANES).min(LANES);
         for (v, m) in row.0[..counts].iter().zip(&maximum.0[..counts]) {
-            // NaN counts as reaching: it never took part, but whatever did must be found again.
+            // NaN counts as reaching the maximum: it never took part, but the members that did must be found again.
             reaches |= v >= m || v.is_nan();
         }
     }
     !reaches
 }
 
-/// Takes the maximum of `out` and the members' rows.
+/// Computes the maximum of `out` and the members' rows.
 struct Over<'a, I> {
     members: I,
     features: &'a Matrix,
@@ -225,12 +225,12 @@ impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
     }
 }
 
-/// The maximum of a queue of members.
+/// Computes the maximum of a queue of members.
 struct FromQueue<'a, I> {
     queue: &'a mut Queue,
     cell: u32,
     members: &'a Members,
-    /// Those of the members that neither front nor back knows yet.
+    /// Members that neither front nor back includes yet.
     fresh: I,
     features: &'a Matrix,
     out: &'a mut [Lanes],
@@ -246,7 +246,7 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
         let front = &mut queue.front[cell as usize];
         let back = queue.back.row_mut(cell as usize);
         if *front == 0 {
-            // All members become the front; the newest is its end.
+            // All members become the front, which ends with the newest.
             back.fill(Lanes::splat(f32::NEG_INFINITY));
             out.fill(Lanes::splat(f32::NEG_INFINITY));
             for member in members.youngest_first(cell) {

@@ -1,20 +1,20 @@
-//! Which rows are in which cell: every row in one cell at most, the rows of a cell in the order in which they came.
+//! Membership of rows in cells: every row is in at most one cell; the rows of a cell are in order of arrival.
 //!
-//! Each row has one link to the row before it in its cell and one to the row after it, so that memory follows from the number
+//! Each row links to the row before it and the row after it in its cell. Memory is therefore determined by the number
 //! of rows, however these are spread over cells.
 
-/// See the module.
+/// Doubly linked lists of the rows of each cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Members {
     /// Cell of each row that is a member.
     cell_of: Vec<u32>,
-    /// For each member the next older and the next younger one of its cell; of the oldest and the youngest, anything.
+    /// For each member, the next older and younger ones of its cell; undefined for the oldest and the youngest.
     older: Vec<u32>,
     younger: Vec<u32>,
     cells: Vec<Ends>,
 }
 
-/// The rows of a cell.
+/// First and last row of a cell, and their number.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ends {
     oldest: u32,
@@ -23,7 +23,7 @@ struct Ends {
 }
 
 impl Members {
-    /// No members, `rows` possible ones, `cells` cells.
+    /// No members yet; at most `rows` members in `cells` cells.
     pub(crate) fn new(rows: usize, cells: usize) -> Self {
         Self {
             cell_of: vec![0; rows],
@@ -33,7 +33,7 @@ impl Members {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(rows: usize, cells: usize) -> usize {
         rows * 3 * size_of::<u32>() + cells * size_of::<Ends>()
     }
@@ -48,19 +48,19 @@ impl Members {
         self.cell_of[row as usize]
     }
 
-    /// Members of a cell.
+    /// Number of members of a cell.
     #[inline]
     pub(crate) fn count(&self, cell: u32) -> u32 {
         self.cells[cell as usize].count
     }
 
-    /// The oldest of a cell's members; of none, anything.
+    /// Oldest member of a cell; undefined for an empty cell.
     #[inline]
     pub(crate) fn oldest(&self, cell: u32) -> u32 {
         self.cells[cell as usize].oldest
     }
 
-    /// `row`, which is in no cell, joins `cell`.
+    /// Adds `row`, which is in no cell, to `cell`.
     #[inline]
     pub(crate) fn push(&mut self, row: u32, cell: u32) {
         self.cell_of[row as usize] = cell;
@@ -75,7 +75,7 @@ impl Members {
         ends.count += 1;
     }
 
-    /// `row`, a member, leaves its cell, which is returned.
+    /// Removes `row`, a member, from its cell, which is returned.
     #[inline]
     pub(crate) fn remove(&mut self, row: u32) -> u32 {
         let cell = self.cell_of[row as usize];
@@ -109,7 +109,7 @@ impl Members {
     }
 }
 
-/// Some members of a cell, one after the other.
+/// Iterator over members of a cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk<'a> {
     links: &'a [u32],

@@ -1,10 +1,10 @@
-//! Merged edges: the in-edges of each row, one after the other in one store, and who reads each row.
+//! Merged edges: the in-edges of each row in one store, and the readers of each row.
 //!
-//! The in-edges of a row are contiguous, as kernels read them, with some room after them. A row that has used up its room moves
-//! to the end of the store. Where the end is reached, the rows close up. The store has room for the most edges that there can
-//! be at once, and for one row more, so that a row can always move: nothing is allocated after construction.
+//! The in-edges of a row are contiguous, as kernels read them, followed by some free space. A row that has used up its
+//! space moves to the end of the store. When the end is reached, the rows are compacted. The store has room for the
+//! most edges that can exist at once, plus one row, so that a row can always move without an allocation.
 //!
-//! A row is *altered* from when one of its edges came or went until it is settled.
+//! A row is *altered* from the time that one of its edges was added or removed until it is settled.
 
 use std::ops::Range;
 
@@ -14,21 +14,21 @@ use crate::convolution::EdgeReads;
 use crate::readers::Readers;
 
 const NONE: u32 = u32::MAX;
-/// In-edges of a row whose basis is kept. A block computes that of longer rows itself.
+/// Largest number of in-edges of a row whose basis is stored; a block computes the basis of longer rows itself.
 const BASES: usize = 24;
 
-/// How large merged edges can become.
+/// Maximum sizes of merged edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Extent {
     pub(crate) rows: usize,
     /// Most in-edges of a row.
     pub(crate) most: usize,
-    /// Most edges in all.
+    /// Most edges in total.
     pub(crate) edges: usize,
 }
 
 impl Extent {
-    /// For `rows` rows of which at most `alive` have edges, and no more edges than `below`, which they merge.
+    /// Maximum sizes for `rows` rows, of which at most `alive` have edges, which merge at most `below` edges.
     pub(crate) fn new(rows: usize, alive: usize, below: usize) -> Self {
         let most = alive.saturating_sub(1).min(below);
         Self { rows, most, edges: below.min(alive.saturating_mul(alive.saturating_sub(1))) }
@@ -47,37 +47,37 @@ impl Extent {
 struct Run {
     start: usize,
     len: u32,
-    /// Edges that fit before the run must move; 0 where it has no place.
+    /// Number of edges that fit before the row must move; 0 if it has no place in the store.
     room: u32,
-    /// Rows with a place, in the order of the store.
+    /// Links between the rows with a place, in the order of the store.
     before: u32,
     after: u32,
 }
 
-/// See the module.
+/// Merged in-edges of all rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     extent: Extent,
     runs: Vec<Run>,
-    /// The first and the last row with a place, and where the store is free from.
+    /// First and last row with a place, and the start of the free space.
     first: u32,
     last: u32,
     end: usize,
-    /// Edges in all.
+    /// Total number of edges.
     len: usize,
     neighbours: Vec<Neighbour>,
-    /// Edges below that each stands for.
+    /// Number of edges of the level below that each edge merges.
     counts: Vec<u32>,
-    /// The offset of each, where blocks read it.
+    /// Offset of each edge, if blocks read it.
     offsets: Vec<[f32; 3]>,
-    /// The basis of each edge of rows that are not too long, for blocks that read it.
+    /// Basis of each edge of rows that are not too long, if blocks read it.
     basis: Vec<Lanes>,
     altered: Vec<bool>,
     readers: ReadBy,
 }
 
 impl Merged {
-    /// No edges, of which blocks read what `reads` says.
+    /// No edges; `reads` is the edge data that blocks read.
     pub(crate) fn new(extent: Extent, reads: EdgeReads) -> Self {
         let basis = if reads.basis { extent.rows * extent.bases() } else { 0 };
         Self {
@@ -96,7 +96,7 @@ impl Merged {
         }
     }
 
-    /// Bytes that [`Self::new`] takes. Saturates.
+    /// Bytes that [`Self::new`] allocates. Saturates.
     pub(crate) fn bytes(extent: Extent, reads: EdgeReads) -> u128 {
         let Extent { rows, .. } = extent;
         let offset = if reads.offsets { size_of::<[f32; 3]>() } else { 0 };
@@ -113,7 +113,7 @@ impl Merged {
         self.readers.clear(self.extent);
     }
 
-    /// Whether `more` edges fit beside those that there are.
+    /// Whether there is room for `more` additional edges.
     pub(crate) fn has_room(&self, more: usize) -> bool {
         self.len + more <= self.extent.edges
     }
@@ -130,7 +130,7 @@ impl Merged {
         &self.neighbours[self.span(row)]
     }
 
-    /// The in-edges of a row with what is kept of them: no basis of a row that is too long.
+    /// In-edges of a row with their stored data; without a basis if the row is too long.
     #[inline]
     pub(crate) fn edges(&self, row: u32) -> GraphRow<'_> {
         let (span, bases) = (self.span(row), self.extent.bases());
@@ -144,7 +144,7 @@ impl Merged {
         }
     }
 
-    /// Moves the edges `from` to the place `to`.
+    /// Moves the edges `from` to index `to`.
     fn shift(&mut self, from: Range<usize>, to: usize) {
         self.neighbours.copy_within(from.clone(), to);
         self.counts.copy_within(from.clone(), to);
@@ -153,19 +153,19 @@ impl Merged {
         }
     }
 
-    /// Calls `visit` with the rows that have an in-edge from one of `rows`: some at a time, in any order, and a row for each of
-    /// its in-edges or once.
+    /// Calls `visit` with the rows that have an in-edge from one of `rows`: in batches, in any order. A row may be
+    /// visited once, or once per in-edge.
     #[inline]
     pub(crate) fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32])) {
         self.readers.for_blocks(rows, visit);
     }
 
-    /// One more edge below that stands for in-edge `at` of `row`.
+    /// Counts one more edge of the level below for in-edge `at` of `row`.
     pub(crate) fn count_up(&mut self, row: u32, at: usize) {
         self.counts[self.runs[row as usize].start + at] += 1;
     }
 
-    /// One edge below less; whether it was the last, and the in-edge is gone.
+    /// Counts one edge of the level below less; returns whether it was the last, which removes the in-edge.
     pub(crate) fn count_down(&mut self, row: u32, at: usize) -> bool {
         let span = self.span(row);
         let count = &mut self.counts[span.start + at];
@@ -182,7 +182,7 @@ impl Merged {
         gone
     }
 
-    /// `row` gets an in-edge from `source`, its `at`th, which stands for one edge below.
+    /// Inserts an in-edge of `row` from `source` at index `at`; it merges one edge of the level below.
     ///
     /// # Panics
     /// If there are more edges than the store is made for.
@@ -202,7 +202,7 @@ impl Merged {
         self.readers.push(source, row);
     }
 
-    /// Gives a row without room some.
+    /// Makes room for a row without any.
     fn enlarge(&mut self, row: u32) {
         let len = self.runs[row as usize].len as usize;
         let wanted = len + 1 + (len / 2).max(3);
@@ -230,7 +230,7 @@ impl Merged {
         self.runs[row as usize].room = (self.end - self.runs[row as usize].start) as u32;
     }
 
-    /// Takes a row out of the order of the store.
+    /// Removes a row from the order of the store.
     fn unlink(&mut self, row: u32) {
         let Run { room, before, after, .. } = self.runs[row as usize];
         if room == 0 {
@@ -247,7 +247,7 @@ impl Merged {
         self.runs[row as usize].room = 0;
     }
 
-    /// Moves all rows to the front of the store, without room between them. Rows without edges lose their places.
+    /// Compacts all rows at the front of the store, without free space. Rows without edges lose their places.
     fn close_up(&mut self) {
         let (mut row, mut to) = (self.first, 0);
         while row != NONE {
@@ -265,8 +265,8 @@ impl Merged {
         self.end = to;
     }
 
-    /// Gives each in-edge of `row` attributes and offsets of the difference that `difference` tells of its source; whether the
-    /// row was altered or any of what blocks read differs.
+    /// Sets attributes and offsets of each in-edge of `row`; `difference` returns the difference to a source. Returns
+    /// whether the row was altered or any value that blocks read differs.
     pub(crate) fn settle(&mut self, row: u32, scale: f32, difference: impl Fn(u32) -> [f64; 3]) -> bool {
         let altered = std::mem::take(&mut self.altered[row as usize]);
         let mut changed = altered;
@@ -296,7 +296,7 @@ impl Merged {
     }
 }
 
-/// Who reads each row: bits where there are few rows and bits are smaller, else lists.
+/// Readers of each row: bits if there are few rows and bits are smaller, otherwise lists.
 #[derive(Clone, Debug)]
 enum ReadBy {
     Bits(Bits),
@@ -304,7 +304,7 @@ enum ReadBy {
 }
 
 impl ReadBy {
-    /// Words of a row of bits, where there are bits.
+    /// Words per row of bits, if bits are used.
     fn words(Extent { rows, edges, .. }: Extent) -> Option<usize> {
         let words = rows.div_ceil(WORD);
         (words <= WORD && Bits::bytes(rows, words) <= Readers::bytes(rows, edges)).then_some(words)
@@ -355,10 +355,10 @@ impl ReadBy {
     }
 }
 
-/// Bits of a word.
+/// Bits per word.
 const WORD: usize = u64::BITS as usize;
 
-/// A bit for each pair of rows.
+/// One bit for each pair of rows.
 #[derive(Clone, Debug)]
 struct Bits {
     words: usize,
@@ -388,7 +388,7 @@ impl Bits {
         self.pairs[source as usize * self.words + word] &= !(1 << (reader as usize % WORD));
     }
 
-    /// Each reader once: mostly, rows share most of their readers.
+    /// Visits each reader once: rows mostly share their readers.
     #[inline]
     fn for_blocks(&self, sources: impl Iterator<Item = u32>, mut visit: impl FnMut(&[u32])) {
         let mut readers = [0; WORD];
@@ -418,7 +418,7 @@ mod tests {
     proptest! {
         #[test]
         fn merged_edges_are_those_of_plain_maps(
-            // Beside five rows in use, so many that readers stand in lists.
+            // In addition to five used rows, enough rows that readers are stored in lists.
             more in prop_oneof![Just(0usize), Just(200), Just(5_000)],
             below in 1usize..30,
             steps in proptest::collection::vec((0u32..5, 0u32..5, any::<bool>(), any::<bool>()), 0..400),

@@ -4,7 +4,7 @@ use meissner_kernels::{attribute, offset};
 
 use crate::{Event, Sensor};
 
-/// A node of the event graph: an event with its time counted from the epoch.
+/// A node of the event graph: an event with its time relative to the epoch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Node {
     /// Microseconds since the epoch, not negative.
@@ -20,14 +20,14 @@ impl Node {
         Self { t, x: event.x, y: event.y, on: event.on }
     }
 
-    /// The input feature of the networks: +1 where the brightness rose, -1 where it fell.
+    /// The input feature of the networks: +1 if the brightness rose, -1 if it fell.
     pub(crate) fn sign(self) -> f32 {
         if self.on { 1.0 } else { -1.0 }
     }
 }
 
-/// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. The terms of x and y are
-/// looked up: they are the same bits as computed ones.
+/// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. The terms of x and y come from
+/// tables; they have the same bits as computed ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     span: f64,
@@ -59,7 +59,7 @@ impl Metric {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(sensor: Sensor) -> usize {
         let pixels = usize::from(sensor.width) + usize::from(sensor.height);
         pixels * (size_of::<f64>() + 2 * size_of::<f32>())
@@ -89,7 +89,7 @@ impl Metric {
         (self.x2(a.x.abs_diff(b.x) as usize) + self.y2(a.y.abs_diff(b.y) as usize)) + self.t2(a.t - b.t)
     }
 
-    /// Edge attribute of `source` as `reader` sees it.
+    /// Edge attribute of `source` relative to `reader`.
     #[inline]
     pub(crate) fn attributes(&self, source: Node, reader: Node) -> [f32; 3] {
         let at = |table: &[f32], source: u16, reader: u16| {
@@ -100,7 +100,7 @@ impl Metric {
         [at(&self.ux, source.x, reader.x), at(&self.uy, source.y, reader.y), t]
     }
 
-    /// Offset of `source` as `reader` sees it.
+    /// Offset of `source` relative to `reader`.
     #[inline]
     pub(crate) fn offsets(&self, source: Node, reader: Node) -> [f32; 3] {
         let along = |source: u16, reader: u16, d: usize| {

@@ -1,9 +1,8 @@
-//! A network as the engine runs it: the event graph, levels of blocks joined by poolings, a readout, dense layers. Shapes
-//! are checked once, here; engine and batch rely on them.
+//! Description of a network over events: the event graph, levels of blocks joined by poolings, a readout, dense layers.
+//! Shapes are checked once, here; engine and batch rely on them.
 //!
-//! A *feature* of a level is what enters it (index 0: the events' polarity, or the pooled maxima) or what its block
-//! b wrote (index b + 1). Blocks read any earlier feature of their level, so that a level is an acyclic graph in
-//! topological order.
+//! Feature 0 of a level is the level's input (the events' polarity, or the pooled maxima); feature b + 1 is the output
+//! of its block b. A block reads any earlier feature of its level, so a level is an acyclic graph in topological order.
 
 mod check;
 mod fingerprint;
@@ -18,49 +17,49 @@ pub use parts::{
     Position, Reach, Readout,
 };
 
-/// A checked network. Immutable; engines share it by `Arc`.
+/// A checked, immutable network; engines share it by `Arc`.
 #[derive(Clone, Debug)]
 pub struct Network {
     parts: NetworkParts,
     /// Channels of each feature of each level.
     channels: Vec<Vec<usize>>,
-    /// Known from when it was first asked for.
+    /// Computed on first use.
     fingerprint: OnceLock<u64>,
 }
 
 impl Network {
-    /// Longest span, about 12 days: sums of squared shares of it stay far from f64's limits.
+    /// Longest span, about 12 days: (time difference / span)^2 then stays far from f64's limits.
     pub const LONGEST_SPAN_US: i64 = check::LONGEST_SPAN_US;
-    /// Most events that a window may be asked to hold.
+    /// Largest capacity of a window, in events.
     pub const LARGEST_CAPACITY: usize = check::LARGEST_CAPACITY;
-    /// Most in-edges of a node.
+    /// Largest number of in-edges of a node.
     pub const MOST_NEIGHBOURS: usize = check::MOST_NEIGHBOURS;
-    /// Most cells of a pooling.
+    /// Largest number of cells of a pooling.
     pub const MOST_CELLS: usize = check::MOST_CELLS;
 
     /// Checks that `parts` fit together.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for the graph, span and capacity; [`EngineError::Network`] for layers that read what
-    /// does not exist yet or has other channels.
+    /// [`EngineError::Option`] for a graph, span or capacity out of range; [`EngineError::Network`] for a layer whose
+    /// input does not exist yet or has a different number of channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
         let channels = check::channels(&parts)?;
         Ok(Self { parts, channels, fingerprint: OnceLock::new() })
     }
 
-    /// What the network is made of.
+    /// The parts of the network.
     pub fn parts(&self) -> &NetworkParts {
         &self.parts
     }
 
-    /// Name, for reports.
+    /// Name, shown in reports.
     pub fn name(&self) -> &str {
         &self.parts.name
     }
 
-    /// What tells this network from others: of structure, names and the bits of all parameters as they are computed with.
-    /// Equal networks have equal ones; others collide by chance alone, though not for someone who wants them to. O(parameters)
-    /// once.
+    /// Hash of structure, names and the bits of all parameters as they are used in computations. Equal networks have
+    /// equal fingerprints. Different networks collide only by chance; the hash does not resist deliberate collisions.
+    /// O(parameters) on the first call.
     pub fn fingerprint(&self) -> u64 {
         *self.fingerprint.get_or_init(|| fingerprint::of(&self.parts))
     }
@@ -92,23 +91,23 @@ impl Network {
         &self.channels[level]
     }
 
-    /// Channels that the readout takes the maximum of.
+    /// Number of channels of the readout.
     pub fn readout_channels(&self) -> usize {
         self.channels[self.channels.len() - 1][self.parts.readout.from]
     }
 
-    /// How often the readout's grid is there: once, or once for each cell in time that a window can fill.
+    /// Number of copies of the readout's grid: one, or one for each time cell that a window can contain.
     pub fn readout_times(&self) -> usize {
         self.readout_time().map_or(1, check::times)
     }
 
-    /// Length of the cells in time that the readout keeps apart, as a share of the span.
+    /// Length of the readout's time cells as a fraction of the span, if the readout separates them.
     pub(crate) fn readout_time(&self) -> Option<Fraction> {
         let last = self.parts.pooled.last();
         last.and_then(|(pooling, _)| pooling.time).filter(|_| self.parts.readout.by_time)
     }
 
-    /// Names of the layers that compute rows: the blocks of level 0, each pooling with its blocks, in order.
+    /// Names of the layers that compute rows, in order: the blocks of level 0, then each pooling with its blocks.
     pub fn layers(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.parts.events.blocks.iter().map(|b| b.name.as_str()).collect();
         for (pooling, level) in &self.parts.pooled {
@@ -119,13 +118,13 @@ impl Network {
     }
 }
 
-/// A network changed before it runs: a coarser graph, a shorter memory. Each is checked again and exact in itself: engine and
-/// batch agree on it bit for bit. Only a measurement can say how its predictions differ from those of the network before.
+/// Variants of a network: a coarser graph, a shorter window. Each variant is checked again, and engine and batch agree
+/// on it bit for bit. The predictions differ from those of the original network; only a measurement shows by how much.
 impl Network {
-    /// The same network with another span.
+    /// The same network with a different span.
     ///
     /// # Errors
-    /// [`EngineError::Option`] where the span is out of range.
+    /// [`EngineError::Option`] if the span is out of range.
     pub fn with_span_us(self, span_us: i64) -> Result<Self, EngineError> {
         self.changed(|parts| parts.span_us = span_us)
     }
@@ -133,15 +132,15 @@ impl Network {
     /// The same network with a window of at most `capacity` events.
     ///
     /// # Errors
-    /// [`EngineError::Option`] where the capacity is out of range.
+    /// [`EngineError::Option`] if the capacity is out of range.
     pub fn with_capacity(self, capacity: usize) -> Result<Self, EngineError> {
         self.changed(|parts| parts.capacity = capacity)
     }
 
-    /// The same network where a node of the event graph reads the first `most` of its neighbours.
+    /// The same network with at most `most` neighbours per node of the event graph: the first of each neighbourhood.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for none, or for more than the network has: it has seen no such graph.
+    /// [`EngineError::Option`] for 0, and for more neighbours than the network has: it was not trained on such a graph.
     pub fn with_neighbours(self, most: usize) -> Result<Self, EngineError> {
         in_range("neighbours of a node", most as i64, 1, self.parts().graph.reach.most() as i64)?;
         self.changed(|parts| {

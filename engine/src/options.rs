@@ -1,10 +1,10 @@
-//! How an engine over events runs: options of its users, and switches of its tests.
+//! Options of an engine over events, and switches that only tests set.
 
 use meissner_kernels::Isa;
 
 use crate::LatePolicy;
 
-/// What a user may choose about an [`Engine`](crate::Engine) beside network and sensor.
+/// Options of an [`Engine`](crate::Engine).
 ///
 /// ```
 /// use meissner_engine::{LatePolicy, Options};
@@ -16,32 +16,32 @@ use crate::LatePolicy;
 #[non_exhaustive]
 #[must_use]
 pub struct Options {
-    /// What happens to late events. By default they are dropped.
+    /// How late events are handled. By default they are dropped.
     pub late: LatePolicy,
-    /// Instruction set of the kernels: by default the best one of this processor. Results do not depend on it.
+    /// Instruction set of the kernels. Default: the best one of this processor. Results do not depend on it.
     pub isa: Isa,
-    /// Whether to measure how long each stage takes, for [`Engine::stage_times`](crate::Engine::stage_times). It costs
-    /// some tens of nanoseconds a stage. Off by default.
+    /// Whether to measure the time of each stage, for [`Engine::stage_times`](crate::Engine::stage_times). Costs some
+    /// tens of nanoseconds per stage. Default: off.
     pub stage_times: bool,
-    /// Most bytes of state. The default is 4 GiB.
+    /// Limit of the state in bytes. Default: 4 GiB.
     pub memory_limit: u128,
-    /// Largest change of a row's values that does not propagate, in the units of the layer: an approximation. The
-    /// default, 0, is exact.
+    /// Largest change of a row's values that does not propagate, in the units of the layer. Default: 0, which is exact;
+    /// any other value is an approximation.
     ///
-    /// A recomputed row of a block that is within the tolerance of the stored row in every channel keeps the
-    /// stored values. A row that has just entered is always stored. At any time, every stored row is within the
-    /// tolerance of the values that its stored inputs give. Pooled maxima and the readout are exact over stored rows, and
-    /// so are the event rows of `frozen` networks, which are computed once.
+    /// If a recomputed row of a block is within the tolerance of the stored row in every channel, the stored values are
+    /// kept. A row that has just entered is always stored. At any time, every stored row is within the tolerance of the
+    /// row that its stored inputs give. Pooled maxima and the readout are exact over stored rows. The event rows of
+    /// `frozen` networks are exact too, because they are computed once.
     pub tolerance: f32,
     pub(crate) hooks: TestHooks,
 }
 
-/// Switches that only tests set. No result depends on them.
+/// Switches that only tests set. Results do not depend on them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TestHooks {
     /// Fill rows that leave with NaN, so that a stale read shows as [`EngineError::NotANumber`](crate::EngineError).
     pub(crate) poison: bool,
-    /// Remember which rows were computed, for `Engine::recomputed`.
+    /// Record which rows were computed, for `Engine::recomputed`.
     pub(crate) record_rows: bool,
 }
 
@@ -59,7 +59,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The defaults.
+    /// The default options.
     pub fn new() -> Self {
         Self::default()
     }
@@ -96,7 +96,7 @@ impl Options {
         self
     }
 
-    /// For tests: remembers which rows were computed.
+    /// For tests: records which rows were computed.
     #[doc(hidden)]
     pub fn with_record_rows(mut self, record_rows: bool) -> Self {
         self.hooks.record_rows = record_rows;

@@ -1,9 +1,9 @@
 //! The graph of a pooled level: cells of a fixed grid, their positions and their merged edges.
 //!
-//! Enters: the delta of the level below. Leaves: the delta of this level, and attributed neighbourhoods in the order
-//! of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of the
-//! level below joins members of its two cells, counted; no cell has an edge to itself; after [`PooledGraph::settle`],
-//! positions and attributes are those of the present members.
+//! Input: the delta of the level below. Output: the delta of this level, and neighbourhoods with attributes in the
+//! order of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of
+//! the level below joins members of its two cells (counted); no cell has an edge to itself; after
+//! [`PooledGraph::settle`], positions and attributes are those of the present members.
 
 use std::iter;
 
@@ -22,33 +22,33 @@ use crate::room::Room;
 use crate::rows::RowSet;
 use crate::window::Window;
 
-/// The level that a pooling reads.
+/// The level below, which a pooling reads.
 #[derive(Clone, Copy)]
 pub(crate) enum Below<'a> {
     Events(&'a Window),
     Cells(&'a PooledGraph),
 }
 
-/// The sizes of one level, from which its memory follows.
+/// Sizes of one level, which determine its memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     grid: CellGrid,
     /// Rows of the level below.
     rows_below: usize,
-    /// Merged edges; none where no block of this level or above reads edges.
+    /// Merged edges; none if no block of this level or above reads edges.
     edges: Option<Extent>,
     /// Channels of the maxima.
     channels: usize,
-    /// Whether the rows below never change and leave in the order in which they come.
+    /// Whether the rows below never change and leave in order of arrival.
     queues: bool,
-    /// Whether members' positions are summed in the order of cells.
+    /// Whether members' positions are summed in cell order.
     orders: bool,
-    /// What blocks read of in-edges.
+    /// The edge data that blocks read.
     reads: EdgeReads,
 }
 
 impl Shape {
-    /// The shapes of all pooled levels, the lowest first, as far as rows can be counted in 32 bits; whether that is all.
+    /// The shapes of the pooled levels, lowest first, while rows fit 32 bits; and whether these are all levels.
     pub(crate) fn all(network: &Network, sensor: Sensor) -> (Vec<Self>, bool) {
         let parts = network.parts();
         let mut shapes: Vec<Self> = Vec::with_capacity(parts.pooled.len());
@@ -82,12 +82,12 @@ impl Shape {
         self.grid.slots()
     }
 
-    /// Most in-edges of a row.
+    /// Largest number of in-edges of a row.
     pub(crate) fn most(&self) -> usize {
         self.edges.map_or(0, |extent| extent.most)
     }
 
-    /// Bytes that [`PooledGraph::new`] takes.
+    /// Bytes that [`PooledGraph::new`] allocates.
     pub(crate) fn bytes(&self) -> u128 {
         let slots = self.grid.slots();
         let of_slot = size_of::<Key>() + size_of::<EventSums>() + size_of::<[f64; 3]>();
@@ -109,10 +109,10 @@ pub(crate) struct PooledGraph {
     sums: Vec<EventSums>,
     alive: usize,
     positions: Vec<[f64; 3]>,
-    /// In-edges of each slot, in the order of their sources' keys; kept where someone reads them.
+    /// In-edges of each slot, in the order of their sources' keys; stored only if they are read.
     edges: Option<Merged>,
     pub(crate) maxima: Maxima,
-    /// Cells whose members, or a member's position, changed.
+    /// Cells whose members changed, or the position of a member.
     moved: RowSet,
     /// Cells whose in-edges or attributes may have changed.
     stale: RowSet,
@@ -156,7 +156,7 @@ impl PooledGraph {
         self.positions[cell as usize]
     }
 
-    /// Index along t of a node's cell.
+    /// Index along t of the cell in slot `cell`.
     pub(crate) fn time_cell(&self, cell: u32) -> i64 {
         self.keys[cell as usize][0]
     }
@@ -170,7 +170,7 @@ impl PooledGraph {
         self.alive
     }
 
-    /// Slots of the cells with members, in the order of cells.
+    /// Slots of the cells with members, in cell order.
     pub(crate) fn cells(&self) -> Vec<u32> {
         let mut cells: Vec<u32> = (0..self.keys.len() as u32).filter(|&c| self.is_alive(c)).collect();
         cells.sort_unstable_by_key(|&c| self.keys[c as usize]);
@@ -194,7 +194,7 @@ impl PooledGraph {
         for &row in from.entered.iter() {
             self.enter(below, row, to);
         }
-        // An edge that takes the place of another between the same cells leaves them joined.
+        // If an edge replaces another one between the same cells, the cells stay joined.
         let edges = self.edges.as_ref();
         if edges.is_none_or(|edges| edges.has_room(from.added.len())) {
             self.connect_all(&from.added, to);
@@ -290,7 +290,7 @@ impl PooledGraph {
         }
     }
 
-    /// Notes that a row of the level below changed its position.
+    /// Marks that a row of the level below changed its position.
     pub(crate) fn member_shifted(&mut self, row: u32) {
         if self.keeps_sums() {
             self.moved.insert(self.maxima.cell_of(row));
@@ -302,7 +302,7 @@ impl PooledGraph {
         &self.shifted
     }
 
-    /// Brings positions and attributes up to date; `rewired` is told each cell whose neighbourhood changed.
+    /// Brings positions and attributes up to date; calls `rewired` with each cell whose neighbourhood changed.
     pub(crate) fn settle(
         &mut self,
         below: Below<'_>,
@@ -351,13 +351,13 @@ impl PooledGraph {
         mean_position(self.order.iter().map(|&(_, m)| below.positions[m as usize]))
     }
 
-    /// Everything downstream has seen the changes.
+    /// Clears the sets of changes, after everything downstream has processed them.
     pub(crate) fn finish(&mut self) {
         self.shifted.clear();
     }
 }
 
-/// Where an in-edge of `reader` from `source` stands, or would stand.
+/// Index of an in-edge of `reader` from `source`, or its insertion index.
 fn find(edges: &Merged, keys: &[Key], source: u32, reader: u32) -> Result<usize, usize> {
     let key = keys[source as usize];
     edges.neighbours(reader).binary_search_by_key(&key, |n| keys[n.row as usize])

@@ -1,25 +1,25 @@
-//! What all engines have in common.
+//! The trait that all engines implement.
 
 use crate::{BatchEngine, Engine, EngineError, Event, Outcome, Prediction, StaleReadout};
 
-/// The verbs of an engine, for code that runs on any of them.
+/// Common methods of all engines, for code that runs on any of them.
 pub trait Predictor {
     /// One input: an [`Event`], or a frame with its time.
     type Input;
-    /// Takes an input, as [`Engine::push`].
+    /// Inserts an input, as [`Engine::push`].
     fn push(&mut self, input: Self::Input) -> Outcome;
-    /// Moves time on, as [`Engine::advance`].
+    /// Advances the clock, as [`Engine::advance`].
     fn advance(&mut self, t_us: i64);
-    /// The prediction for all accepted inputs, as [`Engine::predict`].
+    /// Computes the prediction for all accepted inputs, as [`Engine::predict`].
     ///
     /// # Errors
     /// As [`Engine::predict`].
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError>;
-    /// Forgets all inputs, as [`Engine::reset`].
+    /// Removes all inputs, as [`Engine::reset`].
     fn reset(&mut self);
 }
 
-/// Implements [`Predictor`] by methods of the same names.
+/// Implements [`Predictor`] through inherent methods of the same names.
 macro_rules! predictor {
     ($($engine:ty),*) => {$(
         impl Predictor for $engine {

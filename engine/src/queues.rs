@@ -1,14 +1,14 @@
-//! Queues of nodes, one for each cell of a grid, in blocks from one store.
+//! Queues of nodes, one per grid cell, in blocks from one store.
 //!
-//! Nodes enter a queue at its end and leave it at its start. A queue is a chain of blocks of two cache lines; only its first
-//! and its last block can be partly filled. The store has as many blocks as its queues can take at once, however a bounded
-//! number of nodes is spread over them: nothing is allocated after construction.
+//! Nodes enter a queue at its end and leave at its start. A queue is a chain of blocks of two cache lines; only its
+//! first and its last block can be partly filled. The store has as many blocks as its queues can need at once, however
+//! a bounded number of nodes is spread over them: nothing is allocated after construction.
 
 /// Nodes in a block.
 const NODES: usize = 7;
 const NONE: u32 = u32::MAX;
 
-/// A node as its queue keeps it.
+/// A node as stored in a queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Entry {
     pub(crate) t: i64,
@@ -21,62 +21,62 @@ pub(crate) struct Entry {
 #[repr(C, align(128))]
 struct Block {
     entries: [Entry; NODES],
-    /// The next older block of the queue; of the first one, anything.
+    /// The next older block of the queue; undefined for the first.
     before: u32,
     /// The next younger block of the queue, or the next free block.
     after: u32,
 }
 
-/// The chain of one queue. Without nodes it has no blocks.
+/// The chain of one queue. An empty queue has no blocks.
 #[derive(Clone, Copy, Debug)]
 struct Chain {
     first: u32,
     last: u32,
     nodes: u32,
-    /// Where the oldest node stands in the first block.
+    /// Index of the oldest node in the first block.
     start: u16,
-    /// Where the newest node ends in the last block.
+    /// End of the nodes in the last block.
     end: u16,
 }
 
 const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: NODES as u16 };
 
-/// See the module.
+/// Queues that share one store of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Queues {
     chains: Vec<Chain>,
     blocks: Vec<Block>,
-    /// First free block; the number of blocks where all are taken.
+    /// First free block; the number of blocks if none is free.
     free: u32,
 }
 
-/// A place in a queue: in front of the node `at` of a block, or at the block's end.
+/// A position in a queue: before node `at` of a block, or at the block's end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     block: u32,
     at: u32,
 }
 
-/// Where a queue has been read up to, for times that never go back; by default nowhere.
+/// Last read position of a queue, for times that never decrease; initially none.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Cursor(Option<Place>);
 
 impl Queues {
-    /// `queues` empty queues for at most `nodes` nodes in all.
+    /// `queues` empty queues for at most `nodes` nodes in total.
     pub(crate) fn new(queues: usize, nodes: usize) -> Self {
         let count = Self::blocks(queues, nodes);
         let block = |i: u32| Block { entries: [Entry::default(); NODES], before: NONE, after: i + 1 };
         Self { chains: vec![EMPTY; queues], blocks: (0..count as u32).map(block).collect(), free: 0 }
     }
 
-    /// Most blocks that `nodes` nodes take in `queues` queues. n nodes of one queue take at most 1 + ceil((n - 1) / `NODES`):
-    /// the first and the second node of a queue may each need a block, and then every `NODES`th one.
+    /// Largest number of blocks that `nodes` nodes need in `queues` queues. n nodes of one queue need at most 1 +
+    /// ceil((n - 1) / `NODES`): the first and the second may each need a block, and then every `NODES`th one.
     fn blocks(queues: usize, nodes: usize) -> usize {
         let pairs = queues.saturating_mul(2);
         if nodes <= pairs { nodes } else { pairs + (nodes - pairs) / NODES }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(queues: usize, nodes: usize) -> usize {
         queues * size_of::<Chain>() + Self::blocks(queues, nodes) * size_of::<Block>()
     }
@@ -94,7 +94,7 @@ impl Queues {
     /// Appends a node.
     ///
     /// # Panics
-    /// If there are as many nodes as the queues were made for, and no block has room.
+    /// If the queues already hold as many nodes as they were made for, and no block has room.
     #[inline]
     pub(crate) fn push(&mut self, queue: usize, entry: Entry) {
         let chain = &mut self.chains[queue];
@@ -149,7 +149,7 @@ impl Queues {
     }
 }
 
-/// One queue, to read.
+/// Read access to one queue.
 #[derive(Clone, Copy)]
 pub(crate) struct Queue<'a> {
     chain: &'a Chain,
@@ -162,7 +162,7 @@ impl<'a> Queue<'a> {
         self.chain.nodes as usize
     }
 
-    /// The part of a block that belongs to the queue, and where it begins in the block.
+    /// The part of a block that belongs to the queue, and its start in the block.
     #[inline]
     fn part(self, block: u32) -> (usize, &'a [Entry]) {
         let start = if block == self.chain.first { usize::from(self.chain.start) } else { 0 };
@@ -192,8 +192,8 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// Where the nodes begin that are later than `t`, in a queue with nodes in order of time. O(1) if none is; else a step for
-    /// each block from the end that is nearer in time.
+    /// Start of the nodes later than `t`, in a queue ordered by time. O(1) if there is none; otherwise one step per
+    /// block from the nearer end in time.
     #[inline]
     pub(crate) fn later_than(self, t: i64) -> Place {
         let last = &self.blocks[self.chain.last as usize].entries;
@@ -206,7 +206,7 @@ impl<'a> Queue<'a> {
         Place { block: self.chain.last, at: self.chain.end.into() }
     }
 
-    /// [`Self::later_than`] where the newest node, of time `newest`, is later.
+    /// [`Self::later_than`] if the newest node, of time `newest`, is later than `t`.
     fn walk_to(self, t: i64, newest: i64) -> Place {
         let oldest = self.blocks[self.chain.first as usize].entries[usize::from(self.chain.start)].t;
         let mut block;
@@ -225,7 +225,7 @@ impl<'a> Queue<'a> {
         Place { block, at: (start + part.iter().take_while(|e| e.t <= t).count()) as u32 }
     }
 
-    /// [`Self::later_than`] for times that never go back, in a queue that stays as it is.
+    /// [`Self::later_than`] for times that never decrease, in an unchanging queue.
     #[inline]
     pub(crate) fn later_than_onwards(self, t: i64, cursor: &mut Cursor) -> Place {
         let Place { mut block, mut at } =
@@ -262,7 +262,7 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// Calls `visit` with the nodes in front of `place`, newer to older, while it returns true.
+    /// Calls `visit` with the nodes before `place`, newer to older, while it returns true.
     #[inline]
     pub(crate) fn visit_back_from(
         self,
@@ -298,7 +298,7 @@ mod tests {
         found
     }
 
-    /// Nodes in front of `place` and from it on, each in order of time.
+    /// Nodes before `place` and from it on, each in order of time.
     fn parts(queue: Queue<'_>, place: Place) -> [Vec<Entry>; 2] {
         let [mut before, mut after] = [Vec::new(), Vec::new()];
         queue.visit_back_from(place, |entry| {

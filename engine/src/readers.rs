@@ -1,8 +1,8 @@
 //! Reverse neighbour lists: for each slot, the rows that read it.
 //!
-//! A list is a chain of blocks of one cache line; the first belongs to the slot, the others come from a store that is
-//! large enough for all edges that a graph can have, so that nothing is allocated while events flow. Rows stand in any
-//! order: they only ever become dirty.
+//! A list is a chain of blocks of one cache line. The first block belongs to the slot; the others come from a store
+//! that is large enough for all edges of a graph, so that nothing is allocated while events arrive. The order of rows
+//! does not matter, because rows are only marked dirty.
 
 /// Rows in a block.
 const ROWS: usize = 15;
@@ -11,7 +11,7 @@ const ROWS: usize = 15;
 #[repr(C, align(64))]
 struct Block {
     rows: [u32; ROWS],
-    /// The next block of the chain or of the free ones; of the last one, anything.
+    /// The next block of the chain or of the free blocks; undefined for the last one.
     next: u32,
 }
 
@@ -19,16 +19,16 @@ struct Block {
 pub(crate) struct Readers {
     /// The first block of each slot, then the store.
     blocks: Vec<Block>,
-    /// Rows that read each slot.
+    /// Number of rows that read each slot.
     count: Vec<u32>,
     /// Last block of each slot's chain.
     last: Vec<u32>,
-    /// First free block of the store; anything where all are taken.
+    /// First free block of the store; undefined if none is free.
     free: u32,
 }
 
 impl Readers {
-    /// Empty lists for `slots` slots and at most `edges` rows in all.
+    /// Empty lists for `slots` slots and at most `edges` rows in total.
     pub(crate) fn new(slots: usize, edges: usize) -> Self {
         let blocks = (0..slots + edges / ROWS).map(|i| Block { rows: [0; ROWS], next: i as u32 + 1 });
         Self {
@@ -63,7 +63,7 @@ impl Readers {
         }
     }
 
-    /// `row` reads `slot`.
+    /// Adds `row` to the readers of `slot`.
     #[inline]
     pub(crate) fn push(&mut self, slot: u32, row: u32) {
         let at = self.count[slot as usize] as usize;
@@ -77,7 +77,7 @@ impl Readers {
         self.count[slot as usize] += 1;
     }
 
-    /// `row`, which reads `slot`, does so no more.
+    /// Removes `row` from the readers of `slot`.
     #[inline]
     pub(crate) fn remove(&mut self, slot: u32, row: u32) {
         let last = self.last[slot as usize];
@@ -86,7 +86,7 @@ impl Readers {
         let mut block = slot;
         loop {
             let Block { rows, next } = &mut self.blocks[block as usize];
-            // What the last block holds behind its end comes after the row.
+            // Stale entries after the end of the last block come after the row.
             if let Some(found) = rows.iter_mut().find(|found| **found == row) {
                 *found = moved;
                 break;
@@ -100,7 +100,7 @@ impl Readers {
         }
     }
 
-    /// Nobody reads `slot` any more.
+    /// Removes all readers of `slot`.
     #[inline]
     pub(crate) fn clear(&mut self, slot: u32) {
         while self.last[slot as usize] != slot {
@@ -109,7 +109,7 @@ impl Readers {
         self.count[slot as usize] = 0;
     }
 
-    /// Gives the last block of a chain, not its first, back to the store.
+    /// Returns the last block of a chain, which is not its first, to the store.
     fn release_last(&mut self, slot: u32) {
         let last = self.last[slot as usize];
         let mut before = slot;

@@ -1,11 +1,11 @@
-//! The readout: from the last level's features to the maxima over its grid, and with the head to the prediction.
+//! The readout: from the last level's features to the maxima over its grid and, through the head, to the prediction.
 //!
-//! Enters: the last level's delta, its changed rows and, above a pooling, its positions. Leaves: the prediction. A
-//! node belongs to the readout cell that holds its position, as the reference has it; the cell of an event is
-//! computed in integers. Nothing is computed again where no maximum moved.
+//! Input: the last level's delta, its changed rows and, above a pooling, its positions. Output: the prediction. A node
+//! belongs to the readout cell that contains its position, as in the reference; the cell of an event is computed in
+//! integers. Nothing is recomputed if no maximum changed.
 //!
-//! Where cells in time stay apart, the grid's maxima are a ring over these cells: a new one takes the place of the one that
-//! the window has left, no row moves, and the head is given the grids from the newest to the oldest.
+//! If time cells stay separate, the grid's maxima are a ring over these cells: a new cell replaces the one that the
+//! window has left, no row moves, and the head receives the grids from the newest to the oldest.
 
 use meissner_kernels::{Isa, Lanes, Matrix};
 
@@ -20,7 +20,7 @@ use crate::rows::RowSet;
 use crate::window::Window;
 use crate::{EngineError, Fraction, Sensor};
 
-/// Where nodes fall in the readout's grid.
+/// Maps nodes to cells of the readout's grid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReadoutGrid {
     readout: Readout,
@@ -51,20 +51,20 @@ impl ReadoutGrid {
     }
 }
 
-/// The maxima over the readout's grid, the head over them, and its last prediction.
+/// The maxima over the readout's grid, the head, and its last prediction.
 #[derive(Clone, Debug)]
 pub(crate) struct ReadoutState {
     grid: ReadoutGrid,
     maxima: Maxima,
-    /// The readout.
+    /// The readout: one row of maxima per cell.
     values: Matrix,
-    /// Cells in time that stay apart, 1 for none.
+    /// Number of separate time cells; 1 if they are not separate.
     times: usize,
-    /// Their length as a share of the span, and the span.
+    /// Length of a time cell as a fraction of the span, and the span.
     time: Option<(Fraction, i64)>,
-    /// The newest cell in time as of the last `settle`.
+    /// The newest time cell as of the last `settle`.
     newest: i64,
-    /// `values` from the newest cell in time to the oldest, where there are several.
+    /// `values` from the newest time cell to the oldest, if there are several.
     by_age: Matrix,
     head: Head,
     /// Pooled nodes whose cell is not known yet.
@@ -73,7 +73,7 @@ pub(crate) struct ReadoutState {
     valid: bool,
 }
 
-/// What the readout reads.
+/// The inputs of the readout.
 pub(crate) struct LastLevel<'a> {
     pub(crate) activations: &'a Activations,
     /// The last pooled level, if there is one.
@@ -101,7 +101,7 @@ impl ReadoutState {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(network: &Network, rows: usize) -> u128 {
         let readout = network.parts().readout;
         let times = network.readout_times();
@@ -114,12 +114,12 @@ impl ReadoutState {
         (maxima + values + sets) as u128 + Head::bytes(network)
     }
 
-    /// Whether the rows that are read never change and leave in the order in which they come.
+    /// Whether the rows that it reads never change and leave in order of arrival.
     fn reads_queues(network: &Network) -> bool {
         network.parts().graph.is_frozen() && network.parts().pooled.is_empty()
     }
 
-    /// Goes on with another instruction set.
+    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         self.head.set_isa(isa);
     }
@@ -130,7 +130,7 @@ impl ReadoutState {
         self.valid = false;
     }
 
-    /// Follows the last level's delta.
+    /// Applies the last level's delta.
     pub(crate) fn apply(&mut self, window: &Window, last: &LastLevel<'_>, delta: &Delta) {
         for &row in delta.entered.iter() {
             if last.pooled.is_some() {
@@ -149,14 +149,14 @@ impl ReadoutState {
         }
     }
 
-    /// The cell of a pooled node, in the ring's grid of its cell in time.
+    /// Readout cell of a pooled node, in the grid of its time cell.
     fn cell_of(&self, pooled: &PooledGraph, row: u32) -> u32 {
         let place = pooled.time_cell(row) as usize % self.times;
         (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
     }
 
-    /// Brings the readout up to date at `now`, in microseconds since the epoch; whether the prediction must be computed
-    /// again.
+    /// Brings the readout up to date at `now`, in microseconds since the epoch; returns whether the prediction must be
+    /// recomputed.
     pub(crate) fn settle(
         &mut self,
         last: &LastLevel<'_>,
@@ -209,7 +209,7 @@ impl ReadoutState {
         self.valid = true;
     }
 
-    /// Why there is no prediction.
+    /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         self.head.failure(network)
     }

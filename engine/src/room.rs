@@ -1,8 +1,8 @@
-//! Lists whose room is taken once.
+//! Lists that allocate once.
 
 use std::ops::{Deref, DerefMut};
 
-/// A vector that keeps its capacity when it is cloned, as the clone of an engine must not take memory later either.
+/// A vector that keeps its capacity when cloned, because the clone of an engine must not allocate later either.
 #[derive(Debug)]
 pub(crate) struct Room<T>(Vec<T>);
 
@@ -12,7 +12,7 @@ impl<T> Room<T> {
         Self(Vec::with_capacity(most))
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(most: usize) -> usize {
         most * size_of::<T>()
     }

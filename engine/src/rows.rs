@@ -2,12 +2,12 @@
 
 use crate::room::Room;
 
-/// A set of rows below a fixed bound: O(1) to insert, remove, ask and clear, O(members) to walk, no allocation after
-/// construction. The order of a walk depends on the history and must not reach a result.
+/// A set of rows below a fixed bound: O(1) to insert, remove, test and clear, O(members) to iterate, no allocation
+/// after construction. The order of iteration depends on the history; results must not depend on it.
 #[derive(Clone, Debug)]
 pub(crate) struct RowSet {
     members: Room<u32>,
-    /// For each row, where it would stand in `members`.
+    /// For each row, its index in `members` if it is a member.
     index: Vec<u32>,
 }
 
@@ -17,7 +17,7 @@ impl RowSet {
         Self { members: Room::new(bound), index: vec![0; bound] }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(bound: usize) -> usize {
         bound * 2 * size_of::<u32>()
     }
@@ -62,7 +62,7 @@ impl RowSet {
     }
 }
 
-/// A set of rows below a fixed bound of which mostly none is a member: O(1) to insert, remove and count, a byte for a row.
+/// A set of rows below a fixed bound that is mostly empty: O(1) to insert, remove and count, one byte per row.
 #[derive(Clone, Debug)]
 pub(crate) struct FewRows {
     marked: Vec<bool>,
@@ -75,7 +75,7 @@ impl FewRows {
         Self { marked: vec![false; bound], len: 0 }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(bound: usize) -> usize {
         bound * size_of::<bool>()
     }
@@ -91,7 +91,7 @@ impl FewRows {
         }
     }
 
-    /// O(rows) where there are members.
+    /// O(rows) if there are members.
     pub(crate) fn clear(&mut self) {
         if self.len > 0 {
             self.marked.fill(false);
@@ -105,14 +105,14 @@ impl FewRows {
     }
 }
 
-/// A set of rows that only grows until it is cleared: asking costs one byte of memory, which matters where a thousand rows
-/// are each inserted by twenty others.
+/// A set of rows that only grows until it is cleared. A membership test reads one byte, which matters when each of a
+/// thousand rows is inserted by twenty others.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GrowingSet {
-    /// The members, then anything; one longer than there can be members.
+    /// The members, then undefined entries; one longer than the largest number of members.
     members: Vec<u32>,
     len: usize,
-    /// For each row whether it is a member.
+    /// Whether each row is a member.
     marked: Vec<bool>,
 }
 
@@ -122,12 +122,12 @@ impl GrowingSet {
         Self { members: vec![0; bound + 1], len: 0, marked: vec![false; bound] }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub(crate) fn bytes(bound: usize) -> usize {
         (bound + 1) * size_of::<u32>() + bound * size_of::<bool>()
     }
 
-    /// Inserts `rows`. Every one is written, and the next over it where it was a member: no branch to guess.
+    /// Inserts `rows`. Every row is written, and overwritten by the next if it was a member: no unpredictable branch.
     #[inline]
     pub(crate) fn insert(&mut self, rows: &[u32]) {
         let (members, marked) = (&mut self.members[..], &mut self.marked[..]);

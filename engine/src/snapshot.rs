@@ -1,4 +1,4 @@
-//! Snapshots: states of engines, as copies and as little-endian bytes that are written and read by hand.
+//! Snapshots: states of engines, as copies and as little-endian bytes.
 //!
 //! ```text
 //! "MEISSNER"   8 bytes
@@ -6,14 +6,14 @@
 //! kind         u32    1 an engine over events, 2 a frame engine
 //! length       u64    of the whole, checksum included
 //! content             engine/snapshot.rs, frames/step/snapshot.rs
-//! note                bytes of whoever asked for the snapshot
+//! note                bytes given by the caller
 //! its length   u64
 //! checksum     u64    FNV-1a of all before it
 //! ```
 //!
-//! The checksum detects accidental damage, and every change of a single byte. Invented content with a valid checksum is
-//! checked all the same: counts against the remaining bytes and against what the engine can hold, before anything is
-//! allocated; sizes against those of the network. No value that is read is used as an index.
+//! The checksum detects accidental damage, and every change of a single byte. Forged content with a valid checksum is
+//! checked too. Before anything is allocated, counts are compared with the remaining bytes and with the engine's
+//! capacity. Sizes are compared with those of the network. No value that is read is used as an index.
 
 mod format;
 mod reader;
@@ -31,7 +31,7 @@ pub(crate) use writer::Writer;
 pub trait Stored: Clone {
     /// Its kind.
     const KIND: Kind;
-    /// Its state as bytes, with a note.
+    /// Encodes its state as bytes, with a note.
     fn to_bytes_with(&self, note: &[u8]) -> Vec<u8>;
 }
 
@@ -40,21 +40,21 @@ pub trait Stored: Clone {
 #[must_use]
 pub struct SnapshotOf<E>(pub(crate) Content<E>);
 
-/// What a snapshot holds.
+/// Content of a snapshot.
 #[derive(Clone)]
 pub(crate) enum Content<E> {
     Copy(Box<E>),
-    /// With a header and a checksum that are right.
+    /// Bytes whose header and checksum have been checked.
     Bytes(Vec<u8>),
 }
 
 impl<E: Stored> SnapshotOf<E> {
-    /// The snapshot that `to_bytes` of an engine or of a snapshot wrote. No engine is needed for this; whether the snapshot
+    /// The snapshot that `to_bytes` of an engine or of a snapshot wrote. This needs no engine; whether the snapshot
     /// fits an engine is checked when it is restored. O(bytes).
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] for another format version or another kind of engine; [`EngineError::SnapshotBytes`] where
-    /// the bytes are cut short or changed.
+    /// [`EngineError::Snapshot`] for another format version or another kind of engine; [`EngineError::SnapshotBytes`]
+    /// if the bytes are truncated or changed.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, EngineError> {
         Reader::open(bytes, E::KIND)?;
         Ok(Self(Content::Bytes(bytes.to_vec())))

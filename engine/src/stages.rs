@@ -1,9 +1,9 @@
-//! Where an engine's time goes, stage by stage, for those who ask.
+//! Optional timing of an engine's stages.
 
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// A stage of the engine, in the order in which they run.
+/// A stage of the engine, in execution order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Event graph: searches, neighbourhoods, reverse lists.
@@ -37,7 +37,7 @@ impl Stage {
         Self::Dense,
     ];
 
-    /// A name for reports.
+    /// Name for reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::EventGraph => "event graph",
@@ -58,10 +58,10 @@ impl fmt::Display for Stage {
     }
 }
 
-/// Adds up the time of stages; does nothing unless it was asked to.
+/// Sums the time of each stage; does nothing unless enabled.
 #[derive(Clone, Debug)]
 pub(crate) struct Stopwatch {
-    /// When the stage that runs began.
+    /// Start of the current stage.
     began: Option<Instant>,
     enabled: bool,
     times: [Duration; Stage::ALL.len()],
@@ -72,7 +72,7 @@ impl Stopwatch {
         Self { began: None, enabled, times: Default::default() }
     }
 
-    /// A first stage begins now.
+    /// Starts the first stage.
     #[inline]
     pub(crate) fn start(&mut self) {
         if self.enabled {
@@ -80,7 +80,7 @@ impl Stopwatch {
         }
     }
 
-    /// `stage` ends now, and the next begins.
+    /// Ends `stage` and starts the next.
     #[inline]
     pub(crate) fn lap(&mut self, stage: Stage) {
         if let Some(began) = self.began {

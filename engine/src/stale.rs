@@ -1,15 +1,15 @@
-//! A readout that may be stale: a prediction stands until it is too old.
+//! A readout that may be stale: a prediction is reused until it is too old.
 //!
-//! Enters: what an engine takes. Leaves: the prediction that was computed last, or a new one where events have entered or
-//! time has passed up to a bound since. Invariant: what is returned has the bits of the engine's prediction at the time it
-//! was computed, and [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the graph as ever;
-//! what they change meets in one wave when a prediction is computed.
+//! Input: that of an engine. Output: the last computed prediction, or a new one if more events were accepted or more
+//! time has passed than the bound allows. Invariant: the returned values have the bits of the engine's prediction at
+//! the time it was computed, and [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the
+//! graph at once; their changes propagate together when a prediction is computed.
 
 use crate::error::in_range;
 use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
 
-/// How old a prediction may be: it stands while it is younger than each bound that is given. Without a bound, every
-/// prediction is computed.
+/// Largest age of a reused prediction. A prediction is reused while it is younger than every given bound. Without a
+/// bound, every prediction is computed.
 ///
 /// ```
 /// let bound = meissner_engine::Staleness::new().with_events(300).with_us(20_000);
@@ -19,9 +19,9 @@ use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
 #[non_exhaustive]
 #[must_use]
 pub struct Staleness {
-    /// A prediction is computed again after this many accepted events; at least 1.
+    /// Number of accepted events after which a prediction is recomputed; at least 1.
     pub events: Option<u64>,
-    /// A prediction is computed again after this many microseconds of stream time, by events and by `advance`; at least 1.
+    /// Microseconds of stream time, from events and `advance`, after which a prediction is recomputed; at least 1.
     pub us: Option<i64>,
 }
 
@@ -42,21 +42,21 @@ impl Staleness {
     }
 }
 
-/// An engine whose predictions may be stale.
+/// An engine that reuses predictions up to an age.
 #[derive(Clone, Debug)]
 pub struct StaleReadout {
     engine: Engine,
     bound: Staleness,
     /// Accepted events since the last computed prediction.
     accepted: u64,
-    /// The engine's time at the last computed prediction; `None` where there is none since the last reset.
+    /// The last computed prediction; `None` if there is none since the last reset.
     computed: Option<Computed>,
     values: Vec<f32>,
     rows: Vec<u64>,
     stale: u64,
 }
 
-/// When a prediction was computed.
+/// Time at which a prediction was computed.
 #[derive(Clone, Copy, Debug)]
 struct Computed {
     now_us: Option<i64>,
@@ -65,7 +65,7 @@ struct Computed {
 }
 
 impl StaleReadout {
-    /// Puts `engine` behind a readout of that age.
+    /// Wraps `engine` in a readout with the given bound.
     ///
     /// # Errors
     /// [`EngineError::Option`] for a bound below 1, or longer than the longest span.
@@ -86,12 +86,12 @@ impl StaleReadout {
         &self.engine
     }
 
-    /// The engine, without this readout.
+    /// Unwraps the engine.
     pub fn into_engine(self) -> Engine {
         self.engine
     }
 
-    /// Predictions that were returned as they were.
+    /// Number of predictions that were reused.
     pub fn stale(&self) -> u64 {
         self.stale
     }
@@ -115,14 +115,14 @@ impl StaleReadout {
         self.engine.advance(t_us);
     }
 
-    /// As [`Engine::reset`]; the prediction that stood is forgotten.
+    /// As [`Engine::reset`]; the last prediction is forgotten.
     pub fn reset(&mut self) {
         self.engine.reset();
         self.computed = None;
     }
 
-    /// The last computed prediction while it is younger than every bound, else a new one. `nodes` and `t_us` are those
-    /// of the time at which it was computed; `rows` counts what was computed for it, and is 0 where it stood.
+    /// The last computed prediction if it is younger than every bound, otherwise a new one. `nodes` and `t_us` are
+    /// those of the time at which it was computed; `rows` counts the rows computed for it, and is 0 if it was reused.
     ///
     /// # Errors
     /// As [`Engine::predict`]; the next call computes again.
@@ -140,7 +140,7 @@ impl StaleReadout {
     }
 
     fn stands(&self, computed: &Computed) -> bool {
-        // The clock may have begun since.
+        // The clock may have started since then.
         let age = computed.now_us.zip(self.engine.now_us()).map(|(then, now)| now.abs_diff(then));
         let young = |us: i64| age.is_some_and(|age| age < us.unsigned_abs());
         self.bound != Staleness::default()

@@ -1,10 +1,10 @@
-//! The order of the stages: the one place that knows it.
+//! The execution order of the stages, which is defined only here.
 //!
 //! An insertion or an expiry runs the structural stages at once, downstream along the levels: window, event graph,
-//! pooled graphs, readout membership. Rows are computed when a prediction is read, each level before the next: blocks,
-//! maxima, positions and attributes, blocks, ..., readout, dense layers; the changes of several events meet in one
-//! wave. With `frozen` in-edges the event level alone runs on arrival: its rows never change, and by the time of a
-//! prediction what they read may have left.
+//! pooled graphs, readout membership. Rows are computed when a prediction is read, level by level: blocks, maxima,
+//! positions and attributes, blocks, ..., readout, dense layers; the changes of several events are processed together.
+//! With `frozen` in-edges, only the event level runs on arrival: its rows never change, and their inputs may have left
+//! by the time of a prediction.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ use crate::stages::{Stage, Stopwatch};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
 
-/// Everything that a stream of events has made of an engine.
+/// The state that a stream of events has produced in an engine.
 #[derive(Clone, Debug)]
 pub(crate) struct Step {
     network: Arc<Network>,
@@ -47,7 +47,7 @@ impl Step {
         let most = parts.graph.reach.most();
         let follows_edges = Self::follows_edges(&network);
         let graph = EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges);
-        // Rows that never change have nothing to be compared with.
+        // Rows that never change need no tolerance.
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
         let mut activations = Vec::with_capacity(network.levels());
         activations.push(Activations::new(capacity, &parts.events, network.channels(0), most, of_events));
@@ -82,7 +82,7 @@ impl Step {
         network.parts().pooled.iter().any(|(_, level)| !level.blocks.is_empty())
     }
 
-    /// Bytes that `new` takes; [`u128::MAX`] where rows are too many to be counted.
+    /// Bytes that `new` allocates; [`u128::MAX`] if the rows are too many to be counted.
     pub(crate) fn bytes(network: &Network, sensor: Sensor) -> u128 {
         let parts = network.parts();
         let (capacity, most) = (parts.capacity, parts.graph.reach.most());
@@ -101,7 +101,7 @@ impl Step {
         of_events as u128 + of_levels.sum::<u128>() + ReadoutState::bytes(network, rows)
     }
 
-    /// Takes from `own`, of an equal network, everything that reaches no result: the instruction set, poison, measured times.
+    /// Copies from `own` all that does not affect results: the instruction set, poison, measured times.
     pub(crate) fn run_as(&mut self, own: &Self) {
         self.network = Arc::clone(&own.network);
         self.isa = own.isa;
@@ -110,7 +110,7 @@ impl Step {
         self.readout.set_isa(own.isa);
     }
 
-    /// Every node leaves.
+    /// Removes all nodes.
     pub(crate) fn clear(&mut self) {
         self.graph.clear(&self.window);
         for (pooled, activations) in self.pooled.iter_mut().zip(&mut self.activations[1..]) {
@@ -121,7 +121,7 @@ impl Step {
         self.window.clear();
     }
 
-    /// `node` enters, not earlier than any other; the window must have room.
+    /// Inserts `node`, which must not be earlier than any other; the window must have room.
     pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
         self.stopwatch.start();
         let slot = self.connect(node, usize::MAX);
@@ -135,15 +135,15 @@ impl Step {
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 
-    /// `node` enters as it once did: of its neighbourhood it reads the first `known`, and rows that are computed on arrival
-    /// are not; how many in-edges it has now.
+    /// Inserts `node` again, from a snapshot: it reads only the first `known` nodes of its neighbourhood, and rows that
+    /// are computed on arrival are not computed. Returns its number of in-edges.
     pub(crate) fn enter_known(&mut self, node: Node, known: usize) -> usize {
         let slot = self.connect(node, known);
         self.propagate();
         self.graph.neighbours(slot).len()
     }
 
-    /// The structural stages of the event level, and its input.
+    /// Runs the structural stages of the event level and sets its input.
     fn connect(&mut self, node: Node, known: usize) -> u32 {
         let slot = self.window.push(node);
         self.delta.clear();
@@ -156,7 +156,7 @@ impl Step {
         slot
     }
 
-    /// The oldest `leaving` nodes leave.
+    /// Removes the oldest `leaving` nodes.
     pub(crate) fn leave(&mut self, leaving: u32) {
         if leaving as usize == self.window.len() {
             self.clear();
@@ -168,7 +168,7 @@ impl Step {
         for place in 0..leaving {
             let slot = self.window.slot_of(place);
             self.graph.disconnect(&self.window, leaving, slot, &mut self.delta);
-            // In parts: edges go before any of their ends does.
+            // In parts: edges must be removed before either of their nodes.
             if self.delta.removed.len() >= PART {
                 self.follow();
                 self.delta.clear();
@@ -180,7 +180,7 @@ impl Step {
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 
-    /// Tells all levels what of the event graph has expired.
+    /// Passes the expired parts of the event graph to all levels.
     fn follow(&mut self) {
         let events = &mut self.activations[0];
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));
@@ -189,7 +189,7 @@ impl Step {
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 
-    /// Hands `delta` down the levels; what left is forgotten behind it.
+    /// Passes `delta` through the levels; then removes the rows that left.
     fn propagate(&mut self) {
         for p in 0..self.pooled.len() {
             let (lower, upper) = self.pooled.split_at_mut(p);
@@ -209,7 +209,7 @@ impl Step {
         self.delta.left.iter().for_each(|&row| self.activations[last].leave(row, self.poison));
     }
 
-    /// Computes what the steps since the last call affect, up to the prediction at `now`, in microseconds since the epoch.
+    /// Recomputes the effects of all steps since the last call, up to the prediction at `now` (from the epoch).
     pub(crate) fn compute_changes(&mut self, now: i64, log: &mut Log) {
         self.stopwatch.start();
         let parts = self.network.parts();
@@ -261,7 +261,7 @@ impl Step {
         }
     }
 
-    /// Slots of a level's rows, in the order of a batch.
+    /// Slots of a level's rows, in batch order.
     pub(crate) fn rows(&self, level: usize) -> Vec<u32> {
         if level == 0 { self.window.slots().collect() } else { self.pooled[level - 1].cells() }
     }
@@ -282,7 +282,7 @@ impl Step {
     }
 }
 
-/// `value` and zeros.
+/// A lane vector with `value` first and zeros after it.
 fn first_lane(value: f32) -> Lanes {
     let mut lanes = Lanes::ZERO;
     lanes.0[0] = value;

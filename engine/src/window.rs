@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::metric::Node;
 
-/// Nodes by slot. A node keeps its slot while it is in the window; slots are used round and round.
+/// Nodes by slot. A node keeps its slot while it is in the window; slots are reused cyclically.
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
     nodes: Vec<Node>,
@@ -26,7 +26,7 @@ impl Window {
         self.len() == self.nodes.len()
     }
 
-    /// Appends `node`, the newest; its slot.
+    /// Appends `node`, the newest; returns its slot.
     ///
     /// # Panics
     /// If the window is full.
@@ -38,15 +38,15 @@ impl Window {
         slot
     }
 
-    /// Number of nodes earlier than `t`, which come first.
+    /// Number of nodes earlier than `t`; they are the first ones.
     pub(crate) fn earlier_than(&self, t: i64) -> u32 {
         self.slots().take_while(|&slot| self.node(slot).t < t).count() as u32
     }
 
-    /// Forgets the oldest `count` nodes.
+    /// Removes the oldest `count` nodes.
     ///
     /// # Panics
-    /// If there are not as many.
+    /// If there are fewer.
     pub(crate) fn pop(&mut self, count: u32) {
         assert!(count <= self.len, "the window must hold that many");
         self.first = self.wrap(self.first + count);
@@ -62,7 +62,7 @@ impl Window {
         self.nodes[slot as usize]
     }
 
-    /// Place of the node at `slot` in the window, 0 for the oldest. Larger is later.
+    /// Index of the node at `slot` in the window; 0 is the oldest.
     #[inline]
     pub(crate) fn age_rank(&self, slot: u32) -> u32 {
         if slot >= self.first { slot - self.first } else { slot + self.nodes.len() as u32 - self.first }
@@ -73,12 +73,12 @@ impl Window {
         self.slots_of(0..self.len)
     }
 
-    /// Slot of the node at a place in the window.
+    /// Slot of the node at an index in the window.
     pub(crate) fn slot_of(&self, place: u32) -> u32 {
         self.wrap(self.first + place)
     }
 
-    /// Slots of the nodes at some places in the window.
+    /// Slots of the nodes at a range of indices in the window.
     pub(crate) fn slots_of(&self, places: Range<u32>) -> impl Iterator<Item = u32> + '_ {
         let capacity = self.nodes.len() as u32;
         let (start, end) = (self.first + places.start, self.first + places.end);
@@ -86,7 +86,7 @@ impl Window {
             .chain(start.max(capacity) - capacity..end.max(capacity) - capacity)
     }
 
-    /// `slot`, less than twice the capacity, brought back into the ring.
+    /// Wraps `slot`, less than twice the capacity, into the ring.
     fn wrap(&self, slot: u32) -> u32 {
         let capacity = self.nodes.len() as u32;
         if slot >= capacity { slot - capacity } else { slot }

@@ -21,7 +21,7 @@ pub(super) fn level(batch: &Setup, stream: Stream<'_>) -> LevelTrace {
     let oldest = stream.now_us.saturating_sub(parts.span_us);
     let in_time = stream.events.partition_point(|e| e.t_us < oldest);
     let first = in_time.max(stream.events.len().saturating_sub(parts.capacity));
-    // What has left the window still feeds the rows that read it on arrival.
+    // Events that have left the window are still inputs of rows that read them on arrival.
     let start = if parts.graph.is_frozen() { 0 } else { first };
     let events = &stream.events[start..];
     let extents = [f64::from(batch.sensor.width), f64::from(batch.sensor.height), parts.span_us as f64];
@@ -87,7 +87,7 @@ fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// What a guess of a squared distance allows for.
+/// Factor by which a guess of a squared distance is enlarged.
 const GENEROUS: f64 = 2.0;
 
 /// Neighbour indices of each event, by the engine's search grid.
@@ -116,8 +116,8 @@ fn with_grid(batch: &Setup, events: &[Event], nodes: &[Node], metric: &Metric) -
             (oldest..first).for_each(|gone| grid.pop(gone as u32, nodes[gone]));
             oldest = first;
         }
-        // Neighbourhoods of a place are of a size: what the last one there needed, and some more, nearly always holds
-        // enough candidates. Where it does not, the search is run again without it.
+        // Neighbourhoods at the same place have similar sizes: the extent of the last one there, enlarged, nearly
+        // always contains enough candidates. Otherwise the search is repeated without a guess.
         let guess = &mut guesses[grid.cell(node.x, node.y)];
         for limit in [limit.min(*guess), limit] {
             found.clear();

@@ -1,9 +1,9 @@
 //! The neighbourhoods of all nodes of a window at once.
 //!
-//! Enters: nodes in order of arrival. Leaves: the `most` nearest others of each, in the graph's order. For each cell of
-//! the search grid, the nodes of it and of the rings about it are listed in order of arrival. A node of the cell filters
-//! that part of the list which is near in time, many at once and in f32, and orders the few that are left by their exact
-//! distances. Where the last of these is as far as the next ring may be, the grid is searched instead.
+//! Input: nodes in order of arrival. Output: for each node the `most` nearest others, in the graph's order. For each
+//! cell of the search grid, the nodes of the cell and of the surrounding rings are listed in order of arrival. A node
+//! filters the part of its cell's list that is near in time, many entries at once and in f32, and sorts the few that
+//! remain by exact distance. If the last of these is as far away as the next ring can be, the grid is searched instead.
 
 use std::ops::Range;
 
@@ -15,17 +15,17 @@ use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
 use crate::metric::{Metric, Node};
 
-/// Rings of cells about a cell whose nodes are listed with it.
+/// Rings of cells around a cell whose nodes are listed with it.
 const RINGS: usize = 2;
-/// By how much a guess is widened before the grid is searched.
+/// Factors by which a guess is widened before the grid is searched.
 const WIDER: [f64; 3] = [1.0, 3.0, 9.0];
-/// Times up to here are whole numbers in f32.
+/// Largest time up to which all whole numbers are exact in f32.
 const LONGEST_US: i64 = 1 << 24;
 
-/// Nodes that are searched, and how far they are from each other.
+/// The nodes to search, and their distances.
 #[derive(Clone, Copy)]
 pub(super) struct Space<'a> {
-    /// In order of arrival, the first at time 0.
+    /// In order of arrival; the first has time 0.
     pub(super) nodes: &'a [Node],
     pub(super) metric: &'a Metric,
     pub(super) sensor: Sensor,
@@ -33,14 +33,14 @@ pub(super) struct Space<'a> {
 }
 
 impl Space<'_> {
-    /// Whether the nodes are near enough in time for [`Self::nearest`].
+    /// Whether the nodes are close enough in time for [`Self::nearest`].
     pub(super) fn is_short(&self) -> bool {
         self.nodes.last().is_none_or(|last| last.t <= LONGEST_US)
     }
 
-    /// The `most` nearest others of every node of a [short](Self::is_short) time.
+    /// The `most` nearest others of every node, if the nodes are [close enough in time](Self::is_short).
     ///
-    /// Cost: each node is listed up to 25 times; of the lists, about 4 `most` nodes are filtered for each.
+    /// Cost: each node is listed up to 25 times; each node filters about 4 `most` entries of its list.
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
         let mut grid = Grid::new(self.sensor, self.nodes.len());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
@@ -50,7 +50,7 @@ impl Space<'_> {
         let mut nearby = Nearby::new(extents.map(|extent| (1.0 / (extent * extent)) as f32));
         let mut lists = Lists::new(self.nodes.len(), self.nodes.len() * most);
         let mut found = Vec::with_capacity(most + 1);
-        // Neighbourhoods of a place are of a size: the last one there tells how far to look.
+        // Neighbourhoods at the same place have similar sizes: the last one there gives the distance to search.
         let mut guess = 0.0;
         for cell in 0..grid.cells() {
             let mut part = listed.starts[cell]..listed.starts[cell];
@@ -87,9 +87,9 @@ impl Space<'_> {
         lists
     }
 
-    /// How far in time a node can be whose distance is within any bound of a guess, in microseconds, and a little more.
+    /// The largest time difference (microseconds, rounded up) of a node that is within every bound of a guess.
     fn reach(&self, guess: f64) -> f32 {
-        // The filter's own slack, and what f32 rounds off times.
+        // Covers the filter's own slack and the rounding of times to f32.
         const GENEROUS: f64 = 1.0 + 1e-6;
         const ROUNDED_US: f32 = 4.0;
         (self.span_us as f64 * (f64::from(Nearby::LARGEST_BOUND) * guess).sqrt() * GENEROUS) as f32
@@ -97,13 +97,13 @@ impl Space<'_> {
     }
 }
 
-/// For each cell that has nodes, those of it and of the rings about it in order of arrival: in f32, one array a coordinate.
+/// For each non-empty cell, its nodes and those of the rings around it in order of arrival: f32, one array per axis.
 struct Listed<'s> {
-    /// First of each cell's list; one more for the end.
+    /// Start of each cell's list, and the end of the last one.
     starts: &'s [usize],
     slots: &'s [u32],
     points: [&'s [f32]; 3],
-    /// Where each node stands in its own cell's list.
+    /// Index of each node in its own cell's list.
     places: &'s [usize],
 }
 
@@ -114,7 +114,7 @@ impl<'s> Listed<'s> {
         for (cell, start) in starts[..grid.cells()].iter_mut().enumerate() {
             *start = total;
             if grid.len(cell) > 0 {
-                // Points at infinity end a list, so that parts of it can be rounded up.
+                // Points at infinity pad each list, so that ranges in it can be rounded up.
                 total +=
                     grid.about(cell, RINGS).map(|about| grid.len(about)).sum::<usize>() + Nearby::TOGETHER;
             }
@@ -139,7 +139,7 @@ impl<'s> Listed<'s> {
         Self { starts, slots, points: [x, y, t], places }
     }
 
-    /// Moves `part` of a cell's list to the nodes that are at most `reach` away in time from one of the cell.
+    /// Moves `part` of a cell's list to the nodes that are at most `reach` away in time from a node of the cell.
     fn narrow(&self, cell: usize, slot: u32, reach: f32, part: &mut Range<usize>) {
         let t = self.points[2];
         let (first, end) = (self.starts[cell], self.starts[cell + 1] - Nearby::TOGETHER);
@@ -162,7 +162,7 @@ impl<'s> Listed<'s> {
         }
     }
 
-    /// A part of a list, rounded up, and where in it a node stands.
+    /// A range of a list, rounded up, and the index of a node in it.
     fn points(&self, part: &Range<usize>, slot: u32) -> ([&[f32]; 3], usize) {
         let length = part.len().next_multiple_of(Nearby::TOGETHER);
         (self.points.each_ref().map(|p| &p[part.start..][..length]), self.places[slot as usize] - part.start)
@@ -172,30 +172,30 @@ impl<'s> Listed<'s> {
 /// Neighbours of rows, in neighbourhood order.
 #[derive(Clone, Debug)]
 pub(super) struct Lists {
-    /// Where a row's neighbours begin, and how many they are.
+    /// Start and number of each row's neighbours.
     spans: Vec<(usize, usize)>,
     sources: Vec<u32>,
 }
 
 impl Lists {
-    /// `rows` rows without neighbours, and room for so many in all.
+    /// `rows` rows without neighbours, with a capacity of `room` neighbours in total.
     pub(super) fn new(rows: usize, room: usize) -> Self {
         Self { spans: vec![(0, 0); rows], sources: Vec::with_capacity(room) }
     }
 
-    /// Gives a row that has none its neighbours.
+    /// Sets the neighbours of a row that has none.
     pub(super) fn set(&mut self, row: u32, sources: impl IntoIterator<Item = u32>) {
         let start = self.sources.len();
         self.sources.extend(sources);
         self.spans[row as usize] = (start, self.sources.len() - start);
     }
 
-    /// Edges in all.
+    /// Total number of edges.
     pub(super) fn edges(&self) -> usize {
         self.sources.len()
     }
 
-    /// The neighbours of one row after the other.
+    /// The neighbours of each row, in row order.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[u32]> {
         self.spans.iter().map(|&(start, count)| &self.sources[start..][..count])
     }

@@ -12,13 +12,13 @@ use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 
-/// Cells of an image that touch a cell: most cells have edges from no more, and their list needs no memory of its own.
+/// Inline capacity of a source list: most cells have edges from no more than the adjacent cells of an image.
 const TOUCHING: usize = 8;
 
-/// A cell's index with t first: the order of cells.
+/// Index of a cell with t first, which gives the order of cells.
 type Key = [i64; 3];
 
-/// Rows, edges and input of the level that `pooling` makes from `below`, itself made by `below_pooling` unless it is
+/// Rows, edges and input of the level that `pooling` makes from `below`; `below_pooling` made `below`, unless that is
 /// the event level.
 pub(super) fn level(
     batch: &Setup,
@@ -80,25 +80,25 @@ pub(super) fn level(
     LevelTrace { edges, features: vec![maxima], positions, cells: index, members, first: 0 }
 }
 
-/// Rows pooled by cell: what max pooling is before positions are known.
+/// Rows pooled by cell: the result of max pooling, without positions.
 #[derive(Clone, Debug)]
 pub struct Cells {
-    /// Cells that have members, in order.
+    /// Cells with members, in order.
     pub keys: Vec<[i64; 3]>,
     /// Members of each cell, ascending.
     pub members: Vec<Vec<usize>>,
-    /// For each cell, the others that an edge of the level below comes from, ascending.
+    /// For each cell, the other cells that have an edge to it on the level below, ascending.
     pub sources: Vec<SmallVec<[usize; TOUCHING]>>,
     /// Channel-wise maximum over each cell's members.
     pub maxima: Matrix,
 }
 
 impl Cells {
-    /// Pools the rows of `features` from `first` on; `keys` are their cells. Edges from earlier rows are left out.
+    /// Pools the rows of `features` from `first` on; `keys` are their cells. Edges from earlier rows are ignored.
     ///
     /// # Panics
-    /// If there are not as many keys as rows from `first` on, a member has no in-edges in `edges`, or an edge comes from
-    /// a row that `features` does not have.
+    /// If the number of keys is not the number of rows from `first` on, a member has no row in `edges`, or an edge
+    /// comes from a row that `features` does not have.
     pub fn new(keys: &[[i64; 3]], first: usize, features: &Matrix, edges: &Edges) -> Self {
         assert_eq!(
             first.saturating_add(keys.len()),
@@ -113,7 +113,7 @@ impl Cells {
         for (cell, members) in members.values().enumerate() {
             members.iter().for_each(|&row| cell_of[row] = cell);
         }
-        // The cell that last took an edge from each cell: an edge is taken once.
+        // For each source cell, the last cell that has an edge from it, so that each edge is listed once.
         let mut taken_by = vec![usize::MAX; members.len()];
         let mut sources = Vec::with_capacity(members.len());
         for (to, members) in members.values().enumerate() {
@@ -146,7 +146,7 @@ impl Cells {
     }
 }
 
-/// Mean of the members' positions, summed in their order.
+/// Mean of the members' positions, summed in member order.
 fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
     let add = |sum: [f64; 3], &m: &usize| [0, 1, 2].map(|d| sum[d] + positions[m][d]);
     members.iter().fold([0.0; 3], add).map(|sum| sum / members.len() as f64)
@@ -162,13 +162,13 @@ fn key_of_event(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<
     ]
 }
 
-/// Cell of an event along t, in integers; 0 where there are no cells in time.
+/// Cell of an event along t, in integers; 0 if there are no cells in time.
 fn time_of(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
     let t = i128::from(event.t_us - stream.epoch_us);
     pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)
 }
 
-/// Cell that holds the centre of a cell of `inner`, in integers; the last one where the centre is beyond the image.
+/// Cell that contains the centre of a cell of `inner`, in integers; the last cell if the centre is beyond the image.
 fn key_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i64; 3]) -> Key {
     let axis = |index: i64, inner: Fraction, outer: Fraction| {
         let twice_centre = (2 * i128::from(index) + 1) * i128::from(inner.numerator());

@@ -1,12 +1,12 @@
 //! Positions, cells and means of the published mode: the public implementation's operations in float32, one by one.
 //!
-//! That implementation forms positions, a grid's origin and their quotient by a cell's size in float32, so that an event
-//! on a cell's edge can fall into the cell before. Every function here rounds where it rounds. A position is held as f64
-//! like those of the other modes; each of its values is one of f32.
+//! That implementation computes positions, a grid's origin, and their difference divided by a cell's size in float32.
+//! An event on the edge of a cell can therefore fall into the cell before. Every function here rounds at the same
+//! places. Positions are held as f64, as in the other modes, but every value is exact in f32.
 
 use crate::{Event, Fraction};
 
-/// Positions of events: quotients in f64, rounded once. `first_us` is the time of the graph's first event.
+/// Positions of events: quotients in f64, then rounded once. `first_us` is the time of the graph's first event.
 pub(super) fn positions(events: &[Event], first_us: i64, extents: [f64; 3]) -> Vec<[f64; 3]> {
     let position = |e: &Event| {
         let integers = [i64::from(e.x), i64::from(e.y), e.t_us - first_us];
@@ -20,17 +20,17 @@ pub(super) fn difference(source: [f64; 3], reader: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|d| f64::from(source[d] as f32 - reader[d] as f32))
 }
 
-/// Where a grid over nodes at `positions` starts: their smallest coordinates along x and y.
+/// Origin of a grid over nodes at `positions`: their smallest coordinates along x and y.
 pub(super) fn origin(positions: &[[f64; 3]]) -> [f32; 2] {
     [0, 1].map(|d| positions.iter().map(|p| p[d] as f32).fold(f32::INFINITY, f32::min))
 }
 
-/// Index of the pooling cell of length `size` that holds a coordinate.
+/// Index of the pooling cell of length `size` that contains a coordinate.
 pub(super) fn cell(position: f64, origin: f32, size: Fraction) -> i64 {
     index(position, origin, f64::from(size.numerator()) / f64::from(size.denominator())) as i64
 }
 
-/// Index of the readout's cell, of `cells` along the axis, that holds a coordinate.
+/// Index of the readout cell, of `cells` along the axis, that contains a coordinate.
 pub(super) fn readout_cell(position: f64, origin: f32, cells: usize) -> usize {
     (index(position, origin, 1.0 / cells as f64).max(0.0) as usize).min(cells - 1)
 }
@@ -55,7 +55,7 @@ mod tests {
     use super::{cell, mean, positions, readout_cell};
     use crate::{Event, Fraction};
 
-    /// Rows 101, 113 and 125 of 260 are one cell of 12 rows apart from each other, as exact fractions.
+    /// As exact fractions, rows 101, 113 and 125 of 260 are exactly one cell of 12 rows apart.
     #[test]
     fn a_row_on_a_cells_edge_falls_into_the_cell_that_float32_gives_it() {
         let size = Fraction::new(12, 260).expect("positive");

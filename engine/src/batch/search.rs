@@ -1,4 +1,4 @@
-//! Neighbourhoods of a batch by the rule as it is written down: candidates, exact distances, a sort.
+//! Neighbourhoods of a batch, straight from their definition: candidates, exact distances, a sort.
 
 use std::ops::Range;
 
@@ -7,14 +7,14 @@ use super::setup::{Places, Propose, Setup};
 use crate::Event;
 use crate::network::Candidates;
 
-/// Indices that event `i` may read from, itself not excluded.
+/// Range of event indices that event `i` may read from; it may include `i`.
 pub(super) fn candidates(batch: &Setup, events: &[Event], i: usize) -> Range<usize> {
     let parts = batch.network.parts();
     match parts.graph.candidates {
         Candidates::All => 0..events.len(),
         Candidates::Past(_) if !parts.graph.is_frozen() => 0..i,
         Candidates::Past(_) => {
-            // The window as it was on arrival, after it had made room.
+            // The window at the event's arrival, after evictions.
             let oldest = events[i].t_us.saturating_sub(parts.span_us);
             let in_time = events[..i].partition_point(|e| e.t_us < oldest);
             in_time.max((i + 1).saturating_sub(parts.capacity))..i
@@ -31,7 +31,7 @@ pub(super) fn exhaustive(batch: &Setup, events: &[Event], extents: [f64; 3]) -> 
     lists
 }
 
-/// The same, by comparing it with what `propose` proposes.
+/// Neighbour indices of each event, by comparing it with the candidates that `propose` gives.
 pub(super) fn proposed(batch: &Setup, events: &[Event], extents: [f64; 3], propose: Propose) -> Lists {
     let position = |e: &Event| {
         let first_us = events.first().map_or(e.t_us, |first| first.t_us);
@@ -52,7 +52,7 @@ pub(super) fn proposed(batch: &Setup, events: &[Event], extents: [f64; 3], propo
     lists
 }
 
-/// The first `most` of event `i`'s candidates `among` these, in order: smaller distance first, then the later event.
+/// The first `most` of event `i`'s candidates in `among`, in order: smaller distance first, then the later event.
 fn first_of(
     batch: &Setup,
     events: &[Event],

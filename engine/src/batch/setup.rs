@@ -1,4 +1,4 @@
-//! What a batch computes with, whatever the stream: network, sensor, the search, the instruction set.
+//! Configuration of a batch, independent of the stream: network, sensor, search, instruction set.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,44 +8,44 @@ use meissner_kernels::Isa;
 use crate::Sensor;
 use crate::network::{Network, Normalisation, Reach};
 
-/// How the neighbourhoods of a batch are found. All give the same graph.
+/// Search method for the neighbourhoods of a batch. All methods give the same graph.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Search {
-    /// All pairs: O(n^2), obviously right.
+    /// Compares all pairs: O(n^2), simple enough to be evidently correct.
     #[default]
     Exhaustive,
-    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates; they are ordered as in
-    /// [`Self::Exhaustive`].
+    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates; they are then sorted as
+    /// in [`Self::Exhaustive`].
     Proposed(Propose),
-    /// The engine's grid of pixels and its metric, for speed: O(n k) or so. Where nodes read from the whole window, a filter
-    /// in f32 goes before the exact distances. A batch that searches so shares its search with the engine and is no oracle.
+    /// Uses the engine's grid of pixels and its metric, for speed: about O(n k). If nodes read from the whole window, a
+    /// filter in f32 precedes the exact distances. Such a batch shares the engine's search and is no oracle.
     Grid,
 }
 
-/// Tells, for each event of [`Places`] in order, indices of other events in any order, none twice: all that are in its
-/// neighbourhood, and any others.
+/// Reports, for each event of [`Places`] in order, the indices of candidate events, in any order and without
+/// duplicates. They must include the event's whole neighbourhood and may include others.
 pub type Propose = fn(&Places<'_>, &mut dyn FnMut(&[u32]));
 
-/// The events whose neighbourhoods are searched.
+/// The events to find neighbourhoods of.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
-    /// Positions in shares of sensor and span, time from the first of these events. Each coordinate is a quotient of
-    /// integers, rounded once; neighbourhoods follow from the integers.
+    /// Positions as fractions of sensor and span, with time relative to the first of these events. Each coordinate is a
+    /// quotient of integers, rounded once; the neighbourhoods themselves are determined by the integers.
     pub positions: &'a [[f64; 3]],
-    /// Indices that each event may read from, itself not excluded.
+    /// Range of indices that each event may read from; it may include the event itself.
     pub candidates: &'a [Range<usize>],
-    /// How many of them, and how far.
+    /// Number and distance of the neighbours.
     pub reach: Reach,
 }
 
-/// See the module.
+/// Configuration of a batch.
 #[derive(Clone, Debug)]
 pub(super) struct Setup {
     pub(super) network: Arc<Network>,
     pub(super) sensor: Sensor,
     pub(super) search: Search,
     pub(super) isa: Isa,
-    /// Whether the rows of one forward pass are shared among threads.
+    /// Whether threads share the rows of one forward pass.
     pub(super) parallel: bool,
 }
 

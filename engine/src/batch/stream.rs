@@ -1,27 +1,27 @@
-//! What a batch runs on, and whether an engine could have accepted it.
+//! The input of a batch, and the check that an engine could have accepted it.
 
 use crate::{EngineError, Event, Sensor};
 
-/// What a batch runs on.
+/// The input of a batch.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream<'a> {
-    /// Accepted events in order of arrival, times not descending: for `frozen` in-edges all since the last reset, else
-    /// at least those in the window.
+    /// Accepted events in order of arrival, with non-decreasing times. For `frozen` in-edges all events since the last
+    /// reset; otherwise at least those in the window.
     pub events: &'a [Event],
     /// Time of the first event since the reset.
     pub epoch_us: i64,
-    /// The newest time: the last event's, or of a later `advance`.
+    /// Current time: that of the last event, or of a later `advance`.
     pub now_us: i64,
 }
 
 impl<'a> Stream<'a> {
-    /// All events since a reset.
+    /// A stream of all events since a reset, at the time of the last one.
     pub fn new(events: &'a [Event]) -> Self {
         let time = |event: Option<&Event>| event.map_or(0, |e| e.t_us);
         Self { events, epoch_us: time(events.first()), now_us: time(events.last()) }
     }
 
-    /// Refuses what no engine on `sensor` accepts. Every difference of times in what is left fits 64 bits. O(events).
+    /// Refuses streams that no engine on `sensor` accepts. Time differences of others fit 64 bits. O(events).
     pub(super) fn check(&self, sensor: Sensor) -> Result<(), EngineError> {
         let Self { events, epoch_us, now_us } = *self;
         let ([first, ..], [.., last]) = (events, events) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! What a batch computes: in-edges, features, positions and members of each level.
+//! Results of a batch: in-edges, features, positions and members of each level.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, maximum, settle};
 pub struct Edges {
     pub(super) start: Vec<usize>,
     pub(super) list: Vec<Neighbour>,
-    /// The offset of each in-edge, where a block reads it.
+    /// Offset of each in-edge, if a block reads offsets.
     pub(super) offsets: Vec<[f32; 3]>,
 }
 
@@ -37,7 +37,7 @@ impl Edges {
         self.start[row]..self.start.get(row + 1).copied().unwrap_or(self.list.len())
     }
 
-    /// What a block reads that computes `row`: its in-edges, its own input `own`, and what is added.
+    /// The inputs of a block for `row`: its in-edges, its own input `own`, and the skip input `skip`.
     ///
     /// # Panics
     /// If there is no such row.
@@ -53,27 +53,27 @@ impl Edges {
 pub struct LevelTrace {
     /// Neighbourhood of each row.
     pub edges: Edges,
-    /// What enters the level, then what each block wrote.
+    /// The level's input, then the output of each block.
     pub features: Vec<Matrix>,
-    /// Position of each row, in shares of sensor and span, time from the epoch. With [`Normalisation::PerGraph`](crate::Normalisation::PerGraph) in
-    /// float32, time from the first event of the window.
+    /// Position of each row, as fractions of sensor and span, with time relative to the epoch. With
+    /// [`Normalisation::PerGraph`](crate::Normalisation::PerGraph) in float32, relative to the window's first event.
     pub positions: Vec<[f64; 3]>,
     /// Index of each row's cell along x, y and t; empty at the event level.
     pub cells: Vec<[i64; 3]>,
     /// Rows of the level below that each row pools, ascending; empty at the event level.
     pub members: Vec<Vec<usize>>,
-    /// First row that is in the window; rows before it are there for `frozen` in-edges.
+    /// First row that is in the window; earlier rows are needed for `frozen` in-edges.
     pub first: usize,
 }
 
-/// Everything that a batch computed.
+/// All activations of a batch.
 #[derive(Clone, Debug)]
 pub struct Trace {
     /// The event level, then one per pooling.
     pub levels: Vec<LevelTrace>,
     /// (cells, channels).
     pub readout: Matrix,
-    /// The last dense layer's outputs.
+    /// Outputs of the last dense layer.
     pub prediction: Vec<f32>,
 }
 

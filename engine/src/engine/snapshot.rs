@@ -1,14 +1,14 @@
 //! An engine's state, in memory and as bytes.
 //!
-//! Bytes hold what cannot be computed: the clock, counters, the events of the window in order of arrival; with `frozen`
-//! in-edges, for each event how many of its in-edges come from events that are still there, and its rows; with a tolerance,
-//! every stored row. All else follows. A restored engine runs its own structural stages over the events, so that whatever
-//! the bytes say, slots, edges, cells and maxima agree with each other.
+//! The bytes hold the state that cannot be recomputed: the clock, the counters, and the events of the window in order
+//! of arrival. With `frozen` in-edges they also hold, for each event, its rows and the number of its in-edges from
+//! events still in the window. With a tolerance they hold every stored row. A restored engine runs its own structural
+//! stages over the events, so slots, edges, cells and maxima are consistent, whatever the bytes contain.
 //!
-//! Why that is enough: neighbourhoods are the first in a total order, so that of a `frozen` one what is still there is the
-//! first so many of the same order over the window. Values follow from the window, as in [`crate::Batch`], or are stored.
-//! With a tolerance every row is computed again: one of which nothing that it reads has changed comes to what it came to
-//! before, which is within the tolerance of what is stored, and so it stays.
+//! This is sufficient: a neighbourhood is a prefix of a total order, so the in-edges of a `frozen` node that are still
+//! in the window are a prefix of the same order over the window. Values are determined by the window, as in
+//! [`crate::Batch`], or are stored. With a tolerance every row is computed again. A row with unchanged inputs gets the
+//! same values as before; these are within the tolerance of the stored values, which therefore stay.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::metric::Node;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
 use crate::{EngineError, Sensor};
 
-/// What a state depends on beside events: an engine takes over no state of another origin.
+/// The properties besides events that a state depends on: an engine only restores a state with equal properties.
 struct Origin<'a> {
     fingerprint: u64,
     name: Cow<'a, str>,
@@ -41,7 +41,7 @@ impl Origin<'_> {
     }
 }
 
-/// Bytes of an event.
+/// Bytes per event.
 const EVENT: usize = 13;
 
 impl Stored for Engine {
@@ -53,19 +53,19 @@ impl Stored for Engine {
 }
 
 impl Engine {
-    /// The state as it is, to return to.
+    /// A copy of the current state, to return to.
     pub fn snapshot(&self) -> SnapshotOf<Self> {
         SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Returns to `snapshot`, counters included. Later predictions have the same bits as if nothing had happened in between.
-    /// Options that no result depends on (all but tolerance and late policy) stay this engine's own. A snapshot made of bytes
-    /// is restored as by [`Self::restore_bytes`].
+    /// Returns to the state of `snapshot`, counters included. Later predictions have the same bits as if nothing had
+    /// happened in between. Options that results do not depend on (all except tolerance and late policy) remain those
+    /// of this engine. A snapshot made from bytes is restored as by [`Self::restore_bytes`].
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`crate::Network::fingerprint`]), another
-    /// sensor, tolerance or late policy; for a snapshot made of bytes, those of [`Self::restore_bytes`]. The engine stays as
-    /// it is then.
+    /// [`EngineError::Snapshot`] if it was taken with an unequal network ([`crate::Network::fingerprint`]), another
+    /// sensor, tolerance or late policy; for a snapshot made from bytes, the errors of [`Self::restore_bytes`]. The
+    /// engine's state is then unchanged.
     pub fn restore(&mut self, snapshot: &SnapshotOf<Self>) -> Result<(), EngineError> {
         let other = match &snapshot.0 {
             Content::Copy(engine) => engine,
@@ -81,14 +81,14 @@ impl Engine {
         Ok(())
     }
 
-    /// The state as bytes, for [`Self::restore_bytes`], in this process or another: 13 bytes an event of the window, with
-    /// `frozen` in-edges a byte and the event's rows, with a tolerance every row. The first call computes
-    /// [`crate::Network::fingerprint`].
+    /// Encodes the state as bytes for [`Self::restore_bytes`], in this process or another. Size: 13 bytes per event of
+    /// the window; with `frozen` in-edges, one more byte and the event's rows; with a tolerance, every row. The first
+    /// call computes [`crate::Network::fingerprint`].
     pub fn to_bytes(&self) -> Vec<u8> {
         self.to_bytes_with(&[])
     }
 
-    /// The same with a note of the caller's, which [`crate::snapshot_note`] gives back; the checksum covers it, too.
+    /// The same, with a note of the caller that [`crate::snapshot_note`] returns; the checksum covers the note too.
     pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
         let mut to = Writer::new(Kind::Events);
         let Origin { fingerprint, name, sensor, tolerance, late } = self.origin();
@@ -119,18 +119,18 @@ impl Engine {
         to.finish(note)
     }
 
-    /// Goes on from the state that [`Self::to_bytes`] of an engine with an equal network, the same sensor, tolerance and
-    /// late policy wrote: predictions, and rows as of predictions, have the same bits as if that engine had gone on. What they
-    /// cost has not: the next prediction computes every row that is not stored, and counts it. [`Self::feature`] tells
-    /// rows from the next prediction on.
+    /// Restores the state that [`Self::to_bytes`] wrote for an engine with an equal network and the same sensor,
+    /// tolerance and late policy. Predictions, and rows as of predictions, have the same bits as if that engine had
+    /// continued. Their cost differs: the next prediction computes, and counts, every row that is not stored.
+    /// [`Self::feature`] returns rows from the next prediction on.
     ///
-    /// Cost: that of pushing the window's events. Beside the bytes, at most once more the memory that this engine takes
-    /// ([`Self::state_bytes`]).
+    /// Cost: that of pushing the window's events. In addition to the bytes, needs at most this engine's memory once
+    /// more ([`Self::state_bytes`]).
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where the bytes are of another version, network, sensor, tolerance or late policy;
-    /// [`EngineError::SnapshotBytes`] where they are cut short, changed, or do not fit, also where a stored row is not
-    /// finite: such a state predicts nothing. The engine stays as it is then.
+    /// [`EngineError::Snapshot`] if the bytes belong to another version, network, sensor, tolerance or late policy;
+    /// [`EngineError::SnapshotBytes`] if they are truncated, changed or do not fit, or if a stored row is not finite:
+    /// such a state gives no prediction. The engine's state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let mut from = Reader::open(bytes, Kind::Events)?;
         self.check_origin(&Origin::read(&mut from)?)?;
@@ -145,19 +145,19 @@ impl Engine {
         Ok(())
     }
 
-    /// What a state of this engine is of.
+    /// Properties that a state of this engine depends on.
     fn origin(&self) -> Origin<'_> {
         Origin {
             fingerprint: self.network.fingerprint(),
             name: self.network.name().into(),
             sensor: self.sensor,
-            // -0 is 0.
+            // Turns -0 into 0.
             tolerance: self.tolerance() + 0.0,
             late: code(self.options.late),
         }
     }
 
-    /// Refuses the state of another engine.
+    /// Refuses a state of an engine with different properties.
     fn check_origin(&self, found: &Origin<'_>) -> Result<(), EngineError> {
         let own = self.origin();
         if found.fingerprint != own.fingerprint {
@@ -222,7 +222,7 @@ impl Engine {
         Ok(EventCounters { pushed, accepted, clamped, expired, evicted, ..dropped })
     }
 
-    /// The newest time, counted from the epoch; `None` before the first event.
+    /// Reads the current time, relative to the epoch; `None` before the first event.
     fn read_clock(
         &mut self,
         from: &mut Reader<'_>,
@@ -247,7 +247,7 @@ impl Engine {
         Ok(clock.map(|(_, now)| now))
     }
 
-    /// Lets the window's events enter.
+    /// Inserts the window's events.
     fn read_window(&mut self, from: &mut Reader<'_>, now: Option<i64>) -> Result<(), EngineError> {
         let parts = self.network.parts();
         let frozen = parts.graph.is_frozen();
@@ -288,7 +288,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether the rows of a level are a matter of the past, and whether some may not have been computed yet.
+    /// Whether the rows of a level are stored because they depend on the past; whether some may not be computed yet.
     fn stores_rows(&self, level: usize) -> (bool, bool) {
         let on_arrival = level == 0 && self.network.parts().graph.is_frozen();
         (on_arrival || self.tolerance() > 0.0, !on_arrival)
@@ -330,7 +330,7 @@ impl Engine {
     }
 }
 
-/// How a late policy is written.
+/// Encoding of a late policy.
 fn code(late: LatePolicy) -> u8 {
     match late {
         LatePolicy::Drop => 0,

@@ -1,14 +1,14 @@
-//! Where values are kept.
+//! Storage of layer values.
 
 use meissner_kernels::{FeatureMap, KernelError, Lanes, Matrix, Planes};
 
 use super::changes::Changes;
 use super::network::FrameShape;
 
-/// The values of one layer, or of several that write side by side.
+/// The values of one layer, or of several layers that write to adjacent channels.
 #[derive(Clone, Debug)]
 pub(super) enum Buffer {
-    /// Another buffer has them, or a layer is at work on them.
+    /// The values are in another buffer, or taken out while a layer writes them.
     Away,
     /// One row.
     Vector(Matrix),
@@ -17,7 +17,7 @@ pub(super) enum Buffer {
 }
 
 impl Buffer {
-    /// Zeros.
+    /// A buffer of zeros.
     pub(super) fn zeros(shape: FrameShape, planar: bool) -> Result<Self, KernelError> {
         Ok(match shape {
             FrameShape::Vector(values) => Self::Vector(Matrix::zeros(1, values)),
@@ -37,7 +37,7 @@ impl Buffer {
         }
     }
 
-    /// The values of a vector in lanes.
+    /// The values of a vector, packed in lanes.
     pub(super) fn lanes(&self) -> &[Lanes] {
         match self {
             Self::Vector(values) => values.lanes(),
@@ -91,7 +91,7 @@ impl Buffer {
         }
     }
 
-    /// Writes the values, (channels, height, width), of the channels `first..first + channels`.
+    /// Writes the values, (channels, height, width), of channels `first..first + channels` to `out`.
     pub(super) fn flatten(&self, first: usize, channels: usize, out: &mut [f32]) {
         match self {
             Self::Away => unreachable!("a value that is read is there"),
@@ -115,7 +115,7 @@ impl Buffer {
         }
     }
 
-    /// Takes all values, (channels, height, width), of a frame.
+    /// Overwrites all values with those of `frame`, (channels, height, width).
     pub(super) fn fill_from(&mut self, frame: &[f32]) {
         match self {
             Self::Away => unreachable!("no layer is at work between frames"),
@@ -134,7 +134,7 @@ impl Buffer {
         }
     }
 
-    /// Replaces the frame, and marks the pixels that differ; whether any value does.
+    /// Overwrites the values with those of `frame` and marks the pixels that differ; returns whether any value differs.
     pub(super) fn store(&mut self, frame: &[f32], changed: &mut Changes) -> bool {
         let mut any = false;
         match self {
@@ -206,7 +206,7 @@ impl Buffer {
         }
     }
 
-    /// Makes all values zero.
+    /// Sets all values to zero.
     pub(super) fn clear(&mut self) {
         match self {
             Self::Away => {}

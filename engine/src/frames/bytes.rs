@@ -1,7 +1,7 @@
-//! How many bytes an engine takes, before it takes them.
+//! Memory of a frame engine, computed before it is allocated.
 //!
-//! Enters: a network, and how it is to run. Leaves: a bound of what its engine holds, whatever the frames: values and what
-//! layers remember, to the byte; marks of changes; room to work in as the layer that needs most of it does.
+//! Input: a network and its options. Output: an upper bound of the memory of its engine for any frames. Values and
+//! layer memories are counted to the byte; added are change marks, and the working space of the neediest layer.
 
 use meissner_kernels::{FeatureMap, Lanes, Planes};
 
@@ -13,14 +13,14 @@ use super::layers::{Memory, TILE};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 
-/// What a vector that grows may hold for what is asked of it.
+/// Largest ratio of the capacity of a growing vector to its length.
 const GROWTH: u128 = 2;
-/// Marks of a whole map that are at hand while a layer runs.
+/// Number of whole-map sets of marks that exist while a layer runs.
 const MARKS: u128 = 5;
 
 impl FrameNetwork {
-    /// Most bytes that a [`FrameEngine`](super::FrameEngine) of this network takes, parameters not counted: they are
-    /// shared. O(layers^2).
+    /// Upper bound in bytes of the memory of a [`FrameEngine`](super::FrameEngine) of this network, without the
+    /// parameters, which are shared. O(layers^2).
     pub fn engine_bytes(&self, options: FrameOptions) -> u128 {
         let skips = options.skip != Skip::Nothing;
         let buffers: u128 = (0..self.buffers.len())
@@ -39,23 +39,23 @@ impl FrameNetwork {
         buffers + memories + pending + background + self.scratch_bytes(options) + each
     }
 
-    /// Whether anything is kept in `buffer`.
+    /// Whether `buffer` stores any values.
     pub(super) fn is_kept(&self, buffer: usize) -> bool {
         self.values.iter().any(|value| value.buffer == buffer)
     }
 
-    /// Shape of what `unit` reads first.
+    /// Shape of the first input of `unit`.
     fn read_by(&self, unit: &Unit) -> FrameShape {
         self.values[unit.from].shape
     }
 
-    /// Most values of a row of blocks that are compared with what a layer makes of them.
+    /// Largest number of values in a row of blocks that a layer's result is compared with.
     pub(super) fn compared(&self) -> usize {
         let units = self.units.iter().zip(&self.values[1..]);
         units.map(|(unit, value)| of_block(unit, value.shape)).max().unwrap_or(0)
     }
 
-    /// Room that all layers share, and the prediction.
+    /// Bytes of the working space that all layers share, and of the prediction.
     fn scratch_bytes(&self, options: FrameOptions) -> u128 {
         let largest = |of: &dyn Fn(&Unit, FrameShape) -> u128| {
             let units = self.units.iter().zip(&self.values[1..]);
@@ -108,7 +108,7 @@ fn of_buffer(shape: FrameShape, planar: bool) -> u128 {
     }
 }
 
-/// What a layer that reads `from` remembers.
+/// Bytes of the memory of a layer whose input has shape `from`.
 fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
     match (&unit.kernel, from) {
         (Kernel::Lstm(lstm), _) => lstm.state_bytes() as u128,
@@ -124,7 +124,7 @@ fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
     }
 }
 
-/// Marks of changes of an image.
+/// Bytes of the change marks of an image.
 fn of_changes(shape: FrameShape) -> u128 {
     match shape {
         FrameShape::Image { height, width, .. } => {
@@ -134,7 +134,7 @@ fn of_changes(shape: FrameShape) -> u128 {
     }
 }
 
-/// Values of a row of blocks that are compared with what a layer makes of them.
+/// Number of values in a row of blocks that the layer's result is compared with.
 fn of_block(unit: &Unit, to: FrameShape) -> usize {
     let rows = match &unit.kernel {
         Kernel::PlanarConv(_) | Kernel::Winograd(_) => 4,

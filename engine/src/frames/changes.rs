@@ -1,16 +1,16 @@
-//! Which pixels of a map changed, as bits, and how a change spreads from one layer to the next.
+//! Changed pixels of a map, as bits, and their propagation from one layer to the next.
 
 use meissner_kernels::Region;
 
-/// Pixels of a word.
+/// Pixels per word.
 const WORD: usize = 64;
 
-/// A bit for each pixel of a map of `height` x `width`.
+/// One bit for each pixel of a map of `height` x `width`.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Changes {
     height: usize,
     width: usize,
-    /// Words of a row.
+    /// Words per row.
     words: usize,
     bits: Vec<u64>,
 }
@@ -20,7 +20,7 @@ impl Clone for Changes {
         Self { bits: self.bits.clone(), ..*self }
     }
 
-    /// Without an allocation where there is room: the derived one always allocates.
+    /// Allocates only if there is no room; the derived implementation always allocates.
     fn clone_from(&mut self, other: &Self) {
         self.bits.clone_from(&other.bits);
         (self.height, self.width, self.words) = (other.height, other.width, other.words);
@@ -28,13 +28,13 @@ impl Clone for Changes {
 }
 
 impl Changes {
-    /// None of `height` x `width` pixels.
+    /// No marks on `height` x `width` pixels.
     pub(crate) fn none(height: usize, width: usize) -> Self {
         let words = width.div_ceil(WORD);
         Self { height, width, words, bits: vec![0; height * words] }
     }
 
-    /// Becomes none of so many rows and columns. Allocates only to become larger than ever before.
+    /// Changes the size and removes all marks. Allocates only if it becomes larger than ever before.
     pub(crate) fn become_none(&mut self, [height, width]: [usize; 2]) {
         let words = width.div_ceil(WORD);
         self.bits.clear();
@@ -52,7 +52,7 @@ impl Changes {
         &self.bits
     }
 
-    /// Replaces the bits of one word, if all of them are pixels; whether they are.
+    /// Replaces the bits of one word if all of them are pixels; returns whether they are.
     pub(crate) fn set_word(&mut self, at: usize, word: u64) -> bool {
         let fits = word & !self.mask(at % self.words) == 0;
         if fits {
@@ -61,7 +61,7 @@ impl Changes {
         fits
     }
 
-    /// Bits of a row's word `i` that are pixels.
+    /// Mask of the bits in word `i` of a row that are pixels.
     fn mask(&self, i: usize) -> u64 {
         match self.width - i * WORD {
             rest if rest < WORD => (1 << rest) - 1,
@@ -120,22 +120,22 @@ impl Changes {
         })
     }
 
-    /// Marks what is marked in `other`, of the same size.
+    /// Adds the marks of `other`, of the same size.
     pub(crate) fn include(&mut self, other: &Self) {
         for (word, other) in self.bits.iter_mut().zip(&other.bits) {
             *word |= other;
         }
     }
 
-    /// Unmarks what is not marked in `other`, of the same size.
+    /// Removes the marks that `other`, of the same size, does not have.
     pub(crate) fn keep(&mut self, other: &Self) {
         for (word, other) in self.bits.iter_mut().zip(&other.bits) {
             *word &= other;
         }
     }
 
-    /// Becomes what a 3 x 3 window with padding 1 makes of `other`, of the same size: the marked pixels and their eight
-    /// neighbours.
+    /// Sets the marks to those of `other`, of the same size, spread by a 3 x 3 window with padding 1: each marked pixel
+    /// and its eight neighbours.
     pub(crate) fn spread_of(&mut self, other: &Self) {
         self.clear();
         for y in 0..self.height {
@@ -158,13 +158,13 @@ impl Changes {
         }
     }
 
-    /// Marks every pixel of a tile of `size` x `size` in which one is marked; `scratch` is overwritten.
+    /// Marks every pixel of each `size` x `size` tile that contains a mark; `scratch` is overwritten.
     pub(crate) fn fill_tiles(&mut self, size: usize, scratch: &mut Self) {
         scratch.clone_from(self);
         scratch.for_each_region(size, size, |tile| self.set_region(tile));
     }
 
-    /// Becomes what windows of `size` x `size` with that stride make of `other`.
+    /// Sets the marks to those of `other` reduced by windows of `size` x `size` with the same stride.
     pub(crate) fn shrunk_from(&mut self, other: &Self, size: usize) {
         self.clear();
         other.for_each(|y, x| {
@@ -174,7 +174,7 @@ impl Changes {
         });
     }
 
-    /// Becomes what doubling makes of `other`.
+    /// Sets the marks to those of `other` scaled by two.
     pub(crate) fn doubled_from(&mut self, other: &Self) {
         self.clear();
         other.for_each(|y, x| self.set_region(Region { y: 2 * y, x: 2 * x, height: 2, width: 2 }));
@@ -191,8 +191,8 @@ impl Changes {
         }
     }
 
-    /// Calls `visit` with regions, whole blocks of `rows` x `columns` pixels but for the last ones, that hold every marked
-    /// pixel. Blocks side by side come as one.
+    /// Calls `visit` with regions that cover every marked pixel. They consist of whole blocks of `rows` x `columns`
+    /// pixels, except at the map's lower and right edges; adjacent blocks of a row are merged into one region.
     pub(crate) fn for_each_region(&self, rows: usize, columns: usize, mut visit: impl FnMut(Region)) {
         for y in (0..self.height).step_by(rows) {
             let height = rows.min(self.height - y);
@@ -216,12 +216,12 @@ impl Changes {
     }
 }
 
-/// Changes of what a layer reads, since it last ran.
+/// Changes of a layer's input since the layer last ran.
 #[derive(Clone, Debug)]
 pub(super) struct Pending {
-    /// Of an image.
+    /// Changed pixels of an image.
     pub(super) pixels: Changes,
-    /// Whether there are any.
+    /// Whether anything changed.
     pub(super) any: bool,
 }
 

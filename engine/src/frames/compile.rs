@@ -1,4 +1,4 @@
-//! Checked parts of a frame network as what runs: shapes, kernels, and where each value is kept.
+//! Compiles checked parts of a frame network: shapes, kernels, and the buffer of each value.
 
 use meissner_kernels::{
     Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm,
@@ -10,7 +10,7 @@ use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts,
 use super::shapes::{check_shape, misfit, shape, with};
 use crate::EngineError;
 
-/// Images of at most so many channels are kept as planes, if every image of a network is.
+/// Images are stored as planes if no image of the network has more channels than this.
 const PLANAR_CHANNELS: usize = 4;
 
 /// A network of layers over images and vectors, ready to run.
@@ -18,19 +18,19 @@ const PLANAR_CHANNELS: usize = 4;
 pub struct FrameNetwork {
     pub(super) name: String,
     pub(super) units: Vec<Unit>,
-    /// Shape and place of the frame, then of each layer's values.
+    /// Shape and storage of the frame, then of each layer's output.
     pub(super) values: Vec<Value>,
     pub(super) buffers: Vec<FrameShape>,
-    /// Whether images are planes.
+    /// Whether images are stored as planes.
     pub(super) planar: bool,
     pub(super) fingerprint: u64,
 }
 
-/// A value: the frame, or what a layer writes.
+/// A value: the frame, or a layer's output.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value {
     pub(super) shape: FrameShape,
-    /// The buffer that holds it, from this channel on.
+    /// The buffer that stores it, starting at channel `first`.
     pub(super) buffer: usize,
     pub(super) first: usize,
 }
@@ -40,20 +40,20 @@ pub(super) struct Value {
 pub(super) struct Unit {
     pub(super) name: String,
     pub(super) from: usize,
-    /// The second value that it reads.
+    /// The second input, if any.
     pub(super) with: Option<usize>,
     pub(super) kernel: Kernel,
-    /// Whether it runs with every frame, and not only when a prediction is read.
+    /// Whether it runs for every frame, and not only when a prediction is read.
     pub(super) eager: bool,
     /// Multiply-adds of all its outputs.
     pub(super) multiply_adds: u64,
 }
 
-/// What a layer computes with.
+/// The computation of a layer.
 #[derive(Clone, Debug)]
 pub(super) enum Kernel {
     Conv3(Box<Conv3x3>),
-    /// With the maximum over 2 x 2 pixels behind it; the layer itself only passes on what changed.
+    /// Fused with the following maximum over 2 x 2 pixels; the pooling layer itself only passes on changes.
     PooledConv(Box<PooledConv3x3>),
     Winograd(Box<WinogradConv3x3>),
     Conv1(Box<Conv1x1>),
@@ -63,10 +63,10 @@ pub(super) enum Kernel {
     AveragePool(usize),
     GlobalAverage,
     Sum,
-    /// Passes on what changed: both images of a concatenation lie in its buffer already, and a convolution may run with the
-    /// pooling that is all that reads it.
+    /// Only passes on changes. Both images of a concatenation are already in its buffer, or the convolution runs fused
+    /// with the only layer that reads it, a pooling.
     PassOn,
-    /// Copies two vectors, one behind the other: the second would not begin at a whole lane, as a dense layer writes it.
+    /// Copies two vectors into one: a dense layer cannot write the second in place, as it starts within a lane.
     Append,
     SqueezeExcite(Box<SqueezeExcite>),
     ConvLstm(Box<ConvLstm>),
@@ -82,7 +82,7 @@ pub(super) enum Kernel {
 pub(super) struct ConvLstm {
     pub(super) gates: Conv3x3,
     pub(super) hidden: usize,
-    /// Of i, f and o, each (pixels, hidden).
+    /// Peepholes of i, f and o, each (pixels, hidden).
     pub(super) peepholes: Option<[Vec<f32>; 3]>,
     pub(super) squash: Squash,
 }
@@ -91,7 +91,7 @@ impl FrameNetwork {
     /// Checks `parts` and packs their parameters.
     ///
     /// # Errors
-    /// [`EngineError::Network`] where a layer does not fit what it reads; [`EngineError::Layer`] where its kernel refuses its
+    /// [`EngineError::Network`] if a layer does not fit its input; [`EngineError::Layer`] if a kernel refuses its
     /// parameters.
     pub fn new(parts: FrameNetworkParts, convolution: Convolution) -> Result<Self, EngineError> {
         let FrameNetworkParts { name, input, layers } = parts;
@@ -133,13 +133,13 @@ impl FrameNetwork {
         Ok(Self { name, units, values, buffers, planar, fingerprint })
     }
 
-    /// A hash of structure, names and the bits of all parameters. Equal networks have equal fingerprints. Others collide by
-    /// chance alone, though not for someone who wants them to.
+    /// Hash of structure, names and the bits of all parameters. Equal networks have equal fingerprints. Different
+    /// networks collide only by chance; the hash does not resist deliberate collisions.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
 
-    /// Its name.
+    /// Name of the network.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -159,12 +159,12 @@ impl FrameNetwork {
         self.units.iter().map(|unit| unit.name.as_str())
     }
 
-    /// Whether a prediction depends on frames before the last.
+    /// Whether a prediction depends on earlier frames than the last.
     pub fn has_state(&self) -> bool {
         self.units.iter().any(|unit| unit.eager)
     }
 
-    /// Multiply-adds of a frame and a prediction of which nothing is skipped.
+    /// Multiply-adds of one frame and one prediction if nothing is skipped.
     pub fn multiply_adds(&self) -> u64 {
         self.units.iter().map(|unit| unit.multiply_adds).sum()
     }
@@ -174,7 +174,7 @@ fn refused(layer: &FrameLayer) -> impl Fn(KernelError) -> EngineError + '_ {
     |source| EngineError::Layer { layer: layer.name.clone(), source }
 }
 
-/// Whether every image has few channels, and every layer a kernel for planes.
+/// Whether every image has few channels and every layer has a kernel for planes.
 fn is_planar(layers: &[FrameLayer], shapes: &[FrameShape]) -> bool {
     use FrameLayerKind as Kind;
     let few = |shape: &FrameShape| match shape {
@@ -193,7 +193,7 @@ fn is_planar(layers: &[FrameLayer], shapes: &[FrameShape]) -> bool {
         })
 }
 
-/// Where each value is kept: in a buffer of its own, or as some channels of a concatenated image's.
+/// Storage of each value: a buffer of its own, or some channels of a concatenated image.
 fn places(
     layers: &[FrameLayer],
     shapes: &[FrameShape],
@@ -205,12 +205,12 @@ fn places(
         let into = values[i + 1];
         let FrameShape::Image { channels, .. } = shapes[layer.from] else { continue };
         for (part, first) in [(layer.from, 0), (with, channels)] {
-            // A value is kept once: what is read here must not be the frame, nor another concatenation's part.
+            // A value is stored once: an input stored here must not be the frame, nor part of another concatenation.
             let writer = part.checked_sub(1).map(|w| &layers[w]);
             let free = values[part].buffer == part
                 && layer.from != with
                 && writer.is_some_and(|w| {
-                    // Its writer must not read what it would write beside.
+                    // Its writer must not read from the buffer that it would write to.
                     values[w.from].buffer != into.buffer && !matches!(w.kind, FrameLayerKind::ConvLstm { .. })
                 });
             if !free {
@@ -228,7 +228,7 @@ fn places(
     Ok((values, shapes.to_vec()))
 }
 
-/// The kernel of a layer, and the multiply-adds of one output pixel or of the vector.
+/// Kernel of a layer, and multiply-adds of one output pixel or of the vector.
 fn kernel(
     layer: &FrameLayer,
     shapes: &[FrameShape],
@@ -336,7 +336,7 @@ fn kernel(
     })
 }
 
-/// How often the multiply-adds of one output occur.
+/// Number of outputs that each cost these multiply-adds.
 fn outputs_of_each(shape: FrameShape, kernel: &Kernel) -> u64 {
     match (shape, kernel) {
         (FrameShape::Image { height, width, .. }, _) => (height * width) as u64,
@@ -352,7 +352,7 @@ fn squash(layer: &FrameLayer, activation: meissner_kernels::Activation) -> Resul
     }
 }
 
-/// Joins a convolution with the maximum that alone reads it, so that the map between them need not be written.
+/// Fuses a convolution with the pooling that alone reads it, so that the map between them is never written.
 fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
     for i in 1..units.len() {
         let Some(conv) = units[i].from.checked_sub(1) else { continue };
@@ -367,14 +367,14 @@ fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
                 continue;
             };
             units[i].kernel = Kernel::PooledConv(Box::new(PooledConv3x3::new(*kernel)));
-            // What the pooling reads now.
+            // The pooling's new input.
             let Value { buffer, first, .. } = values[units[conv].from];
             values[conv + 1] = Value { buffer, first, ..values[conv + 1] };
         }
     }
 }
 
-/// What a state depends on runs with every frame.
+/// Marks the layers that a state depends on: they run for every frame.
 fn mark_eager(units: &mut [Unit]) {
     for i in (0..units.len()).rev() {
         let keeps_state = matches!(

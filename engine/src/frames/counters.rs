@@ -1,13 +1,13 @@
-//! What a frame network computed, and what it did not need to.
+//! Counts of computed and avoided work of a frame network.
 
-/// Pixels of one layer, since the engine was made; a layer over vectors has one.
+/// Pixels of one layer since the engine was made; a layer over vectors counts as one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameLayerCounters {
     /// Computed.
     pub computed: u64,
-    /// Left as they were, because nothing that they read had changed.
+    /// Kept, because nothing in their receptive field had changed.
     pub skipped: u64,
-    /// Taken from what the layer gives without events, because nothing else reached them.
+    /// Taken from the layer's output for a frame of zeros, because only zeros reached them.
     pub absorbed: u64,
 }
 
@@ -23,7 +23,7 @@ pub struct FrameCounters {
 }
 
 impl FrameCounters {
-    /// What was counted after `earlier`, which the same engine told.
+    /// Counts since `earlier`, an earlier state of the same engine's counters.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         let layer = |(now, earlier): (&FrameLayerCounters, &FrameLayerCounters)| FrameLayerCounters {

@@ -1,4 +1,4 @@
-//! A frame network that runs: frames in, predictions out, state between them.
+//! A running frame network: takes frames, gives predictions, keeps state in between.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,9 +16,9 @@ use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs
 /// A prediction of a frame network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramePrediction<'a> {
-    /// The values, (channels, height, width) for an image.
+    /// The values; (channels, height, width) for an image.
     pub values: &'a [f32],
-    /// Frames since the last reset.
+    /// Number of frames since the last reset.
     pub frames: u64,
 }
 
@@ -67,8 +67,8 @@ impl FrameEngine {
     /// An engine before its first frame.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::FrameMemory`] beyond the memory
-    /// limit, before any memory is allocated; [`EngineError::Layer`] where a map is too large.
+    /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::FrameMemory`] if the
+    /// memory limit would be exceeded (checked before any allocation); [`EngineError::Layer`] if a map is too large.
     pub fn with_options(
         network: impl Into<Arc<FrameNetwork>>,
         options: FrameOptions,
@@ -92,12 +92,12 @@ impl FrameEngine {
         &self.network
     }
 
-    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and the layers that they read, run
-    /// now; the others run at the next [`Self::predict`].
+    /// Takes the next frame; (channels, height, width) for an image. Layers with a state, and the layers that they
+    /// read, run now; the others run at the next [`Self::predict`].
     ///
     /// # Errors
-    /// [`EngineError::FrameLength`] for another number of values, [`EngineError::FrameValue`] for a value that is not
-    /// finite. The engine stays as it is then.
+    /// [`EngineError::FrameLength`] for a wrong number of values, [`EngineError::FrameValue`] for a value that is not
+    /// finite. The engine's state is then unchanged.
     pub fn push(&mut self, frame: &[f32]) -> Result<(), EngineError> {
         let input = self.network.input();
         if frame.len() != input.values() {
@@ -106,16 +106,16 @@ impl FrameEngine {
         self.push_slice(frame)
     }
 
-    /// Takes frames that follow each other in `frames`, as [`Self::push`] takes one.
+    /// Takes several frames, concatenated in `frames`, as [`Self::push`] takes one.
     ///
     /// # Errors
-    /// As [`Self::push`], with places counted over all of `frames`. No frame is taken then.
+    /// As [`Self::push`], with indices into all of `frames`. No frame is taken then.
     pub fn push_slice(&mut self, frames: &[f32]) -> Result<(), EngineError> {
         let input = self.network.input();
         if !frames.len().is_multiple_of(input.values()) {
             return Err(EngineError::FrameLength { expected: input, found: frames.len() });
         }
-        // Without a branch, so that it takes vectors.
+        // Branch-free, so that it vectorises.
         if !frames.iter().fold(true, |finite, value| finite & value.is_finite())
             && let Some((at, &value)) = frames.iter().enumerate().find(|(_, value)| !value.is_finite())
         {
@@ -127,7 +127,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// The prediction after the last frame; before the first, for a frame of zeros.
+    /// Computes the prediction after the last frame; before the first frame, the prediction for a frame of zeros.
     ///
     /// # Errors
     /// [`EngineError::NotANumber`] with the first layer that holds NaN.
@@ -140,24 +140,24 @@ impl FrameEngine {
         Ok(FramePrediction { values: self.state.prediction(), frames: self.state.frames() })
     }
 
-    /// Back to the state before the first frame. Counters go on.
+    /// Returns to the state before the first frame. Counters are kept.
     pub fn reset(&mut self) {
         self.state.reset(&self.network);
     }
 
-    /// The state as it is, to return to.
+    /// A copy of the current state, to return to.
     pub fn snapshot(&self) -> FrameSnapshot {
         SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Returns to `snapshot`, counters included. Options that no result depends on (all but [`FrameOptions::skip`] and
-    /// [`FrameOptions::sparse`]) stay this engine's own. A snapshot made of bytes is restored as by
-    /// [`Self::restore_bytes`].
+    /// Returns to the state of `snapshot`, counters included. Options that results do not depend on (all except
+    /// [`FrameOptions::skip`] and [`FrameOptions::sparse`]) remain those of this engine. A snapshot made from bytes is
+    /// restored as by [`Self::restore_bytes`].
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where it was taken with an unequal network ([`FrameNetwork::fingerprint`]), another
-    /// [`FrameOptions::skip`] or [`FrameOptions::sparse`]; for a snapshot made of bytes, those of [`Self::restore_bytes`].
-    /// The engine stays as it is then.
+    /// [`EngineError::Snapshot`] if it was taken with an unequal network ([`FrameNetwork::fingerprint`]), another
+    /// [`FrameOptions::skip`] or [`FrameOptions::sparse`]; for a snapshot made from bytes, the errors of
+    /// [`Self::restore_bytes`]. The engine's state is then unchanged.
     pub fn restore(&mut self, snapshot: &FrameSnapshot) -> Result<(), EngineError> {
         let other = match &snapshot.0 {
             Content::Copy(engine) => engine,
@@ -169,13 +169,13 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// The state as bytes, for [`Self::restore_bytes`], in this process or another; about as many as
+    /// Encodes the state as bytes for [`Self::restore_bytes`], in this process or another. Size: about
     /// [`Self::state_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         self.to_bytes_with(&[])
     }
 
-    /// The same with a note of the caller's, which [`crate::snapshot_note`] gives back; the checksum covers it, too.
+    /// The same, with a note of the caller that [`crate::snapshot_note`] returns; the checksum covers the note too.
     pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
         let mut to = Writer::new(Kind::Frames);
         to.u64(self.network.fingerprint());
@@ -188,15 +188,16 @@ impl FrameEngine {
         to.finish(note)
     }
 
-    /// Goes on from the state that [`Self::to_bytes`] of an engine with an equal network and the same [`FrameOptions::skip`]
-    /// and [`FrameOptions::sparse`] wrote: what follows, counters included, is as if that engine had gone on.
+    /// Restores the state that [`Self::to_bytes`] wrote for an engine with an equal network and the same
+    /// [`FrameOptions::skip`] and [`FrameOptions::sparse`]. Later results and counters are as if that engine had
+    /// continued.
     ///
-    /// Cost: O(bytes). Beside the bytes, at most once more the memory that this engine takes.
+    /// Cost: O(bytes). In addition to the bytes, needs at most this engine's memory once more.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] where the bytes are of another version, network, or way to skip;
-    /// [`EngineError::SnapshotBytes`] where they are cut short, changed, or do not fit, also where a value is not finite: such
-    /// a state predicts nothing. The engine stays as it is then.
+    /// [`EngineError::Snapshot`] if the bytes belong to another version, network or way to skip;
+    /// [`EngineError::SnapshotBytes`] if they are truncated, changed or do not fit, or if a value is not finite: such a
+    /// state gives no prediction. The engine's state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let mut from = Reader::open(bytes, Kind::Frames)?;
         let fingerprint = from.u64("network")?;
@@ -236,7 +237,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Goes on with another instruction set.
+    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         self.options.isa = isa;
     }
@@ -246,13 +247,13 @@ impl FrameEngine {
         self.state.counters()
     }
 
-    /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] counts the room to work in, too.
+    /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] also counts the working space.
     pub fn state_bytes(&self) -> usize {
         self.state.bytes()
     }
 }
 
-/// How [`Skip`] is written.
+/// Encoding of [`Skip`].
 fn skip_code(skip: Skip) -> (u8, f32) {
     match skip {
         Skip::Nothing => (0, 0.0),
@@ -262,7 +263,7 @@ fn skip_code(skip: Skip) -> (u8, f32) {
 }
 
 impl fmt::Debug for FrameEngine {
-    /// What tells engines apart, not what they hold.
+    /// Shows the configuration, not the state.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FrameEngine")
             .field("network", &self.network.name())

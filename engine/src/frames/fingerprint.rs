@@ -1,4 +1,4 @@
-//! The fingerprint of a frame network: a hash of everything that its predictions depend on, and of names.
+//! Fingerprint of a frame network: a hash of everything that its predictions depend on, and of names.
 
 use meissner_kernels::WinogradTile;
 
@@ -65,7 +65,7 @@ fn kind(to: &mut Fingerprint, kind: &Kind) {
     }
 }
 
-/// The kind of a layer, and its sizes.
+/// Adds the kind of a layer and its sizes.
 fn sizes(to: &mut Fingerprint, kind: u64, sizes: &[usize]) {
     to.word(kind);
     sizes.iter().for_each(|&size| to.size(size));

@@ -1,4 +1,4 @@
-//! One layer at work: what it reads, what it remembers, what it writes.
+//! Execution of one layer: its inputs, its memory, its output.
 
 use meissner_kernels::{
     ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes, PooledScratch,
@@ -17,21 +17,21 @@ use super::patch::{MapPixels, Patch, PatchScratch};
 /// Sizes are checked when a network is made.
 const FITS: &str = "the network's shapes fit its kernels";
 
-/// What a layer remembers from frame to frame.
+/// The memory of a layer from frame to frame.
 #[derive(Clone, Debug)]
 pub(super) enum Memory {
     Nothing,
     Lstm(LstmState),
     ConvLstm(MapState),
     PlanarConvLstm(PlanarConvLstmState, Occupancy),
-    /// The last vectors, the oldest first.
+    /// The last vectors, oldest first.
     Delay(Vec<f32>),
 }
 
-/// Cells of a [`ConvLstm`]; its hidden state is what it writes.
+/// Cells of a [`ConvLstm`]; its hidden state is the layer's output.
 #[derive(Clone, Debug)]
 pub(super) struct MapState {
-    /// Whether there has been no step yet: what the cell shows is zeros.
+    /// Whether there was no step yet; the output is then zeros.
     pub(super) new: bool,
     pub(super) cell: Vec<f32>,
     gates: FeatureMap,
@@ -83,11 +83,11 @@ impl Memory {
     }
 }
 
-/// Room that all layers share.
+/// Working space that all layers share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     conv: ConvScratch,
-    /// One for each thread.
+    /// One per thread.
     pooled: [PooledScratch; 2],
     squeeze: SqueezeScratch,
     patch: PatchScratch,
@@ -97,23 +97,23 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// With room for `compared` values of a row of blocks; the rest grows with the first frames.
+    /// Working space for `compared` values of a row of blocks; the rest grows with the first frames.
     pub(super) fn new(compared: usize) -> Self {
         Self { patch: PatchScratch::new(compared), ..Self::default() }
     }
 }
 
-/// A layer about to run.
+/// One execution of a layer.
 pub(super) struct Run<'a> {
     pub(super) unit: &'a Unit,
     pub(super) options: FrameOptions,
     pub(super) input: &'a Buffer,
-    /// The second value that the layer reads.
+    /// The second input, if any.
     pub(super) with: Option<&'a Buffer>,
     pub(super) from: Value,
     pub(super) to: Value,
     pub(super) pending: &'a Pending,
-    /// What the layer gives without events, and where something else may reach.
+    /// The layer's output for a frame of zeros, and the pixels that anything else may reach.
     pub(super) background: Option<(&'a Buffer, &'a Changes)>,
     pub(super) memory: &'a mut Memory,
     pub(super) scratch: &'a mut Scratch,
@@ -121,7 +121,7 @@ pub(super) struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Computes what `out` needs; marks the pixels that changed. Whether any value may have.
+    /// Updates `out` and marks the pixels that changed; returns whether any value may have changed.
     pub(super) fn run(self, out: &mut Buffer, changed: &mut Changes) -> bool {
         match &self.unit.kernel {
             Kernel::Conv3(_)
@@ -160,7 +160,7 @@ impl Run<'_> {
         }
     }
 
-    /// A layer whose outputs read a small window, over maps with channels last.
+    /// Runs a layer with a small receptive field over maps with channels last.
     fn map(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let (tolerance, [channels, height, width]) = (self.tolerance(), self.size());
         let Self { unit, options, input, from, to, pending, background, scratch, counters, .. } = self;
@@ -203,7 +203,7 @@ impl Run<'_> {
                 Kernel::Winograd(conv) => conv.run(isa, &[view], region, band, conv_scratch),
                 Kernel::Conv1(conv) => conv.run(isa, &[view], region, band),
                 Kernel::UpConv(conv) => {
-                    // Blocks are even, and so is a doubled map.
+                    // Blocks have even sides, and so has a doubled map.
                     let Region { y, x, height, width } = region;
                     let read = Region { y: y / 2, x: x / 2, height: height / 2, width: width / 2 };
                     conv.run(isa, &[view], read, band)
@@ -224,7 +224,8 @@ impl Run<'_> {
             dirty: (!all).then_some(&*dirty),
             background: background.filter(|_| !all).map(|(b, reached)| (b.map(), reached)),
             tolerance,
-            // Small, for a call costs little, and even, for a transposed convolution writes 2 x 2; whole tiles for Winograd.
+            // Small, because a call costs little; even, for the 2 x 2 outputs of a transposed convolution; tiles for
+            // Winograd.
             block: if matches!(unit.kernel, Kernel::Winograd(_)) { [4, 8] } else { [2, 2] },
         };
         let mut pixels = MapPixels { map: out, first: to.first, channels };
@@ -232,7 +233,7 @@ impl Run<'_> {
         !changed.is_empty()
     }
 
-    /// The same over planes.
+    /// Runs the same over planes.
     fn planes(self, out: &mut Planes, changed: &mut Changes) -> bool {
         let (tolerance, [_, height, width]) = (self.tolerance(), self.size());
         let Self { unit, options, input, pending, background, scratch, counters, .. } = self;
@@ -244,7 +245,7 @@ impl Run<'_> {
                 let region = TileRegion { rows: region.y..region.y + region.height, tiles };
                 conv.run(options.isa, [Some(input), None], None, &region, out);
             }
-            // Poolings cost less than finding out what of them changed.
+            // A pooling costs less than finding its changed pixels.
             Kernel::MaxPool => planar_max_pool(input, out),
             Kernel::AveragePool(size) => planar_average_pool(input, *size, values, out),
             _ => unreachable!("layers of other kinds run elsewhere"),
@@ -269,7 +270,7 @@ impl Run<'_> {
         !changed.is_empty()
     }
 
-    /// Squeeze-and-excitation couples every pixel: one changed value changes them all.
+    /// Squeeze-and-excitation couples every pixel: one changed value changes all.
     fn squeeze(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let Kernel::SqueezeExcite(squeeze) = &self.unit.kernel else { unreachable!("{FITS}") };
         let [channels, height, width] = self.size();
@@ -310,7 +311,7 @@ impl Run<'_> {
         let Memory::PlanarConvLstm(state, occupancy) = self.memory else { unreachable!("{FITS}") };
         let Kernel::PlanarConvLstm(lstm) = &self.unit.kernel else { unreachable!("{FITS}") };
         let x = self.input.planes();
-        // Only a frame has empty places: what a layer with a state writes has none.
+        // Only a frame has empty pixels: a layer with a state writes none.
         let occupied = (self.unit.from == 0 && self.options.skip != Skip::Nothing).then(|| {
             occupancy.update(x);
             &*occupancy
@@ -324,7 +325,7 @@ impl Run<'_> {
         true
     }
 
-    /// A layer that writes a vector.
+    /// Runs a layer that writes a vector.
     fn vector(self, out: &mut Matrix) -> bool {
         self.counters.computed += 1;
         let Self { unit, options, input, with, from, memory, scratch, .. } = self;
@@ -365,7 +366,7 @@ impl Run<'_> {
                     Kernel::Sum => {
                         scratch.values.resize(channels * height * width, 0.0);
                         input.flatten(from.first, channels, &mut scratch.values);
-                        // In f64, where sums of counts are exact.
+                        // In f64, in which sums of counts are exact.
                         for (sum, plane) in out.iter_mut().zip(scratch.values.chunks_exact(height * width)) {
                             *sum = plane.iter().map(|&v| f64::from(v)).sum::<f64>() as f32;
                         }
@@ -378,22 +379,22 @@ impl Run<'_> {
     }
 }
 
-/// Columns of a tile of planes.
+/// Columns per tile of planes.
 pub(super) const TILE: usize = 2 * LANES;
-/// Pixels from which on two threads share a map.
+/// Number of pixels from which two threads share a map.
 const LARGE: usize = 4096;
 
-/// The upper and the lower half.
+/// The upper and the lower half of a region.
 fn split(region: Region) -> (Region, Region) {
     let upper = Region { height: region.height / 2, ..region };
     (upper, Region { y: region.y + upper.height, height: region.height - upper.height, ..region })
 }
 
-/// Where a kernel carries what is marked in `from`; `scratch` is overwritten.
+/// Propagates the marks `from` through a kernel into `to`; `scratch` is overwritten.
 pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch: &mut Changes) {
     match kernel {
         Kernel::Conv3(_) | Kernel::PlanarConv(_) => to.spread_of(from),
-        // How an output is rounded depends on all that its tile reads.
+        // The rounding of an output depends on the whole input of its tile.
         Kernel::Winograd(conv) => {
             to.spread_of(from);
             to.fill_tiles(conv.tile().size(), scratch);
@@ -407,7 +408,7 @@ pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch:
             to.shrunk_from(scratch, 2);
         }
         Kernel::Conv1(_) | Kernel::PassOn => to.clone_from(from),
-        // A mean over everything couples every pixel.
+        // A global mean couples every pixel.
         _ if from.is_empty() => to.clear(),
         _ => to.set_all(),
     }

@@ -1,11 +1,11 @@
-//! A frame network: layers over images and vectors, with their parameters, checked against each other.
+//! Description of a frame network: layers over images and vectors, with their parameters.
 
 use meissner_kernels::{Activation, WinogradTile};
 
-/// Shape of what a layer reads or writes.
+/// Shape of a layer's input or output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameShape {
-    /// So many values.
+    /// A vector with this many values.
     Vector(usize),
     /// Channels, then rows, then columns.
     Image {
@@ -19,7 +19,7 @@ pub enum FrameShape {
 }
 
 impl FrameShape {
-    /// Number of values; [`usize::MAX`] for more, which no network has.
+    /// Number of values; [`usize::MAX`] if it overflows, which no network reaches.
     pub fn values(self) -> usize {
         match self {
             Self::Vector(values) => values,
@@ -45,14 +45,14 @@ impl std::fmt::Display for FrameShape {
     }
 }
 
-/// What a network is made of.
+/// Parts of a network.
 #[derive(Clone, Debug)]
 pub struct FrameNetworkParts {
     /// Its name.
     pub name: String,
     /// Shape of a frame.
     pub input: FrameShape,
-    /// Layers in an order in which each reads what is there; the last one's values are the prediction.
+    /// Layers in topological order; the output of the last one is the prediction.
     pub layers: Vec<FrameLayer>,
 }
 
@@ -61,18 +61,18 @@ pub struct FrameNetworkParts {
 pub struct FrameLayer {
     /// Its name, for messages.
     pub name: String,
-    /// What it reads: 0 is the frame, i + 1 is layer i, all of them before this one.
+    /// Index of its input: 0 is the frame, i + 1 is layer i, which must come before this one.
     pub from: usize,
-    /// What it computes.
+    /// Its computation.
     pub kind: FrameLayerKind,
 }
 
-/// What a layer computes; tensors in `PyTorch`'s layouts. Batch norm is part of weight and bias.
+/// Computation of a layer; tensors in `PyTorch`'s layouts. Batch norm is folded into weight and bias.
 #[derive(Clone, Debug)]
 pub enum FrameLayerKind {
     /// Convolution with stride 1 that keeps the size of the image.
     Conv {
-        /// 1 or 3 pixels on each axis; 3 with a padding of 1.
+        /// Pixels on each axis: 1, or 3 with a padding of 1.
         kernel: usize,
         /// O, channels written.
         channels: usize,
@@ -83,7 +83,7 @@ pub enum FrameLayerKind {
         /// Whether max(x, 0) follows.
         relu: bool,
     },
-    /// Transposed convolution, 2 x 2 with stride 2: the image doubles.
+    /// Transposed convolution, 2 x 2 with stride 2: it doubles height and width.
     UpConv {
         /// O, channels written.
         channels: usize,
@@ -92,25 +92,25 @@ pub enum FrameLayerKind {
         /// (O).
         bias: Option<Vec<f32>>,
     },
-    /// Maximum over 2 x 2 pixels with stride 2; an odd last row or column is left out.
+    /// Maximum over 2 x 2 pixels with stride 2; an odd last row or column is dropped.
     MaxPool,
-    /// Mean over `size` x `size` pixels with that stride; what does not fill a cell is left out.
+    /// Mean over `size` x `size` pixels with the same stride; rows and columns that do not fill a window are dropped.
     AveragePool {
         /// Pixels on each axis.
         size: usize,
     },
-    /// Mean of each channel: a vector.
+    /// Mean of each channel; the output is a vector.
     GlobalAverage,
-    /// Sum of each channel: a vector.
+    /// Sum of each channel; the output is a vector.
     Sum,
-    /// The channels of `from`, then those of `with`; of two vectors their values.
+    /// The channels of `from`, then those of `with`; for vectors, the values.
     Concat {
         /// As [`FrameLayer::from`].
         with: usize,
     },
     /// Scales each channel by sigmoid(up relu(down mean)) (squeeze-and-excitation, Hu et al. 2018, Eq. 2 to 4).
     SqueezeExcite {
-        /// Values between `down` and `up`.
+        /// Number of values between `down` and `up`.
         reduced: usize,
         /// (reduced, C).
         down: Vec<f32>,
@@ -125,9 +125,9 @@ pub enum FrameLayerKind {
         weight: Vec<f32>,
         /// (4 H).
         bias: Vec<f32>,
-        /// (3, H, height, width) on i, f, o, each times the cell before the step.
+        /// (3, H, height, width) for i, f, o, each multiplied by the cell state before the step.
         peepholes: Option<Vec<f32>>,
-        /// Of the candidate and of the cell on its way out.
+        /// Activation of the candidate and of the output of the cell.
         activation: Activation,
     },
     /// LSTM; gates in the order i, f, g, o.
@@ -141,32 +141,32 @@ pub enum FrameLayerKind {
         /// (4 H), the sum of both biases.
         bias: Vec<f32>,
     },
-    /// The last `frames` vectors, value after value, each from the oldest to the newest; zeros before the first.
+    /// The last `frames` vectors, value after value, each from the oldest to the newest; zeros before the first frame.
     Delay {
-        /// How many.
+        /// Number of vectors.
         frames: usize,
     },
-    /// An image as a vector: channel after channel, row after row.
+    /// Turns an image into a vector: channel after channel, row after row.
     Flatten,
     /// Dense layer over a vector.
     Dense {
-        /// O.
+        /// O, values written.
         outputs: usize,
         /// (O, I).
         weight: Vec<f32>,
         /// (O).
         bias: Option<Vec<f32>>,
-        /// What follows the sum.
+        /// Activation applied to the sum.
         activation: Activation,
     },
 }
 
-/// How 3 x 3 convolutions of maps with channels last are computed.
+/// Algorithm of 3 x 3 convolutions of maps with channels last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Convolution {
-    /// Product by product.
+    /// Direct sum of all products.
     #[default]
     Direct,
-    /// By Winograd's minimal filtering: fewer products, another rounding: an approximation.
+    /// Winograd's minimal filtering: fewer products with different rounding, hence an approximation.
     Winograd(WinogradTile),
 }

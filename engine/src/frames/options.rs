@@ -1,4 +1,4 @@
-//! How a frame engine runs.
+//! Options of a frame engine.
 
 use std::fmt;
 
@@ -7,13 +7,13 @@ use meissner_kernels::Isa;
 /// Which computations are skipped.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Skip {
-    /// Everything is computed: the oracle.
+    /// None: everything is computed. This is the oracle.
     Nothing,
     /// Values that no change reaches are kept. The bits are those of [`Self::Nothing`].
     #[default]
     Exact,
-    /// As [`Self::Exact`], and a pixel that moved by no more than this in any channel counts as unchanged and keeps its
-    /// values: an approximation.
+    /// As [`Self::Exact`], but a pixel that changed by no more than this in any channel counts as unchanged and keeps
+    /// its values: an approximation.
     Tolerance(f32),
 }
 
@@ -27,7 +27,7 @@ impl fmt::Display for Skip {
     }
 }
 
-/// What a user may choose about a [`FrameEngine`](super::FrameEngine) beside the network.
+/// Options of a [`FrameEngine`](super::FrameEngine).
 ///
 /// ```
 /// use meissner_engine::frames::{FrameOptions, Skip};
@@ -39,17 +39,17 @@ impl fmt::Display for Skip {
 #[non_exhaustive]
 #[must_use]
 pub struct FrameOptions {
-    /// Instruction set of the kernels: by default the best one of this processor. Results do not depend on it.
+    /// Instruction set of the kernels. Default: the best one of this processor. Results do not depend on it.
     pub isa: Isa,
     /// Which computations are skipped. The default is [`Skip::Exact`].
     pub skip: Skip,
-    /// Whether frames are mostly zero, as those of events are. Each layer's values for a frame of zeros are then kept, and
-    /// reused wherever only zeros reach. The bits are the same; the memory doubles. Off by default.
+    /// Whether frames are mostly zero, as event frames are. Each layer's output for a frame of zeros is then stored,
+    /// and reused wherever only zeros reach. The bits are the same; the memory doubles. Default: off.
     pub sparse: bool,
-    /// Whether two threads share the rows of large maps. The bits are the same. Off by default.
+    /// Whether two threads share the rows of large maps. The bits are the same. Default: off.
     pub two_threads: bool,
-    /// Most bytes that the engine may take, as foreseen by [`FrameNetwork::engine_bytes`](super::FrameNetwork::engine_bytes).
-    /// The default is [`Self::MEMORY_LIMIT`].
+    /// Limit of the engine's memory in bytes, compared with
+    /// [`FrameNetwork::engine_bytes`](super::FrameNetwork::engine_bytes). Default: [`Self::MEMORY_LIMIT`].
     pub memory_limit: u128,
 }
 
@@ -66,10 +66,10 @@ impl Default for FrameOptions {
 }
 
 impl FrameOptions {
-    /// The default of [`Self::memory_limit`], the same as that of the engine over events: 4 GiB.
+    /// Default of [`Self::memory_limit`]: 4 GiB, as for the engine over events.
     pub const MEMORY_LIMIT: u128 = 1 << 32;
 
-    /// The defaults.
+    /// The default options.
     pub fn new() -> Self {
         Self::default()
     }

@@ -1,26 +1,26 @@
-//! Recomputing parts of a map: those that a change reaches, and of these what is not as it would be without events.
+//! Recomputes the parts of a map that a change reaches, except pixels whose values equal those for a frame of zeros.
 //!
-//! Enters: the pixels that a change reaches, and a kernel that computes any region with the same bits as all of the map.
-//! Leaves: the map as if it had been computed whole, and the pixels that truly changed.
+//! Input: the pixels that a change reaches, and a kernel that computes any region with the same bits as the whole map.
+//! Output: the map as if computed whole, and the pixels that did change.
 
 use meissner_kernels::{FeatureMap, Planes, Region};
 
 use super::changes::Changes;
 use super::counters::FrameLayerCounters;
 
-/// How much less than everything is worth the trouble: above this share of a map, it is computed whole.
+/// Largest share of a map that is recomputed in parts; above it, the whole map is computed.
 const WHOLE: f64 = 0.75;
 
-/// A map that can be read and written by pixel.
+/// A map that can be read and written pixel by pixel.
 pub(super) trait Pixels {
     /// Appends the values of `region` to `out`.
     fn save(&self, region: Region, out: &mut Vec<f32>);
-    /// Compares the values of `region` with what [`Self::save`] kept: each pixel that moved by more than `tolerance` in
-    /// any channel (for `None`, by a bit) is passed to `changed`; the others get their old values back.
+    /// Compares the values of `region` with those that [`Self::save`] stored. Pixels that changed by more than
+    /// `tolerance` in any channel (for `None`, in any bit) are marked in `changed`; others get their old values back.
     fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes);
     /// A map of the same layout.
     type Whole;
-    /// Takes the values of a pixel from `other`; whether they differed.
+    /// Copies the values of a pixel from `other`; returns whether they differed.
     fn take(&mut self, other: &Self::Whole, y: usize, x: usize) -> bool;
 }
 
@@ -119,20 +119,20 @@ impl Pixels for Planes {
     }
 }
 
-/// What there is to do on a map.
+/// The work to do on a map.
 pub(super) struct Patch<'a, W> {
     /// Size of the map.
     pub(super) size: [usize; 2],
-    /// Pixels that a change reaches; `None` computes everything and compares nothing.
+    /// Pixels that a change reaches; `None` recomputes everything and compares nothing.
     pub(super) dirty: Option<&'a Changes>,
-    /// The values where nothing but zeros reaches, and the pixels that something else may reach.
+    /// The output for a frame of zeros, and the pixels that anything else may reach.
     pub(super) background: Option<(&'a W, &'a Changes)>,
     pub(super) tolerance: Option<f32>,
-    /// Rows and columns of the blocks that are recomputed.
+    /// Rows and columns of the recomputed blocks.
     pub(super) block: [usize; 2],
 }
 
-/// Room for [`Patch::apply`].
+/// Working space of [`Patch::apply`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct PatchScratch {
     todo: Changes,
@@ -140,14 +140,14 @@ pub(super) struct PatchScratch {
 }
 
 impl PatchScratch {
-    /// With room for `most` values of a row of blocks.
+    /// Working space for `most` values of a row of blocks.
     pub(super) fn new(most: usize) -> Self {
         Self { todo: Changes::default(), old: Vec::with_capacity(most) }
     }
 }
 
 impl<W> Patch<'_, W> {
-    /// Brings `pixels` up to date; `changed` becomes the pixels that changed, or may have.
+    /// Brings `pixels` up to date; sets `changed` to the pixels that changed or may have changed.
     pub(super) fn apply<P: Pixels<Whole = W>>(
         self,
         pixels: &mut P,
@@ -194,7 +194,7 @@ impl<W> Patch<'_, W> {
             counters.computed += (region.height * region.width) as u64;
             pixels.compare(region, old, self.tolerance, changed);
         });
-        // Blocks may hold absorbed pixels beside those that had to be computed.
+        // Blocks may contain absorbed pixels as well as those that had to be computed.
         counters.skipped += others.saturating_sub(counters.computed - before);
     }
 }

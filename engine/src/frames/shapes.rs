@@ -1,20 +1,20 @@
-//! The shapes that layers write, and what does not fit.
+//! Output shapes of layers, and their errors.
 
 use super::network::{FrameLayer, FrameLayerKind, FrameShape};
 use crate::EngineError;
 
-/// Longest side of an image, and most channels.
+/// Largest side and number of channels of an image.
 const LONGEST: usize = 1 << 14;
-/// Most values of an image or a vector.
+/// Largest number of values of an image or a vector.
 const MOST_VALUES: usize = 1 << 28;
-/// Most vectors that a delay keeps.
+/// Largest number of vectors that a delay keeps.
 const LONGEST_DELAY: usize = 1 << 16;
 
 pub(super) fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: String) -> EngineError {
     EngineError::Network { layer: layer.to_owned(), what, expected: expected.to_string(), found }
 }
 
-/// The second value that a layer reads.
+/// The second input of a layer, if any.
 pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
     match layer.kind {
         FrameLayerKind::Concat { with } => Some(with),
@@ -36,7 +36,7 @@ pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineEr
     Ok(())
 }
 
-/// The shape that `layer` writes.
+/// Output shape of `layer`.
 pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameShape, EngineError> {
     use FrameLayerKind as Kind;
     let from = shapes[layer.from];

@@ -1,7 +1,7 @@
-//! The state of a frame engine, and the order in which its layers run.
+//! State of a frame engine, and the order in which its layers run.
 //!
-//! A layer knows which pixels of what it reads have changed since it last ran. Layers with a state, and what they read,
-//! run with every frame; the others when a prediction is read, so that the changes of several frames meet in one.
+//! Each layer records the changed pixels of its inputs since it last ran. Layers with a state, and their inputs, run
+//! for every frame. The others run when a prediction is read, and process the changes of several frames at once.
 
 mod snapshot;
 
@@ -14,36 +14,36 @@ use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use crate::EngineError;
 
-/// Everything that a frame engine remembers.
+/// The whole state of a frame engine.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     buffers: Vec<Buffer>,
-    /// What each layer remembers from frame to frame.
+    /// Memory of each layer from frame to frame.
     memories: Vec<Memory>,
-    /// What each layer has yet to see.
+    /// Changes that each layer has not processed yet.
     pending: Vec<Pending>,
     background: Option<Background>,
     scratch: Scratch,
-    /// Of the layer at work.
+    /// Changes of the layer that is running.
     changed: Changes,
     tiles: Changes,
     prediction: Vec<f32>,
-    /// Whether the last layer's values have changed since `prediction` was taken of them.
+    /// Whether the last layer's output has changed since `prediction` was copied from it.
     stale: bool,
     frames: u64,
     counters: FrameCounters,
 }
 
-/// What layers make of a frame of zeros, and what differs from it now.
+/// Outputs of all layers for a frame of zeros, and the pixels that may differ from them now.
 #[derive(Clone, Debug)]
 struct Background {
     buffers: Vec<Buffer>,
-    /// For each value the pixels that something else than zeros may have reached; `None` where a state has a part in it.
+    /// For each value, the pixels that anything but zeros may have reached; `None` if the value depends on a state.
     reached: Vec<Option<Changes>>,
 }
 
 impl Background {
-    /// Runs every layer on a frame of zeros; of the state that did it, only the values stay.
+    /// Runs every layer on a frame of zeros and keeps the outputs.
     fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
         let mut state = State::without_background(network, options)?;
         let whole = options.with_skip(Skip::Nothing);
@@ -62,7 +62,7 @@ impl Background {
     }
 }
 
-/// A map of changes for an image; an empty one for a vector.
+/// Change marks for an image; empty ones for a vector.
 fn changes_of(shape: FrameShape) -> Changes {
     match shape {
         FrameShape::Image { height, width, .. } => Changes::none(height, width),
@@ -115,7 +115,7 @@ impl State {
         })
     }
 
-    /// Takes a frame that fits.
+    /// Takes a frame of the right shape.
     pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
         self.changed.become_none(sides(network.values[0].shape));
         let any = if options.skip == Skip::Nothing {
@@ -144,7 +144,7 @@ impl State {
     /// Brings the prediction up to date.
     pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
         for i in 0..network.units.len() {
-            // Before the first frame there is no step of a state yet, and what states read has not run either.
+            // Before the first frame, no state has made a step, and the inputs of states have not run either.
             let waits = self.frames == 0 && !self.memories[i].is_some();
             if !network.units[i].eager || waits {
                 self.run(network, options, i);
@@ -158,7 +158,7 @@ impl State {
         self.counters.predictions += 1;
     }
 
-    /// Runs layer `i`, and tells those that read it.
+    /// Runs layer `i` and marks the changes for the layers that read it.
     fn run(&mut self, network: &FrameNetwork, options: FrameOptions, i: usize) {
         let unit = &network.units[i];
         let value = network.values[i + 1];
@@ -172,7 +172,7 @@ impl State {
             self.counters.layers[i].skipped += all;
             return;
         }
-        // The buffer that is written leaves its place, so that all others can be read.
+        // The output buffer is taken out, so that all others can be borrowed.
         let passes_on = matches!(unit.kernel, Kernel::PassOn);
         let mut out = if passes_on {
             Buffer::Away
@@ -207,7 +207,7 @@ impl State {
         self.changed.become_none(sides(value.shape));
         let any = run.run(&mut out, &mut self.changed);
         if matches!(unit.kernel, Kernel::PooledConv(_)) {
-            // Four pixels of the layer below for each of this one.
+            // Four pixels of the input per pixel of the output.
             let FrameLayerCounters { computed, skipped, absorbed } = self.counters.layers[i];
             self.counters.layers[unit.from - 1] =
                 FrameLayerCounters { computed: 4 * computed, skipped: 4 * skipped, absorbed: 4 * absorbed };
@@ -224,7 +224,7 @@ impl State {
         self.tell(network, i + 1, any);
     }
 
-    /// Tells the layers that read `value` what changed of it.
+    /// Marks the changes of `value` for the layers that read it.
     fn tell(&mut self, network: &FrameNetwork, value: usize, any: bool) {
         if !any {
             return;
@@ -241,7 +241,7 @@ impl State {
     pub(super) fn reset(&mut self, network: &FrameNetwork) {
         self.memories.iter_mut().for_each(Memory::reset);
         self.frames = 0;
-        // As before the first frame, values of layers with a state, and the frame itself, are zeros.
+        // As before the first frame, the outputs of layers with a state, and the frame itself, are zeros.
         for (i, value) in network.values.iter().enumerate() {
             if i == 0 || self.memories[i - 1].is_some() {
                 self.changed.become_none(sides(value.shape));
@@ -257,7 +257,7 @@ impl State {
         }
     }
 
-    /// The first layer whose values hold NaN.
+    /// Name of the first layer whose values hold NaN.
     pub(super) fn not_a_number(&self, network: &FrameNetwork) -> String {
         let nan = network.values.iter().skip(1).position(|value| self.buffers[value.buffer].has_nan());
         nan.map_or_else(String::new, |layer| network.units[layer].name.clone())

@@ -1,4 +1,4 @@
-//! A frame engine whose frames have times: what live predictions need.
+//! A frame engine whose frames have times, as live predictions need.
 
 use super::engine::FrameEngine;
 use crate::{DropReason, EngineError, Outcome, Prediction, Predictor};
@@ -8,26 +8,26 @@ use crate::{DropReason, EngineError, Outcome, Prediction, Predictor};
 pub struct Frame {
     /// Time in microseconds, on any epoch.
     pub t_us: i64,
-    /// The values, as [`FrameEngine::push`] takes them.
+    /// The values in the order of [`FrameEngine::push`].
     pub values: Vec<f32>,
 }
 
-/// A [`FrameEngine`] behind the verbs of all engines: it takes frames in the order of their times.
+/// A [`FrameEngine`] with the common methods of all engines: it takes frames in order of time.
 ///
-/// A frame that is earlier than the newest time is dropped. A frame that the engine refuses is dropped, too, and the next
-/// prediction is the error. Of a [`Prediction`], `nodes` is the number of frames since the last reset.
+/// A frame earlier than the newest time is dropped. A frame that the engine refuses is dropped too, and the next
+/// prediction returns the error. In a [`Prediction`], `nodes` is the number of frames since the last reset.
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
     engine: FrameEngine,
     /// Time of the newest frame.
     newest_us: Option<i64>,
-    /// The newest time: of the newest frame, or of a later `advance`.
+    /// Current time: that of the newest frame, or of a later `advance`.
     now_us: Option<i64>,
     refused: Option<EngineError>,
 }
 
 impl TimedFrames {
-    /// Puts `engine` behind a clock that has not started.
+    /// Adds a clock that has not started to `engine`.
     pub fn new(engine: FrameEngine) -> Self {
         Self { engine, newest_us: None, now_us: None, refused: None }
     }
@@ -53,7 +53,7 @@ impl Predictor for TimedFrames {
         Outcome::Accepted
     }
 
-    /// Moves the clock, once a frame has started it.
+    /// Advances the clock if a frame has started it.
     fn advance(&mut self, t_us: i64) {
         self.now_us = self.now_us.map(|now| now.max(t_us));
     }

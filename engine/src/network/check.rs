@@ -1,6 +1,6 @@
-//! Whether a network's parts fit together.
+//! Checks that a network's parts fit together.
 //!
-//! Enters: [`NetworkParts`]. Leaves: the channels of every feature, or the first thing that does not fit, by layer.
+//! Input: [`NetworkParts`]. Output: the channels of every feature, or the first error, by layer.
 
 use super::parts::{Level, NetworkParts, Pooling, Reach};
 use crate::error::{in_range, option};
@@ -40,7 +40,7 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     Ok(channels)
 }
 
-/// Checks what reads `channels` channels of the readout, whose grid is there `times` times: dense layers or a head.
+/// Checks the dense layers or the head, which read `channels` channels of the readout; its grid has `times` copies.
 fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<(), EngineError> {
     let (columns, rows) = (parts.readout.columns, parts.readout.rows);
     let mut inputs = channels * columns * rows * times;
@@ -70,12 +70,12 @@ fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<
     Ok(())
 }
 
-/// Cells of `size` that a window can fill: it is closed, and begins anywhere in a cell.
+/// Number of cells of `size` that a window can occupy: it is a closed interval and starts anywhere in a cell.
 pub(super) fn times(size: Fraction) -> usize {
     size.cells() + 1
 }
 
-/// How often the readout's grid is there. A node's cell in time must be that of all its events.
+/// Number of copies of the readout's grid. A node's cell in time must be that of all its events.
 fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
     if !parts.readout.by_time {
         return Ok(1);
@@ -104,7 +104,7 @@ fn feature(layer: &str, what: &'static str, channels: &[usize], index: usize) ->
         .ok_or_else(|| misfit(layer, what, format!("below {}", channels.len()), index))
 }
 
-/// Checks the blocks of a level that `inputs` channels enter; the channels of all its features.
+/// Checks the blocks of a level with `inputs` input channels; returns the channels of all its features.
 fn level_channels(level: &Level, inputs: usize) -> Result<Vec<usize>, EngineError> {
     if !(level.scale.is_finite() && level.scale > 0.0) {
         return Err(option("edge-attribute scale", "a finite number above 0", level.scale));

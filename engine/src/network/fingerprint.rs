@@ -1,4 +1,4 @@
-//! The fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
+//! Fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
 
 use meissner_kernels::Dense;
 

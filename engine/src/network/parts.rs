@@ -1,4 +1,4 @@
-//! What a network is made of: the rule of its graph, its levels of blocks, its poolings, its readout and its head.
+//! Parts of a network: the graph rule, levels of blocks, poolings, readout and head.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use crate::Fraction;
 use crate::convolution::{EdgeReads, GraphConvolution};
 use crate::frames::FrameNetwork;
 
-/// Which nodes a node reads from. `knn` and `radius` are one rule: the first `most` candidates in the graph's order
-/// whose squared distance is at most `radius`^2.
+/// The neighbours of a node. `knn` and `radius` are one rule: the first `most` candidates in the graph's order whose
+/// squared distance is at most `radius`^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reach {
-    /// The `k` nearest.
+    /// The `k` nearest nodes.
     Knn {
         /// Neighbours, 1 to 255.
         k: usize,
     },
-    /// Those within `r`, of these the `max` nearest.
+    /// The `max` nearest nodes within `r`.
     Radius {
         /// Distance, in units of the normalised position.
         r: f64,
@@ -27,7 +27,7 @@ pub enum Reach {
 }
 
 impl Reach {
-    /// Most in-edges that a node has.
+    /// Largest number of in-edges of a node.
     pub fn most(self) -> usize {
         match self {
             Self::Knn { k } => k,
@@ -44,30 +44,30 @@ impl Reach {
     }
 }
 
-/// What becomes of in-edges when the node they come from leaves the window.
+/// Treatment of in-edges whose source leaves the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lifetime {
-    /// They are replaced by the next nearest: in-edges always refer to the window.
+    /// They are replaced by the next nearest node: in-edges always refer to nodes in the window.
     Window,
     /// A row is computed on arrival and never changed.
     Frozen,
 }
 
-/// Which nodes can be neighbours.
+/// Nodes that can be neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Candidates {
-    /// All in the window: an old event may gain a newer neighbour.
+    /// All nodes in the window: an old event may gain a newer neighbour.
     All,
-    /// Those that arrived before.
+    /// Only nodes that arrived before.
     Past(Lifetime),
 }
 
-/// How neighbourhoods are chosen.
+/// The rule that determines neighbourhoods.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraphRule {
-    /// How many and how far.
+    /// Number and distance of the neighbours.
     pub reach: Reach,
-    /// Among which.
+    /// Nodes that can be neighbours.
     pub candidates: Candidates,
 }
 
@@ -78,13 +78,13 @@ impl GraphRule {
     }
 }
 
-/// What edge attributes and pooling grids are relative to.
+/// Reference of edge attributes and pooling grids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Normalisation {
-    /// Fixed scales per level, grids from an origin of 0.
+    /// Fixed scales per level; grids with origin 0.
     Fixed,
-    /// The largest coordinate difference over the edges of each graph, grids from its smallest position: how the
-    /// published checkpoint was trained. Batch only.
+    /// The largest coordinate difference over the edges of each graph, and grids that start at its smallest position,
+    /// as the published checkpoint was trained. Batch only.
     PerGraph,
 }
 
@@ -97,18 +97,18 @@ pub enum Position {
     Centre,
 }
 
-/// How a level's nodes are made from those of the level below.
+/// Rule that makes the nodes of a level from those of the level below.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooling {
     /// Name, for reports.
     pub name: String,
-    /// Feature of the level below whose channel-wise maximum enters this level.
+    /// Feature of the level below whose channel-wise maximum is the input of this level.
     pub from: usize,
     /// Cell size along x and y, as fractions of the sensor.
     pub cell: [Fraction; 2],
     /// Cell size along t, as a fraction of the span; `None` pools over all times.
     pub time: Option<Fraction>,
-    /// Where the pooled nodes lie.
+    /// Position of the pooled nodes.
     pub position: Position,
 }
 
@@ -117,9 +117,9 @@ pub struct Pooling {
 pub struct Block {
     /// Name, for reports.
     pub name: String,
-    /// Feature that is convolved.
+    /// Input feature of the convolution.
     pub input: usize,
-    /// Feature that is added to the result.
+    /// Feature added to the result.
     pub skip: Option<usize>,
     /// Convolution, activation and batch norm.
     pub conv: GraphConvolution,
@@ -130,18 +130,18 @@ pub struct Block {
 pub struct Level {
     /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1) and of the offsets (`p_j` - `p_i`) / s.
     pub scale: f32,
-    /// In an order in which each reads only what was written before it.
+    /// Blocks in topological order: each reads only features written before it.
     pub blocks: Vec<Block>,
 }
 
 impl Level {
-    /// What the blocks read of in-edges.
+    /// The edge data that the blocks read.
     pub(crate) fn edge_reads(&self) -> EdgeReads {
         self.blocks.iter().map(|block| block.conv.edge_reads()).fold(EdgeReads::default(), EdgeReads::or)
     }
 }
 
-/// The maximum over a grid of the image, cell after cell.
+/// The maximum over a grid of the image, in row-major order of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readout {
     /// Feature of the last level.
@@ -150,8 +150,8 @@ pub struct Readout {
     pub columns: usize,
     /// Cells along y.
     pub rows: usize,
-    /// Whether the poolings' cells in time stay apart: the grid is there once for each of them that a window can fill,
-    /// the newest first.
+    /// Whether the poolings' cells in time stay separate: there is then one copy of the grid for each time cell that a
+    /// window can occupy, newest first.
     pub by_time: bool,
 }
 
@@ -164,29 +164,29 @@ pub struct DenseLayer {
     pub dense: Dense,
 }
 
-/// What a [`Network`](crate::Network) is made from.
+/// Parts of a [`Network`](crate::Network).
 #[derive(Clone, Debug)]
 pub struct NetworkParts {
     /// Name, for reports.
     pub name: String,
     /// Length of the window in microseconds.
     pub span_us: i64,
-    /// Most events that the window holds.
+    /// Largest number of events in the window.
     pub capacity: usize,
     /// Rule of the event graph.
     pub graph: GraphRule,
-    /// What attributes and grids are relative to.
+    /// Reference of edge attributes and grids.
     pub normalisation: Normalisation,
     /// The event level.
     pub events: Level,
     /// Each pooling with the level that it starts.
     pub pooled: Vec<(Pooling, Level)>,
-    /// What the dense layers read.
+    /// Input of the dense layers or of the head.
     pub readout: Readout,
-    /// In order; the last one's outputs are the prediction. None where there is a head.
+    /// Dense layers in order; the outputs of the last are the prediction. Empty if there is a head.
     pub dense: Vec<DenseLayer>,
-    /// A frame network in place of dense layers; its output is the prediction. It reads the readout as an image: a column and
-    /// a row for those of the grid, channel `age C + c` for channel c of the grid that is `age` cells in time old. Without
-    /// state: how often predictions are read must not matter.
+    /// A frame network in place of dense layers; its output is the prediction. It reads the readout as an image with
+    /// the columns and rows of the grid. Channel `age C + c` is channel c of the grid that is `age` time cells old. It
+    /// must be stateless: predictions cannot depend on how often they are read.
     pub head: Option<Arc<FrameNetwork>>,
 }

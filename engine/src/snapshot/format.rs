@@ -1,14 +1,14 @@
 //! Constants of the format, and the kinds of engines that have snapshots.
 
 pub(super) const MAGIC: [u8; 8] = *b"MEISSNER";
-/// Goes up with every change of the format, or of the order in which an engine computes.
+/// Format version. It increases with every change of the format, or of the order in which an engine computes.
 pub(super) const VERSION: u32 = 1;
 /// Bytes before the content.
 pub(super) const HEADER: usize = 24;
-/// Bytes after it.
+/// Bytes after the content.
 pub(super) const CHECKSUM: usize = 8;
-/// Counts are below this, so that they can go on, and be summed over layers, for as long as any engine runs: two thousand
-/// years at a million a second.
+/// Limit of counts in a snapshot, so that they can be increased, and summed over layers, for as long as any engine
+/// runs: two thousand years at a million per second.
 pub(super) const COUNT_LIMIT: u64 = 1 << 56;
 
 /// The kind of engine that a snapshot belongs to.

@@ -1,11 +1,11 @@
-//! The bytes of a snapshot in, its values out, each with the name under which it is refused.
+//! Decodes the bytes of a snapshot. Each value has a name for error messages.
 
 use std::fmt::Display;
 
 use super::format::{CHECKSUM, COUNT_LIMIT, HEADER, Kind, MAGIC, VERSION};
 use crate::{EngineError, fingerprint};
 
-/// What is left of a snapshot's content.
+/// The remaining content of a snapshot.
 #[derive(Debug)]
 pub(crate) struct Reader<'a> {
     /// Everything but the checksum.
@@ -14,12 +14,12 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// The content of `bytes`, a snapshot of `kind` whose version, length and checksum are right. O(bytes).
+    /// Opens the content of `bytes`, a snapshot of `kind`; checks version, length and checksum. O(bytes).
     pub(crate) fn open(bytes: &'a [u8], kind: Kind) -> Result<Self, EngineError> {
         Ok(parts(bytes, Some(kind))?.0)
     }
 
-    /// Why what was read last, `bytes` bytes of it, is refused.
+    /// The error for the last value read, which has `bytes` bytes.
     pub(crate) fn refuse(
         &self,
         what: impl Display,
@@ -66,7 +66,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Counts that can go on for as long as any engine runs.
+    /// Reads counts; they must be small enough to be increased for as long as any engine runs.
     pub(crate) fn counts<const N: usize>(&mut self, what: impl Display) -> Result<[u64; N], EngineError> {
         let mut counts = [0; N];
         for count in &mut counts {
@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         Ok(counts)
     }
 
-    /// The number of items that follow, each of at least `each` bytes: at most `most`, and all of them there.
+    /// Reads the number of items that follow, each of at least `each` bytes: at most `most`, and not truncated.
     pub(crate) fn length(
         &mut self,
         what: impl Display,
@@ -93,7 +93,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A number that the engine knows.
+    /// Reads a number that must equal `expected`.
     pub(crate) fn exactly(&mut self, what: impl Display, expected: usize) -> Result<(), EngineError> {
         let found = self.u64(&what)?;
         if found == expected as u64 { Ok(()) } else { Err(self.refuse(what, 8, expected, found)) }
@@ -104,7 +104,7 @@ impl<'a> Reader<'a> {
         Ok(String::from_utf8_lossy(self.take(what, length)?).into_owned())
     }
 
-    /// Values that are all finite.
+    /// Reads values, which must all be finite.
     pub(crate) fn values(&mut self, what: impl Display, to: &mut [f32]) -> Result<(), EngineError> {
         let start = self.at;
         let bytes = self.take(&what, to.len().saturating_mul(4))?;
@@ -118,14 +118,14 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Nothing is left.
+    /// Checks that nothing is left.
     pub(crate) fn end(self) -> Result<(), EngineError> {
         let left = self.bytes.len() - self.at;
         if left == 0 { Ok(()) } else { Err(refused("end", self.at, "no more bytes", left)) }
     }
 }
 
-/// The content and the note of `bytes`, a snapshot of `kind`, or of any, whose version, length and checksum are right.
+/// The content and the note of `bytes`, a snapshot of `kind` (or of any kind); checks version, length and checksum.
 fn parts(bytes: &[u8], kind: Option<Kind>) -> Result<(Reader<'_>, &[u8]), EngineError> {
     let mut reader = Reader { bytes, at: 0 };
     let magic = reader.take("first bytes", MAGIC.len())?;
@@ -160,16 +160,16 @@ fn parts(bytes: &[u8], kind: Option<Kind>) -> Result<(Reader<'_>, &[u8]), Engine
     Ok((Reader { bytes: content, at: HEADER }, note))
 }
 
-/// The note in the bytes of a snapshot of any kind (see [`crate::Engine::to_bytes_with`]), which are checked as a whole.
-/// O(bytes).
+/// The note in the bytes of a snapshot of any kind (see [`crate::Engine::to_bytes_with`]); the bytes are checked as a
+/// whole. O(bytes).
 ///
 /// # Errors
-/// [`EngineError::Snapshot`] for another version; [`EngineError::SnapshotBytes`] where the bytes are cut short or changed.
+/// [`EngineError::Snapshot`] for another version; [`EngineError::SnapshotBytes`] if the bytes are truncated or changed.
 pub fn snapshot_note(bytes: &[u8]) -> Result<&[u8], EngineError> {
     Ok(parts(bytes, None)?.1)
 }
 
-/// As many bytes as an integer has, which were taken as many.
+/// Converts a slice of N bytes to an array.
 fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     let mut array = [0; N];
     array.copy_from_slice(bytes);
@@ -185,7 +185,7 @@ fn refused(what: impl Display, at: usize, expected: impl Display, found: impl Di
     }
 }
 
-/// The engine and the snapshot have different values of what they must share.
+/// The error if engine and snapshot differ in a property that they must share.
 pub(crate) fn differs(what: &'static str, expected: impl Display, found: impl Display) -> EngineError {
     EngineError::Snapshot { what, expected: expected.to_string(), found: found.to_string() }
 }

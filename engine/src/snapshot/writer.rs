@@ -1,4 +1,4 @@
-//! State in, the bytes of a snapshot out.
+//! Encodes a state as the bytes of a snapshot.
 
 use super::format::{CHECKSUM, HEADER, Kind, MAGIC, VERSION};
 use crate::fingerprint;
@@ -56,12 +56,12 @@ impl Writer {
         self.bytes.extend(text.as_bytes());
     }
 
-    /// Values without their number, which the reader knows.
+    /// Writes values without their number, which the reader knows.
     pub(crate) fn values(&mut self, values: &[f32]) {
         self.bytes.extend(values.iter().flat_map(|value| value.to_bits().to_le_bytes()));
     }
 
-    /// The whole snapshot, with bytes of someone else.
+    /// Completes the snapshot with a note of the caller.
     pub(crate) fn finish(mut self, note: &[u8]) -> Vec<u8> {
         self.bytes.extend(note);
         self.size(note.len());

@@ -1,8 +1,8 @@
 //! The state of a frame engine as bytes.
 //!
-//! Bytes hold all values, what layers remember, and what each has yet to see: what a layer keeps can be a matter of the past,
-//! with a tolerance. Sizes are those of the engine that reads them, and a mark can only be set on a pixel that there is, so
-//! that whatever the bytes say, the state is one that layers can work on.
+//! The bytes hold all values, the memories of the layers, and the changes that each layer has not processed yet: with a
+//! tolerance, stored values can depend on the past. Sizes are those of the reading engine, and a mark can only be set
+//! on an existing pixel. Whatever the bytes contain, the layers can therefore run on the resulting state.
 
 use super::{Background, State};
 use crate::EngineError;
@@ -13,7 +13,7 @@ use crate::frames::counters::FrameLayerCounters;
 use crate::frames::layers::Memory;
 use crate::snapshot::{Reader, Writer};
 
-/// The frame, or a layer, in messages.
+/// Name of the frame or of a layer, for messages.
 fn name(network: &FrameNetwork, value: usize) -> &str {
     value.checked_sub(1).map_or("frame", |unit| &network.units[unit].name)
 }
@@ -42,7 +42,7 @@ impl State {
         }
     }
 
-    /// Becomes what `from` says; half so where it is refused.
+    /// Reads the state from `from`; on an error it is left partly read.
     pub(in crate::frames) fn read(
         &mut self,
         network: &FrameNetwork,
@@ -78,7 +78,7 @@ impl State {
                 }
             }
         }
-        // The prediction is taken of the last layer's values again.
+        // The prediction is copied again from the output of the last layer.
         self.stale = true;
         Ok(())
     }
