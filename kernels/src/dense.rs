@@ -1,24 +1,23 @@
 //! Dense layers: y = activation(W x + b).
 //!
-//! The sum over inputs runs in 32 partial sums, input i into sum i mod 32, each in ascending order, each product rounded
-//! once with its sum; they are added as
-//! four groups of eight, (a0 + a1) + (a2 + a3), and the eight that remain as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
-//! Inputs are the rows of a matrix one after the other, each padded to whole lanes; i counts the padding. Of whole steps of
-//! 32 inputs, one that is +0 throughout is passed over: most cells of a readout are empty, and their products leave every
-//! sum as it is.
+//! The sum over inputs runs in 32 partial sums, input i into sum i mod 32, each in ascending order, each product
+//! rounded once with its sum; they are added as four groups of eight, (a0 + a1) + (a2 + a3), and the eight that remain
+//! as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)). Inputs are the rows of a matrix one after the other, each padded to
+//! whole lanes; i counts the padding too. A whole step of 32 inputs that are all +0 is skipped: most cells of a readout
+//! are empty, and their products change no sum.
 
 use crate::elementary::{elu, sigmoid, tanh};
 use crate::error::{KernelError, check};
 use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
 
-/// The function that is applied to a dense layer's sum.
+/// Activation applied to a dense layer's sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Activation {
-    /// Nothing.
+    /// No function.
     #[default]
     Identity,
-    /// max(x, 0); NaN stays, to be found.
+    /// max(x, 0); NaN stays NaN, so that it is detected.
     Relu,
     /// x for x > 0, else e^x - 1.
     Elu,
@@ -35,7 +34,7 @@ pub struct Dense {
     /// Values of one row of the input.
     channels: usize,
     outputs: usize,
-    /// Lanes of one output's weights.
+    /// Lanes per output in `weight`.
     stride: usize,
     /// (O, lanes of segments x channels).
     weight: Vec<Lanes>,
@@ -72,12 +71,12 @@ impl Dense {
         Ok(Self { inputs, channels, outputs, stride, weight, bias, activation })
     }
 
-    /// Values read.
+    /// Number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Values written.
+    /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
@@ -98,13 +97,13 @@ impl Dense {
         &self.bias
     }
 
-    /// The function that is applied to the sum.
+    /// The activation.
     pub fn activation(&self) -> Activation {
         self.activation
     }
 
-    /// Computes every output. `inputs` is what [`crate::Matrix::lanes`] gives; `out` is packed in lanes, its padding
-    /// becomes zero.
+    /// Computes every output. `inputs` has the layout of [`crate::Matrix::lanes`]; `out` is packed in lanes, and its
+    /// padding becomes zero.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
@@ -131,7 +130,7 @@ impl Task for Run<'_> {
         let inputs = flat(inputs);
         let weight = |o: usize| &flat(&dense.weight)[o * inputs.len()..][..inputs.len()];
         let mut o = 0;
-        // Outputs together share the inputs that are loaded, as many as there are registers for sums.
+        // Several outputs share the loaded inputs, as many as there are registers for their sums.
         while S::WIDE && o + 4 <= dense.outputs {
             dots::<S, 4>(simd, inputs, std::array::from_fn(|i| weight(o + i)), |i, y| {
                 dense.write(o + i, y, out);
@@ -151,7 +150,7 @@ impl Task for Run<'_> {
 }
 
 impl Dense {
-    /// Output `o`, whose sum is `sum`.
+    /// Writes output `o`, whose sum is `sum`.
     #[inline(always)]
     fn write(&self, o: usize, sum: f32, out: &mut [Lanes]) {
         let y = sum + self.bias[o];
@@ -171,7 +170,7 @@ impl Dense {
     }
 }
 
-/// The sums of products of one input with O rows of weights, in the order of the module's header.
+/// Dot products of one input with O rows of weights, in the order of the module's header.
 #[inline(always)]
 fn dots<S: Simd, const O: usize>(
     simd: S,
@@ -200,7 +199,7 @@ fn dots<S: Simd, const O: usize>(
         let mut sums = [0.0; STEP];
         acc[0].store_slice(&mut sums[..2 * LANES]);
         acc[1].store_slice(&mut sums[2 * LANES..]);
-        // What remains is whole lanes.
+        // The remainder is whole lanes.
         for (sum, (x, w)) in
             sums.chunks_mut(LANES).zip(inputs[whole..].chunks(LANES).zip(weight[whole..].chunks(LANES)))
         {
@@ -211,7 +210,7 @@ fn dots<S: Simd, const O: usize>(
     }
 }
 
-/// The last sums of a dot product. Not inlined: seen together with the loop, the compiler splits the loop's
+/// The last sums of a dot product. Not inlined: if the compiler sees it together with the loop, it splits the loop's
 /// accumulators into the pieces that are added here, and the loop takes twice as long.
 #[inline(never)]
 fn total(sums: &[f32; 4 * LANES]) -> f32 {

@@ -1,8 +1,8 @@
-//! Elementary functions of f32, the same bits everywhere.
+//! Elementary functions of f32, with the same bits on every machine.
 //!
 //! All reduce x = n ln 2 + r with |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part times n is exact)
-//! and evaluate expm1(r) = r + r^2 P(r) with P of degree 5, a weighted minimax fit whose relative error is below
-//! 0.01 ULP; what is left is rounding. Branch-free, so that a loop over lanes vectorises.
+//! and evaluate expm1(r) = r + r^2 P(r) with P of degree 5, a weighted minimax fit whose relative error is below 0.01
+//! ULP; the remaining error is rounding. Branch-free, so that a loop over lanes vectorises.
 
 use crate::isa::{Exponent, Portable, Vector};
 
@@ -39,7 +39,7 @@ fn power_of_two(n: i32) -> f32 {
 /// NaN stays NaN.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
-    // Beyond these bounds the result has become 0 or infinite already; inside, both halves of n are normal powers.
+    // Beyond these bounds the result is already 0 or infinite; within them, both halves of n are normal powers.
     let (n, p) = reduce(x.clamp(-104.0, 89.0));
     let half = n >> 1;
     (1.0 + p) * power_of_two(half) * power_of_two(n - half)
@@ -63,13 +63,13 @@ pub fn elu(x: f32) -> f32 {
     if x > 0.0 { x } else { negative }
 }
 
-/// [`elu`] of N vectors, in step, in the same operations.
+/// [`elu`] of N vectors, interleaved, with the same operations.
 #[inline(always)]
 pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> [V; N] {
     let splat = |v: f32| V::splat(simd, v);
     let (mut shifted, mut r, mut p) = (x, x, [splat(P[5]); N]);
     for (shifted, r) in shifted.iter_mut().zip(&mut r) {
-        // Above 0 nothing that is computed here is taken.
+        // For x > 0 the values computed here are not used.
         let x = r.max(splat(-30.0));
         *shifted = x.mul(splat(LOG2_E)).add(splat(ROUND));
         let n = shifted.sub(splat(ROUND));
@@ -94,7 +94,7 @@ pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) 
 /// `sigmoid(inf)` is 1, NaN stays NaN.
 #[inline(always)]
 pub fn sigmoid(x: f32) -> f32 {
-    // Seven lanes that nothing reads: the compiler removes them.
+    // The other seven lanes are never read: the compiler removes them.
     divided(sigmoid_quotients(Portable, [[x; 8]]))[0][0]
 }
 
@@ -102,17 +102,17 @@ pub fn sigmoid(x: f32) -> f32 {
 /// and NaN are kept.
 #[inline(always)]
 pub fn tanh(x: f32) -> f32 {
-    // Seven lanes that nothing reads: the compiler removes them.
+    // The other seven lanes are never read: the compiler removes them.
     divided(tanh_quotients(Portable, [[x; 8]]))[0][0]
 }
 
-/// A quotient that is yet to be divided: of N vectors numerators and denominators.
+/// Quotients before division: numerators and denominators of N vectors.
 pub(crate) type Quotients<V, const N: usize> = ([V; N], [V; N]);
 
-/// [`reduce`] of several vectors, in step, each product rounded once with its sum: replaces x by 1.5 2^23 + n and returns
-/// expm1(x - n ln 2).
+/// [`reduce`] of several vectors, interleaved, each product rounded once with its sum: replaces x by 1.5 2^23 + n and
+/// returns expm1(x - n ln 2).
 ///
-/// Loops, here and below: closures passed to an array's `map` are not inlined, and so miss their instruction set.
+/// Loops, here and below: an array's `map` does not inline closures, which then miss the instruction set.
 #[inline(always)]
 fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V; N] {
     let splat = |v: f32| V::splat(simd, v);
@@ -134,8 +134,8 @@ fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V
     p
 }
 
-/// [`sigmoid`] of N vectors as quotients whose denominators are 1 to 2, in step: a processor that looks ahead over one
-/// chain of operations finds too little to do.
+/// [`sigmoid`] of N vectors as quotients whose denominators are 1 to 2. Interleaved, because a single chain of
+/// operations does not fill the processor's pipeline.
 #[inline(always)]
 pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
     simd: S,
@@ -151,7 +151,7 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
     let mut above = reduces(simd, &mut shifted);
     let mut below = above;
     for (i, shifted) in shifted.into_iter().enumerate() {
-        // The power is 2^24 times too large, and therefore normal; the last product is the one that rounds.
+        // The power is 2^24 times too large, and therefore normal; only the last product rounds.
         let power = shifted.power_of_two(simd, 24);
         let e = power.add_product(power, above[i]).mul(splat(TWO_TO_MINUS_24));
         above[i] = e.where_negative(x[i], one);
@@ -160,11 +160,11 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
     (above, below)
 }
 
-/// [`tanh`] of N vectors as quotients whose denominators are 1 to 2, in step.
+/// [`tanh`] of N vectors as quotients whose denominators are 1 to 2, interleaved.
 #[inline(always)]
 pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
-    // -m / (2 + m) of m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so that no power needs to be halved.
+    // -m / (2 + m) with m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so no power needs to be halved.
     let mut shifted = x;
     for x in &mut shifted {
         *x = x.with_sign(simd, splat(1.0)).mul(splat(-2.0)).max(splat(-30.0));
@@ -180,7 +180,7 @@ pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x
     (above, below)
 }
 
-/// Divides.
+/// Divides numerators by denominators.
 #[inline(always)]
 pub(crate) fn divided<S, V: Exponent<S>, const N: usize>((mut above, below): Quotients<V, N>) -> [V; N] {
     for (above, below) in above.iter_mut().zip(below) {
@@ -191,7 +191,7 @@ pub(crate) fn divided<S, V: Exponent<S>, const N: usize>((mut above, below): Quo
 
 /// values(i) = e^(values(i) - m) / s with m the largest value and s the sum of these powers, in ascending order.
 ///
-/// Nothing where `values` is empty. A value that is NaN makes all of them NaN.
+/// Does nothing if `values` is empty. If any value is NaN, all become NaN.
 pub fn softmax(values: &mut [f32]) {
     let largest = values.iter().fold(f32::NEG_INFINITY, |m, &v| if v > m { v } else { m });
     let mut sum = 0.0;
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn sigmoid_is_within_its_stated_bound() {
-        // For x < 0, e^x / (1 + e^x) does not lose what 1 / (1 + e^-x) rounds away in f64 where e^-x overflows.
+        // For x < 0, e^x / (1 + e^x) keeps the digits that 1 / (1 + e^-x) rounds away in f64 when e^-x overflows.
         let exact =
             |x: f64| if x < 0.0 { f64::exp(x) / (1.0 + f64::exp(x)) } else { 1.0 / (1.0 + f64::exp(-x)) };
         let (error, x) = worst(sigmoid, exact);

@@ -1,5 +1,5 @@
-//! Elementary functions of many values, in vectors, as the kernels use them: what enters is replaced by what leaves, with
-//! the bits of the scalar functions.
+//! Elementary functions of many values, vectorised as the kernels use them. Values are replaced in place, with the bits
+//! of the scalar functions.
 
 use crate::elementary::{divided, elu, elus, exp, expm1, sigmoid, sigmoid_quotients, tanh, tanh_quotients};
 use crate::isa::{Isa, Simd, Task, Vector};
@@ -21,7 +21,7 @@ pub enum Elementary {
 }
 
 impl Elementary {
-    /// All of them.
+    /// All functions.
     pub const ALL: [Self; 5] = [Self::Exp, Self::Expm1, Self::Elu, Self::Sigmoid, Self::Tanh];
 
     /// Its name.
@@ -83,7 +83,7 @@ impl Task for Apply<'_> {
     }
 }
 
-/// The function of one vector.
+/// Applies the function to whole vectors.
 #[inline(always)]
 fn vector<S: Simd>(simd: S, function: Elementary, values: &mut [f32]) {
     let x = S::V16::load_slice(simd, values);

@@ -1,51 +1,51 @@
-//! Errors in the sizes and numbers that a layer is given.
+//! Errors in the sizes and values of a layer's parameters and inputs.
 
 use thiserror::Error;
 
 use crate::frames::shape::Region;
 
-/// A layer was given parameters that it cannot compute with.
+/// A layer cannot compute with its parameters or inputs.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum KernelError {
-    /// A tensor holds another number of values than its shape asks for.
+    /// The number of a tensor's values does not match its shape.
     #[error("{tensor}: expected {expected} values, found {found}")]
     Length {
-        /// Which tensor.
+        /// Name of the tensor.
         tensor: &'static str,
-        /// Values that the shape asks for.
+        /// Number of values according to the shape.
         expected: usize,
-        /// Values that came.
+        /// Number of values found.
         found: usize,
     },
     /// A size is zero or beyond what the kernel can index.
     #[error("{what}: expected {expected}, found {found}")]
     Size {
-        /// Which size.
+        /// Name of the size.
         what: &'static str,
         /// The admissible range, in words.
         expected: &'static str,
-        /// The size that came.
+        /// The size found.
         found: usize,
     },
     /// A parameter is NaN or infinite.
     #[error("{tensor}: expected finite values, found {value} at index {index}")]
     NotFinite {
-        /// Which tensor.
+        /// Name of the tensor.
         tensor: &'static str,
-        /// Where in the tensor, counted flat.
+        /// Flat index in the tensor.
         index: usize,
         /// The value found.
         value: f32,
     },
-    /// A map does not have the shape that a layer asks for.
+    /// A map does not have the shape that a layer needs.
     #[error("{what}: expected {expected:?}, found {found:?}")]
     Shape {
-        /// Which map, and which of its sizes.
+        /// Name of the map, and of its size.
         what: &'static str,
-        /// Sizes asked for.
+        /// Expected sizes.
         expected: [usize; 3],
-        /// Sizes that came.
+        /// Sizes found.
         found: [usize; 3],
     },
     /// A region reaches beyond its map, or does not lie on the kernel's tiles.
@@ -55,9 +55,9 @@ pub enum KernelError {
         expected: &'static str,
         /// Rows of outputs.
         height: usize,
-        /// Outputs in a row.
+        /// Number of outputs in a row.
         width: usize,
-        /// The region that came.
+        /// The region found.
         found: Region,
     },
 }

@@ -1,8 +1,8 @@
-//! Instruction sets: values that exist only where the processor has them.
+//! Instruction sets, as values that exist only on processors that have them.
 //!
 //! A kernel is written once, as a [`Task`] whose `run` is generic over [`Simd`] and inlined into a thin wrapper per
-//! instruction set; holding an [`Isa`], or a vector of one, is the proof that its instructions may be executed. All
-//! compute the same bits (see the crate's header), so the choice is one of speed alone. On `aarch64`, NEON is in the
+//! instruction set. Holding an [`Isa`], or a vector of one, is the proof that its instructions may be executed. All
+//! compute the same bits (see the crate's header), so the choice affects only speed. On `aarch64`, NEON is in the
 //! baseline and therefore in the portable path.
 
 #[cfg(target_arch = "x86_64")]
@@ -42,12 +42,12 @@ impl Isa {
         Self(Kind::Portable)
     }
 
-    /// The fastest that this processor has.
+    /// The fastest instruction set of this processor.
     pub fn best() -> Self {
         Self::available().pop().unwrap_or(Self::portable())
     }
 
-    /// All that this processor has, slowest first.
+    /// All instruction sets of this processor, slowest first.
     pub fn available() -> Vec<Self> {
         #[allow(unused_mut, reason = "some targets have nothing beyond their baseline")]
         let mut all = vec![Self::portable()];
@@ -59,7 +59,7 @@ impl Isa {
         all
     }
 
-    /// A name for reports.
+    /// Name for reports.
     pub fn name(self) -> &'static str {
         match self.0 {
             Kind::Portable => "portable",
@@ -87,7 +87,7 @@ const _: () = assert!(size_of::<Lanes>() == LANES * size_of::<f32>());
 const _: () =
     assert!(size_of::<Wide>() == 2 * size_of::<Lanes>() && align_of::<Wide>() >= align_of::<Lanes>());
 
-/// The values of `lanes`, one after the other.
+/// The values of `lanes` as a flat slice.
 #[inline(always)]
 pub(crate) fn flat(lanes: &[Lanes]) -> &[f32] {
     // SAFETY: `Lanes` is `repr(C)` around [f32; LANES] and as large as that, so that a slice of it is LANES times as
@@ -95,21 +95,21 @@ pub(crate) fn flat(lanes: &[Lanes]) -> &[f32] {
     unsafe { std::slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * LANES) }
 }
 
-/// The values of `lanes`, to write.
+/// The values of `lanes` as a flat slice, to write.
 #[inline(always)]
 pub(crate) fn flat_mut(lanes: &mut [Lanes]) -> &mut [f32] {
     // SAFETY: as in `flat`; any bits are a valid f32, and the borrow is unique.
     unsafe { std::slice::from_raw_parts_mut(lanes.as_mut_ptr().cast(), lanes.len() * LANES) }
 }
 
-/// The values of `wide`, one after the other.
+/// The values of `wide` as a flat slice.
 #[inline(always)]
 pub(crate) fn flat_wide(wide: &[Wide]) -> &[f32] {
     // SAFETY: as in `flat`: `Wide` is `repr(C)` around [f32; 2 LANES] and as large as that.
     unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2 * LANES) }
 }
 
-/// The values of `wide`, to write.
+/// The values of `wide` as a flat slice, to write.
 #[inline(always)]
 pub(crate) fn flat_wide_mut(wide: &mut [Wide]) -> &mut [f32] {
     // SAFETY: as in `flat_wide`; any bits are a valid f32, and the borrow is unique.

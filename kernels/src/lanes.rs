@@ -1,19 +1,19 @@
-//! Eight f32 side by side, the unit that every kernel works in.
+//! Vectors of eight f32, the unit in which every kernel works.
 //!
-//! Plain arrays and loops over them: the compiler turns each operation into one vector instruction where the
-//! instruction set has it, and into scalar code with the same bits where it has not.
+//! They are plain arrays with loops over them. The compiler turns each operation into one vector instruction if the
+//! instruction set has it, and otherwise into scalar code with the same bits.
 
 use std::ops::{Add, Mul};
 
 /// Values in one [`Lanes`].
 pub const LANES: usize = 8;
 
-/// Eight values, aligned as a vector register wants them.
+/// Eight values, aligned like a vector register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub struct Lanes(pub [f32; LANES]);
 
-/// Sixteen values in one line of a cache: two [`Lanes`] that a kernel reads together.
+/// Sixteen values in one cache line: two [`Lanes`] that a kernel reads together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Wide(pub [f32; 2 * LANES]);
@@ -58,7 +58,7 @@ impl Lanes {
         values.div_ceil(LANES)
     }
 
-    /// Packs `values` into lanes, the last filled up with zeros.
+    /// Packs `values` into lanes and pads the last with zeros.
     pub fn pack(values: &[f32]) -> Vec<Self> {
         let mut out = vec![Self::ZERO; Self::count(values.len())];
         for (i, &v) in values.iter().enumerate() {

@@ -1,9 +1,9 @@
 //! Arithmetic on tensors: stateless, without events, files, threads or clocks.
 //!
-//! Every result is defined by an order of operations that the kernel's documentation states, and is therefore the same
-//! in every bit on every instruction set: vector lanes run over independent outputs, a product that is added to a sum is
-//! rounded once with it (fused multiply-add, in software where there is none), and elementary functions are the crate's
-//! own (exp, expm1 and elu without it). [`naive`] holds the scalar twins that the tests hold the kernels against.
+//! Every kernel documents its order of operations, so its results have the same bits on every instruction set. Vector
+//! lanes run over independent outputs. A product that is added to a sum is rounded once with it (fused multiply-add, in
+//! software where the processor has none). Elementary functions are the crate's own (exp, expm1 and elu without fused
+//! multiply-add). [`naive`] has scalar versions with which the tests compare the kernels.
 //!
 //! | type | what it computes |
 //! |---|---|
@@ -24,7 +24,7 @@
 //! let parts = SplineParts { inputs: 2, outputs: 1, kernel: [2, 2, 2], weight, ..SplineParts::default() };
 //! let conv = SplineConv::new(&parts)?;
 //!
-//! // A row reads row 0, which lies 0.25 to the right of it at the same height, and earlier by all of the scale, 0.25.
+//! // A row reads row 0, which lies 0.25 to the right of it at the same height, and earlier by the scale, 0.25.
 //! let features = Matrix::from_rows(2, &[3.0, 7.0]);
 //! let u = [0.25, 0.0, -0.25].map(|difference| attribute(difference, 0.25));
 //! let row = GraphRow { neighbours: &[Neighbour { row: 0, u }], ..GraphRow::default() };

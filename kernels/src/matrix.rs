@@ -3,8 +3,8 @@
 use crate::isa::{flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 
-/// A matrix of f32 whose rows start on lane boundaries; columns beyond `columns` hold zeros or anything finite that a
-/// kernel with zero weights there makes of them.
+/// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or finite values that
+/// kernels with zero weights there produce.
 #[derive(Clone, Debug)]
 pub struct Matrix {
     columns: usize,
@@ -16,7 +16,7 @@ impl Matrix {
     /// `rows` x `columns` zeros.
     ///
     /// # Panics
-    /// If no memory holds them.
+    /// If the memory cannot be allocated.
     pub fn zeros(rows: usize, columns: usize) -> Self {
         let stride = Lanes::count(columns);
         Self { columns, stride, data: vec![Lanes::ZERO; rows * stride] }
@@ -35,13 +35,13 @@ impl Matrix {
         out
     }
 
-    /// Values of a row that count.
+    /// Number of columns, without padding.
     #[inline]
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Number of rows; 0 where there are no columns.
+    /// Number of rows; 0 if there are no columns.
     #[inline]
     pub fn rows(&self) -> usize {
         self.data.len().checked_div(self.stride).unwrap_or(0)
@@ -65,19 +65,19 @@ impl Matrix {
         &mut self.data[i * self.stride..][..self.stride]
     }
 
-    /// Every row, one after the other, in lanes.
+    /// All rows, one after the other, in lanes.
     #[inline]
     pub fn lanes(&self) -> &[Lanes] {
         &self.data
     }
 
-    /// Every row, to write.
+    /// All rows, to write.
     #[inline]
     pub fn lanes_mut(&mut self) -> &mut [Lanes] {
         &mut self.data
     }
 
-    /// The values of row `i` that count, side by side.
+    /// The values of row `i`, without padding, as a slice.
     ///
     /// # Panics
     /// If there is no such row.
@@ -86,7 +86,7 @@ impl Matrix {
         &flat(self.row(i))[..self.columns]
     }
 
-    /// The values of row `i` that count, to write.
+    /// The values of row `i`, without padding, to write.
     ///
     /// # Panics
     /// If there is no such row.
@@ -96,7 +96,7 @@ impl Matrix {
         &mut flat_mut(self.row_mut(i))[..columns]
     }
 
-    /// The values of row `i` that count.
+    /// The values of row `i`, without padding.
     ///
     /// # Panics
     /// If there is no such row.

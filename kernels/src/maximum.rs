@@ -1,13 +1,13 @@
-//! Channel-wise maxima that do not depend on the order of their members, and comparisons by bits.
+//! Channel-wise maxima that do not depend on the order of the members, and comparisons of bits.
 
 use crate::lanes::Lanes;
 
-/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`settle`]; between the two, the
-/// order of the rows is free but for the sign of zero, which `settle` removes. NaN members are passed over.
+/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`settle`]; in between, the order
+/// of rows affects only the sign of zero, which `settle` removes. NaN members are ignored.
 #[inline(always)]
 pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     for (a, r) in acc.iter_mut().zip(row) {
-        // By value: through the reference, the compiler compares and stores one lane after the other.
+        // By value: through the reference, the compiler compares and stores one lane at a time.
         let mut larger = a.0;
         for (larger, &r) in larger.iter_mut().zip(&r.0) {
             *larger = if r > *larger { r } else { *larger };
@@ -16,7 +16,7 @@ pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     }
 }
 
-/// Finishes a maximum: negative zero becomes +0, which makes it free of order.
+/// Finishes a maximum: negative zero becomes +0, which makes the result independent of the order.
 #[inline(always)]
 pub fn settle(acc: &mut [Lanes]) {
     for a in acc {
@@ -24,7 +24,7 @@ pub fn settle(acc: &mut [Lanes]) {
     }
 }
 
-/// Whether two rows are the same bits.
+/// Whether two rows have the same bits.
 #[inline(always)]
 pub fn same_bits(a: &[Lanes], b: &[Lanes]) -> bool {
     let mut difference = 0;

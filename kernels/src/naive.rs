@@ -1,7 +1,7 @@
-//! Scalar twins of the kernels: the documented order of operations, one value at a time, and nothing else. Tests hold
-//! the kernels to these bits. The platform's own fused multiply-add is used, so that ours is checked too.
+//! Scalar versions of the kernels: the documented order of operations, one value at a time. Tests compare the kernels
+//! with these, bit for bit. They use the platform's own fused multiply-add, so that ours is checked too.
 //!
-//! They check nothing: whatever does not have the size that the kernel asks for panics.
+//! They check nothing: sizes that do not fit lead to panics.
 
 pub mod cells;
 pub mod frames;
@@ -162,19 +162,19 @@ pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activatio
     weight.iter().zip(bias).map(output).collect()
 }
 
-/// What [`replace_rows_beyond`](crate::replace_rows_beyond) stores for one row: `new`, or nothing where it is within
-/// `tolerance` of `old`.
+/// Whether [`replace_rows_beyond`](crate::replace_rows_beyond) stores a row: false if `new` is within `tolerance` of
+/// `old`.
 pub fn replaced_beyond(tolerance: f32, new: &[f32], old: &[f32]) -> bool {
     let near = |(new, old): (&f32, &f32)| new.to_bits() == old.to_bits() || (new - old).abs() <= tolerance;
     !new.iter().zip(old).all(near)
 }
 
-/// A weight as bf16, by comparing it with the two bf16 around it.
+/// A weight rounded to bf16, by comparing it with the two nearest bf16.
 pub fn bf16(value: f32) -> f32 {
     let below = value.to_bits() & 0xffff_0000;
     let candidates = [below, below + 0x1_0000].map(f32::from_bits);
     let [near, far] = candidates.map(|candidate| (f64::from(candidate) - f64::from(value)).abs());
-    // Of two that are equally near, the one whose last bit is zero.
+    // If both are equally near, the one whose last bit is zero.
     let first = if near == far { below & 0x1_0000 == 0 } else { near < far };
     candidates[usize::from(!first)]
 }

@@ -1,35 +1,35 @@
-//! Which of many points can be among the nearest to a place: a filter in f32 in front of an exact order.
+//! Finds the points that can be among the nearest to a place: a filter in f32 before the exact order.
 //!
 //! ```text
 //! e(i) = ((x(i) - x)^2 w_x + (y(i) - y)^2 w_y) + (t(i) - t)^2 w_t                 each operation rounded
 //! T    = the first bound g (L + l S), l = 0..16, with at least `most` e(i) <= T    g a guess
 //! ```
 //!
-//! Found are the points with e(i) <= T (1 + 2^-18). Where the differences are exact and nothing underflows, e(i) is
-//! within a factor 1 +- 2^-21 of what it stands for, so that the `most` nearest by exact distances are found, and with
-//! them all that are as near as the last of these.
+//! The filter finds the points with e(i) <= T (1 + 2^-18). If the differences are exact and nothing underflows, e(i) is
+//! within a factor 1 +- 2^-21 of the exact value. The `most` nearest points by exact distance are therefore found, and
+//! also all points as near as the last of these.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Wide};
 
-/// Points that are compared at once.
+/// Number of points compared at once.
 const TOGETHER: usize = 2 * LANES;
-/// Points that are put in order: as many as two vectors hold.
+/// Largest number of points that are sorted: as many as two vectors hold.
 const ORDERED: usize = 2 * TOGETHER;
-/// The bits of a distance that give way to its place among the found.
+/// The bits of a distance that are replaced by its index among the found points.
 const PLACE: u32 = ORDERED as u32 - 1;
-/// The part of a bound that allows for rounding.
+/// Factor on a bound that allows for rounding.
 const GENEROUS: f32 = 1.0 + 1.0 / 262_144.0;
-/// Bounds that are tried; a power of two.
+/// Number of bounds that are tried; a power of two.
 const BOUNDS: usize = 16;
 /// L.
 const FIRST: f32 = 0.4;
 /// S.
 const STEP: f32 = 0.08;
-/// L + 15 S, and a little more.
+/// L + 15 S, slightly rounded up.
 const LARGEST: f32 = 1.61;
 
-/// Finds points near a place; keeps the working space for it.
+/// Finds points near a place; owns the working space for it.
 #[derive(Clone, Debug)]
 pub struct Nearby {
     weights: [f32; 3],
@@ -38,9 +38,9 @@ pub struct Nearby {
 }
 
 impl Nearby {
-    /// Points are given in multiples of this.
+    /// The number of points must be a multiple of this.
     pub const TOGETHER: usize = TOGETHER;
-    /// No bound is larger than this many times the guess.
+    /// Largest ratio of a bound to the guess.
     pub const LARGEST_BOUND: f32 = LARGEST;
 
     /// A search with weights w of the squared differences along x, y and t.
@@ -48,13 +48,13 @@ impl Nearby {
         Self { weights, distances: Vec::new(), found: Vec::new() }
     }
 
-    /// Indices of `points`, without `except`: see the module's header. Up to 32 come in the order of (e rounded down to 18
-    /// bits, later index first), more in ascending order. `None` where fewer than `most` are within the last bound.
+    /// Indices of the found `points` (see the module's header), without `except`. Up to 32 are sorted by (e rounded
+    /// down to 18 bits, later index first), more are ascending. `None` if fewer than `most` are within the last bound.
     ///
-    /// `points` are their x, y and t, filled up to a multiple of [`Self::TOGETHER`] by points at infinity; O(points).
+    /// `points` are their x, y and t, padded to a multiple of [`Self::TOGETHER`] with points at infinity; O(points).
     ///
     /// # Panics
-    /// If the lengths differ or are no such multiple, or there is no point `except`.
+    /// If the lengths differ or are not such a multiple, or there is no point `except`.
     pub fn find(
         &mut self,
         isa: Isa,
@@ -100,7 +100,7 @@ impl Task for Find<'_> {
             while bits != 0 {
                 let i = bits.trailing_zeros();
                 bits &= bits - 1;
-                // Beyond those that are put in order, keys are of no use.
+                // With more points than are sorted, keys are not used.
                 let at = found.len() % ORDERED;
                 let e = four[i as usize / TOGETHER].0[i as usize % TOGETHER];
                 keys[at / TOGETHER].0[at % TOGETHER] = key(e, at);
@@ -114,7 +114,7 @@ impl Task for Find<'_> {
     }
 }
 
-/// e rounded down to 18 bits, and its place among the found: no two keys are equal, and later ones come first.
+/// e rounded down to 18 bits, and its index among the found points: keys are distinct, and later points come first.
 #[inline(always)]
 fn key(e: f32, place: usize) -> f32 {
     f32::from_bits((e.to_bits() & !PLACE) | (PLACE - place as u32))
@@ -149,7 +149,7 @@ fn bound(guess: f32, index: usize) -> f32 {
     guess * (FIRST + STEP * index as f32)
 }
 
-/// The first bound that holds at least `most` of the distances.
+/// The first bound that at least `most` of the distances satisfy.
 #[inline(always)]
 fn first_bound<S: Simd>(simd: S, distances: &[Wide], most: usize, guess: f32) -> Option<f32> {
     let holds = |bound: f32| {
@@ -166,7 +166,7 @@ fn first_bound<S: Simd>(simd: S, distances: &[Wide], most: usize, guess: f32) ->
     (index + 1 < BOUNDS || holds(bound)).then_some(bound)
 }
 
-/// Puts `found`, no more than there are keys, in the keys' order.
+/// Sorts `found`, which has at most as many entries as there are keys, by the keys.
 #[inline(always)]
 fn order<S: Simd>(simd: S, keys: &[Wide; ORDERED / TOGETHER], found: &mut [u32]) {
     let [low, high] = [S::V16::load(simd, &keys[0]), S::V16::load(simd, &keys[1])];

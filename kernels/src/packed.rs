@@ -1,9 +1,9 @@
-//! Weights as kernels read them whose vectors run over outputs.
+//! Weights packed for kernels whose vectors run over outputs.
 
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; eight or fewer that
-/// remain stand alone.
+/// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; a remainder of
+/// eight or fewer is a block of single lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct Packed {
     rows: usize,
@@ -22,7 +22,7 @@ impl Packed {
         Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
     }
 
-    /// The weights as they came: rows of `outputs` values.
+    /// The weights in their original layout: rows of `outputs` values.
     pub(crate) fn unpacked(&self, outputs: usize) -> Vec<f32> {
         let blocks = Lanes::count(outputs) / 2;
         let value = |row: usize, o: usize| match o / (2 * LANES) {
@@ -32,13 +32,13 @@ impl Packed {
         (0..self.rows).flat_map(|row| (0..outputs).map(move |o| value(row, o))).collect()
     }
 
-    /// Every row of the sixteen outputs from lane `lane`, which is even.
+    /// All rows of the sixteen outputs from lane `lane`, which is even.
     #[inline(always)]
     pub(crate) fn wide(&self, lane: usize) -> &[Wide] {
         &self.wide[lane / 2 * self.rows..][..self.rows]
     }
 
-    /// Every row of the outputs of a last lane that stands alone.
+    /// All rows of the outputs of a single last lane.
     #[inline(always)]
     pub(crate) fn last(&self) -> &[Lanes] {
         &self.last

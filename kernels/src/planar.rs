@@ -1,7 +1,7 @@
-//! Images of few channels, stored plane after plane, their convolution and their pooling.
+//! Images of few channels, stored plane after plane, with convolution and pooling.
 //!
-//! Lanes run over neighbouring positions of a row, and all lanes share each weight. For images of many channels,
-//! channels-last is the better layout. Poolings ignore pixels at the right and below that do not fill a window.
+//! Lanes run over adjacent positions of a row, and all lanes share each weight. For images of many channels,
+//! channels-last is the better layout. Poolings ignore pixels at the right and bottom that do not fill a window.
 
 mod conv;
 mod planes;
@@ -11,8 +11,8 @@ pub(crate) use conv::RowOut;
 pub(crate) use planes::TILE;
 pub use planes::{Occupancy, Planes, TileRegion};
 
-/// The largest value of each 2 x 2 window. -0 becomes +0, so that the result does not depend on the order. A window that
-/// holds NaN becomes NaN. O(values).
+/// The largest value of each 2 x 2 window. -0 becomes +0, so that the result does not depend on the order. A window
+/// that contains NaN gives NaN. O(values).
 ///
 /// # Panics
 /// If `out` is not (channels, height / 2, width / 2).

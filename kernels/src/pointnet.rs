@@ -8,9 +8,9 @@
 //! y(o)   = max(0, a(0,o), a(1,o), ..., a(n,o)) scale(o) + shift(o)  (+ skip)
 //! ```
 //!
-//! a is one chain: each product is rounded once with the sum (fused multiply-add), and so is the product with scale. `ReLU` is
-//! the 0 in the maximum, which is free of order because of it: neither edges nor tiles of edges have to be taken in turn. NaN
-//! in any a(e,o) is NaN in y(o).
+//! a is one chain: each product is rounded once with the sum (fused multiply-add), and so is the product with scale.
+//! `ReLU` is the 0 in the maximum, which makes the result independent of the order of edges and of tiles of edges. If
+//! any a(e,o) is NaN, so is y(o).
 
 use crate::error::{KernelError, check};
 use crate::graph::{GraphRow, Neighbour};
@@ -22,21 +22,21 @@ use crate::spline::SplineConv;
 
 /// Axes of an offset.
 const AXES: usize = 3;
-/// Most edges that share each weight that is loaded.
+/// Largest number of edges that share each loaded weight.
 const TILE: usize = 8;
 
 /// Parameters of a `PointNet` block in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
 pub struct PointNetParts {
-    /// C, channels read.
+    /// C, input channels.
     pub inputs: usize,
-    /// O, channels written.
+    /// O, output channels.
     pub outputs: usize,
-    /// (O, C + 3), as a linear layer has it: of the channels, then of the offset along x, y and t.
+    /// (O, C + 3), as in a linear layer: for the channels, then for the offset along x, y and t.
     pub weight: Vec<f32>,
     /// (O).
     pub bias: Vec<f32>,
-    /// Batch norm with running statistics as one product and one sum: (O) and (O).
+    /// Batch norm with running statistics, folded into a factor (O) and a shift (O).
     pub norm: Option<(Vec<f32>, Vec<f32>)>,
 }
 
@@ -52,20 +52,20 @@ pub struct PointNetConv {
     shift: Vec<Lanes>,
 }
 
-/// Working space of [`PointNetConv::rows`], grown to the widest block seen and kept.
+/// Working space of [`PointNetConv::rows`]; grows to the widest block seen and is reused.
 #[derive(Clone, Debug, Default)]
 pub struct PointNetScratch {
-    /// The channels and the offset of a tile's edges, one edge after the other.
+    /// Channels and offset of each of a tile's edges, one edge after the other.
     values: Vec<f32>,
 }
 
 impl PointNetScratch {
-    /// With room for all that `convs` need: nothing is allocated later.
+    /// Working space for all of `convs`: nothing is allocated later.
     pub fn new<'a>(convs: impl Iterator<Item = &'a PointNetConv>) -> Self {
         Self { values: vec![0.0; Self::values(convs)] }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub fn bytes<'a>(convs: impl Iterator<Item = &'a PointNetConv>) -> usize {
         Self::values(convs) * size_of::<f32>()
     }
@@ -106,8 +106,8 @@ impl PointNetConv {
         })
     }
 
-    /// The parameters in `PyTorch`'s layouts: a block made of them computes the same bits. A norm that changes nothing is there
-    /// even where the block was made without. O(parameters).
+    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
+    /// without a norm, the result has an identity norm. O(parameters).
     pub fn parts(&self) -> PointNetParts {
         let values = |lanes: &[Lanes]| flat(lanes)[..self.outputs].to_vec();
         let packed = self.weight.unpacked(self.outputs);
@@ -121,12 +121,12 @@ impl PointNetConv {
         }
     }
 
-    /// C, channels read.
+    /// C, input channels.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// O, channels written.
+    /// O, output channels.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
@@ -138,7 +138,7 @@ impl PointNetConv {
 
     /// Computes rows, each as if it were alone.
     ///
-    /// `features` is (rows, C), `out` the rows' O values in lanes, one row after the other.
+    /// `features` is (rows, C); `out` holds the rows' O values in lanes, one row after the other.
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this block, or an in-edge has no offset.
@@ -221,14 +221,14 @@ impl PointNetConv {
         self.finish(simd, row.skip, out);
     }
 
-    /// What one edge brings: C channels of the row that it comes from, and its offset.
+    /// Copies the inputs of one edge: C channels of its source row, and its offset.
     #[inline(always)]
     fn gather(&self, values: &mut [f32], row: &[f32], offset: [f32; AXES]) {
         values[..self.inputs].copy_from_slice(&row[..self.inputs]);
         values[self.inputs..][..AXES].copy_from_slice(&offset);
     }
 
-    /// Takes the first `held` edges of a tile of R into the maxima in `out`.
+    /// Merges the first `held` edges of a tile of R into the maxima in `out`.
     #[inline(always)]
     fn tile<S: Simd, const R: usize>(&self, simd: S, values: &[f32], held: usize, out: &mut [Lanes]) {
         let mut lane = 0;
@@ -241,7 +241,7 @@ impl PointNetConv {
         }
     }
 
-    /// The outputs of one vector, from lane `lane`.
+    /// Computes the outputs of one vector, from lane `lane`.
     #[inline(always)]
     fn block<S: Simd, V: Vector<S>, const R: usize>(
         &self,
@@ -262,7 +262,7 @@ impl PointNetConv {
         most.store_slice(out);
     }
 
-    /// Batch norm and skip.
+    /// Applies batch norm and skip.
     #[inline(always)]
     fn finish<S: Simd>(&self, simd: S, skip: Option<&[Lanes]>, out: &mut [Lanes]) {
         for (lane, out) in out.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Cells that remember: LSTM over vectors and over planes, and the gates that both share.
+//! Recurrent cells: LSTM over vectors and over planes, and the gates that both share.
 
 mod conv_lstm;
 mod gates;

@@ -1,4 +1,4 @@
-//! Computed rows in the place of stored ones: which of them differ, by bits or by more than a tolerance.
+//! Replaces stored rows by computed ones if they differ, by bits or by more than a tolerance.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
@@ -7,23 +7,23 @@ use crate::matrix::Matrix;
 /// The outcome for up to 32 rows: bit i stands for row i.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Replaced {
-    /// Rows that differed from what was stored, and took its place.
+    /// Rows that differed from the stored ones and replaced them.
     pub changed: u32,
-    /// Rows that differed by no more than the tolerance: what was stored stays.
+    /// Rows that differed by no more than the tolerance: the stored rows are kept.
     pub within: u32,
     /// Computed rows that hold NaN.
     pub nan: u32,
 }
 
-/// Writes `rows`, one after the other, to the rows `places` of `stored`, where their bits differ.
+/// Writes `rows`, one after the other, to the rows `places` of `stored` if their bits differ.
 ///
 /// # Panics
-/// If there are more than 32 places, not a row for each, or no such row in `stored`.
+/// If there are more than 32 places, the numbers of rows and places differ, or a place is not in `stored`.
 pub fn replace_rows(isa: Isa, rows: &[Lanes], stored: &mut Matrix, places: &[u32]) -> Replaced {
     isa.run(Replace { rows, stored, places, tolerance: None })
 }
 
-/// As [`replace_rows`], but a row whose every value is the stored one or within `tolerance` of it stays as it is.
+/// As [`replace_rows`], but keeps a stored row if every computed value is the stored one or within `tolerance` of it.
 ///
 /// A difference is formed in f32 and rounded to nearest before it is compared. NaN on either side, and infinities of
 /// different sign, are beyond every tolerance.
@@ -40,7 +40,7 @@ pub fn replace_rows_beyond(
     isa.run(Replace { rows, stored, places, tolerance: Some(tolerance) })
 }
 
-/// A bit for each value of a [`Lanes`].
+/// One bit per value of a [`Lanes`].
 const ALL: u32 = (1 << LANES) - 1;
 
 struct Replace<'a> {
@@ -89,7 +89,7 @@ fn is_within<S: Simd>(simd: S, tolerance: f32, row: &[Lanes], stored: &[Lanes]) 
     let mut beyond = 0;
     for (new, old) in row.iter().zip(stored) {
         let (new, old) = (S::V8::load(simd, new), S::V8::load(simd, old));
-        // The difference of equal infinities is NaN: equal bits are asked for by themselves.
+        // The difference of equal infinities is NaN, so equal bits are tested separately.
         let near = new.sub(old).at_most(tolerance) & old.sub(new).at_most(tolerance);
         beyond |= new.differs(old) & !near;
     }

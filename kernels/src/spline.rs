@@ -8,12 +8,12 @@
 //! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d and f_d at i_d + 1                    s = i_x + k_x (i_y + k_y i_t)
 //! S(s,c) = sum over e of B(e,s) x(j(e), c)                                           in the order of the edges
 //! a(p,o) = sum over touched s ascending, then c ascending, of S(s,c) W(s,c,o) where (s C + c) mod 4 = p
-//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 where there are no in-edges
-//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        where there is a root weight
+//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 without in-edges
+//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        only with a root weight
 //! y(o)   = ELU((m + r) + bias) scale + shift  (+ skip)
 //! ```
 //!
-//! A product that is added, in S, a, r and y, is rounded once with its sum (fused multiply-add).
+//! Every product that is added, in S, a, r and y, is rounded once with its sum (fused multiply-add).
 //!
 //! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
 //! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
@@ -33,10 +33,10 @@ pub use gather::{SplineScratch, spline_basis};
 use run::Run;
 
 impl SplineConv {
-    /// Computes rows, each as if it were alone; together, they share the weights that are loaded. Best in groups of
+    /// Computes rows, each as if it were alone; together, they share the loaded weights. Fastest in groups of
     /// [`Self::GROUP`].
     ///
-    /// `features` is (rows, C), `out` the rows' O values in lanes, one row after the other.
+    /// `features` is (rows, C); `out` holds the rows' O values in lanes, one row after the other.
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this block.

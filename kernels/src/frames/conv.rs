@@ -5,8 +5,8 @@
 //!   y(2 p + d, o) = relu(b(o) + sum over i of x(p, i) W(i, o, d)).
 //!
 //! Each output is one chain of sums that starts from the bias. The order of the sum is: input maps, rows of the kernel,
-//! columns of the kernel, channels of the map, all ascending. Places beyond the map add zeros like all other places. At
-//! the end +0 is added, so that no output is -0. A map of zeros therefore changes no output and need not be read.
+//! columns of the kernel, channels of the map, all ascending. Places beyond the map add zeros. At the end +0 is added,
+//! so that no output is -0. A map of zeros therefore changes no output and is not read.
 
 use super::layer::{Layer, Source};
 use super::shape::Region;
@@ -15,15 +15,15 @@ use super::weights::{ConvParts, Layout, Packed};
 use crate::error::KernelError;
 use crate::isa::Isa;
 
-/// A convolution of 3 x 3 places with padding 1.
+/// A convolution with a 3 x 3 kernel and padding 1.
 #[derive(Clone, Debug)]
 pub struct Conv3x3(Direct<3>);
 
-/// A convolution of one place.
+/// A convolution with a 1 x 1 kernel.
 #[derive(Clone, Debug)]
 pub struct Conv1x1(Direct<1>);
 
-/// A kernel of K x K places in the middle of which the output lies.
+/// A K x K kernel, centred on the output.
 #[derive(Clone, Debug)]
 struct Direct<const K: usize> {
     inputs: Vec<usize>,
@@ -53,7 +53,7 @@ impl<const K: usize> Direct<K> {
         if region.is_empty() {
             return Ok(());
         }
-        // The halo of K / 2 pixels is before the first place's shift by as many.
+        // The first place of the kernel is K / 2 pixels before the output, inside the halo.
         let source = |view: &View<'_>| view.shape.halo - K / 2;
         let sources = std::array::from_fn(|m| {
             let view = inputs.get(m)?;
@@ -65,7 +65,7 @@ impl<const K: usize> Direct<K> {
     }
 }
 
-/// Kernel place and input channel (counted through all maps) of a packed row.
+/// Kernel place and input channel (counted over all maps) of a packed row.
 pub(super) fn place(inputs: &[usize], places: usize, mut row: usize) -> (usize, usize) {
     let mut before = 0;
     for &channels in inputs {
@@ -78,7 +78,7 @@ pub(super) fn place(inputs: &[usize], places: usize, mut row: usize) -> (usize, 
     unreachable!("a row belongs to one of the maps")
 }
 
-/// Refuses more maps than the layer reads, none, and maps of another size or with other channels.
+/// Refuses more maps than the layer reads, no map, and maps of another size or with other channels.
 pub(super) fn check_inputs(
     channels: &[usize],
     inputs: &[View<'_>],
@@ -111,17 +111,17 @@ macro_rules! direct {
                 self.0.packed.outputs
             }
 
-            /// Products that are added for one output pixel.
+            /// Multiply-adds of one output pixel.
             pub fn multiply_adds(&self) -> usize {
                 self.0.packed.rows * self.0.packed.outputs
             }
 
-            /// Computes the outputs of `region`, and leaves all others as they are. Input maps have the output's height and
-            /// width, and a halo of at least the kernel's padding. A second input map that is left out counts as zeros.
+            /// Computes the outputs of `region`; other outputs are unchanged. Input maps have the output's height and
+            /// width, and a halo of at least the kernel's padding. An omitted second input map counts as zeros.
             ///
             /// # Errors
-            /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] of an input that does not fit,
-            /// [`KernelError::Region`] where the region is not within the band.
+            /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
+            /// [`KernelError::Region`] if the region is not within the band.
             pub fn run(
                 &self,
                 isa: Isa,
@@ -149,7 +149,7 @@ impl Conv3x3 {
 direct!(Conv3x3, 3);
 direct!(Conv1x1, 1);
 
-/// A layer that doubles height and width.
+/// A transposed convolution with a 2 x 2 kernel and stride 2, which doubles height and width.
 #[derive(Clone, Debug)]
 pub struct TransposedConv2x2 {
     inputs: Vec<usize>,
@@ -181,8 +181,8 @@ impl TransposedConv2x2 {
     /// Computes the four outputs of each pixel in `region`, a region of the inputs.
     ///
     /// # Errors
-    /// [`KernelError::Shape`] or [`KernelError::Length`] of a map that does not fit (the output has twice the inputs'
-    /// height and width), [`KernelError::Region`] where the region's outputs are not within the band.
+    /// [`KernelError::Shape`] or [`KernelError::Length`] for a map that does not fit (the output has twice the inputs'
+    /// height and width), [`KernelError::Region`] if the region's outputs are not within the band.
     pub fn run(
         &self,
         isa: Isa,

@@ -6,17 +6,17 @@ use crate::error::KernelError;
 use crate::isa::{flat_wide, flat_wide_mut};
 use crate::lanes::{LANES, Wide};
 
-/// (height, width, channels) f32 with the channels of a pixel side by side, and around the map a halo of 0 or 1 pixel that
-/// stays zero, so that a padded convolution reads what it needs without asking where it is.
+/// (height, width, channels) f32 with the channels of a pixel contiguous. A halo of 0 or 1 pixel around the map stays
+/// zero, so that a padded convolution needs no bounds checks.
 #[derive(Clone, Debug)]
 pub struct FeatureMap {
     shape: Shape,
-    /// The pixels with their halo, row after row, and one vector more, so that a vector may be read at every value.
+    /// The pixels with their halo, row after row, and one more vector, so that a vector can be read at every value.
     data: Vec<Wide>,
 }
 
 impl FeatureMap {
-    /// Bytes that a map takes.
+    /// Bytes of a map.
     pub fn bytes_of(height: usize, width: usize, channels: usize, halo: usize) -> u128 {
         let [height, width] = [height, width].map(|side| side as u128 + 2 * halo as u128);
         ((height * width * channels as u128).div_ceil(2 * LANES as u128) + 1) * size_of::<Wide>() as u128
@@ -80,7 +80,7 @@ impl FeatureMap {
         self.shape.channels
     }
 
-    /// Pixels of zeros around the map.
+    /// Width of the halo of zeros in pixels.
     pub fn halo(&self) -> usize {
         self.shape.halo
     }
@@ -121,18 +121,18 @@ impl FeatureMap {
         &mut flat_wide_mut(&mut self.data)[at..][..count]
     }
 
-    /// Makes every value zero.
+    /// Sets every value to zero.
     pub fn clear(&mut self) {
         self.data.fill(Wide::ZERO);
     }
 
-    /// All of it, to read.
+    /// The whole map, to read.
     #[inline]
     pub fn view(&self) -> View<'_> {
         View::new(self.shape, flat_wide(&self.data))
     }
 
-    /// All of it, to write.
+    /// The whole map, to write.
     #[inline]
     pub fn band(&mut self) -> Band<'_> {
         Band::new(self.shape, flat_wide_mut(&mut self.data))

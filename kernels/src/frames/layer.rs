@@ -1,8 +1,8 @@
-//! The loop that all direct convolutions share: sums over some places of one or two maps, for a rectangle of outputs.
+//! The loop of all direct convolutions: sums over some places of one or two maps, for a rectangle of outputs.
 //!
 //! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), one chain of sums from the bias, each product rounded
 //! once with its sum. Blocks of 32 (or 16) outputs are outermost, so that their weights stay in the second-level cache
-//! while the positions pass by; a tile of positions shares each weight that is loaded.
+//! during the loop over positions; a tile of positions shares each loaded weight.
 
 use super::tiles::{Tiles, in_tiles, store_some};
 use super::view::{Target, View};
@@ -10,14 +10,14 @@ use super::weights::{BLOCK, Packed};
 use crate::isa::{Runs, Simd, Task, Vector, accumulate_runs};
 use crate::lanes::Wide;
 
-/// Places of a kernel at most.
+/// Largest number of places of a kernel.
 const PLACES: usize = 9;
 
-/// The values of one map that the sums of a rectangle of outputs read.
+/// The values of one map that a rectangle of outputs reads.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     values: &'a [f32],
-    /// For the first output; only the first `runs` count.
+    /// Starts for the first output; only the first `runs` are valid.
     starts: [usize; PLACES],
     runs: usize,
     count: usize,
@@ -26,10 +26,10 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// A kernel of `size` x `size` places whose first lies on the stored pixel (y, x) for the first output.
+    /// A kernel of `size` x `size` places whose first place is the stored pixel (y, x) for the first output.
     pub(super) fn new(view: View<'a>, size: usize, y: usize, x: usize) -> Self {
         let (row, pixel) = (view.shape.row(), view.shape.channels);
-        // Where the places of a kernel's row are without a gap, they are one run.
+        // If the places of a kernel row are contiguous, they form one run.
         let dense = pixel == view.channels;
         let (columns, count) = if dense { (1, size * pixel) } else { (size, view.channels) };
         let first = view.shape.stored(y, x) + view.first;

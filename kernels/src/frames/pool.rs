@@ -1,8 +1,8 @@
 //! Poolings of maps, channel by channel.
 //!
-//! Maximum: over the pixels row by row; a later pixel replaces an earlier one only where it is larger or NaN, so that a
-//! window that holds NaN becomes NaN. Averages: sums from +0 in the order that each function states, times the inverse of
-//! the number of pixels rounded to f32.
+//! Maximum: over the pixels row by row. A later pixel replaces an earlier one only if it is larger or NaN, so a window
+//! that contains NaN gives NaN. Averages: sums from +0 in the order that each function states, times the inverse of the
+//! number of pixels rounded to f32.
 
 use super::shape::Region;
 use super::tiles::store_some;
@@ -11,11 +11,11 @@ use crate::error::KernelError;
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
-/// Maximum of 2 x 2 pixels with stride 2 for the outputs in `region`; a last row or column of odd maps is left out.
+/// Maximum of 2 x 2 pixels with stride 2 for the outputs in `region`; an odd last row or column is dropped.
 ///
 /// # Errors
-/// [`KernelError::Shape`] where the output is not half as high and wide, rounded down, with as many channels;
-/// [`KernelError::Region`] where the region is not within the band.
+/// [`KernelError::Shape`] if the output is not half as high and wide, rounded down, with as many channels;
+/// [`KernelError::Region`] if the region is not within the band.
 pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) -> Result<(), KernelError> {
     let [height, width, channels] = input.size();
     let mut out = out;
@@ -24,11 +24,11 @@ pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) ->
     Ok(())
 }
 
-/// Average of `size` x `size` pixels with stride `size` for the outputs in `region`; rows and columns that do not fill a
-/// window are left out. The sum goes row by row.
+/// Average of `size` x `size` pixels with stride `size` for the outputs in `region`; rows and columns that do not fill
+/// a window are dropped. The sum goes row by row.
 ///
 /// # Errors
-/// [`KernelError::Size`] for a size of zero; else as [`max_pool_2x2`].
+/// [`KernelError::Size`] for a size of zero; otherwise as [`max_pool_2x2`].
 pub fn average_pool(
     isa: Isa,
     size: usize,
@@ -49,7 +49,7 @@ pub fn average_pool(
 /// Average of all pixels: the sum of each row from the left, and the sum of these from the top.
 ///
 /// # Errors
-/// [`KernelError::Length`] where `out` does not have a value for each channel.
+/// [`KernelError::Length`] if `out` does not have one value per channel.
 pub fn global_average(isa: Isa, input: View<'_>, out: &mut [f32]) -> Result<(), KernelError> {
     let [_, _, expected] = input.size();
     if out.len() != expected {

@@ -1,5 +1,5 @@
-//! A 3 x 3 convolution whose outputs meet only in a maximum over 2 x 2 pixels: the bits of the one after the other, without
-//! the map between them. That map would be four times as large as what is kept, and memory is what such layers wait for.
+//! A 3 x 3 convolution fused with the 2 x 2 maximum that alone reads its outputs, with the bits of the two in sequence.
+//! The map between them is never written: it would be four times the result, and such layers are limited by memory.
 
 use super::conv::{Conv3x3, check_inputs};
 use super::layer::{Layer, Source};
@@ -10,23 +10,23 @@ use crate::error::KernelError;
 use crate::isa::{Isa, Simd, Task, Vector, flat_wide_mut};
 use crate::lanes::{LANES, Wide};
 
-/// Values of the strip of outputs that is at hand: it should stay in the second-level cache.
+/// Values of the current strip of outputs; small enough for the second-level cache.
 const STRIP: usize = 1 << 16;
 
-/// The two layers as one.
+/// The fused layers.
 #[derive(Clone, Debug)]
 pub struct PooledConv3x3 {
     conv: Conv3x3,
 }
 
-/// Room for a strip of outputs before they are pooled; grows to what the largest layer needs.
+/// Working space for a strip of outputs before pooling; grows to the need of the largest layer.
 #[derive(Clone, Debug, Default)]
 pub struct PooledScratch {
     strip: Vec<Wide>,
 }
 
 impl PooledConv3x3 {
-    /// `conv`, then the maximum.
+    /// `conv`, followed by the maximum.
     pub fn new(conv: Conv3x3) -> Self {
         Self { conv }
     }
@@ -36,19 +36,19 @@ impl PooledConv3x3 {
         self.conv.outputs()
     }
 
-    /// Channels of the input maps together.
+    /// Total number of channels of the input maps.
     pub fn reads(&self) -> usize {
         self.conv.inputs().iter().sum()
     }
 
-    /// Most bytes of scratch that a map of `height` x `width` pooled outputs asks for, on one thread.
+    /// Largest number of bytes of scratch for a map of `height` x `width` pooled outputs, on one thread.
     pub fn scratch_bytes(&self, height: usize, width: usize) -> u128 {
         let row = 2 * width as u128 * self.outputs() as u128;
         let rows = (STRIP as u128).max(2 * row).min(2 * row * height as u128);
         (rows.div_ceil(2 * LANES as u128) + 1) * size_of::<Wide>() as u128
     }
 
-    /// Computes the pooled outputs of `region`, and leaves all others as they are. Input maps have a halo of at least 1 and
+    /// Computes the pooled outputs of `region`; other outputs are unchanged. Input maps have a halo of at least 1 and
     /// twice the output's height and width, or one more.
     ///
     /// # Errors
@@ -70,7 +70,7 @@ impl PooledConv3x3 {
         }
         let row = 2 * region.width * outputs;
         let most = (STRIP / (2 * row)).clamp(1, region.height);
-        // A vector more, so that whole ones may be read to the end.
+        // One more vector, so that whole vectors can be read up to the end.
         scratch.strip.resize(scratch.strip.len().max((2 * most * row).div_ceil(2 * LANES) + 1), Wide::ZERO);
         let mut y = region.y;
         while y < region.y + region.height {

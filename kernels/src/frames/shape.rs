@@ -1,4 +1,4 @@
-//! Sizes of a map in memory, and rectangles of its pixels.
+//! Layout of a map in memory, and rectangles of its pixels.
 
 /// Rows `y..y + height` and columns `x..x + width` of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,47 +14,47 @@ pub struct Region {
 }
 
 impl Region {
-    /// All of a map of `height` x `width`.
+    /// The whole of a map of `height` x `width`.
     pub fn all(height: usize, width: usize) -> Self {
         Self { y: 0, x: 0, height, width }
     }
 
-    /// Whether it holds nothing.
+    /// Whether it contains no pixels.
     pub fn is_empty(&self) -> bool {
         self.height == 0 || self.width == 0
     }
 }
 
-/// Where the values of a map are.
+/// Layout of the values of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) height: usize,
     pub(super) width: usize,
-    /// Channels of a pixel, and therefore values between pixels.
+    /// Channels per pixel, which is also the distance between pixels in values.
     pub(super) channels: usize,
     pub(super) halo: usize,
 }
 
 impl Shape {
-    /// Values between rows.
+    /// Distance between rows in values.
     #[inline]
     pub(super) fn row(&self) -> usize {
         (self.width + 2 * self.halo) * self.channels
     }
 
-    /// Where pixel (y, x) starts; counts from the halo's first pixel.
+    /// Start of pixel (y, x), counted from the halo's first pixel.
     #[inline]
     pub(super) fn stored(&self, y: usize, x: usize) -> usize {
         y * self.row() + x * self.channels
     }
 
-    /// Where pixel (y, x) starts.
+    /// Start of pixel (y, x).
     #[inline]
     pub(super) fn pixel(&self, y: usize, x: usize) -> usize {
         self.stored(y + self.halo, x + self.halo)
     }
 
-    /// Values, the halo's among them.
+    /// Number of values, including the halo.
     pub(super) fn values(&self) -> Option<usize> {
         let height = self.height.checked_add(2 * self.halo)?;
         let width = self.width.checked_add(2 * self.halo)?;

@@ -1,6 +1,6 @@
 //! Squeeze-and-excitation (Hu et al. 2018, Eq. 2 to 4): y(p, c) = x(p, c) s(c), s = sigmoid(W2 relu(W1 mean)).
 //!
-//! The mean is [`global_average`]'s, the two layers are [`Dense`]; each product with s is rounded.
+//! The mean is that of [`global_average`], the two layers are [`Dense`]; each product with s is rounded.
 
 use super::pool::global_average;
 use super::shape::Region;
@@ -17,7 +17,7 @@ pub struct SqueezeExcite {
     up: Dense,
 }
 
-/// Room for one image's means and factors.
+/// Working space for the means and factors of one image.
 #[derive(Clone, Debug, Default)]
 pub struct SqueezeScratch {
     mean: Vec<Lanes>,
@@ -26,7 +26,7 @@ pub struct SqueezeScratch {
 }
 
 impl SqueezeExcite {
-    /// For `channels` channels by way of `reduced`. `down` is (reduced, channels), `up` (channels, reduced).
+    /// A layer for `channels` channels. `down` is (reduced, channels), `up` (channels, reduced).
     ///
     /// # Errors
     /// A size of zero, a tensor of the wrong length, or a value that is not finite.
@@ -36,7 +36,7 @@ impl SqueezeExcite {
         Ok(Self { down, up })
     }
 
-    /// Bytes of scratch that the layer asks for.
+    /// Bytes of scratch that the layer needs.
     pub fn scratch_bytes(&self) -> u128 {
         let lanes = 2 * Lanes::count(self.down.inputs()) + Lanes::count(self.down.outputs());
         lanes as u128 * size_of::<Lanes>() as u128
@@ -45,7 +45,7 @@ impl SqueezeExcite {
     /// Scales every channel of `input` into `out`. O(values).
     ///
     /// # Errors
-    /// [`KernelError::Shape`] where a map does not have the layer's channels, or the two differ in size.
+    /// [`KernelError::Shape`] if a map does not have the layer's channels, or the maps differ in size.
     pub fn run(
         &self,
         isa: Isa,
@@ -58,7 +58,7 @@ impl SqueezeExcite {
         input.check([height, width, channels], 0)?;
         out.check([height, width, channels], Region::all(height, width))?;
         let SqueezeScratch { mean, middle, scale } = scratch;
-        // Anew, so that the padding is zero whatever layer used the scratch before.
+        // Cleared, so that the padding is zero whatever layer used the scratch before.
         mean.clear();
         mean.resize(Lanes::count(channels), Lanes::ZERO);
         global_average(isa, input, &mut flat_mut(mean)[..channels])?;

@@ -1,23 +1,23 @@
-//! Rows of positions in tiles as large as there are registers for.
+//! Splits rows of positions into tiles as large as the registers allow.
 
 use crate::isa::{Simd, Vector};
 
-/// Work on R neighbouring positions at a time.
+/// Work on R adjacent positions at a time.
 pub(super) trait Tiles {
     /// Positions `first..first + R`.
     fn tile<const R: usize>(&mut self, first: usize);
 }
 
-/// Positions of the largest tile that any instruction set has.
+/// Positions of the largest tile on any instruction set.
 pub(super) const LARGEST: usize = 14;
 
-/// Positions of the largest tile.
+/// Positions of the largest tile on this instruction set.
 #[inline(always)]
 pub(super) fn most<S: Simd>() -> usize {
     if S::WIDE { LARGEST } else { 6 }
 }
 
-/// Covers `count` positions with as few tiles as there can be, of nearly equal size.
+/// Covers `count` positions with the smallest number of tiles, of nearly equal size.
 #[inline(always)]
 pub(super) fn in_tiles<S: Simd>(count: usize, work: &mut impl Tiles) {
     let tiles = count.div_ceil(most::<S>());
@@ -47,7 +47,7 @@ pub(super) fn in_tiles<S: Simd>(count: usize, work: &mut impl Tiles) {
     }
 }
 
-/// Writes as many of a vector's values as `to` has room for.
+/// Writes as many of a vector's values as fit in `to`.
 #[inline(always)]
 pub(super) fn store_some<S: Simd, V: Vector<S>>(values: V, to: &mut [f32]) {
     if to.len() >= V::LANES {

@@ -1,11 +1,11 @@
-//! The inputs and outputs of a layer: some channels of a map, and for outputs, some of its rows.
+//! The inputs and outputs of a layer: some channels of a map and, for outputs, some of its rows.
 //!
 //! A concatenation along channels is one map; two layers write to different channels of it.
 
 use super::shape::{Region, Shape};
 use crate::error::KernelError;
 
-/// Neighbouring channels of a map, to read.
+/// A contiguous range of a map's channels, to read.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     pub(super) shape: Shape,
@@ -19,10 +19,10 @@ impl<'a> View<'a> {
         Self { shape, values, first: 0, channels: shape.channels }
     }
 
-    /// Channels `first..first + count` of these.
+    /// Channels `first..first + count` of this view.
     ///
     /// # Errors
-    /// [`KernelError::Size`] where there are not as many.
+    /// [`KernelError::Size`] if there are fewer channels.
     pub fn channels(self, first: usize, count: usize) -> Result<Self, KernelError> {
         check_channels(self.channels, first, count)?;
         Ok(Self { first: self.first + first, channels: count, ..self })
@@ -55,11 +55,11 @@ impl<'a> View<'a> {
     }
 }
 
-/// Neighbouring channels of some rows of a map, to write. Bands of different rows can be written at the same time.
+/// A contiguous range of channels in some rows of a map, to write. Bands of different rows can be written concurrently.
 #[derive(Debug)]
 pub struct Band<'a> {
     shape: Shape,
-    /// From the first pixel of the first row, as far as the next band.
+    /// From the first pixel of the first row to the next band.
     values: &'a mut [f32],
     first_row: usize,
     rows: usize,
@@ -73,19 +73,19 @@ impl<'a> Band<'a> {
         Self { shape, values, first_row: 0, rows: shape.height, first: 0, channels: shape.channels }
     }
 
-    /// Channels `first..first + count` of these.
+    /// Channels `first..first + count` of this band.
     ///
     /// # Errors
-    /// [`KernelError::Size`] where there are not as many.
+    /// [`KernelError::Size`] if there are fewer channels.
     pub fn channels(self, first: usize, count: usize) -> Result<Self, KernelError> {
         check_channels(self.channels, first, count)?;
         Ok(Self { first: self.first + first, channels: count, ..self })
     }
 
-    /// The rows above `y`, a row of the map, and the rest.
+    /// Splits the band into the rows above `y`, a row of the map, and the rest.
     ///
     /// # Errors
-    /// [`KernelError::Size`] where `y` is not among the band's rows, or just below them.
+    /// [`KernelError::Size`] if `y` is neither among the band's rows nor just below them.
     pub fn split_at_row(self, y: usize) -> Result<(Self, Self), KernelError> {
         let Self { shape, values, first_row, rows, first, channels } = self;
         let above = y.checked_sub(first_row).filter(|&above| above <= rows).ok_or(KernelError::Size {
@@ -99,23 +99,23 @@ impl<'a> Band<'a> {
         Ok((band(upper, first_row, above), band(lower, y, rows - above)))
     }
 
-    /// The same band for a shorter time.
+    /// The same band with a shorter lifetime.
     pub fn reborrow(&mut self) -> Band<'_> {
         let Self { shape, first_row, rows, first, channels, .. } = *self;
         Band { shape, values: self.values, first_row, rows, first, channels }
     }
 
-    /// (height, width, channels) of its map, with as many channels as the band has.
+    /// (height, width, channels): height and width of the map, channels of the band.
     pub fn size(&self) -> [usize; 3] {
         [self.shape.height, self.shape.width, self.channels]
     }
 
-    /// Rows of the map that the band holds.
+    /// Rows of the map in the band.
     pub fn rows(&self) -> std::ops::Range<usize> {
         self.first_row..self.first_row + self.rows
     }
 
-    /// Refuses a band of a map of another size, or without all rows of `region`.
+    /// Refuses a band of a map of another size, or one without all rows of `region`.
     pub(super) fn check(&self, size: [usize; 3], region: Region) -> Result<(), KernelError> {
         if self.size() != size {
             return Err(KernelError::Shape { what: "output map", expected: size, found: self.size() });
@@ -129,7 +129,7 @@ impl<'a> Band<'a> {
         Ok(())
     }
 
-    /// From the first channel of pixel (y, x), and the values between rows and pixels.
+    /// The output values from the first channel of pixel (y, x) on, with the distances between rows and pixels.
     #[inline]
     pub(super) fn target(&mut self, y: usize, x: usize) -> Target<'_> {
         let (row, pixel) = (self.shape.row(), self.shape.channels);
@@ -138,13 +138,13 @@ impl<'a> Band<'a> {
     }
 }
 
-/// Where outputs go.
+/// Destination of outputs.
 pub(super) struct Target<'a> {
-    /// From the first output on.
+    /// Values from the first output on.
     pub(super) values: &'a mut [f32],
-    /// Values between rows.
+    /// Distance between rows in values.
     pub(super) row: usize,
-    /// Values between outputs of a row.
+    /// Distance between outputs of a row in values.
     pub(super) pixel: usize,
 }
 

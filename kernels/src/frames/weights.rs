@@ -1,15 +1,15 @@
-//! Parameters of convolutions as files hold them, and as the kernels read them.
+//! Parameters of convolutions in the layout of files, and packed for the kernels.
 
 use crate::error::{KernelError, check};
 use crate::lanes::{LANES, Wide};
 
-/// Outputs that a block of packed weights serves.
+/// Outputs per block of packed weights.
 pub(super) const BLOCK: usize = 2 * LANES;
 
 /// A convolution's parameters in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
 pub struct ConvParts {
-    /// Channels of each input map, 1 or 2 of them: the layer reads their concatenation.
+    /// Channels of each of the 1 or 2 input maps: the layer reads their concatenation.
     pub inputs: Vec<usize>,
     /// Output channels O.
     pub outputs: usize,
@@ -18,14 +18,14 @@ pub struct ConvParts {
     pub weight: Vec<f32>,
     /// (O).
     pub bias: Option<Vec<f32>>,
-    /// A batch norm after the convolution as y = scale x + shift, (O) each. Weights and bias are multiplied with it in f64
-    /// and rounded once, when the layer is made.
+    /// A batch norm after the convolution as y = scale x + shift, (O) each. Weights and bias are multiplied by the
+    /// scale in f64 and rounded once, when the layer is made.
     pub norm: Option<(Vec<f32>, Vec<f32>)>,
     /// Whether a rectifier follows: y where y > 0, else +0.
     pub relu: bool,
 }
 
-/// Whose weights of (input channel, kernel place, output channel) lie where.
+/// Order of the axes of a weight tensor.
 #[derive(Clone, Copy)]
 pub(super) enum Layout {
     /// (O, I, places).
@@ -83,7 +83,7 @@ impl ConvParts {
         self.weight_f64(layout, places, of) as f32
     }
 
-    /// The same before it is rounded.
+    /// The same without rounding.
     pub(super) fn weight_f64(&self, layout: Layout, places: usize, [i, place, o]: [usize; 3]) -> f64 {
         let at = match layout {
             Layout::OutputsFirst => (o * self.channels() + i) * places + place,
@@ -93,8 +93,8 @@ impl ConvParts {
     }
 }
 
-/// Weights by blocks of outputs: all rows of the first sixteen, then of the next, and so on, the last filled up with
-/// zeros.
+/// Weights by blocks of outputs: all rows of the first sixteen, then of the next, and so on; the last block is padded
+/// with zeros.
 #[derive(Clone, Debug)]
 pub(super) struct Packed {
     pub(super) rows: usize,
@@ -105,7 +105,7 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs weights of which `weight(row, o)` is one.
+    /// Packs the weights `weight(row, o)`.
     pub(super) fn new(parts: &ConvParts, rows: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
         let outputs = parts.outputs;
         let blocks = outputs.div_ceil(BLOCK);
@@ -126,7 +126,7 @@ impl Packed {
         }
     }
 
-    /// Blocks of outputs.
+    /// Number of blocks of outputs.
     #[inline(always)]
     pub(super) fn blocks(&self) -> usize {
         self.bias.len()
@@ -138,7 +138,7 @@ impl Packed {
         &self.weight[block * self.rows..][..self.rows]
     }
 
-    /// Outputs of a block that there are.
+    /// Number of outputs in a block, without padding.
     #[inline(always)]
     pub(super) fn real(&self, block: usize) -> usize {
         (self.outputs - block * BLOCK).min(BLOCK)

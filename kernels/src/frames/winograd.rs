@@ -1,14 +1,14 @@
-//! Convolution of 3 x 3 places with fewer products (Winograd 1980; Lavin and Gray 2016): an M x M tile of outputs is
-//! A^t [ sum over i of (G g(i) G^t) (B^t d(i) B) ] A, where d(i) are the (M + 2) x (M + 2) inputs of the tile.
+//! 3 x 3 convolution with fewer products (Winograd 1980; Lavin and Gray 2016): an M x M tile of outputs is A^t [ sum
+//! over i of (G g(i) G^t) (B^t d(i) B) ] A, where d(i) are the (M + 2) x (M + 2) inputs of the tile.
 //!
-//! G g G^t is computed in f64 and rounded once, when the layer is made. The order of all else: [`transform`] for B and A,
-//! columns of a tile before its rows; for each of the (M + 2)^2 places one chain of sums from +0 over the input maps in
-//! order and their channels, ascending, each product rounded once with its sum; the bias is added to a tile's output.
-//! Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
+//! G g G^t is computed in f64 and rounded once, when the layer is made. The order of all other operations:
+//! [`transform`] for B and A, columns of a tile before its rows; for each of the (M + 2)^2 places one chain of sums
+//! from +0 over the input maps in order and their channels, ascending, each product rounded once with its sum; the bias
+//! is added to a tile's output. Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
 //!
-//! The results are not those of the direct kernels, but another rounding of the same numbers, so that a network says which
-//! it uses. Largest difference over largest magnitude, uniform inputs and weights, 32 to 256 channels: 3e-6 for 2 x 2
-//! tiles, 2e-5 for 4 x 4. Layers of few input channels (below about 16) are faster by the direct kernels.
+//! The results are rounded differently from those of the direct kernels, so a network states which kernel it uses.
+//! Largest difference over largest magnitude, uniform inputs and weights, 32 to 256 channels: 3e-6 for 2 x 2 tiles,
+//! 2e-5 for 4 x 4. For few input channels (below about 16) the direct kernels are faster.
 
 mod run;
 mod transform;
@@ -24,12 +24,12 @@ use super::weights::{ConvParts, Layout, Packed};
 use crate::error::KernelError;
 use crate::isa::Isa;
 
-/// How many outputs a tile has.
+/// Size of a tile of outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WinogradTile {
-    /// 2 x 2: 16 products for 36.
+    /// 2 x 2: 16 products in place of 36.
     Two,
-    /// 4 x 4: 36 products for 144, and a larger error.
+    /// 4 x 4: 36 products in place of 144, and a larger error.
     Four,
 }
 
@@ -43,7 +43,7 @@ impl WinogradTile {
     }
 }
 
-/// A convolution of 3 x 3 places with padding 1, by tiles.
+/// A 3 x 3 convolution with padding 1, computed by tiles.
 #[derive(Clone, Debug)]
 pub struct WinogradConv3x3 {
     tile: WinogradTile,
@@ -76,20 +76,20 @@ impl WinogradConv3x3 {
         self.tile
     }
 
-    /// Most bytes that a map of `height` x `width` outputs asks for of each of the three parts of a scratch. Each part grows
-    /// to what the layer needs that needs most of it.
+    /// Largest number of bytes of each of the three parts of a scratch for a map of `height` x `width` outputs. Each
+    /// part grows to the largest need of all layers that use it.
     pub fn scratch_bytes(&self, height: usize, width: usize) -> [u128; 3] {
         let size = self.tile.size();
         let tiles = height.div_ceil(size) as u128 * width.div_ceil(size) as u128;
         run::scratch_bytes(size + 2, &self.inputs, tiles)
     }
 
-    /// Computes the outputs of `region`, whole tiles (a map's last ones end with it), and leaves all others as they are.
-    /// Input maps have the output's height and width and a halo of 1.
+    /// Computes the outputs of `region`, which must consist of whole tiles (the last ones end with the map); other
+    /// outputs are unchanged. Input maps have the output's height and width and a halo of 1.
     ///
     /// # Errors
-    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] of an input that does not fit,
-    /// [`KernelError::Region`] where the region is not within the band or cuts through a tile.
+    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
+    /// [`KernelError::Region`] if the region is not within the band or cuts through a tile.
     pub fn run(
         &self,
         isa: Isa,

@@ -11,12 +11,12 @@ use super::registers::{exponent, register};
 use super::vector::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// The proof of AVX2 and FMA.
+/// Proof that the processor has AVX2 and FMA.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Avx2(());
 
 impl Avx2 {
-    /// The proof, where the processor has both.
+    /// The proof, if the processor has both.
     pub(super) fn detect() -> Option<Self> {
         (std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")).then_some(Self(()))
     }
@@ -36,7 +36,7 @@ fn run<T: Task>(simd: Avx2, task: T) -> T::Output {
     task.run(simd)
 }
 
-/// Eight f32 in a register. Made from an [`Avx2`] or from another of its kind alone: a proof too.
+/// Eight f32 in a register. Made only from an [`Avx2`] or from another `F32x8`, so it is a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 

@@ -15,12 +15,12 @@ use super::registers::{exponent, register};
 use super::vector::{Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// The proof of these instructions.
+/// Proof that the processor has these instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Avx512(());
 
 impl Avx512 {
-    /// The proof, where the processor has them all.
+    /// The proof, if the processor has them all.
     pub(super) fn detect() -> Option<Self> {
         let all = std::is_x86_feature_detected!("avx512f")
             && std::is_x86_feature_detected!("avx512vl")
@@ -57,11 +57,11 @@ impl Simd for Avx512 {
     }
 }
 
-/// Eight f32 in a register. Made from an [`Avx512`] or from another of its kind alone: a proof too.
+/// Eight f32 in a register. Made only from an [`Avx512`] or from another `F32x8`, so it is a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 
-/// Sixteen f32 in a register. Made from an [`Avx512`] or from another of its kind alone: a proof too.
+/// Sixteen f32 in a register. Made only from an [`Avx512`] or from another `F32x16`, so it is a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x16(__m512);
 

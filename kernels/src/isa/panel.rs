@@ -1,19 +1,19 @@
-//! The inner loops of every product of matrices: a few rows of values times a few vectors of weights.
+//! The inner loops of all matrix products: a few rows of values times a few vectors of weights.
 //!
-//! Their sizes are checked once, before the loop: checks inside it, and the registers that they take, cost half of the
+//! Sizes are checked once, before the loop: checks inside the loop, and the registers that they need, would halve the
 //! speed.
 
 use super::vector::{Simd, Vector};
 use crate::lanes::{LANES, Wide};
 
-/// Values of a [`Wide`].
+/// Number of values in a [`Wide`].
 const WIDE: usize = 2 * LANES;
 
 /// acc(r, b) += sum over k of values(r stride + k) weights(b, k), where k goes from `FIRST` in steps of `STEP`,
 /// ascending, and each product is rounded once with the sum.
 ///
 /// # Panics
-/// If the weights differ in length, or `values` ends before the last that is read.
+/// If the weights differ in length, or `values` is too short.
 #[inline(always)]
 pub(crate) fn accumulate<
     S: Simd,
@@ -36,7 +36,7 @@ pub(crate) fn accumulate<
     assert!(weights.iter().all(|w| w.len() == count), "weights must have one length");
     let last = stride.checked_mul(R - 1).and_then(|first| first.checked_add(count));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // Local, so that they are registers.
+    // A local variable, so that it stays in registers.
     let mut sums = *acc;
     let mut k = FIRST;
     while k < count {
@@ -54,7 +54,7 @@ pub(crate) fn accumulate<
     *acc = sums;
 }
 
-/// Values in memory that a sum passes over: from each of `starts`, `count` neighbours. Row r reads r `stride` further on.
+/// Runs of values that a sum reads: `count` adjacent values from each of `starts`, for row r offset by r `stride`.
 #[derive(Clone, Copy)]
 pub(crate) struct Runs<'a> {
     pub(crate) values: &'a [f32],
@@ -67,7 +67,7 @@ pub(crate) struct Runs<'a> {
 /// product rounded once with the sum.
 ///
 /// # Panics
-/// If there is not a weight for each value, or `values` ends before the last that is read.
+/// If the number of weights is wrong, or `values` is too short.
 #[inline(always)]
 pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
     simd: S,
@@ -82,7 +82,7 @@ pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: us
     let last =
         reach.and_then(|reach| values.len().checked_sub(reach)).expect("a run must end within the values");
     assert!(starts.iter().all(|&start| start <= last), "a run must end within the values");
-    // Local, so that they are registers.
+    // A local variable, so that it stays in registers.
     let mut sums = *acc;
     let mut at = 0;
     for &start in starts {
@@ -103,11 +103,11 @@ pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: us
 }
 
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16] weights(b, k), each
-/// product rounded once with the sum. The distance between rows is part of the instructions, so that they take no
-/// registers for addresses.
+/// product rounded once with the sum. The distance between rows is constant and thus part of the instructions, so that
+/// addresses need no registers.
 ///
 /// # Panics
-/// If the weights differ in length, or `values` ends before the last that is read.
+/// If the weights differ in length, or `values` is too short.
 #[inline(always)]
 pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
     simd: S,
@@ -123,7 +123,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
     assert!(weights.iter().all(|w| w.len() == total), "weights must have one length");
     let last = ((total - 1) / WIDE).checked_mul(apart).and_then(|at| at.checked_add(R));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // Local, so that they are registers.
+    // A local variable, so that it stays in registers.
     let mut sums = *acc;
     let (mut first, mut at) = (0, 0);
     while first < total {
@@ -148,7 +148,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
 /// acc(p, b) += sum over k with k mod 4 = p of values(k) weights(b, k): one row in four partial sums.
 ///
 /// # Panics
-/// If the weights and the values differ in length.
+/// If weights and values differ in length.
 #[inline(always)]
 pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
     simd: S,
@@ -192,7 +192,7 @@ mod tests {
         [[[0.0; LANES]; 1]; R]
     }
 
-    /// Three rows of which the last would begin at 2 * 2^63 = 0, were it not for the overflow.
+    /// Three rows, of which the last would begin at 2 * 2^63, which wraps to 0.
     #[should_panic(expected = "there must be a value for each weight")]
     #[test]
     fn a_stride_that_wraps_is_refused() {

@@ -1,15 +1,15 @@
-//! The inner loop of convolutions over planes: a few outputs times a few vectors of neighbouring positions.
+//! The inner loop of convolutions over planes: a few outputs times a few vectors of adjacent positions.
 
 use super::vector::{Simd, Vector};
 
-/// Where the taps of a 3 x 3 window lie: that of row dy and column dx, in channel c, at `c plane + dy stride + dx`.
+/// Locations of the taps of a 3 x 3 window: row dy, column dx, channel c is at `c plane + dy stride + dx`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taps<'a> {
     /// Values, from the first tap of the first position on.
     pub(crate) values: &'a [f32],
-    /// From a row to the next.
+    /// Distance between rows in values.
     pub(crate) stride: usize,
-    /// From a channel to the next.
+    /// Distance between channels in values.
     pub(crate) plane: usize,
 }
 
@@ -17,7 +17,7 @@ pub(crate) struct Taps<'a> {
 /// each product rounded once with the sum. `weights` are (channels x 9, O).
 ///
 /// # Panics
-/// If `weights` are not whole windows, or the values end before the last that is read.
+/// If `weights` are not whole windows, or there are too few values.
 #[inline(always)]
 pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
     simd: S,
@@ -33,7 +33,7 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
     let last = plane.checked_mul(weights.len() / 9 - 1).zip(stride.checked_mul(2));
     let end = last.and_then(|(plane, rows)| plane.checked_add(rows)?.checked_add(2 + B * V::LANES));
     assert!(end.is_some_and(|end| end <= values.len()), "there must be a value for each tap");
-    // Local, so that they are registers.
+    // A local variable, so that it stays in registers.
     let mut sums = *acc;
     let (mut channel, mut k) = (0, 0);
     while k < weights.len() {

@@ -1,9 +1,9 @@
-//! The instructions that the build's target guarantees.
+//! The instruction set that the build's target guarantees.
 
 use super::vector::{Exponent, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// Plain arrays, which the compiler vectorises as far as the target goes.
+/// Plain arrays, which the compiler vectorises for the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Portable;
 
@@ -105,15 +105,15 @@ array!(16, Wide);
 /// 2^(n + more), where `shifted` is 1.5 2^23 + n.
 #[inline(always)]
 fn power_of_two(shifted: f32, more: i32) -> f32 {
-    // The shift leaves n, modulo 2^9, where the exponent is.
+    // The shift moves n, modulo 2^9, into the exponent.
     f32::from_bits((shifted.to_bits() << 23).wrapping_add(((127 + more) << 23) as u32))
 }
 
 /// a b + c, rounded once.
 ///
-/// Where the target has no such instruction: the product of two f32 is exact in f64; its sum with c is rounded *to
-/// odd* there, which keeps enough of what is lost for the last rounding to f32 to be the only one that counts (Boldo and
-/// Melquiond 2008, Theorem 1: 53 >= 2 * 24 + 2).
+/// If the target has no such instruction: the product of two f32 is exact in f64; its sum with c is rounded *to odd* in
+/// f64, which keeps enough information for the final rounding to f32 to be correct (Boldo and Melquiond 2008, Theorem
+/// 1: 53 >= 2 * 24 + 2).
 #[inline(always)]
 pub fn fused(a: f32, b: f32, c: f32) -> f32 {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
@@ -121,11 +121,11 @@ pub fn fused(a: f32, b: f32, c: f32) -> f32 {
     }
     let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
     let sum = product + c;
-    // What the sum lost, exactly (Knuth's two-sum).
+    // The error of the sum, exactly (Knuth's two-sum).
     let of_c = sum - product;
     let lost = (product - (sum - of_c)) + (c - of_c);
     let bits = sum.to_bits();
-    // Away from zero where what was lost has the sum's sign. Comparisons with NaN are false and leave infinities be.
+    // Away from zero if the error has the sum's sign. Comparisons with NaN are false and leave infinities unchanged.
     let up = (lost > 0.0 && sum > 0.0) || (lost < 0.0 && sum < 0.0);
     let down = (lost < 0.0 && sum > 0.0) || (lost > 0.0 && sum < 0.0);
     let even = 1 - (bits & 1);
@@ -139,8 +139,8 @@ const HALF_WAY: u64 = 1 << 28;
 
 /// [`fused`] of each element.
 ///
-/// A sum in f64 that is not half-way between two f32 rounds to the f32 that the exact sum rounds to, whatever f64 lost.
-/// That is nearly always so, and needs no more than a test of the bits below an f32's last.
+/// A sum in f64 that is not half-way between two f32 rounds to the same f32 as the exact sum, whatever f64 lost. This
+/// is nearly always the case, and testing it only needs the bits below an f32's last.
 #[inline(always)]
 fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
@@ -151,7 +151,7 @@ fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N]
     for i in 0..N {
         sums[i] = f64::from(a[i]) * f64::from(b[i]) + f64::from(c[i]);
         let bits = sums[i].to_bits();
-        // Where f32 is subnormal, half-way is elsewhere. Zero, NaN and infinity round to themselves.
+        // For subnormal f32, half-way is elsewhere. Zero, NaN and infinity round to themselves.
         let subnormal = u64::from(sums[i].abs() < f64::from(f32::MIN_POSITIVE)) & u64::from(sums[i] != 0.0);
         hard |= u64::from(bits & BELOW == HALF_WAY) | subnormal;
     }
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Any bits, values of like size, and values that nearly cancel.
+    /// Any bits, values of similar size, and values that nearly cancel.
     fn operand() -> impl Strategy<Value = f32> {
         prop_oneof![
             any::<u32>().prop_map(f32::from_bits),
@@ -191,7 +191,7 @@ mod tests {
             check(a, b, c)?;
             check(a, b, -(a * b))?;
             check(a, b, f32::from_bits((a * b).to_bits() ^ 1))?;
-            // A sum half-way between two f32 but for a tail that f64 loses.
+            // A sum half-way between two f32, except for a tail that f64 loses.
             let (one, tail) = (1.0 + f32::EPSILON, f32::EPSILON / 2.0);
             check(one, tail, 1.0)?;
             check(one * a, tail, a)?;

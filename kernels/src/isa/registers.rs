@@ -1,6 +1,6 @@
-//! [`Vector`](super::Vector) over one register, from an instruction set's own names.
+//! [`Vector`](super::Vector) over one register, through the intrinsics of an instruction set.
 
-/// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 that only a `$simd` makes.
+/// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 that can only be made with a `$simd`.
 macro_rules! register {
     ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident], [$at_most:expr, $differs:expr]) => {
         impl Vector<$simd> for $vector {
@@ -57,7 +57,7 @@ macro_rules! register {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                // The instruction gives its second operand where either is NaN.
+                // The instruction returns its second operand if either is NaN.
                 // SAFETY: a vector exists after its proof alone.
                 Self(unsafe { $max(other.0, self.0) })
             }
@@ -75,7 +75,7 @@ macro_rules! register {
     };
 }
 
-/// Implements [`Exponent`] for a register, from an instruction set's own names.
+/// Implements [`Exponent`] for a register, through the intrinsics of an instruction set.
 macro_rules! exponent {
     ($simd:ty, $vector:ident, [$set1:ident, $div:ident, $and:ident, $andnot:ident, $or:ident],
      [$set1_i:ident, $shift:ident, $add_i:ident, $to_i:ident, $to_f:ident], $blend:expr) => {

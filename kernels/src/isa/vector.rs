@@ -1,9 +1,9 @@
-//! The operations on vectors that kernels are written with.
+//! The vector operations in which kernels are written.
 
 use crate::lanes::{Lanes, Wide};
 
-/// Work that can be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so must be all that
-/// it calls in its inner loops, or it runs with the build's baseline instructions.
+/// Work that can be compiled for several instruction sets. `run`, and everything that it calls in its inner loops, must
+/// be `#[inline(always)]`; otherwise it runs with the build's baseline instructions.
 pub trait Task {
     /// The result of the work.
     type Output;
@@ -17,34 +17,34 @@ pub trait Simd: Copy {
     type V8: Exponent<Self, Memory = Lanes>;
     /// Sixteen f32: one register, or several that are used as one.
     type V16: Exponent<Self, Memory = Wide>;
-    /// Whether a `V16` is one register of 32, and not two of 16.
+    /// Whether a `V16` is a single register (one of 32), rather than a pair (of 16).
     const WIDE: bool;
 
-    /// Runs `task` as a function of its own, so that its inner loop has all the registers.
+    /// Runs `task` as a separate function, so that its inner loop has all registers.
     fn apart<T: Task>(self, task: T) -> T::Output;
 }
 
-/// A register of f32. Every operation acts on each element by itself and rounds to nearest, ties to even.
+/// A register of f32. Every operation acts element by element and rounds to nearest, ties to even.
 pub trait Vector<S>: Copy {
-    /// The same values in memory.
+    /// Representation in memory.
     type Memory: Copy + AsMut<[f32]>;
     /// Number of elements.
     const LANES: usize;
     /// Zeros in memory.
     const ZEROS: Self::Memory;
 
-    /// Every element `value`.
+    /// A vector with every element equal to `value`.
     fn splat(simd: S, value: f32) -> Self;
-    /// Reads.
+    /// Loads a vector.
     fn load(simd: S, from: &Self::Memory) -> Self;
-    /// Reads the first values of a slice.
+    /// Loads the first values of a slice.
     ///
     /// # Panics
     /// If `from` is shorter than the vector.
     fn load_slice(simd: S, from: &[f32]) -> Self;
-    /// Writes.
+    /// Stores the vector.
     fn store(self, to: &mut Self::Memory);
-    /// Writes to the first values of a slice.
+    /// Stores the vector to the first values of a slice.
     ///
     /// # Panics
     /// If `to` is shorter than the vector.
@@ -61,10 +61,10 @@ pub trait Vector<S>: Copy {
     /// self + a b, rounded once.
     #[must_use]
     fn add_product(self, a: Self, b: Self) -> Self;
-    /// `other` where it is larger, else self: where either is NaN, self.
+    /// `other` if it is larger, otherwise self; self if either is NaN.
     #[must_use]
     fn max(self, other: Self) -> Self;
-    /// `other` where it is larger or NaN, else self: what is NaN on either side stays NaN.
+    /// `other` if it is larger or NaN, otherwise self; NaN if either is NaN.
     #[must_use]
     #[inline(always)]
     fn max_or_nan(self, simd: S, other: Self) -> Self {
@@ -72,20 +72,20 @@ pub trait Vector<S>: Copy {
         self.store(&mut values);
         other.store(&mut others);
         for (value, &mut other) in values.as_mut().iter_mut().zip(others.as_mut()) {
-            // By value, so that the comparison is one of vectors.
+            // By value, so that the comparison is vectorised.
             let (v, larger) = (*value, other > *value);
             *value = if larger | other.is_nan() { other } else { v };
         }
         Self::load(simd, &values)
     }
-    /// Bit i is set where element i is at most that of `other`; clear where either is NaN.
+    /// Bit i is set if element i is at most that of `other`; clear if either is NaN.
     #[must_use]
     fn at_most(self, other: Self) -> u32;
-    /// Bit i is set where element i and that of `other` are not the same bits.
+    /// Bit i is set if the bits of element i differ from those in `other`.
     #[must_use]
     fn differs(self, other: Self) -> u32;
 
-    /// `f` of every element; vectorised as far as the compiler can, so best without branches.
+    /// Applies `f` to every element; vectorised by the compiler if possible, so `f` should be branch-free.
     #[must_use]
     #[inline(always)]
     fn map(self, simd: S, f: impl Fn(f32) -> f32) -> Self {
@@ -98,7 +98,7 @@ pub trait Vector<S>: Copy {
     }
 }
 
-/// A register of f32 that can be divided, and whose bits can be made and moved.
+/// A register of f32 with division and with operations on the bits.
 pub trait Exponent<S>: Vector<S> {
     /// self / other.
     #[must_use]
@@ -106,10 +106,10 @@ pub trait Exponent<S>: Vector<S> {
     /// 2^(n + more), where self is 1.5 2^23 + n and -126 <= n + more <= 127.
     #[must_use]
     fn power_of_two(self, simd: S, more: i32) -> Self;
-    /// Its magnitude with the sign of `of`.
+    /// The magnitude of self with the sign of `of`.
     #[must_use]
     fn with_sign(self, simd: S, of: Self) -> Self;
-    /// Itself where `of` has the sign bit, else `other`.
+    /// Self where `of` has the sign bit, otherwise `other`.
     #[must_use]
     fn where_negative(self, of: Self, other: Self) -> Self;
 }

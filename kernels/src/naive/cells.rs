@@ -1,5 +1,5 @@
-//! Scalar twins of the cells, and of planar convolutions and poolings: the documented order
-//! of operations, one value at a time. Images are (channels, height, width) unless said otherwise.
+//! Scalar versions of the cells, and of planar convolutions and poolings: the documented order of operations, one value
+//! at a time. Images are (channels, height, width) unless stated otherwise.
 
 use crate::elementary::{sigmoid, sigmoid_quotients, tanh_quotients};
 use crate::isa::Portable;
@@ -14,12 +14,12 @@ fn quotient(squash: Squash, x: f32) -> [f32; 2] {
     [above[0][0], below[0][0]]
 }
 
-/// The product of two quotients, divided once.
+/// The product of two quotients, with a single division.
 fn times(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] * b[0]) / (a[1] * b[1])
 }
 
-/// One element's gates i, f, g, o and weights of i, f, o on its cell: the new cell and what it shows.
+/// One element's gates i, f, g, o and the weights of i, f, o on its cell; returns the new cell and output.
 pub fn lstm_update(gates: [f32; 4], peephole: Option<[f32; 3]>, by: Squash, c: f32) -> (f32, f32) {
     let [mut i, mut f, g, mut o] = gates;
     if let Some([on_i, on_f, on_o]) = peephole {
@@ -98,7 +98,7 @@ pub fn planar_conv_lstm(
     }
 }
 
-/// The largest value of each 2 x 2 window; NaN where one of them is.
+/// The largest value of each 2 x 2 window; NaN if any of them is.
 pub fn maximum_pool((channels, height, width): (usize, usize, usize), image: &[f32]) -> Vec<f32> {
     let mut out = Vec::new();
     for (c, y) in (0..channels).flat_map(|c| (0..height / 2).map(move |y| (c, y))) {

@@ -1,4 +1,4 @@
-//! Scalar twins of the kernels over frames.
+//! Scalar versions of the kernels over frames.
 
 use crate::error::KernelError;
 use crate::frames::{ConvParts, FeatureMap, View, WinogradTile};
@@ -12,7 +12,7 @@ pub struct Image {
     pub width: usize,
     /// Channels of a pixel.
     pub channels: usize,
-    /// Of each row each pixel's channels.
+    /// The channels of each pixel, row after row.
     pub values: Vec<f32>,
 }
 
@@ -39,7 +39,7 @@ impl Image {
         FeatureMap::from_pixels([self.height, self.width, self.channels], halo, &self.values)
     }
 
-    /// The values that a view shows.
+    /// The values of a view.
     pub fn of(view: View<'_>) -> Self {
         Self::new(view.size(), |y, x, c| view.pixel(y, x)[c])
     }
@@ -60,7 +60,7 @@ fn finish(parts: &ConvParts, y: f32) -> f32 {
     if parts.relu && y < 0.0 { 0.0 } else { y }
 }
 
-/// A convolution of `size` x `size` places, 3 or 1, over the images one after the other.
+/// A convolution with a `size` x `size` kernel, 3 or 1, over the images one after the other.
 pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
     let all: usize = parts.inputs.iter().sum();
     let half = (size / 2) as isize;
@@ -84,7 +84,7 @@ pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
     })
 }
 
-/// A transposed convolution of 2 x 2 places with stride 2.
+/// A transposed convolution with a 2 x 2 kernel and stride 2.
 pub fn transposed(parts: &ConvParts, inputs: &[Image]) -> Image {
     Image::new([2 * inputs[0].height, 2 * inputs[0].width, parts.outputs], |y, x, o| {
         let mut sum = bias(parts, o);
@@ -134,7 +134,7 @@ fn backward(m: &[f32]) -> Vec<f32> {
     }
 }
 
-/// `transform` of every column, then of every row.
+/// Applies `transform` to every column, then to every row.
 fn both(square: &[Vec<f32>], transform: fn(&[f32]) -> Vec<f32>) -> Vec<Vec<f32>> {
     let turned = |rows: &[Vec<f32>]| -> Vec<Vec<f32>> {
         (0..rows[0].len()).map(|c| rows.iter().map(|row| row[c]).collect()).collect()
@@ -159,7 +159,7 @@ fn kernel(n: usize) -> Vec<[f64; 3]> {
     ]
 }
 
-/// A convolution of 3 x 3 places by Winograd's tiles.
+/// A 3 x 3 convolution by Winograd's tiles.
 pub fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Image {
     let (m, n) = (tile.size(), tile.size() + 2);
     let all: usize = parts.inputs.iter().sum();
@@ -203,7 +203,7 @@ pub fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Imag
     out
 }
 
-/// Maximum of 2 x 2 pixels; NaN where one of them is.
+/// Maximum of 2 x 2 pixels; NaN if any of them is.
 pub fn max_pool_2x2(input: &Image) -> Image {
     Image::new([input.height / 2, input.width / 2, input.channels], |y, x, c| {
         let at = |i: usize| input.at((2 * y + i / 2) as isize, (2 * x + i % 2) as isize, c);

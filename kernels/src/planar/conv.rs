@@ -4,10 +4,10 @@
 //! out(o, y, x) = b(o) + sum over c, dy, dx of w(o, c, dy, dx) in(c, y + dy - 1, x + dx - 1)
 //! ```
 //!
-//! Order of an output's sum: from +0; channels of the first image ascending, then of the second; in a channel dy,
-//! then dx, ascending; each product rounded once with the sum; then b. A tap beyond the border adds w times 0. As b
-//! is never -0, the sign of a sum that is zero reaches no output, and an image that is zero around a position may be
-//! left out there without a change of bits.
+//! Order of an output's sum: from +0; channels of the first image ascending, then of the second; in a channel dy, then
+//! dx, ascending; each product rounded once with the sum; then b. A tap beyond the border adds w times 0. Because b is
+//! never -0, the sign of a zero sum affects no output. An image that is zero around a position can therefore be skipped
+//! there without changing any bit.
 
 use std::ops::Range;
 
@@ -15,24 +15,24 @@ use super::planes::{Occupancy, Planes, TILE, TileRegion};
 use crate::error::{KernelError, check};
 use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
 
-/// Taps of a window.
+/// Taps per window.
 const TAPS: usize = 9;
 
-/// A convolution over one image, or over two side by side.
+/// A convolution over one image, or over the concatenation of two.
 #[derive(Clone, Debug)]
 pub struct PlanarConv3x3 {
     channels: [usize; 2],
-    /// Outputs in blocks that share what is loaded.
+    /// Blocks of outputs that share the loaded inputs.
     blocks: Vec<Block>,
     outputs: usize,
     relu: bool,
 }
 
-/// The weights of neighbouring outputs.
+/// The weights of adjacent outputs.
 #[derive(Clone, Debug)]
 struct Block {
     size: usize,
-    /// Of each image, (channels x 9, size).
+    /// For each image, (channels x 9, size).
     weights: [Vec<f32>; 2],
     bias: Vec<f32>,
 }
@@ -41,7 +41,7 @@ struct Block {
 const SIZES: [usize; 3] = [6, 3, 1];
 
 impl PlanarConv3x3 {
-    /// A layer that reads `channels` of a first and a second image (0 where there is none) and writes `outputs` planes.
+    /// A layer that reads `channels` of a first and a second image (0 if there is none) and writes `outputs` planes.
     /// `weight` is (outputs, sum of channels, 3, 3), `bias` (outputs).
     ///
     /// # Errors
@@ -74,7 +74,7 @@ impl PlanarConv3x3 {
             blocks.push(Block {
                 size,
                 weights: [pack(0..channels[0] * TAPS), pack(channels[0] * TAPS..inputs * TAPS)],
-                // + 0 makes -0 positive.
+                // Adding +0 turns -0 into +0.
                 bias: bias[first..first + size].iter().map(|b| b + 0.0).collect(),
             });
             first += size;
@@ -92,12 +92,12 @@ impl PlanarConv3x3 {
         self.outputs
     }
 
-    /// Computes `region` of every output plane. Of `images`, one that is `None` is zero around the region; so is the
-    /// first wherever `occupied` says that it is empty, and neither is read there. O(region x 9 x channels x
-    /// outputs).
+    /// Computes `region` of every output plane. An image that is `None` counts as zeros around the region. The first
+    /// image also counts as zeros wherever `occupied` marks it as empty. Such parts are not read. O(region x 9 x
+    /// channels x outputs).
     ///
     /// # Panics
-    /// If an image or `out` does not have the sizes of this layer and of each other, or the region is not within.
+    /// If an image or `out` does not fit the sizes of this layer or of each other, or the region is out of bounds.
     pub fn run(
         &self,
         isa: Isa,
@@ -158,21 +158,21 @@ impl Task for Run<'_> {
             let row = RowOut { values: out.onward_mut(y), stride: plane };
             conv.row(simd, images, occupied, y, region.tiles.clone(), row);
             for channel in 0..conv.outputs {
-                // What was computed beyond the width.
+                // Clears the outputs beyond the width.
                 out.padded_mut(channel, y)[end..region.tiles.end * TILE].fill(0.0);
             }
         }
     }
 }
 
-/// Where a row of each output goes: tile t of output o to `o stride + 16 t`.
+/// Destination of a row of each output: tile t of output o goes to `o stride + 16 t`.
 pub(crate) struct RowOut<'a> {
     pub(crate) values: &'a mut [f32],
     pub(crate) stride: usize,
 }
 
 impl PlanarConv3x3 {
-    /// Tiles of one row of every output; whole vectors are written.
+    /// Computes tiles of one row of every output; whole vectors are written.
     #[inline(always)]
     pub(crate) fn row<S: Simd>(
         &self,
@@ -186,7 +186,7 @@ impl PlanarConv3x3 {
         let mut first = 0;
         for block in &self.blocks {
             let mut row = Row { block, first, relu: self.relu, images, occupied, y, tiles: tiles.clone() };
-            // As many tiles together as there are registers for sums, one more per tile, and one for a weight.
+            // As many tiles at once as registers allow: per tile its sums and one more, and one for a weight.
             match block.size {
                 6 => {
                     if S::WIDE {
@@ -211,7 +211,7 @@ impl PlanarConv3x3 {
     }
 }
 
-/// The tiles of a row of a block's outputs that are not yet computed.
+/// The tiles of a row of a block's outputs that are not computed yet.
 struct Row<'a> {
     block: &'a Block,
     /// The block's first output.
@@ -224,7 +224,7 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Tiles while there are B, for the O outputs of the block.
+    /// Computes B tiles at a time, while there are B, for the O outputs of the block.
     #[inline(always)]
     fn run<S: Simd, const O: usize, const B: usize>(&mut self, simd: S, out: &mut RowOut<'_>) {
         let zero = S::V16::splat(simd, 0.0);

@@ -1,15 +1,15 @@
-//! Channels of an image, plane after plane, in a border of zeros.
+//! An image stored plane after plane, with a border of zeros.
 //!
-//! A row is padded to whole [`Wide`] with at least one zero, which is the border to its right and to the left of the
-//! next row; a row of zeros lies above and below each plane, a `Wide` of zeros before the first and after the last.
-//! So a vector of any position and any of its eight neighbours can be loaded. Values that are not pixels are always zero.
+//! A row is padded to whole [`Wide`] with at least one zero, the border to its right and to the left of the next row. A
+//! row of zeros lies above and below each plane, and a `Wide` of zeros before the first and after the last. A vector at
+//! any position, or at any of its eight neighbours, can thus be loaded. Values that are not pixels are always zero.
 
 use std::ops::Range;
 
 use crate::isa::{flat_wide, flat_wide_mut, lanes_of_wide};
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// Positions in a tile of columns.
+/// Columns per tile.
 pub(crate) const TILE: usize = 2 * LANES;
 
 /// (channels, height, width) values.
@@ -21,17 +21,17 @@ pub struct Planes {
     data: Vec<Wide>,
 }
 
-/// Rows and tiles of sixteen columns: tile t is columns 16 t..16 t + 16.
+/// Rows, and tiles of sixteen columns: tile t has columns 16 t..16 t + 16.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TileRegion {
     /// Rows.
     pub rows: Range<usize>,
-    /// Tiles of sixteen columns; the last may reach beyond the width.
+    /// Tiles of sixteen columns; the last may extend beyond the width.
     pub tiles: Range<usize>,
 }
 
 impl Planes {
-    /// Bytes that an image takes.
+    /// Bytes of an image.
     pub fn bytes_of(channels: usize, height: usize, width: usize) -> u128 {
         let tiles = width as u128 / TILE as u128 + 1;
         (channels as u128 * (height as u128 + 2) * tiles + 2) * size_of::<Wide>() as u128
@@ -40,7 +40,7 @@ impl Planes {
     /// An image of zeros.
     ///
     /// # Panics
-    /// If no memory holds it.
+    /// If the memory cannot be allocated.
     pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
         let wides = channels * (height + 2) * stride(width) / TILE + 2;
         Self { channels, height, width, data: vec![Wide::ZERO; wides] }
@@ -70,7 +70,7 @@ impl Planes {
         }
     }
 
-    /// Back to zeros.
+    /// Sets every value to zero.
     pub fn clear(&mut self) {
         self.data.fill(Wide::ZERO);
     }
@@ -98,7 +98,7 @@ impl Planes {
         TileRegion { rows: 0..self.height, tiles: 0..self.tiles() }
     }
 
-    /// Tiles of sixteen columns, the last perhaps not full.
+    /// Number of tiles of sixteen columns; the last may be partly filled.
     #[inline]
     pub fn tiles(&self) -> usize {
         self.width.div_ceil(TILE)
@@ -130,18 +130,17 @@ impl Planes {
             .flat_map(|row| self.row(row / self.height, row % self.height).iter().copied())
     }
 
-    /// Everything, border and padding included, for a [`crate::Dense`] layer whose weights are
-    /// [`Self::spread`].
+    /// All values, including border and padding, for a [`crate::Dense`] layer whose weights come from [`Self::spread`].
     #[inline]
     pub fn lanes(&self) -> &[Lanes] {
         lanes_of_wide(&self.data)
     }
 
-    /// Weights on the values of such an image, (n, channels x height x width), as weights on [`Self::lanes`]:
-    /// zero where there is no pixel.
+    /// Converts weights on the values of such an image, (n, channels x height x width), to weights on [`Self::lanes`],
+    /// which are zero where there is no pixel.
     ///
     /// # Panics
-    /// If `weight` is not whole images.
+    /// If the length of `weight` is not a multiple of the image's.
     pub fn spread(&self, weight: &[f32]) -> Vec<f32> {
         let count = self.channels * self.height * self.width;
         assert_eq!(weight.len() % count.max(1), 0, "weights must fill whole images");
@@ -179,26 +178,26 @@ impl Planes {
         &mut flat_wide_mut(&mut self.data)[start..][..stride(self.width)]
     }
 
-    /// Every value from (0, y, 0) on, to write; what is not a pixel must be zero again afterwards.
+    /// All values from (0, y, 0) on, to write; values that are not pixels must be zero again afterwards.
     #[inline]
     pub(crate) fn onward_mut(&mut self, y: usize) -> &mut [f32] {
         let start = self.start(0, y);
         &mut flat_wide_mut(&mut self.data)[start..]
     }
 
-    /// Every value from the one above and to the left of (0, y, x) on.
+    /// All values from the one above and to the left of (0, y, x) on.
     #[inline]
     pub(crate) fn above(&self, y: usize, x: usize) -> &[f32] {
         &flat_wide(&self.data)[self.start(0, y) - stride(self.width) + x - 1..]
     }
 
-    /// From a row to the next.
+    /// Distance between rows in values.
     #[inline]
     pub(crate) fn stride(&self) -> usize {
         stride(self.width)
     }
 
-    /// From a channel to the next.
+    /// Distance between channels in values.
     #[inline]
     pub(crate) fn plane(&self) -> usize {
         (self.height + 2) * stride(self.width)
@@ -215,7 +214,7 @@ impl Planes {
     }
 }
 
-/// A row's values and at least one zero.
+/// Length of a row's values with at least one zero, padded.
 #[inline]
 fn stride(width: usize) -> usize {
     (width + 1).next_multiple_of(TILE)
@@ -225,21 +224,21 @@ fn stride(width: usize) -> usize {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Occupancy {
     tiles: usize,
-    /// (height + 2, tiles + 2): a border of empty tiles.
+    /// (height + 2, tiles + 2), with a border of empty tiles.
     flags: Vec<bool>,
 }
 
 impl Occupancy {
-    /// Of an image of `height` rows of `width` zeros.
+    /// Flags for an image of `height` rows of `width` zeros.
     ///
     /// # Panics
-    /// If no memory holds it.
+    /// If the memory cannot be allocated.
     pub fn empty(height: usize, width: usize) -> Self {
         let tiles = width.div_ceil(TILE);
         Self { tiles, flags: vec![false; (height + 2) * (tiles + 2)] }
     }
 
-    /// Reads `planes` anew. O(values). Nothing is allocated.
+    /// Recomputes the flags from `planes`. O(values). Allocates nothing.
     ///
     /// # Panics
     /// If `planes` has other rows or tiles.
@@ -254,14 +253,14 @@ impl Occupancy {
             flags.fill(false);
             for channel in 0..planes.channels() {
                 for (flag, values) in flags.iter_mut().zip(planes.row(channel, y).chunks(TILE)) {
-                    // All bits but the sign's.
+                    // All bits except the sign.
                     *flag |= values.iter().fold(0, |bits, v| bits | v.to_bits() << 1) != 0;
                 }
             }
         }
     }
 
-    /// Whether nothing is set in row `y` of tiles `first..first + count`, nor in the tiles around them.
+    /// Whether no flag is set in row `y` of tiles `first..first + count`, nor in the tiles around them.
     ///
     /// # Panics
     /// If there is no such row or tile.
@@ -271,12 +270,12 @@ impl Occupancy {
         (y..y + 3).all(|row| !self.flags[row * columns + first..][..count + 2].contains(&true))
     }
 
-    /// Whether it is of an image of this size.
+    /// Whether the flags are for an image of this size.
     pub(crate) fn fits(&self, height: usize, width: usize) -> bool {
         self.tiles == width.div_ceil(TILE) && self.flags.len() == (height + 2) * (self.tiles + 2)
     }
 
-    /// Tiles that hold something.
+    /// Number of tiles with a value that is not zero.
     pub fn occupied(&self) -> usize {
         self.flags.iter().filter(|&&flag| flag).count()
     }

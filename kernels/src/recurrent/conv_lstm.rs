@@ -1,8 +1,8 @@
-//! The convolutional LSTM cell over planes (Shi et al. 2015, without peepholes): an image x and the state h, c enter, a
-//! new state leaves.
+//! The convolutional LSTM cell over planes (Shi et al. 2015, without peepholes): maps an image x and a state h, c to a
+//! new state.
 //!
-//! gates = w * [x, h] + b in the order of [`PlanarConv3x3`], then the gates' update. Row after row: what a row of h
-//! becomes waits until the row below has read the old one, so that the state is replaced in place.
+//! gates = w * [x, h] + b in the order of [`PlanarConv3x3`], then the gates' update. Rows are computed in order. A new
+//! row of h is held back until the row below has read the old one, so that the state is replaced in place.
 
 use super::gates::{Squash, Update};
 use crate::error::KernelError;
@@ -18,17 +18,17 @@ pub struct PlanarConvLstm {
     squash: Squash,
 }
 
-/// The cell state c of a convolutional LSTM, and scratch for a row. The caller keeps the hidden state h.
+/// The cell state c of a convolutional LSTM, and scratch for a row. The caller owns the hidden state h.
 #[derive(Clone, Debug)]
 pub struct PlanarConvLstmState {
     cell: Planes,
-    /// A row of every gate, then of what h becomes.
+    /// A row of every gate, then the new row of h.
     row: Vec<Wide>,
 }
 
 impl PlanarConvLstm {
-    /// A cell that reads `inputs` channels and remembers `hidden`. `weight` is (4 x hidden, inputs + hidden, 3, 3)
-    /// with gates in the order i, f, g, o and inputs before the state; `bias` is (4 x hidden).
+    /// A cell with `inputs` input channels and `hidden` hidden channels. `weight` is (4 x hidden, inputs + hidden, 3,
+    /// 3) with gates in the order i, f, g, o and inputs before the state; `bias` is (4 x hidden).
     ///
     /// # Errors
     /// A size of zero, a tensor of the wrong length, or a value that is not finite.
@@ -43,25 +43,25 @@ impl PlanarConvLstm {
         Ok(Self { gates, hidden, squash })
     }
 
-    /// Bytes that a state takes.
+    /// Bytes of a state.
     pub fn state_bytes(&self, height: usize, width: usize) -> u128 {
         let row = 5 * self.hidden as u128 * width.div_ceil(TILE) as u128;
         Planes::bytes_of(self.hidden, height, width) + row * size_of::<Wide>() as u128
     }
 
-    /// The state before the first step: zeros. The caller keeps the hidden state h, which must be zero too.
+    /// The state before the first step: zeros. The caller owns the hidden state h, which must be zero too.
     ///
     /// # Panics
-    /// If no memory holds it.
+    /// If the memory cannot be allocated.
     pub fn state(&self, height: usize, width: usize) -> PlanarConvLstmState {
         let cell = Planes::zeros(self.hidden, height, width);
         let row = vec![Wide::ZERO; 5 * self.hidden * cell.tiles()];
         PlanarConvLstmState { cell, row }
     }
 
-    /// One step: reads `x`, replaces `state` and `hidden`. Where `occupied` says that `x` is empty, or where `x` is `None`, which
-    /// means an image of zeros, it costs less and gives the same bits. O(height x width x 9 x (inputs + hidden) x 4
-    /// hidden).
+    /// One step: reads `x`, replaces `state` and `hidden`. `None` means an image of zeros. Where `x` is `None`, or
+    /// `occupied` marks it as empty, the step costs less and gives the same bits. O(height x width x 9 x (inputs +
+    /// hidden) x 4 hidden).
     ///
     /// # Panics
     /// If `x`, `state` or `hidden` does not have this cell's sizes.
@@ -90,7 +90,7 @@ impl PlanarConvLstmState {
         &mut self.cell
     }
 
-    /// Back to zeros.
+    /// Sets the state to zeros.
     pub fn reset(&mut self) {
         self.cell.clear();
     }

@@ -6,17 +6,17 @@
 //! h = o squash(c)
 //! ```
 //!
-//! Sigmoid and tanh are quotients (`elementary.rs`); of i squash(g) and of o squash(c) the numerators and the denominators
-//! are multiplied and divided once: divisions are what takes longest here.
+//! Sigmoid and tanh are quotients (`elementary.rs`). For i squash(g) and o squash(c), numerators and denominators are
+//! multiplied and divided once, because divisions take the longest here.
 //!
-//! The output gate's peephole sees the cell before the step, as i and f do (Shi et al. 2015 have it see the new one).
-//! Order: a peephole's product is rounded once with its gate; f c is rounded once with i squash(g).
+//! The output gate's peephole reads the cell before the step, as those of i and f do (in Shi et al. 2015 it reads the
+//! new one). Order: a peephole's product is rounded once with its gate; f c is rounded once with i squash(g).
 
 use crate::elementary::{Quotients, divided, sigmoid_quotients, tanh_quotients};
 use crate::isa::{Exponent, Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
-/// The function that bounds a candidate and an output.
+/// Activation of the candidate and of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Squash {
     /// The hyperbolic tangent.
@@ -27,7 +27,7 @@ pub enum Squash {
 }
 
 impl Squash {
-    /// The function, of K vectors.
+    /// Applies the function to K vectors.
     #[inline(always)]
     fn of<S: Simd, V: Exponent<S>, const K: usize>(self, simd: S, x: [V; K]) -> Quotients<V, K> {
         match self {
@@ -40,8 +40,8 @@ impl Squash {
 /// Elements in a vector.
 const WIDTH: usize = 2 * LANES;
 
-/// Steps every element: `gates` are the sums of i, f, g and o, `peephole` the weights of i, f and o on the cell, `cell`
-/// and `hidden` the state, of which `hidden` is written alone. O(elements).
+/// Updates every element. `gates` are the sums of i, f, g and o; `peephole` holds the weights of i, f and o on the
+/// cell. `cell` is updated, `hidden` is only written. O(elements).
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -56,8 +56,8 @@ pub fn lstm_update(
     isa.run(Update { gates, peephole, squash, cell, hidden });
 }
 
-/// Steps rows of `channels` elements: each row of `gates` is i, f, g and o one after the other, (rows, 4 x channels),
-/// `peephole` are (rows, channels), as are `cell` and `hidden`.
+/// Updates rows of `channels` elements. Each row of `gates` is i, f, g and o one after the other, (rows, 4 x channels);
+/// `peephole`, `cell` and `hidden` are (rows, channels).
 ///
 /// # Panics
 /// If `channels` is zero, or a slice does not have the sizes of `cell`.
@@ -150,7 +150,7 @@ impl Task for UpdateRows<'_> {
     }
 }
 
-/// K vectors from `at` on, one function after the other: more at once than there are registers for would be spilt.
+/// Updates K vectors from `at` on, one function after the other: more at once would spill registers.
 #[inline(always)]
 fn vectors<S: Simd, const K: usize>(
     simd: S,
@@ -177,7 +177,7 @@ fn vectors<S: Simd, const K: usize>(
     }
 }
 
-/// The product of two quotients, divided once.
+/// The product of two quotients, with a single division.
 #[inline(always)]
 fn times<S, V: Exponent<S>, const K: usize>(a: Quotients<V, K>, b: Quotients<V, K>) -> [V; K] {
     let (mut above, mut below) = a;
@@ -188,7 +188,7 @@ fn times<S, V: Exponent<S>, const K: usize>(a: Quotients<V, K>, b: Quotients<V, 
     divided((above, below))
 }
 
-/// K vectors of a gate from `at` on.
+/// Loads K vectors of a gate from `at` on.
 #[inline(always)]
 fn gate<S: Simd, const K: usize>(
     simd: S,
@@ -206,7 +206,7 @@ fn gate<S: Simd, const K: usize>(
     sigmoid_quotients(simd, gate)
 }
 
-/// K vectors from `at` on.
+/// Loads K vectors from `at` on.
 #[inline(always)]
 fn load<S: Simd, const K: usize>(simd: S, from: &[f32], at: usize) -> [S::V16; K] {
     let mut out = [S::V16::splat(simd, 0.0); K];

@@ -1,10 +1,9 @@
-//! The LSTM cell over vectors (`PyTorch`'s `nn.LSTM`, one layer): x (I) and the state h, c (H) enter, a new state
-//! leaves.
+//! The LSTM cell over vectors (`PyTorch`'s `nn.LSTM`, one layer): maps x (I) and a state h, c (H) to a new state.
 //!
 //! gates = (Wx x + Wh h) + b with b = `bias_ih` + `bias_hh`, then the gates' update. Order of a gate's sum: four
 //! partial sums from +0, input k of x into sum k mod 4, then element k of h into sum k mod 4, each ascending and each
-//! product rounded once with its sum; (s0 + s1) + (s2 + s3); + b. As b is never -0, the sign of a partial sum that is
-//! zero reaches no gate, and the terms of an x or an h that is zero throughout are left out without a change of bits.
+//! product rounded once with its sum; (s0 + s1) + (s2 + s3); + b. Because b is never -0, the sign of a zero partial sum
+//! affects no gate. The terms of an x or an h that is all zeros can therefore be skipped without changing any bit.
 
 use super::gates::{Squash, Update};
 use crate::error::{KernelError, check};
@@ -14,9 +13,9 @@ use crate::lanes::{LANES, Lanes, Wide};
 /// An LSTM cell's parameters, in `PyTorch`'s layout; gates in the order i, f, g, o.
 #[derive(Clone, Debug)]
 pub struct LstmParts<'a> {
-    /// Values read, I.
+    /// I, input values.
     pub inputs: usize,
-    /// Values remembered, H.
+    /// H, hidden values.
     pub hidden: usize,
     /// (4 H, I).
     pub weight_ih: &'a [f32],
@@ -26,7 +25,7 @@ pub struct LstmParts<'a> {
     pub bias_ih: Option<&'a [f32]>,
     /// (4 H).
     pub bias_hh: Option<&'a [f32]>,
-    /// Of the candidate and the output.
+    /// Activation of the candidate and of the output.
     pub squash: Squash,
 }
 
@@ -35,7 +34,7 @@ pub struct LstmParts<'a> {
 pub struct Lstm {
     inputs: usize,
     hidden: usize,
-    /// Sixteen gates' weights after the other: (blocks, I).
+    /// Weights in blocks of sixteen gates: (blocks, I).
     on_input: Vec<Wide>,
     /// (blocks, H).
     on_hidden: Vec<Wide>,
@@ -74,7 +73,7 @@ impl Lstm {
         check("bias_hh", bias_hh, 4 * hidden)?;
         let mut bias = vec![Wide::ZERO; blocks(hidden)];
         for (row, (ih, hh)) in bias_ih.iter().zip(bias_hh).enumerate() {
-            // + 0 makes -0 positive.
+            // Adding +0 turns -0 into +0.
             flat_wide_mut(&mut bias)[place(hidden, row)] = (ih + hh) + 0.0;
         }
         let pack = |weight: &[f32], columns: usize| {
@@ -91,17 +90,17 @@ impl Lstm {
         Ok(Self { inputs, hidden, on_input, on_hidden, bias, squash })
     }
 
-    /// Values read.
+    /// Number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Values remembered.
+    /// Number of hidden values.
     pub fn hidden(&self) -> usize {
         self.hidden
     }
 
-    /// Bytes that a state takes.
+    /// Bytes of a state.
     pub fn state_bytes(&self) -> usize {
         2 * Lanes::count(self.hidden) * size_of::<Lanes>() + size_of_val(&*self.bias)
     }
@@ -134,7 +133,7 @@ impl LstmState {
         &flat(&self.hidden)[..self.count]
     }
 
-    /// The same, packed in lanes, the padding zero.
+    /// The hidden state, packed in lanes, with zero padding.
     pub fn hidden_lanes(&self) -> &[Lanes] {
         &self.hidden
     }
@@ -144,7 +143,7 @@ impl LstmState {
         &flat(&self.cell)[..self.count]
     }
 
-    /// Becomes the state that shows `hidden` and keeps `cell`.
+    /// Sets the hidden state and the cell state.
     ///
     /// # Panics
     /// If a slice does not have the cell's size.
@@ -154,7 +153,7 @@ impl LstmState {
         }
     }
 
-    /// Back to zeros.
+    /// Sets the state to zeros.
     pub fn reset(&mut self) {
         self.hidden.fill(Lanes::ZERO);
         self.cell.fill(Lanes::ZERO);
@@ -166,15 +165,15 @@ impl LstmState {
     }
 }
 
-/// Gates in a block.
+/// Gates per block.
 const WIDTH: usize = 2 * LANES;
 
-/// Blocks of gates: each gate is padded to whole lanes, which makes all four whole blocks.
+/// Number of blocks of gates: each gate is padded to whole lanes, so that all four are whole blocks.
 fn blocks(hidden: usize) -> usize {
     4 * Lanes::count(hidden) * LANES / WIDTH
 }
 
-/// Where `PyTorch`'s row of weights `row` is among the padded gates.
+/// Index among the padded gates of `PyTorch`'s weight row `row`.
 fn place(hidden: usize, row: usize) -> usize {
     row / hidden * Lanes::count(hidden) * LANES + row % hidden
 }
@@ -195,7 +194,7 @@ impl Task for Step<'_> {
         let h = &flat(&state.hidden)[..state.count];
         let h = if is_zero(h) { &[] } else { h };
         let mut block = 0;
-        // As many blocks as there are registers for their partial sums share a value's broadcast.
+        // As many blocks as there are registers for their partial sums share each broadcast value.
         while S::WIDE && block + 4 <= lstm.bias.len() {
             lstm.gates::<S, 4>(simd, x, h, block, &mut state.gates);
             block += 4;
@@ -225,7 +224,7 @@ impl Task for Step<'_> {
 }
 
 impl Lstm {
-    /// The sums of B blocks of gates; an empty `x` or `h` is zero.
+    /// Sums of B blocks of gates; an empty `x` or `h` counts as zeros.
     #[inline(always)]
     fn gates<S: Simd, const B: usize>(&self, simd: S, x: &[f32], h: &[f32], block: usize, out: &mut [Wide]) {
         let mut acc = [[S::V16::splat(simd, 0.0); B]; 4];
@@ -247,6 +246,6 @@ impl Lstm {
 /// Whether every value is zero, of either sign.
 #[inline(always)]
 fn is_zero(values: &[f32]) -> bool {
-    // In pieces: the first value that is not zero is usually near the start.
+    // In chunks: the first value that is not zero is usually near the start.
     values.chunks(64).all(|values| values.iter().fold(0, |bits, v| bits | v.to_bits() << 1) == 0)
 }

@@ -1,4 +1,4 @@
-//! The parameters of a spline block, checked and packed; its sizes and costs.
+//! Checked and packed parameters of a spline block, with its sizes and costs.
 
 use crate::error::{KernelError, check};
 use crate::lanes::{LANES, Lanes};
@@ -7,19 +7,19 @@ use crate::packed::Packed;
 /// Parameters of a spline block in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
 pub struct SplineParts {
-    /// C, channels read.
+    /// C, input channels.
     pub inputs: usize,
-    /// O, channels written.
+    /// O, output channels.
     pub outputs: usize,
-    /// Kernel size along x, y and t; 1 leaves an axis out.
+    /// Kernel size along x, y and t; with size 1 an axis is ignored.
     pub kernel: [usize; 3],
     /// (slot, C, O), slot = `i_x` + `k_x` (`i_y` + `k_y` `i_t`).
     pub weight: Vec<f32>,
-    /// (O, C), as a linear layer has it.
+    /// (O, C), as in a linear layer.
     pub root: Option<Vec<f32>>,
     /// (O).
     pub bias: Option<Vec<f32>>,
-    /// Batch norm with running statistics as one product and one sum: (O) and (O).
+    /// Batch norm with running statistics, folded into a factor (O) and a shift (O).
     pub norm: Option<(Vec<f32>, Vec<f32>)>,
     /// Whether ELU follows the convolution.
     pub elu: bool,
@@ -42,13 +42,13 @@ pub struct SplineConv {
 }
 
 impl SplineConv {
-    /// Rows that are best computed together.
+    /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
-    /// Most channels read or written.
+    /// Largest number of input or output channels.
     pub const MOST_CHANNELS: usize = 1 << 16;
     /// Largest kernel size of an axis.
     pub const LARGEST_KERNEL: usize = 64;
-    /// Most kernel slots times input channels: the sums of one row.
+    /// Largest product of kernel slots and input channels: the number of sums of one row.
     pub const LARGEST_SUMS: usize = 1 << 22;
 
     /// Checks and packs `parts`.
@@ -96,8 +96,8 @@ impl SplineConv {
         Ok(Self { inputs, outputs, kernel, weight, root, bias, scale, shift, elu: parts.elu })
     }
 
-    /// The parameters in `PyTorch`'s layouts: a block made of them computes the same bits. A bias of zeros and a norm that
-    /// changes nothing are there even where the block was made without. O(parameters).
+    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
+    /// without a bias or norm, the result has a bias of zeros or an identity norm. O(parameters).
     pub fn parts(&self) -> SplineParts {
         let values =
             |lanes: &[Lanes]| lanes.iter().flat_map(|l| l.0).take(self.outputs).collect::<Vec<f32>>();
@@ -118,12 +118,12 @@ impl SplineConv {
         }
     }
 
-    /// C, channels read.
+    /// C, input channels.
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// O, channels written.
+    /// O, output channels.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
@@ -133,7 +133,7 @@ impl SplineConv {
         self.kernel
     }
 
-    /// Kernel slots, the product of the kernel sizes.
+    /// Number of kernel slots, the product of the kernel sizes.
     pub fn slots(&self) -> usize {
         self.kernel.iter().product()
     }
@@ -143,7 +143,7 @@ impl SplineConv {
         self.root.is_some()
     }
 
-    /// Whether the basis of a row's in-edges saves work if it is at hand.
+    /// Whether a stored basis of a row's in-edges saves work.
     pub fn reads_basis(&self) -> bool {
         self.is_flat() && self.inputs > 1
     }
@@ -153,7 +153,7 @@ impl SplineConv {
         spline_multiply_adds(self.kernel, self.inputs, self.outputs, self.has_root(), degree)
     }
 
-    /// Lanes of sums that are held at once: of a group of rows, or of one with gaps.
+    /// Lanes of sums held at once: those of a group of rows, or of one row with gaps.
     pub(super) fn sums(&self) -> usize {
         if !self.is_flat() {
             self.slots() * Lanes::count(self.inputs)
@@ -164,14 +164,14 @@ impl SplineConv {
         }
     }
 
-    /// Whether the sums of a row follow each other without a gap, every slot touched.
+    /// Whether the sums of a row are contiguous, with every slot touched.
     pub(super) fn is_flat(&self) -> bool {
         self.kernel == [2; 3] && (self.inputs == 1 || self.inputs.is_multiple_of(LANES))
     }
 }
 
-/// Multiply-adds of one row of a spline block with `degree` in-edges: the sums per slot, the weights on them, the root
-/// weight. Saturates.
+/// Multiply-adds of one row of a spline block with `degree` in-edges: sums per slot, weights on them, root weight.
+/// Saturates.
 pub fn spline_multiply_adds(
     kernel: [usize; 3],
     inputs: usize,

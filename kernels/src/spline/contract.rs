@@ -1,7 +1,7 @@
 //! a(p, o) = sum of v(i) W(i, o) over i with i mod 4 = p, ascending: the products of rows with weights.
 //!
-//! Four partial sums per output keep the units busy when there is one row. Several rows take the partial sums one after
-//! the other, and share each weight that is loaded.
+//! For a single row, four partial sums per output keep the arithmetic units busy. For several rows, the partial sums
+//! are computed one after the other, and the rows share each loaded weight.
 
 use std::hint::black_box;
 
@@ -35,8 +35,8 @@ pub(super) fn total<S: Simd, V: Vector<S>, const B: usize>(acc: &Partial<V, B>) 
     out
 }
 
-/// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`, which has room for twice
-/// as many. Run [apart](Simd::apart).
+/// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`, which has room for
+/// twice as many. Run it [as a separate function](Simd::apart).
 pub(super) struct ContractRows<'a, M, const R: usize, const B: usize> {
     pub(super) values: &'a [f32],
     pub(super) stride: usize,
@@ -68,8 +68,8 @@ impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
         let Self { values, stride, weights, totals } = self;
         let (first, last) = totals[..2 * R * B].split_at_mut(R * B);
         let zero = [[V::splat(simd, 0.0); B]; R];
-        // Each partial sum goes to memory before the next: it would compete with it for registers. The compiler must
-        // not know what it finds there, or it keeps the first in registers, and others in the loop's way.
+        // Each partial sum is written to memory before the next, because both would compete for registers. The compiler
+        // must not know the stored value; otherwise it keeps the first sum in registers during the loop.
         let mut acc = zero;
         accumulate::<S, V, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, first, Vector::store);
@@ -90,7 +90,7 @@ impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
     }
 }
 
-/// Calls `f` with every sum and its place.
+/// Calls `f` with every sum and its index.
 #[inline(always)]
 fn each<V: Copy, M, const R: usize, const B: usize>(
     acc: &[[V; B]; R],

@@ -6,23 +6,23 @@ use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 
-/// Two vectors in two sums for each row of a group.
+/// Vectors of totals per group of rows: two vectors in two sums for each row.
 pub(super) const TOTALS: usize = 2 * 2 * SplineConv::GROUP;
 
-/// Working space of [`SplineConv::rows`], grown to the largest rows seen and kept.
+/// Working space of [`SplineConv::rows`]; grows to the largest rows seen and is reused.
 #[derive(Debug, Default)]
 pub struct SplineScratch {
-    /// B(e, s) of one edge after the other, for kernels of 2 x 2 x 2.
+    /// B(e, s) of each edge in turn, for kernels of 2 x 2 x 2.
     pub(super) basis: Vec<Lanes>,
-    /// S(s, c) of one row after the other, each slot padded to whole lanes of c.
+    /// S(s, c) of each row in turn, each slot padded to whole lanes of c.
     pub(super) sums: Vec<Lanes>,
     /// Sums of a group of rows over the weights: of sixteen outputs, and of eight.
     pub(super) totals: (Vec<Wide>, Vec<Lanes>),
-    /// Slots that some in-edge touches, ascending.
+    /// Slots touched by some in-edge, ascending.
     pub(super) touched: Vec<u32>,
 }
 
-/// Values of each of the fields of a [`SplineScratch`].
+/// Sizes of the fields of a [`SplineScratch`].
 struct Sizes {
     basis: usize,
     sums: usize,
@@ -31,7 +31,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// What `convs` need for rows of at most `most` in-edges.
+    /// Sizes for `convs` and rows of at most `most` in-edges.
     fn of<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> Self {
         let mut sizes = Self { basis: 0, sums: 0, totals: 0, touched: 0 };
         for conv in convs {
@@ -49,7 +49,7 @@ impl Sizes {
 }
 
 impl SplineScratch {
-    /// With room for all that `convs` need for rows of at most `most` in-edges: nothing is allocated later.
+    /// Working space for all of `convs` and rows of at most `most` in-edges: nothing is allocated later.
     pub fn new<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> Self {
         let Sizes { basis, sums, totals, touched } = Sizes::of(convs, most);
         Self {
@@ -60,7 +60,7 @@ impl SplineScratch {
         }
     }
 
-    /// Bytes that [`Self::new`] takes.
+    /// Bytes that [`Self::new`] allocates.
     pub fn bytes<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> usize {
         let Sizes { basis, sums, totals, touched } = Sizes::of(convs, most);
         (basis + sums + totals) * size_of::<Lanes>() + totals * size_of::<Wide>() + touched * size_of::<u32>()
@@ -68,7 +68,7 @@ impl SplineScratch {
 }
 
 impl Clone for SplineScratch {
-    /// A working space with the same room; what is in it counts for nothing.
+    /// A working space of the same size; the content is not copied.
     fn clone(&self) -> Self {
         Self {
             basis: Vec::with_capacity(self.basis.capacity()),
@@ -90,7 +90,7 @@ pub fn spline_basis(u: [f32; 3]) -> Lanes {
     Lanes(out)
 }
 
-/// Sums of a 2 x 2 x 2 kernel over one channel: eight values, one a slot.
+/// Sums of a 2 x 2 x 2 kernel over one channel: eight values, one per slot.
 #[inline(always)]
 pub(super) fn eight_slots_of_one_channel<S: Simd>(
     simd: S,
@@ -138,7 +138,7 @@ pub(super) fn eight_slots<S: Simd>(
     }
 }
 
-/// The channels of B vectors, from lane `lane`.
+/// Sums over the channels of B vectors, from lane `lane`.
 #[inline(always)]
 fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
     simd: S,
@@ -179,8 +179,8 @@ pub(crate) fn locate(u: f32, kernel: usize) -> (usize, f32) {
     (lower, v - lower as f32)
 }
 
-/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches: those of weight 0 would leave
-/// every sum as it is. Between the centres of cells that touch, that is seven corners of eight.
+/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches. Corners of weight 0 are
+/// skipped, because they would change no sum: between the centres of adjacent cells, these are seven of eight.
 #[inline(always)]
 fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize, f32)) {
     let mut axes = [([0, 0], [1.0, 0.0], 1); 3];
@@ -204,7 +204,7 @@ fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize,
     }
 }
 
-/// Any kernel, any number of channels: leaves in `scratch` the touched slots, then their sums.
+/// Any kernel, any number of channels: writes the touched slots and their sums to `scratch`.
 #[inline(always)]
 pub(super) fn any_slots<S: Simd>(
     simd: S,

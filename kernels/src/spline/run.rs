@@ -10,7 +10,7 @@ use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 use crate::packed::Packed;
 
-/// Rows that are finished in step.
+/// Number of rows that are finished together, interleaved.
 const STEP: usize = 4;
 
 pub(super) struct Run<'a> {
@@ -45,7 +45,7 @@ impl Task for Run<'_> {
 }
 
 impl SplineConv {
-    /// A few rows whose sums have no gap.
+    /// Computes a few rows whose sums have no gap.
     #[inline(always)]
     fn group<S: Simd>(
         &self,
@@ -86,7 +86,7 @@ impl SplineConv {
         }
     }
 
-    /// One row of which some slots are touched.
+    /// Computes one row with only some slots touched.
     #[inline(always)]
     fn touched<S: Simd>(&self, simd: S, row: &GraphRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
         let mut lane = 0;
@@ -118,7 +118,7 @@ impl SplineConv {
         total(&acc)[0]
     }
 
-    /// What follows the sums of N rows for the outputs from lane `lane`.
+    /// Applies the steps after the sums of N rows, for the outputs from lane `lane`.
     #[inline(always)]
     fn finish<S: Simd, V: Exponent<S>, const N: usize>(
         &self,
@@ -161,14 +161,14 @@ impl SplineConv {
         Weights { sums: self.weight.wide(lane), root: self.root.as_ref().map(|root| root.wide(lane)) }
     }
 
-    /// The weights of a last lane of outputs that stands alone.
+    /// The weights of a single last lane of outputs.
     #[inline(always)]
     fn last(&self) -> Weights<'_, Lanes> {
         Weights { sums: self.weight.last(), root: self.root.as_ref().map(Packed::last) }
     }
 }
 
-/// One block of outputs' weights: on the sums, and on the row itself.
+/// The weights of one block of outputs: on the sums, and on the row itself.
 #[derive(Clone, Copy)]
 struct Weights<'a, M> {
     sums: &'a [M],
@@ -182,7 +182,7 @@ struct Sums<'a> {
     stride: usize,
 }
 
-/// B neighbouring vectors of outputs of some rows.
+/// B adjacent vectors of outputs of some rows.
 struct Block<'a, M, const B: usize> {
     conv: &'a SplineConv,
     rows: &'a [GraphRow<'a>],
@@ -196,7 +196,7 @@ where
     for<'a> ContractRows<'a, M, 4, B>: Task<Output = ()>,
     for<'a> ContractRows<'a, M, 8, B>: Task<Output = ()>,
 {
-    /// Every row, in tiles as large as there are registers for; a tile may reach beyond the last row.
+    /// Computes every row, in tiles as large as the registers allow; a tile may extend beyond the last row.
     #[inline(always)]
     fn run<S: Simd, V: Exponent<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;
@@ -218,7 +218,7 @@ where
         }
     }
 
-    /// Those of rows `row..row + R` that exist.
+    /// Computes those of rows `row..row + R` that exist.
     #[inline(always)]
     fn tile<S: Simd, V: Exponent<S, Memory = M>, const R: usize>(
         &self,
@@ -233,7 +233,7 @@ where
         let weights = self.weights.map(|w| w.sums);
         simd.apart(ContractRows::<M, R, B> { values: &values[row * stride..], stride, weights, totals });
         let rows = R.min(self.rows.len() - row);
-        // Rows in step: what follows a sum is one long chain of operations.
+        // Rows are interleaved: the steps after a sum are one long chain of operations.
         let mut r = 0;
         while S::WIDE && r + STEP <= rows {
             for b in 0..B {

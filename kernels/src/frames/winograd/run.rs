@@ -1,4 +1,4 @@
-//! The tiles of a region, some at a time: transform their inputs, multiply, transform back.
+//! Computes the tiles of a region in batches: transforms their inputs, multiplies, transforms back.
 
 use std::marker::PhantomData;
 
@@ -10,16 +10,16 @@ use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
 use crate::lanes::Wide;
 
-/// Bytes that the transformed inputs and sums of the tiles at hand may take: a part of the second-level cache.
+/// Limit in bytes of the transformed inputs and sums of a batch of tiles: a part of the second-level cache.
 const AT_HAND: usize = 1 << 19;
 
-/// Most blocks of outputs that are computed at once.
+/// Largest number of blocks of outputs that are computed at once.
 const BLOCKS: usize = 2;
 
-/// Memory that convolutions work in; grows to what the largest layer needs, and is then used again.
+/// Working space of convolutions; grows to the need of the largest layer and is reused.
 #[derive(Clone, Debug, Default)]
 pub struct ConvScratch {
-    /// One patch of inputs that reaches beyond the map.
+    /// One patch of inputs that extends beyond the map.
     patch: Vec<Wide>,
     /// Transformed inputs: places, tiles, channels.
     inputs: Vec<Wide>,
@@ -40,14 +40,14 @@ pub(super) struct Job<'a, T, const N: usize> {
     transform: PhantomData<T>,
 }
 
-/// Memory of one place for the tiles at hand: the first vector of each tile, then the second of each, and so on. One vector
-/// more than that: places whose distance is a multiple of a page would compete for the same lines of the first-level
+/// Layout of one place for a batch of tiles: the first vector of each tile, then the second of each, and so on, plus
+/// one vector. Without it, places would be a multiple of a page apart and compete for the same lines of the first-level
 /// cache.
 #[derive(Clone, Copy)]
 struct Plane {
-    /// Tiles at hand.
+    /// Number of tiles in the batch.
     tiles: usize,
-    /// Vectors between places.
+    /// Distance between places in vectors.
     place: usize,
 }
 
@@ -81,7 +81,7 @@ impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
         let blocks = if S::WIDE { BLOCKS } else { 1 };
         let bytes = N * N * size_of::<Wide>() * (vectors + blocks);
         let at_hand = (AT_HAND / bytes / most::<S>()).max(1) * most::<S>();
-        // Parts of nearly equal size, so that none is too small to share the weights that it loads.
+        // Batches of nearly equal size, so that none is too small to share the loaded weights.
         let at_hand = tiles.div_ceil(tiles.div_ceil(at_hand));
         let inputs = Plane::new(at_hand, vectors);
         let sums = Plane::new(at_hand, blocks);
@@ -108,7 +108,7 @@ impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
 }
 
 impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
-    /// B^t d B of tile `tile`, number `t` of those at hand.
+    /// B^t d B of tile `tile`, number `t` of the batch.
     #[inline(always)]
     fn read<S: Simd>(&mut self, simd: S, tile: usize, t: usize, plane: Plane) {
         let ConvScratch { patch, inputs: planes, .. } = &mut *self.scratch;
@@ -117,7 +117,7 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
         let mut to = t;
         for view in self.inputs {
             let halo = view.shape.halo;
-            // Stored rows and columns that there are from the first place on.
+            // Number of stored rows and columns from the first place on.
             let (y, x) = (y + halo - 1, x + halo - 1);
             let rows = (view.shape.height + 2 * halo - y).min(N);
             let columns = (view.shape.width + 2 * halo - x).min(N);
@@ -177,7 +177,7 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
         }
     }
 
-    /// A^t m A of tile `tile`, bias and rectifier; m's vectors from `from` on, places `step` apart.
+    /// A^t m A of tile `tile`, with bias and rectifier; m's vectors start at `from`, and places are `step` apart.
     #[inline(always)]
     fn write<S: Simd>(&mut self, simd: S, tile: usize, block: usize, from: usize, step: usize) {
         let sums = &self.scratch.sums[from..][..=(N * N - 1) * step];
@@ -287,8 +287,8 @@ fn part<const B: usize>(mut weights: [&[Wide]; B], first: usize, count: usize) -
     weights
 }
 
-/// Most bytes that `tiles` tiles of `side` x `side` inputs, of maps with `channels` channels, ask for: a patch, transformed
-/// inputs, sums.
+/// Largest number of bytes that `tiles` tiles of `side` x `side` inputs need, for maps with `channels` channels: a
+/// patch, transformed inputs, sums.
 pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u128; 3] {
     let place = (side * side * size_of::<Wide>()) as u128;
     let vectors = |channels: usize| channels.div_ceil(BLOCK) as u128;
@@ -296,11 +296,11 @@ pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u1
     let patch = place * channels.iter().map(|&channels| vectors(channels)).max().unwrap_or(0);
     let at_hand = |blocks: u128| (AT_HAND as u128 / (place * (all + blocks))).max(LARGEST as u128).min(tiles);
     let blocks = BLOCKS as u128;
-    // One block leaves more room for inputs; two have more sums.
+    // One block leaves more space for inputs; two blocks have more sums.
     [patch, place * (at_hand(1) * all + 1), place * (at_hand(blocks) * blocks + 1)]
 }
 
-/// Makes room for `vectors`.
+/// Grows `memory` to at least `vectors`.
 #[inline(always)]
 fn grow(memory: &mut Vec<Wide>, vectors: usize) {
     if memory.len() < vectors {

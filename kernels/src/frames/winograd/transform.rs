@@ -1,4 +1,4 @@
-//! The one-dimensional transforms of Winograd's minimal filtering, F(2, 3) and F(4, 3), as Lavin and Gray (2016) give them.
+//! The one-dimensional transforms of Winograd's minimal filtering, F(2, 3) and F(4, 3) (Lavin and Gray 2016).
 
 use crate::isa::Vector;
 
