@@ -9,11 +9,11 @@ pub fn elu(x: f64) -> f64 {
 
 /// 1 / (1 + e^-x).
 pub fn sigmoid(x: f64) -> f64 {
-    // Of e^x where x < 0: e^-x would overflow where the result is still representable.
+    // From e^x for x < 0: e^-x would overflow although the result is representable.
     if x < 0.0 { x.exp() / (1.0 + x.exp()) } else { 1.0 / (1.0 + (-x).exp()) }
 }
 
-/// What follows the sum `x` of a layer.
+/// Applies a layer's activation to its sum `x`.
 pub fn activated(activation: Activation, x: f64) -> f64 {
     match activation {
         Activation::Identity => x,
@@ -24,7 +24,7 @@ pub fn activated(activation: Activation, x: f64) -> f64 {
     }
 }
 
-/// The function that `function` rounds.
+/// The exact function that `function` approximates.
 pub fn elementary(function: Elementary, x: f64) -> f64 {
     match function {
         Elementary::Exp => x.exp(),

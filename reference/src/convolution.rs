@@ -1,33 +1,33 @@
-//! The convolutions of blocks in f64, with what follows them.
+//! The convolutions of blocks in f64, with batch norm and skip.
 //!
-//! Spline (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5): the basis of degree 1 is a tensor product of hat functions, and every
-//! in-edge takes part with all slots of the kernel. `PointNet` (`PointNet++`, Qi et al. 2017): a linear layer over the channels
-//! and the offset of every in-edge and of the row itself, and the maximum.
+//! Spline (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5): the basis of degree 1 is a tensor product of hat functions, and
+//! every in-edge contributes to all slots of the kernel. `PointNet` (`PointNet++`, Qi et al. 2017): a linear layer over
+//! the channels and the offset of every in-edge and of the row itself, and the maximum.
 
 use meissner_engine::GraphConvolution;
 use meissner_kernels::{PointNetParts, SplineParts};
 
 use crate::activation::elu;
 
-/// Batch norm with running statistics, as it was trained: one value a channel.
+/// Batch norm with running statistics, as trained: one value per channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BatchNorm {
-    /// Factor behind the normalisation.
+    /// Factor after the normalisation.
     pub gamma: Vec<f32>,
-    /// What is added behind it.
+    /// Shift after the factor.
     pub beta: Vec<f32>,
     /// Running mean.
     pub mean: Vec<f32>,
     /// Running variance.
     pub variance: Vec<f32>,
-    /// What is added to the variance.
+    /// Constant added to the variance.
     pub epsilon: f64,
 }
 
-/// What follows the activation.
+/// Batch norm after the activation.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Norm {
-    /// A factor and what is added, as the engine has them.
+    /// A factor and a shift, as in the engine.
     Folded(Vec<f32>, Vec<f32>),
     /// (x - mean) / sqrt(variance + epsilon) gamma + beta.
     Full(BatchNorm),
@@ -46,21 +46,21 @@ impl Norm {
     }
 }
 
-/// A convolution with what follows it.
+/// A convolution with batch norm and skip.
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
     kind: Kind,
     pub(crate) norm: Norm,
 }
 
-/// What comes before batch norm.
+/// The part before batch norm.
 #[derive(Clone, Debug)]
 enum Kind {
     Spline(SplineParts),
     PointNet(PointNetParts),
 }
 
-/// An in-edge: the row that is read, and (`p_j` - `p_i`) / s along x, y and t.
+/// An in-edge: the source row, and (`p_j` - `p_i`) / s along x, y and t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Edge {
     pub(crate) row: usize,
@@ -68,7 +68,7 @@ pub(crate) struct Edge {
 }
 
 impl Edge {
-    /// An in-edge from `row`, `difference` away, on a level of scale `scale`.
+    /// An in-edge from `row`, at a distance of `difference`, on a level of scale `scale`.
     pub(crate) fn new(row: usize, difference: [f64; 3], scale: f32) -> Self {
         Self { row, offset: difference.map(|d| d / f64::from(scale)) }
     }
@@ -79,7 +79,7 @@ impl Edge {
     }
 }
 
-/// Weight of place `i` of `size` on one axis at attribute `u`: a hat of width 1 to each side.
+/// Weight of slot `i` of `size` on one axis at attribute `u`: a hat of width 1 to each side.
 fn hat(u: f64, i: usize, size: usize) -> f64 {
     if size == 1 { 1.0 } else { (1.0 - (u * (size - 1) as f64 - i as f64).abs()).max(0.0) }
 }
@@ -218,7 +218,7 @@ mod tests {
         };
         let conv = Convolution::new(&PointNetConv::new(&parts).expect("sizes fit").into());
         let edges = [Edge::new(0, [0.5, 0.0, 0.0], 0.25), Edge::new(1, [-0.5, 0.0, 0.0], 0.25)];
-        // First channel: 2 + 20 + 0.5 from row 0 beats itself and row 1; second: all are below 0.
+        // First channel: 2 + 20 + 0.5 from row 0 exceeds 0 and row 1; second: all are below 0.
         assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &edges, None), [46.0, 1.0]);
         assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &[], Some(&[1.0, 0.0])), [11.0, 1.0]);
     }

@@ -1,23 +1,23 @@
-//! How far f32 values are from f64 ones.
+//! Differences between f32 values and f64 ones.
 
-/// Differences of any number of values.
+/// Statistics of differences.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Difference {
-    /// Pairs that were compared.
+    /// Number of compared pairs.
     pub values: u64,
     /// Largest magnitude of the f64 values.
     pub largest: f64,
-    /// Largest difference; of finite f32 values alone.
+    /// Largest difference, over finite f32 values only.
     pub absolute: f64,
-    /// f32 values that are NaN.
+    /// Number of f32 values that are NaN.
     pub not_numbers: u64,
-    /// f32 values that are infinite.
+    /// Number of f32 values that are infinite.
     pub infinite: u64,
     squares: f64,
 }
 
 impl Difference {
-    /// Compares one more value.
+    /// Adds one pair.
     pub fn add(&mut self, got: f32, want: f64) {
         self.values += 1;
         self.largest = self.largest.max(want.abs());
@@ -30,16 +30,16 @@ impl Difference {
         }
     }
 
-    /// Compares values in their order.
+    /// Adds pairs of values, in order.
     ///
     /// # Panics
-    /// If there are not as many on both sides.
+    /// If the lengths differ.
     pub fn add_all(&mut self, got: &[f32], want: &[f64]) {
         assert_eq!(got.len(), want.len(), "both sides must have as many values");
         got.iter().zip(want).for_each(|(&got, &want)| self.add(got, want));
     }
 
-    /// The same with the pairs of `other`.
+    /// The statistics of both sets of pairs.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Difference {
         }
     }
 
-    /// Largest difference as a share of the largest magnitude; 0 where there is no difference.
+    /// Largest difference divided by the largest magnitude; 0 if there is no difference.
     pub fn relative(&self) -> f64 {
         if self.absolute == 0.0 { 0.0 } else { self.absolute / self.largest }
     }

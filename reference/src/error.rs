@@ -1,4 +1,4 @@
-//! What the reference has no form of.
+//! Errors of the reference.
 
 use meissner_engine::EngineError;
 use thiserror::Error;
@@ -10,14 +10,14 @@ pub enum ReferenceError {
     /// Scales and grid origin are recomputed from each graph.
     #[error("network {0:?}: expected fixed scales, found ones that are normalised over each graph")]
     PerGraph(String),
-    /// A head's parameters are not those of the network, or are missing.
+    /// The head's parameters are missing, or do not belong to the network.
     #[error("network {network:?}: parameters of a head: expected {expected}, found {found}")]
     Head {
         /// Name of the network.
         network: String,
         /// Whether it has a head.
         expected: &'static str,
-        /// Whether parameters came.
+        /// Whether parameters were given.
         found: &'static str,
     },
     /// A frame network's parts do not fit together.

@@ -1,7 +1,7 @@
-//! A network over events from scratch, in f64, with the neighbourhoods and cells of the contract.
+//! A network over events computed from scratch in f64, with the neighbourhoods and cells of the contract.
 //!
-//! Enters: a [`Stream`]. Leaves: every feature of every level, the readout, the prediction. Neighbourhoods and cells are the
-//! engine's because both follow one total order and exact integers; a value may differ by rounding alone.
+//! Input: a [`Stream`]. Output: every feature of every level, the readout, the prediction. Neighbourhoods and cells
+//! equal the engine's, because both follow one total order and exact integers; values differ only by rounding.
 
 mod neighbours;
 mod pool;
@@ -18,7 +18,7 @@ use crate::convolution::{BatchNorm, Convolution, Edge, Norm};
 use crate::error::ReferenceError;
 use crate::frames::FrameReference;
 
-/// Rows of a feature, each with a value for every channel.
+/// Rows of a feature, each with one value per channel.
 pub type Rows = Vec<Vec<f64>>;
 
 /// A network over the events of a sensor.
@@ -44,34 +44,34 @@ struct Dense {
 /// One level.
 #[derive(Clone, Debug)]
 pub struct ReferenceLevel {
-    /// What enters the level, then what each block wrote.
+    /// The level's input, then the output of each block.
     pub features: Vec<Rows>,
-    /// First row that is in the window; rows before it are there for `frozen` in-edges.
+    /// First row that is in the window; earlier rows are needed for `frozen` in-edges.
     pub first: usize,
     edges: Vec<Vec<Edge>>,
-    /// Shares of sensor and span, time from the epoch.
+    /// Fractions of sensor and span, with time relative to the epoch.
     positions: Vec<[f64; 3]>,
     /// Index of each row's cell along x, y and t; empty at the event level.
     cells: Vec<[i64; 3]>,
 }
 
-/// Everything that was computed.
+/// All activations of a stream.
 #[derive(Clone, Debug)]
 pub struct EventTrace {
     /// The event level, then one per pooling.
     pub levels: Vec<ReferenceLevel>,
     /// (cells, channels).
     pub readout: Rows,
-    /// The last layer's outputs.
+    /// Outputs of the last layer.
     pub prediction: Vec<f64>,
 }
 
 impl EventReference {
-    /// `network` over the events of `sensor`; `head` has the parameters of its head, where it has one.
+    /// `network` over the events of `sensor`; `head` holds the parameters of its head, if it has one.
     ///
     /// # Errors
-    /// [`ReferenceError::PerGraph`] for a network that is normalised per graph, [`ReferenceError::Head`] where `head` is
-    /// there and the network has none or the other way round, [`ReferenceError::Engine`] where its layers do not fit.
+    /// [`ReferenceError::PerGraph`] for a network with per-graph normalisation, [`ReferenceError::Head`] if only one of
+    /// `head` and the network's head exists, [`ReferenceError::Engine`] if the head's layers do not fit.
     pub fn new(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -102,10 +102,10 @@ impl EventReference {
         })
     }
 
-    /// The same with the batch norms of these blocks, by name, as they were trained instead of folded.
+    /// Replaces the folded batch norms of these blocks, given by name, by the norms as trained.
     ///
     /// # Panics
-    /// If a norm has not a value for each channel of its block.
+    /// If a norm does not have one value per channel of its block.
     #[must_use]
     pub fn with_norms(mut self, norms: &BTreeMap<String, BatchNorm>) -> Self {
         for (l, blocks) in self.blocks.iter_mut().enumerate() {
@@ -128,8 +128,8 @@ impl EventReference {
     /// Computes every row of every layer. O(n^2) for the neighbourhoods of n events.
     ///
     /// # Panics
-    /// If `stream` is one that `Batch::forward` refuses: an event outside the sensor, before the epoch, before its
-    /// predecessor or after the newest time, or times further apart than 64 bits say.
+    /// If `Batch::forward` refuses `stream`: an event outside the sensor, before the epoch, before its predecessor or
+    /// after the newest time, or a time difference that does not fit 64 bits.
     pub fn forward(&self, stream: Stream<'_>) -> EventTrace {
         let parts = self.network.parts();
         let mut levels = vec![neighbours::level(self, stream)];
@@ -155,7 +155,7 @@ impl EventReference {
         }
     }
 
-    /// What dense layers or the head make of the readout.
+    /// Applies the dense layers or the head to the readout.
     fn after(&self, readout: &Rows) -> Vec<f64> {
         if let Some(head) = &self.head {
             let cells = readout.len() / self.network.readout_times();

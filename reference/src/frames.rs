@@ -1,7 +1,7 @@
-//! A frame network in f64: every layer computed whole, with every frame.
+//! A frame network in f64: every layer is computed completely for every frame.
 //!
-//! Enters: frames, (channels, height, width) for an image. Leaves: what every layer computes, in the same layout, with the
-//! state of recurrent layers between frames.
+//! Input: frames, (channels, height, width) for an image. Output: the values of every layer, in the same layout.
+//! Recurrent layers keep their state between frames.
 
 mod image;
 mod recurrent;
@@ -16,14 +16,14 @@ use image::Image;
 #[derive(Clone, Debug)]
 pub struct FrameReference {
     parts: FrameNetworkParts,
-    /// The frame, then what each layer computed.
+    /// The frame, then the output of each layer.
     values: Vec<Image>,
-    /// Of each layer; empty where it has none or before the first frame.
+    /// Memory of each layer; empty if it has none or before the first frame.
     memories: Vec<Vec<f64>>,
 }
 
 impl FrameReference {
-    /// The network of `parts`, before its first frame.
+    /// A network of `parts` before its first frame.
     ///
     /// # Errors
     /// As [`FrameNetwork::new`], which checks the parts.
@@ -33,10 +33,10 @@ impl FrameReference {
         Ok(Self { parts, values: Vec::new(), memories: vec![Vec::new(); layers] })
     }
 
-    /// Takes the next frame and computes every layer; the last one's values. O(multiply-adds).
+    /// Takes the next frame and computes every layer; returns the output of the last one. O(multiply-adds).
     ///
     /// # Panics
-    /// If the frame has not as many values as the network reads.
+    /// If the number of values is not the network's input size.
     pub fn push(&mut self, frame: &[f64]) -> &[f64] {
         assert_eq!(frame.len(), self.parts.input.values(), "the frame must have the network's size");
         let size = match self.parts.input {
@@ -52,7 +52,7 @@ impl FrameReference {
         self.prediction()
     }
 
-    /// The last layer's values, (channels, height, width) for an image; empty before the first frame.
+    /// The output of the last layer, (channels, height, width) for an image; empty before the first frame.
     pub fn prediction(&self) -> &[f64] {
         self.values.last().map_or(&[], |value| &value.values)
     }
@@ -65,14 +65,14 @@ impl FrameReference {
         &self.values[layer + 1].values
     }
 
-    /// Back to the state before the first frame.
+    /// Returns to the state before the first frame.
     pub fn reset(&mut self) {
         self.values.clear();
         self.memories.iter_mut().for_each(Vec::clear);
     }
 }
 
-/// What a layer makes of `input`.
+/// Output of a layer for `input`.
 fn compute(kind: &FrameLayerKind, input: &Image, values: &[Image], memory: &mut Vec<f64>) -> Image {
     use FrameLayerKind as Kind;
     match kind {

@@ -1,19 +1,19 @@
-//! Networks in f64, one value after the other, to measure rounding by.
+//! Networks in f64, computed value by value, to measure rounding errors.
 //!
-//! Enters: the parameters of a network and its stream or frames. Leaves: what every layer computes, in f64. Nothing is
-//! shared with kernels and engine but the parameters and the exact integers and fractions in which pixels, times and cells
-//! are given. Every sum is a plain loop, so that the code can be read beside the equations; errors of f64 are 2^29 times
-//! smaller than those that are measured. Elementary functions are the platform's, and results may differ in their last bits
-//! from machine to machine.
+//! Input: the parameters of a network and its stream or frames. Output: the values of every layer, in f64. The code
+//! shares only parameters, and exact integers and fractions of pixels, times and cells, with kernels and engine. Every
+//! sum is a plain loop, so that the code can be compared with the equations; errors of f64 are 2^29 times smaller than
+//! the measured errors. Elementary functions are the platform's, so the last bits of results may differ between
+//! machines.
 //!
-//! Beside it stands a search for neighbours by a k-d tree. It proposes them to a batch that serves as an oracle over large
-//! windows.
+//! The crate also has a neighbour search by a k-d tree, which proposes candidates to a batch that is the oracle for
+//! large windows.
 //!
 //! | type | what it is |
 //! |---|---|
 //! | [`EventReference`] | a network over events; every row of every level of a stream |
 //! | [`FrameReference`] | a network over frames, frame by frame |
-//! | [`Difference`], [`ulps`] | how far f32 values are from these |
+//! | [`Difference`], [`ulps`] | differences of f32 values from these |
 //!
 //! ```
 //! use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};

@@ -1,8 +1,8 @@
-//! Neighbours of the events of a window from a k-d tree, which knows nothing of the engine's search.
+//! Neighbours of the events of a window from a k-d tree, which is independent of the engine's search.
 //!
-//! Enters: positions, rounded from integers, with what each event may read from. Leaves: for each event all its
-//! neighbours and a few more; the batch orders them by exact distances. The tree's own distances are of rounded positions,
-//! so every bound is widened by more than what they can be off.
+//! Input: positions, rounded from integers, and the range that each event may read from. Output: for each event, all
+//! its neighbours and a few more; the batch sorts them by exact distance. The tree's distances are between rounded
+//! positions, so every bound is widened by more than their largest error.
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
@@ -10,11 +10,11 @@ use std::ops::Range;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use meissner_engine::{Places, Propose};
 
-/// Events up to which all pairs are proposed: there a tree is no faster.
+/// Number of events up to which all pairs are proposed: a tree is no faster there.
 const FEW: usize = 500;
 
-/// Proposes neighbours for an oracle over windows of any size: all pairs of a few events, those near in a k-d tree of
-/// more. Cost: O(n k log n) with k neighbours, more where few of the events that are near may be read.
+/// Proposes neighbours for an oracle over windows of any size: all pairs of a few events, near events from a k-d tree
+/// otherwise. Cost: O(n k log n) with k neighbours; more if only a few of the near events may be read.
 pub const PROPOSE: Propose = by_size;
 
 fn by_size(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
@@ -25,7 +25,7 @@ fn by_size(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
     places.candidates.iter().for_each(|candidates| tell(&all[candidates.clone()]));
 }
 
-/// Proposes what a k-d tree finds.
+/// Proposes the neighbours that a k-d tree finds.
 ///
 /// # Panics
 /// If a position is not finite.
@@ -53,7 +53,7 @@ pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
     }
 }
 
-/// Squared distance within which the first `most` candidates of event `i` lie, or all of fewer; none without candidates.
+/// Squared distance that contains the first `most` candidates of event `i`, or all of fewer; none without any.
 fn bound(
     tree: &ImmutableKdTree<f64, 3>,
     position: &[f64; 3],
@@ -66,7 +66,7 @@ fn bound(
         return None;
     }
     let mut asked = wanted + 1;
-    // Some of those that are near may not be read: they are asked for again, twice as many.
+    // Some near events may not be read: search again for twice as many.
     loop {
         let most = NonZeroUsize::new(asked)?;
         let nearest = tree.query(position).nearest_n::<SquaredEuclidean<f64>>(most).execute();
@@ -83,9 +83,9 @@ fn bound(
     }
 }
 
-/// A bound of squared distances between exact positions as one between rounded ones, of which none is above `largest`.
+/// Converts a bound of exact squared distances to one of rounded positions, all at most `largest`.
 fn widened(bound: f64, largest: f64) -> f64 {
-    // A coordinate is off by half a unit in the last place, a difference by twice that and its own rounding.
+    // A coordinate is off by half a unit in the last place, a difference by twice that plus its own rounding.
     let off = 8.0 * f64::EPSILON * largest;
     (bound.sqrt() + off).powi(2) * (1.0 + 1e-9)
 }

@@ -4,7 +4,7 @@
 const LARGEST_ULP: f64 = 20_282_409_603_651_670_423_947_251_286_016.0;
 
 /// Error of `got` in units in the last place of the f32 nearest to `want`: the distance from its magnitude to the next
-/// larger f32. 0 where `got` is the nearest f32 itself, and where both are NaN; infinite where one of them is.
+/// larger f32. 0 if `got` is that f32, or both are NaN; infinite if only one is NaN.
 pub fn ulps(got: f32, want: f64) -> f64 {
     let nearest = want as f32;
     if got == nearest || (got.is_nan() && want.is_nan()) {

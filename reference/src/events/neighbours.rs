@@ -14,7 +14,7 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
     let oldest = stream.now_us.saturating_sub(parts.span_us);
     let in_time = stream.events.iter().take_while(|e| e.t_us < oldest).count();
     let first = in_time.max(stream.events.len().saturating_sub(parts.capacity));
-    // What has left the window still feeds the rows that read it on arrival.
+    // Events that have left the window are still inputs of rows that read them on arrival.
     let start = if parts.graph.is_frozen() { 0 } else { first };
     let events = &stream.events[start..];
     let extents =
@@ -58,14 +58,14 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
     }
 }
 
-/// Indices that event `i` may read from, itself not excluded.
+/// Range of event indices that event `i` may read from; it may include `i`.
 fn candidates(reference: &EventReference, events: &[Event], i: usize) -> Range<usize> {
     let parts = reference.network.parts();
     match parts.graph.candidates {
         Candidates::All => 0..events.len(),
         Candidates::Past(_) if !parts.graph.is_frozen() => 0..i,
         Candidates::Past(_) => {
-            // The window as it was on arrival, after it had made room.
+            // The window at the event's arrival, after evictions.
             let oldest = events[i].t_us.saturating_sub(parts.span_us);
             let in_time = events[..i].iter().take_while(|e| e.t_us < oldest).count();
             in_time.max((i + 1).saturating_sub(parts.capacity))..i

@@ -1,4 +1,4 @@
-//! A pooled level, and the readout: channel-wise maxima over cells that are found in integers.
+//! A pooled level, and the readout: channel-wise maxima over cells, which are computed in integers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,10 +7,10 @@ use meissner_engine::{Event, Fraction, Pooling, Position, Stream};
 use super::{EventReference, ReferenceLevel, Rows};
 use crate::convolution::Edge;
 
-/// A cell's index with t first: the order of cells.
+/// Index of a cell with t first, which gives the order of cells.
 type Key = [i64; 3];
 
-/// Rows, edges and input of the level that `pooling` makes from `below`, itself made by `inner` unless it is the event
+/// Rows, edges and input of the level that `pooling` makes from `below`; `inner` made `below`, unless that is the event
 /// level.
 pub(super) fn level(
     reference: &EventReference,
@@ -57,7 +57,7 @@ pub(super) fn level(
     }
 }
 
-/// Maximum over the readout's grid, 0 where a cell is empty; (cells, channels).
+/// Maximum over the readout's grid, 0 for an empty cell; (cells, channels).
 pub(super) fn readout(reference: &EventReference, top: &ReferenceLevel, stream: Stream<'_>) -> Rows {
     let network = &reference.network;
     let readout = network.parts().readout;
@@ -107,7 +107,7 @@ fn key_of_event(reference: &EventReference, pooling: &Pooling, event: &Event, st
     ]
 }
 
-/// Cell that holds the centre of a cell of `inner`; the last one where the centre is beyond the image.
+/// Cell that contains the centre of a cell of `inner`; the last cell if the centre is beyond the image.
 fn key_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i64; 3]) -> Key {
     let axis = |index: i64, inner: Fraction, outer: Fraction| {
         let twice_centre = (2 * i128::from(index) + 1) * i128::from(inner.numerator());

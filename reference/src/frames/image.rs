@@ -1,6 +1,6 @@
 //! Layers over images, (channels, height, width), with zeros beyond the border.
 
-/// Values of an image; a vector has one value a channel.
+/// Values of an image; a vector has one value per channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Image {
     /// Channels, rows, columns.
@@ -83,7 +83,7 @@ pub(super) fn up_conv(input: &Image, outputs: usize, weight: &[f32], bias: Optio
     })
 }
 
-/// What `of` makes of each window of `size` x `size` pixels; what does not fill one is left out.
+/// Applies `of` to each window of `size` x `size` pixels; pixels that do not fill a window are dropped.
 pub(super) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<Item = f64>) -> f64) -> Image {
     let [channels, height, width] = input.size;
     Image::from_fn([channels, height / size, width / size], |c, y, x| {
@@ -104,7 +104,7 @@ mod tests {
     fn a_convolution_sees_zeros_beyond_the_border() {
         let ones = conv(&[&image()], 3, 1, &[1.0; 9], Some(&[0.5]), false);
         assert_eq!(ones.values, [12.5, 21.5, 16.5, 12.5, 21.5, 16.5]);
-        // A weight in the first place reads the pixel above and to the left.
+        // A weight at the first place reads the pixel above and to the left.
         let mut first = [0.0; 9];
         first[0] = -1.0;
         assert_eq!(conv(&[&image()], 3, 1, &first, None, false).values, [0.0, 0.0, 0.0, 0.0, -1.0, -2.0]);

@@ -1,4 +1,4 @@
-//! Cells that remember (Hochreiter and Schmidhuber 1997; Shi et al. 2015), with gates in the order i, f, g, o:
+//! Recurrent cells (Hochreiter and Schmidhuber 1997; Shi et al. 2015), with gates in the order i, f, g, o:
 //!
 //! ```text
 //! i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)      with peepholes: of i + Vi c, f + Vf c, o + Vo c
@@ -6,7 +6,7 @@
 //! h = o act(c)
 //! ```
 //!
-//! Every peephole sees the cell before the step. A memory is the cells, then what they show; empty means zeros.
+//! Every peephole reads the cell before the step. A memory is the cells followed by the outputs; empty means zeros.
 
 use meissner_kernels::Activation;
 
@@ -14,7 +14,7 @@ use super::dense;
 use super::image::{Image, conv};
 use crate::activation::{activated, sigmoid};
 
-/// One step of `cells` cells whose gates are the quarters of `gates`; what they show.
+/// One step of `cells` cells whose gates are the quarters of `gates`; returns the outputs.
 fn step(gates: &[f64], peepholes: Option<&[f32]>, activation: Activation, memory: &mut [f64]) -> Vec<f64> {
     let count = gates.len() / 4;
     let (cells, shown) = memory.split_at_mut(count);
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn open_gates_add_up_what_comes() {
-        // i, f and o are 1 at a bias of 1000, and g is what comes: c = tanh(x) after one step, twice that after two.
+        // i, f and o are 1 at a bias of 1000, and g is the input: c = tanh(x) after one step, twice that after two.
         let bias = [1000.0, 1000.0, 0.0, 1000.0];
         let weights: [&[f32]; 3] = [&[0.0, 0.0, 1.0, 0.0], &[0.0; 4], &bias];
         let mut memory = Vec::new();
