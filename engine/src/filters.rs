@@ -1,35 +1,30 @@
 //! Filters in front of an engine: which events enter at all.
 //!
-//! Enters: events, one at a time. Leaves: whether each passes. A filter keeps what it needs of the events before, takes
-//! O(1) for an event and allocates nothing after it was made. It knows neither a window nor what the engine drops: it sees
-//! events outside the sensor and late ones, too, and leaves those to the engine to count.
+//! Enters: events, one at a time. Leaves: whether each event passes. A filter keeps the state that it needs of earlier
+//! events, takes O(1) for an event and allocates nothing after construction. A filter knows neither the window nor the
+//! engine's own checks: it also sees late events and events outside the sensor, and leaves it to the engine to count them.
 //!
-//! | filter | what passes | source |
+//! | filter | passes | source |
 //! |---|---|---|
 //! | [`Stride`] | every nth event | |
-//! | [`RateLimit`] | what a rate allows | token bucket, the mirror of the leaky bucket of Turner 1986, "New directions in communications" |
-//! | [`BackgroundActivity`] | what has a recent neighbour | Delbruck 2008, "Frame-free dynamic digital vision" |
+//! | [`RateLimit`] | as many events as a rate allows | token bucket, the mirror of the leaky bucket of Turner 1986, "New directions in communications" |
+//! | [`BackgroundActivity`] | events with a recent neighbour | Delbruck 2008, "Frame-free dynamic digital vision" |
 //! | [`Refractory`] | at most one event of a pixel in a time | the refractory filter of jAER |
 //!
-//! Times are compared by the magnitude of their difference as 64 unsigned bits, which any two stamps have: nothing
-//! overflows. Where an event is earlier than one before it, each filter says what happens.
+//! Times are compared by the magnitude of their difference as an unsigned 64-bit number, which cannot overflow. Each
+//! filter documents how it treats an event that is earlier than one before it.
 
-mod activity;
 mod chain;
+mod pixels;
 mod rate;
-mod refractory;
-mod stamps;
-mod stride;
 
-pub use activity::BackgroundActivity;
 pub use chain::{Chain, Filter};
-pub use rate::RateLimit;
-pub use refractory::Refractory;
-pub use stride::Stride;
+pub use pixels::{BackgroundActivity, Refractory};
+pub use rate::{RateLimit, Stride};
 
 use crate::Event;
 
-/// Decides, event by event, what passes.
+/// Decides, event by event, which events pass.
 pub trait EventFilter {
     /// Whether `event`, the next one, passes.
     fn admit(&mut self, event: Event) -> bool;
@@ -41,20 +36,34 @@ pub trait EventFilter {
     fn name(&self) -> &'static str;
 }
 
-/// What became of the events that a filter saw.
+/// Numbers of events that passed and that were dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FilterCounters {
     /// Events that passed.
     pub passed: u64,
-    /// Events that did not.
+    /// Events that were dropped.
     pub dropped: u64,
 }
 
 impl FilterCounters {
-    /// Counts an event, and says again whether it passed.
+    /// Counts an event, and returns whether it passed.
     fn count(&mut self, passed: bool) -> bool {
         self.passed += u64::from(passed);
         self.dropped += u64::from(!passed);
         passed
     }
 }
+
+/// The name and the counters of a filter with a field `counters`.
+macro_rules! reports {
+    ($name:literal) => {
+        fn counters(&self) -> $crate::filters::FilterCounters {
+            self.counters
+        }
+
+        fn name(&self) -> &'static str {
+            $name
+        }
+    };
+}
+use reports;

@@ -1,6 +1,6 @@
-//! Filters one behind the other.
+//! Filters in series.
 
-use super::{BackgroundActivity, EventFilter, FilterCounters, RateLimit, Refractory, Stride};
+use super::{BackgroundActivity, EventFilter, FilterCounters, RateLimit, Refractory, Stride, reports};
 use crate::Event;
 
 /// A filter of any kind.
@@ -8,53 +8,45 @@ use crate::Event;
 pub enum Filter {
     /// Every nth event.
     Stride(Stride),
-    /// What a rate allows.
+    /// As many events as a rate allows.
     RateLimit(RateLimit),
-    /// What has a recent neighbour.
+    /// Events with a recent neighbour.
     BackgroundActivity(BackgroundActivity),
     /// At most one event of a pixel in a time.
     Refractory(Refractory),
 }
 
-impl Filter {
-    fn get(&self) -> &dyn EventFilter {
-        match self {
-            Self::Stride(filter) => filter,
-            Self::RateLimit(filter) => filter,
-            Self::BackgroundActivity(filter) => filter,
-            Self::Refractory(filter) => filter,
+/// Evaluates an expression for the filter inside a [`Filter`].
+macro_rules! inner {
+    ($any:ident, $filter:ident => $value:expr) => {
+        match $any {
+            Filter::Stride($filter) => $value,
+            Filter::RateLimit($filter) => $value,
+            Filter::BackgroundActivity($filter) => $value,
+            Filter::Refractory($filter) => $value,
         }
-    }
-
-    fn get_mut(&mut self) -> &mut dyn EventFilter {
-        match self {
-            Self::Stride(filter) => filter,
-            Self::RateLimit(filter) => filter,
-            Self::BackgroundActivity(filter) => filter,
-            Self::Refractory(filter) => filter,
-        }
-    }
+    };
 }
 
 impl EventFilter for Filter {
     fn admit(&mut self, event: Event) -> bool {
-        self.get_mut().admit(event)
+        inner!(self, filter => filter.admit(event))
     }
 
     fn reset(&mut self) {
-        self.get_mut().reset();
+        inner!(self, filter => filter.reset());
     }
 
     fn counters(&self) -> FilterCounters {
-        self.get().counters()
+        inner!(self, filter => filter.counters())
     }
 
     fn name(&self) -> &'static str {
-        self.get().name()
+        inner!(self, filter => filter.name())
     }
 }
 
-/// Filters one behind the other: each sees what those before it let pass. Without any, everything passes.
+/// Filters in series: each sees the events that all filters before it passed. An empty chain passes everything.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     filters: Vec<Filter>,
@@ -83,11 +75,5 @@ impl EventFilter for Chain {
         self.filters.iter_mut().for_each(Filter::reset);
     }
 
-    fn counters(&self) -> FilterCounters {
-        self.counters
-    }
-
-    fn name(&self) -> &'static str {
-        "chain"
-    }
+    reports!("chain");
 }

@@ -1,24 +1,60 @@
-//! A bound on the rate of events.
-//!
-//! ```text
-//! credit <- min(credit + rate (t - newest), depth),  newest <- t      where t > newest
-//! an event passes where credit >= 1, and takes 1 off it               depth = max(rate 1 ms, 1), full at the start
-//! ```
-//!
-//! Credit counts in millionths of an event, so that a microsecond brings `rate` of them and everything is an integer.
+//! Filters that thin a stream: every nth event, and a bound on the rate of events.
 
-use super::{EventFilter, FilterCounters};
+use super::{EventFilter, FilterCounters, reports};
 use crate::error::in_range;
 use crate::{EngineError, Event};
 
-/// Thins events evenly where they come faster than a rate, and lets all pass where they do not: a token bucket.
+/// Passes the first of every `n` events, whatever their times and pixels.
+#[derive(Clone, Debug)]
+pub struct Stride {
+    n: u32,
+    /// Events since the last one that passed, modulo n.
+    since: u32,
+    counters: FilterCounters,
+}
+
+impl Stride {
+    /// Passes the first, the (n + 1)th, the (2 n + 1)th, ... event.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] if `n` is 0.
+    pub fn new(n: u32) -> Result<Self, EngineError> {
+        in_range("stride in events", i64::from(n), 1, i64::from(u32::MAX))?;
+        Ok(Self { n, since: 0, counters: FilterCounters::default() })
+    }
+}
+
+impl EventFilter for Stride {
+    fn admit(&mut self, _: Event) -> bool {
+        let passes = self.since == 0;
+        self.since += 1;
+        if self.since == self.n {
+            self.since = 0;
+        }
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.since = 0;
+    }
+
+    reports!("stride");
+}
+
+/// Thins events evenly if they come faster than a rate, and passes all of them otherwise: a token bucket.
 ///
-/// Of any interval of T microseconds, at most `rate` T / 10^6 + `depth` events pass; and where no interval holds more,
-/// every event does. In a steady stream at a higher rate, what passes comes at even distances once the depth is used up.
+/// ```text
+/// credit <- min(credit + rate (t - newest), depth),  newest <- t      if t > newest
+/// an event passes if credit >= 1, and takes 1 off it                  depth = max(rate 1 ms, 1), full at the start
+/// ```
 ///
-/// An event that is earlier than the newest one brings no credit, and passes where there is some: the bound holds over
-/// the newest times, however stamps go back and forth. A clock that starts again needs a [`reset`](EventFilter::reset),
-/// as the engine does.
+/// Credit counts in millionths of an event, so that a microsecond brings `rate` of them and everything is an integer.
+/// In any interval of T microseconds, at most `rate` T / 10^6 + `depth` events pass; if no interval holds more, every
+/// event passes. In a steady stream at a higher rate, events pass at even distances once the depth is used up.
+///
+/// An event that is earlier than the newest one brings no credit, and passes if there is some: the bound holds over
+/// the newest times, even if stamps jump back and forth. After a clock starts again, the filter needs a
+/// [`reset`](EventFilter::reset), as the engine does.
 #[derive(Clone, Debug)]
 pub struct RateLimit {
     events_per_s: u64,
@@ -37,7 +73,7 @@ impl RateLimit {
     /// Highest rate, in events per second.
     pub const HIGHEST: u64 = 1_000_000_000_000;
 
-    /// Lets `events_per_s` events a second pass.
+    /// Passes `events_per_s` events a second.
     ///
     /// # Errors
     /// [`EngineError::Option`] for a rate of 0 or above [`Self::HIGHEST`].
@@ -74,11 +110,5 @@ impl EventFilter for RateLimit {
         self.newest_us = None;
     }
 
-    fn counters(&self) -> FilterCounters {
-        self.counters
-    }
-
-    fn name(&self) -> &'static str {
-        "rate_limit"
-    }
+    reports!("rate_limit");
 }
