@@ -12,8 +12,8 @@ use meissner_engine::filters::{
 };
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_engine::representations::{
-    Consecutive, Crop, Decay, ELECTRODES, EventCounts, Sampling, Scaling, SignedRule, SignedWindows,
-    SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
+    Consecutive, ConsecutiveFrames, Crop, Decay, ELECTRODES, Sampling, Scaling, SignedRule, SlidingSigned,
+    TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
 use meissner_engine::{
     Engine, EngineError, Event, Network, Normalisation, Options, Outcome, Prediction, Sensor, StaleReadout,
@@ -471,8 +471,8 @@ fn a_second_pass_through_every_representation_allocates_nothing() {
     let (sensor, events) = synthetic();
     let options = Consecutive::new(Crop::whole(sensor));
     let sum = SignedRule::Sum;
-    let mut counts = EventCounts::new(sensor, options, 255.0).expect("admissible");
-    let mut signed = SignedWindows::new(sensor, options, sum).expect("admissible");
+    let mut counts = ConsecutiveFrames::counts(sensor, options, 255.0).expect("admissible");
+    let mut signed = ConsecutiveFrames::signed(sensor, options, sum).expect("admissible");
     let capacity = SlidingSigned::DEFAULT_CAPACITY;
     let mut sliding = SlidingSigned::new(sensor, options.crop, sum, 150_000, capacity).expect("admissible");
     let decay = Decay::Exponential { tau_us: 30_000.0 };

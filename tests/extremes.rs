@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use meissner_engine::filters::{BackgroundActivity, EventFilter, RateLimit, Refractory, Stride};
 use meissner_engine::representations::{
-    Consecutive, Crop, Decay, EventCounts, SignedRule, SignedWindows, SlidingSigned, TimeSurface, VoxelGrid,
-    VoxelTime,
+    Consecutive, ConsecutiveFrames, Crop, Decay, SignedRule, SlidingSigned, TimeSurface, VoxelGrid, VoxelTime,
 };
 use meissner_engine::{
     Batch, Engine, EngineError, Event, Fraction, LatePolicy, Network, Options, Reach, Search, Sensor,
@@ -177,8 +176,8 @@ proptest! {
         let crop = Crop::new(1, 1, 4, 3);
         for period_us in [long, short, i64::MAX] {
             let options = Consecutive { crop, period_us, start_us };
-            let mut counts = EventCounts::new(SENSOR, options, 1.0).expect("admissible");
-            let mut signed = SignedWindows::new(SENSOR, options, SignedRule::Sum).expect("admissible");
+            let mut counts = ConsecutiveFrames::counts(SENSOR, options, 1.0).expect("admissible");
+            let mut signed = ConsecutiveFrames::signed(SENSOR, options, SignedRule::Sum).expect("admissible");
             let mut sliding = SlidingSigned::new(SENSOR, crop, SignedRule::Latest, period_us, 3).expect("admissible");
             let decay = Decay::Linear { span_us: f32::MIN_POSITIVE };
             let mut surface = TimeSurface::new(SENSOR, crop, decay).expect("admissible");

@@ -9,7 +9,7 @@ use meissner_engine::frames::{
     FrameShape, Skip,
 };
 use meissner_engine::representations::{
-    Consecutive, Crop, Decay, EventCounts, RepresentationError, Sampling, Scaling, SignedRule, SignedWindows,
+    Consecutive, ConsecutiveFrames, Crop, Decay, RepresentationError, Sampling, Scaling, SignedRule,
     SlidingSigned, TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
 use meissner_engine::{
@@ -113,7 +113,7 @@ fn options_that_are_no_numbers_or_beyond_all_bounds_are_refused() {
         let whole = Crop::whole(SENSOR);
         assert!(TimeSurface::new(SENSOR, whole, Decay::Exponential { tau_us: wrong }).is_err(), "{wrong}");
         assert!(TimeSurface::new(SENSOR, whole, Decay::Linear { span_us: wrong }).is_err(), "{wrong}");
-        assert!(EventCounts::new(SENSOR, Consecutive::new(whole), wrong).is_err(), "{wrong}");
+        assert!(ConsecutiveFrames::counts(SENSOR, Consecutive::new(whole), wrong).is_err(), "{wrong}");
         let scaling = Scaling::Range { minimum: 0.0, maximum: wrong };
         assert!(TactileWindow::new(5, Sampling::Sliding, scaling, TactileForm::Image).is_err(), "{wrong}");
     }
@@ -233,8 +233,8 @@ fn representations(sensor: Sensor) -> [Result<(), RepresentationError>; 5] {
     let whole = Crop::whole(sensor);
     let options = Consecutive::new(whole);
     [
-        EventCounts::new(sensor, options, 1.0).map(drop),
-        SignedWindows::new(sensor, options, SignedRule::Sum).map(drop),
+        ConsecutiveFrames::counts(sensor, options, 1.0).map(drop),
+        ConsecutiveFrames::signed(sensor, options, SignedRule::Sum).map(drop),
         SlidingSigned::new(sensor, whole, SignedRule::Sum, 1, 1).map(drop),
         TimeSurface::new(sensor, whole, Decay::Linear { span_us: 1.0 }).map(drop),
         VoxelGrid::new(sensor, whole, 1, VoxelTime::Bins, 0..=0).map(drop),

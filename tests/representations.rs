@@ -3,11 +3,11 @@
 //! `MEISSNER_CASES` sets the number of cases (2,000 without it).
 
 use meissner_engine::representations::{
-    Completed, Consecutive, Crop, Decay, EventCounts, SignedRule, SlidingSigned, TimeSurface, VoxelGrid,
-    VoxelTime,
+    Completed, Consecutive, ConsecutiveFrames, Crop, Decay, SignedRule, SlidingSigned, TimeSurface,
+    VoxelGrid, VoxelTime,
 };
 use meissner_engine::{Event, Sensor};
-use meissner_tests::event_frames::{Frames, History, Kept, What, keep, place, set};
+use meissner_tests::event_frames::{History, Kept, What, keep, place, set};
 use meissner_tests::shared::shared;
 use meissner_verify::{Step, strategies};
 use proptest::prelude::*;
@@ -62,7 +62,7 @@ proptest! {
             period_us,
             start_us: start.map(|start| script.origin_us + start),
         };
-        let mut frames = Frames::new(script.sensor, options, what);
+        let mut frames = what.frames(script.sensor, options);
         let mut history = History::new(script.sensor, options.start_us);
         let values = what.channels() * options.crop.pixels();
         let mut kept = vec![];
@@ -229,7 +229,7 @@ fn counts_of_a_recording_add_up_to_its_events() {
     let recording = meissner_io::read(&path).expect("a readable recording");
     let sensor = recording.sensor.expect("AEDAT4 names its geometry");
     let options = Consecutive::new(Crop::new(60, 30, 115, 115));
-    let mut counts = EventCounts::new(sensor, options, 1.0).expect("admissible");
+    let mut counts = ConsecutiveFrames::counts(sensor, options, 1.0).expect("admissible");
     let (mut sum, mut frames, mut empty, mut touched) = (0.0, 0, 0, 0);
     let mut note = |completed: Completed<'_>| {
         frames += completed.count();

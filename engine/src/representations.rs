@@ -1,30 +1,28 @@
 //! Frames from events and from electrode readings.
 //!
 //! Enters: events in order of time, or one reading after the other. Leaves: dense row-major frames, each with the list
-//! of pixels that hold something or that changed, so that a network can skip the rest. Everything is incremental: an
+//! of pixels that have events or that changed, so that a network can skip the rest. Everything is incremental: an
 //! event costs O(1), a frame costs the pixels that it touched, and buffers are reused from frame to frame.
-//! Where events leave again, sums are integers; a float is formed once, when a frame is read.
+//! Where events leave again, sums are integers; a float is computed only when a frame is read.
 //!
-//! An event is *late* where it is earlier than the newest event or the last `advance`; late events and events outside
-//! the sensor are dropped and counted, as in [`crate::Engine`]. An event on the sensor but outside the [`Crop`] moves
-//! time on and is not part of a frame.
+//! An event is *late* if it is earlier than the newest event or the last `advance`. Late events and events outside
+//! the sensor are dropped and counted, as in [`crate::Engine`]. An event on the sensor but outside the [`Crop`]
+//! advances time and is not part of a frame.
 
 mod consecutive;
-mod counts;
 mod crop;
 mod error;
 mod frame;
-mod signed;
+mod sliding;
 mod tactile;
 mod time_surface;
 mod voxel_grid;
 
-pub use consecutive::Consecutive;
-pub use counts::EventCounts;
+pub use consecutive::{Consecutive, ConsecutiveFrames};
 pub use crop::Crop;
 pub use error::RepresentationError;
-pub use frame::{Completed, EmptyRun, EventFrame};
-pub use signed::{SignedRule, SignedWindows, SlidingSigned};
+pub use frame::{Completed, EmptyRun, EventFrame, SignedRule};
+pub use sliding::SlidingSigned;
 pub use tactile::{
     ELECTRODE_COLUMNS, ELECTRODE_ROWS, ELECTRODES, Sampling, Scaling, TACTILE_CELLS, TACTILE_COLUMNS,
     TACTILE_ROWS, TactileForm, TactileLayout, TactileSequence, TactileWindow,

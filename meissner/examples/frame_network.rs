@@ -8,7 +8,7 @@ use std::error::Error;
 
 use meissner::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape};
 use meissner::models::FrameSource;
-use meissner::representations::{Completed, Consecutive, EventCounts};
+use meissner::representations::{Completed, Consecutive, ConsecutiveFrames};
 use meissner::{Event, FrameDescription, Sensor, Weights};
 
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
@@ -28,7 +28,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("expected frames that are images".into());
     };
     let crop = place.crop(u16::try_from(width)?, u16::try_from(height)?, SENSOR);
-    let mut counts = EventCounts::new(SENSOR, Consecutive { period_us, ..Consecutive::new(crop) }, maximum)?;
+    let mut counts =
+        ConsecutiveFrames::counts(SENSOR, Consecutive { period_us, ..Consecutive::new(crop) }, maximum)?;
 
     // A press: events at the rim of a disc that grows for 100 ms.
     let press = (0..2000_i64).map(|i| {

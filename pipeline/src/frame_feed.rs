@@ -14,7 +14,7 @@ mod state;
 
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
-    Completed, Consecutive, EventCounts, EventFrame, RepresentationError, SignedWindows, SlidingSigned,
+    Completed, Consecutive, ConsecutiveFrames, EventFrame, RepresentationError, SlidingSigned,
 };
 use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Outcome, Sensor};
 use meissner_models::description::frames::SignedTiming;
@@ -38,8 +38,7 @@ pub struct FrameFeed {
 }
 
 enum Frames {
-    Counts { counts: EventCounts, period_us: i64 },
-    Signed { windows: SignedWindows, period_us: i64 },
+    Consecutive { windows: ConsecutiveFrames, period_us: i64 },
     Sliding(Sliding),
 }
 
@@ -96,12 +95,14 @@ impl FrameFeed {
             FrameSource::EventCounts { period_us, place, maximum } => {
                 let crop = place.crop(width, height, sensor);
                 let options = Consecutive { crop, period_us, start_us };
-                Frames::Counts { counts: EventCounts::new(sensor, options, maximum)?, period_us }
+                let windows = ConsecutiveFrames::counts(sensor, options, maximum)?;
+                Frames::Consecutive { windows, period_us }
             }
             FrameSource::Signed { timing: SignedTiming::Consecutive { period_us }, place, rule } => {
                 let crop = place.crop(width, height, sensor);
                 let options = Consecutive { crop, period_us, start_us };
-                Frames::Signed { windows: SignedWindows::new(sensor, options, rule)?, period_us }
+                let windows = ConsecutiveFrames::signed(sensor, options, rule)?;
+                Frames::Consecutive { windows, period_us }
             }
             FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, place, rule } => {
                 let crop = place.crop(width, height, sensor);
@@ -118,7 +119,7 @@ impl FrameFeed {
     /// Length of the windows in microseconds, where they are consecutive.
     pub fn period_us(&self) -> Option<i64> {
         match self.frames {
-            Frames::Counts { period_us, .. } | Frames::Signed { period_us, .. } => Some(period_us),
+            Frames::Consecutive { period_us, .. } => Some(period_us),
             Frames::Sliding(_) => None,
         }
     }
@@ -144,10 +145,7 @@ impl FrameFeed {
             sink(output)
         };
         match &mut self.frames {
-            Frames::Counts { counts, period_us } => {
-                counts.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
-            }
-            Frames::Signed { windows, period_us } => {
+            Frames::Consecutive { windows, period_us } => {
                 windows.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
             }
             Frames::Sliding(sliding) => done = sliding.push(event, &mut sink),
@@ -155,7 +153,7 @@ impl FrameFeed {
         if let Some(kept) = &mut self.kept {
             match &self.frames {
                 Frames::Sliding(sliding) => kept.note(event, false, Some(sliding.span_us)),
-                _ => kept.note(event, completed, None),
+                Frames::Consecutive { .. } => kept.note(event, completed, None),
             }
         }
         done.map(|()| Outcome::Accepted)
@@ -168,8 +166,7 @@ impl FrameFeed {
     /// Those of `sink`.
     pub fn finish<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
         let (open, period_us) = match &mut self.frames {
-            Frames::Counts { counts, period_us } => (counts.open(), *period_us),
-            Frames::Signed { windows, period_us } => (windows.open(), *period_us),
+            Frames::Consecutive { windows, period_us } => (windows.open(), *period_us),
             Frames::Sliding(sliding) => return sliding.finish(self.gate.now_us(), &mut sink),
         };
         open.map_or(Ok(()), |frame| {
@@ -187,8 +184,7 @@ impl FrameFeed {
         let kept = self.kept.as_ref()?;
         let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
         let open_us = match &mut self.frames {
-            Frames::Counts { counts, .. } => counts.open().map(|frame| frame.start_us),
-            Frames::Signed { windows, .. } => windows.open().map(|frame| frame.start_us),
+            Frames::Consecutive { windows, .. } => windows.open().map(|frame| frame.start_us),
             Frames::Sliding(_) => None,
         };
         Some(FeedState {
@@ -218,8 +214,7 @@ impl FrameFeed {
         for &(t_us, x, y, on) in &state.events {
             let event = Event::new(t_us, x, y, on);
             match &mut feed.frames {
-                Frames::Counts { counts, .. } => drop(counts.push(event, |_| {})),
-                Frames::Signed { windows, .. } => drop(windows.push(event, |_| {})),
+                Frames::Consecutive { windows, .. } => drop(windows.push(event, |_| {})),
                 Frames::Sliding(sliding) => drop(sliding.window.push(event)),
             }
             if let Some(kept) = &mut feed.kept {
@@ -248,8 +243,7 @@ impl FrameFeed {
     /// Accepted events outside the part of the sensor that frames show.
     pub fn outside_crop(&self) -> u64 {
         let outside_crop = match &self.frames {
-            Frames::Counts { counts, .. } => counts.outside_crop(),
-            Frames::Signed { windows, .. } => windows.outside_crop(),
+            Frames::Consecutive { windows, .. } => windows.outside_crop(),
             Frames::Sliding(sliding) => sliding.window.outside_crop(),
         };
         outside_crop - self.shown_before[0]
@@ -258,7 +252,7 @@ impl FrameFeed {
     /// Events that left a sliding window early because it was full.
     pub fn evicted(&self) -> u64 {
         match &self.frames {
-            Frames::Counts { .. } | Frames::Signed { .. } => 0,
+            Frames::Consecutive { .. } => 0,
             Frames::Sliding(sliding) => sliding.window.counters().evicted - self.shown_before[1],
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use meissner_engine::representations::{
-    Completed, Consecutive, Crop, EventCounts, EventFrame, SignedRule, SignedWindows,
+    Completed, Consecutive, ConsecutiveFrames, Crop, EventFrame, SignedRule,
 };
 use meissner_engine::{Event, Sensor};
 
@@ -131,63 +131,17 @@ impl What {
             Self::Signed(_) => 1,
         }
     }
-}
 
-/// Frames over consecutive windows, of either kind.
-#[derive(Clone, Debug)]
-pub enum Frames {
-    /// Counts.
-    Counts(EventCounts),
-    /// Polarities.
-    Signed(SignedWindows),
-}
-
-impl Frames {
-    /// Frames of `what`.
+    /// Frames of this kind over consecutive windows.
     ///
     /// # Panics
     /// If the options are not admissible.
-    pub fn new(sensor: Sensor, options: Consecutive, what: What) -> Self {
-        match what {
-            What::Counts(maximum) => {
-                Self::Counts(EventCounts::new(sensor, options, maximum).expect("admissible"))
-            }
-            What::Signed(rule) => {
-                Self::Signed(SignedWindows::new(sensor, options, rule).expect("admissible"))
-            }
-        }
-    }
-
-    /// Pushes an event.
-    pub fn push(&mut self, event: Event, sink: impl FnMut(Completed<'_>)) {
+    pub fn frames(self, sensor: Sensor, options: Consecutive) -> ConsecutiveFrames {
         match self {
-            Self::Counts(frames) => frames.push(event, sink),
-            Self::Signed(frames) => frames.push(event, sink),
-        };
-    }
-
-    /// Moves time on.
-    pub fn advance(&mut self, t_us: i64, sink: impl FnMut(Completed<'_>)) {
-        match self {
-            Self::Counts(frames) => frames.advance(t_us, sink),
-            Self::Signed(frames) => frames.advance(t_us, sink),
+            Self::Counts(maximum) => ConsecutiveFrames::counts(sensor, options, maximum),
+            Self::Signed(rule) => ConsecutiveFrames::signed(sensor, options, rule),
         }
-    }
-
-    /// The open window.
-    pub fn open(&mut self) -> Option<EventFrame<'_>> {
-        match self {
-            Self::Counts(frames) => frames.open(),
-            Self::Signed(frames) => frames.open(),
-        }
-    }
-
-    /// Forgets everything.
-    pub fn reset(&mut self) {
-        match self {
-            Self::Counts(frames) => frames.reset(),
-            Self::Signed(frames) => frames.reset(),
-        }
+        .expect("admissible")
     }
 }
 

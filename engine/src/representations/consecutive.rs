@@ -1,12 +1,12 @@
-//! Frames over consecutive windows of equal length: what counts and signed frames have in common.
+//! Frames over consecutive windows of equal length: two-channel event counts, or signed frames of one channel.
 //!
-//! Enters: events. Leaves: frames, one for each window, once time has passed the window's end; empty ones as runs.
-//! Window k holds the events with `start + k period <= t < start + (k + 1) period`.
-//! Invariant between calls: `values` is 0 wherever `integers` is, `integers` wherever `touched` has no pixel, `before`
-//! wherever `touched_before` has none.
+//! Enters: events. Leaves: a frame for each window, once time has passed the window's end; empty frames as runs.
+//! Window k holds the events with `start + k period <= t < start + (k + 1) period`. Values are computed from integers.
+//! Invariant between calls: `values` is 0 where `integers` is 0, `integers` is 0 outside `touched`, and `before` is 0
+//! outside `touched_before`.
 
 use crate::admission::Admission;
-use crate::representations::{Completed, Crop, EmptyRun, EventFrame, RepresentationError};
+use crate::representations::{Completed, Crop, EmptyRun, EventFrame, RepresentationError, SignedRule};
 use crate::rows::RowSet;
 use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
 
@@ -17,7 +17,7 @@ pub struct Consecutive {
     pub crop: Crop,
     /// Length of a window in microseconds.
     pub period_us: i64,
-    /// When the first window begins; without it, at the first event on the sensor, inside the crop or not.
+    /// When the first window begins; by default at the first event on the sensor, inside the crop or not.
     pub start_us: Option<i64>,
 }
 
@@ -28,22 +28,15 @@ impl Consecutive {
     }
 }
 
-/// What an event does to its pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
-    /// Adds 1 to the channel of its polarity.
-    Count,
-    /// Adds its polarity.
-    Sum,
-    /// Leaves its polarity.
-    Latest,
-}
-
+/// Frames over consecutive windows: counts of events, or their polarities.
+///
+/// A push costs O(1), a frame O(pixels touched in it and in the frame before); nothing is allocated after construction.
 #[derive(Clone, Debug)]
-pub(super) struct Windows {
+pub struct ConsecutiveFrames {
     admission: Admission,
     options: Consecutive,
-    rule: Rule,
+    /// The value of a signed pixel; none for counts.
+    rule: Option<SignedRule>,
     channels: usize,
     /// A value is its integer divided by this.
     divisor: f32,
@@ -60,20 +53,47 @@ pub(super) struct Windows {
     outside_crop: u64,
 }
 
-impl Windows {
-    pub(super) fn new(
+impl ConsecutiveFrames {
+    /// Two-channel event counts, the input of the contact-force networks: frames of shape (2, height, width), channel 0
+    /// negative (OFF), channel 1 positive (ON).
+    ///
+    /// value(p, y, x) = number of events of polarity p at pixel (x, y) in the window / `maximum` (the force paper, Eq. 1).
+    /// Counts are integers and are divided in f32. Counts above `maximum` give values above 1.
+    ///
+    /// # Errors
+    /// A crop outside `sensor`, a period below 1 us, a maximum that is not finite or below 1.
+    pub fn counts(sensor: Sensor, options: Consecutive, maximum: f32) -> Result<Self, RepresentationError> {
+        if !maximum.is_finite() || maximum < 1.0 {
+            return Err(RepresentationError::option("maximum count", "a finite number from 1 on", maximum));
+        }
+        Self::new(sensor, options, None, maximum)
+    }
+
+    /// Signed frames of shape (1, height, width), the input of the contact-angle paper's event-frame network.
+    ///
+    /// # Errors
+    /// A crop outside `sensor`, a period below 1 us.
+    pub fn signed(
         sensor: Sensor,
         options: Consecutive,
-        rule: Rule,
+        rule: SignedRule,
+    ) -> Result<Self, RepresentationError> {
+        Self::new(sensor, options, Some(rule), 1.0)
+    }
+
+    fn new(
+        sensor: Sensor,
+        options: Consecutive,
+        rule: Option<SignedRule>,
         divisor: f32,
     ) -> Result<Self, RepresentationError> {
-        let channels = if rule == Rule::Count { 2 } else { 1 };
+        let channels = if rule.is_none() { 2 } else { 1 };
         options.crop.check(sensor, channels)?;
         if options.period_us < 1 {
             return Err(RepresentationError::option("period", "at least 1 us", options.period_us));
         }
         let pixels = options.crop.pixels();
-        let mut windows = Self {
+        let mut frames = Self {
             admission: Admission::new(sensor, LatePolicy::Drop),
             options,
             rule,
@@ -89,23 +109,30 @@ impl Windows {
             events: [0; 2],
             outside_crop: 0,
         };
-        windows.begin();
-        Ok(windows)
+        frames.begin();
+        Ok(frames)
     }
 
-    pub(super) fn shape(&self) -> [usize; 3] {
+    /// The shape of every frame: (channels, height, width).
+    pub fn shape(&self) -> [usize; 3] {
         self.options.crop.shape(self.channels)
     }
 
-    pub(super) fn counters(&self) -> &EventCounters {
+    /// Counts of the events so far, by outcome.
+    pub fn counters(&self) -> &EventCounters {
         self.admission.counters()
     }
 
-    pub(super) fn outside_crop(&self) -> u64 {
+    /// Accepted events outside the crop.
+    pub fn outside_crop(&self) -> u64 {
         self.outside_crop
     }
 
-    pub(super) fn push(&mut self, event: Event, sink: impl FnMut(Completed<'_>)) -> Outcome {
+    /// Takes `event`. Before that, hands the windows that its time completes to `sink`, in order. At most two calls:
+    /// one frame, and one run of empty ones.
+    ///
+    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
+    pub fn push(&mut self, event: Event, sink: impl FnMut(Completed<'_>)) -> Outcome {
         if let Err(reason) = self.admission.admit_node(event) {
             return Outcome::Dropped(reason);
         }
@@ -117,18 +144,22 @@ impl Windows {
         Outcome::Accepted
     }
 
-    pub(super) fn advance(&mut self, t_us: i64, sink: impl FnMut(Completed<'_>)) {
+    /// Advances time to `t_us`, and hands the windows that this completes to `sink`. Earlier times change nothing.
+    /// Before the first event, no time changes anything unless a start was given.
+    pub fn advance(&mut self, t_us: i64, sink: impl FnMut(Completed<'_>)) {
         self.admission.advance(t_us);
         self.complete(sink);
     }
 
-    pub(super) fn open(&mut self) -> Option<EventFrame<'_>> {
+    /// The window that is still open, with its events so far; `None` if there is no time yet. O(touched pixels).
+    pub fn open(&mut self) -> Option<EventFrame<'_>> {
         self.admission.epoch_us()?;
         self.render();
         Some(self.frame())
     }
 
-    pub(super) fn reset(&mut self) {
+    /// Forgets time and all events; the frame before the next one is all 0. Counters go on.
+    pub fn reset(&mut self) {
         self.turn();
         self.forget();
         self.admission.reset();
@@ -145,22 +176,18 @@ impl Windows {
     fn enter(&mut self, pixel: u32, on: bool) {
         self.events[usize::from(on)] += 1;
         self.touched.insert(pixel);
-        let sign = if on { 1 } else { -1 };
-        let pixels = self.options.crop.pixels();
-        match self.rule {
-            Rule::Count => {
-                let count = &mut self.integers[usize::from(on) * pixels + pixel as usize];
-                *count = count.saturating_add(1);
-            }
-            Rule::Sum => {
-                let sum = &mut self.integers[pixel as usize];
-                *sum = sum.saturating_add(sign);
-            }
-            Rule::Latest => self.integers[pixel as usize] = sign,
-        }
+        let integer = match self.rule {
+            None => &mut self.integers[usize::from(on) * self.options.crop.pixels() + pixel as usize],
+            Some(_) => &mut self.integers[pixel as usize],
+        };
+        *integer = match self.rule {
+            None => integer.saturating_add(1),
+            Some(SignedRule::Sum) => integer.saturating_add(sign(on)),
+            Some(SignedRule::Latest) => sign(on),
+        };
     }
 
-    /// Hands out every window before the one that now is in.
+    /// Hands out every window that ends by now.
     fn complete(&mut self, mut sink: impl FnMut(Completed<'_>)) {
         let open = self.admission.now() / self.options.period_us;
         if open > self.open && self.events != [0, 0] {
@@ -198,13 +225,13 @@ impl Windows {
         }
     }
 
-    /// Forms the open window's values, and what they change.
+    /// Computes the open window's values, and the pixels that they change.
     fn render(&mut self) {
-        let pixels = self.options.crop.pixels();
+        let indices = |pixel| self.options.crop.indices(pixel, self.channels);
         self.changed.clear();
         for &pixel in self.touched.as_slice() {
             let mut differs = false;
-            for i in (pixel as usize..).step_by(pixels).take(self.channels) {
+            for i in indices(pixel) {
                 self.values[i] = self.integers[i] as f32 / self.divisor;
                 differs |= self.values[i] != self.before[i];
             }
@@ -213,8 +240,7 @@ impl Windows {
             }
         }
         for &pixel in self.touched_before.as_slice() {
-            let mut channels = (pixel as usize..).step_by(pixels).take(self.channels);
-            if !self.touched.contains(pixel) && channels.any(|i| self.before[i] != 0.0) {
+            if !self.touched.contains(pixel) && indices(pixel).any(|i| self.before[i] != 0.0) {
                 self.changed.push(pixel);
             }
         }
@@ -225,19 +251,25 @@ impl Windows {
         self.forget();
         std::mem::swap(&mut self.values, &mut self.before);
         std::mem::swap(&mut self.touched, &mut self.touched_before);
-        let pixels = self.options.crop.pixels();
         for &pixel in self.touched_before.as_slice() {
-            (pixel as usize..).step_by(pixels).take(self.channels).for_each(|i| self.integers[i] = 0);
+            self.options.crop.indices(pixel, self.channels).for_each(|i| self.integers[i] = 0);
         }
         self.events = [0; 2];
     }
 
     /// The frame before becomes an empty one.
     fn forget(&mut self) {
-        let pixels = self.options.crop.pixels();
         for &pixel in self.touched_before.as_slice() {
-            (pixel as usize..).step_by(pixels).take(self.channels).for_each(|i| self.before[i] = 0.0);
+            self.options.crop.indices(pixel, self.channels).for_each(|i| self.before[i] = 0.0);
         }
         self.touched_before.clear();
     }
 }
+
+/// The polarity of an event as a number.
+pub(super) fn sign(on: bool) -> i32 {
+    if on { 1 } else { -1 }
+}
+
+#[cfg(test)]
+mod tests;

@@ -41,6 +41,11 @@ impl Crop {
         inside.then(|| u32::from(row) * u32::from(self.width) + u32::from(column))
     }
 
+    /// The indices of `pixel` in a frame of `channels` channels.
+    pub(super) fn indices(self, pixel: u32, channels: usize) -> impl Iterator<Item = usize> {
+        (pixel as usize..).step_by(self.pixels()).take(channels)
+    }
+
     /// The shape (`channels`, height, width).
     pub(super) fn shape(self, channels: usize) -> [usize; 3] {
         [channels, usize::from(self.height), usize::from(self.width)]

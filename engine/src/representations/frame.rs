@@ -1,6 +1,16 @@
-//! What representations of events hand out.
+//! Frames of events, as representations deliver them.
 
-/// A frame, and where to look in it.
+/// The value of a pixel in a signed frame, from its events with polarity +1 (ON) or -1 (OFF); 0 without events.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SignedRule {
+    /// The sum of the polarities, an integer.
+    #[default]
+    Sum,
+    /// The polarity of the event that arrived last.
+    Latest,
+}
+
+/// A frame, and the pixels of it that have events or changed.
 ///
 /// Pixels are indices into one channel, row times width plus column, in no particular order.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@
 //! 1 positive (ON), with value(p, y, x) = decay(now - latest(p, y, x)), and 0 where there never was an event.
 //! Ages are integers and rounded to f32 once. Tonic's `ToTimesurface` reads such a surface every `dt`: push the events
 //! before that time, `advance` to it, read.
-//! Invariant: a value that `active` does not name is 0, and stays 0 until its next event, as ages only grow.
+//! Invariant: a value outside `active` is 0, and stays 0 until its next event, because ages only grow.
 
 use meissner_kernels::exp;
 
@@ -48,7 +48,7 @@ pub struct Surface<'a> {
     pub values: &'a [f32],
     /// Indices of the values that are not 0, in no particular order.
     pub active: &'a [u32],
-    /// The moment, on the events' own clock, in microseconds; `None` where there is no time yet.
+    /// The time, on the events' own clock, in microseconds; `None` if there is no time yet.
     pub at_us: Option<i64>,
 }
 
@@ -98,7 +98,7 @@ impl TimeSurface {
 
     /// Notes the time of `event`.
     ///
-    /// An event outside the crop is accepted: it moves time on, and counts as [`Self::outside_crop`].
+    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event) -> Outcome {
         let t = match self.admission.admit_node(event) {
             Ok(node) => node.t,
@@ -114,12 +114,12 @@ impl TimeSurface {
         Outcome::Accepted
     }
 
-    /// Moves time on to `t_us`. Earlier times, and any time before the first event, change nothing.
+    /// Advances time to `t_us`. Earlier times, and any time before the first event, change nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
     }
 
-    /// The surface now: at the newest event, or where `advance` went after it.
+    /// The surface at the current time: that of the newest event, or a later one given to `advance`.
     pub fn surface(&mut self) -> Surface<'_> {
         let now = self.admission.now();
         // Backwards: the row that takes a removed one's place has been visited.
@@ -148,7 +148,7 @@ impl TimeSurface {
         self.admission.reset();
     }
 
-    /// What became of the events so far.
+    /// Counts of the events so far, by outcome.
     pub fn counters(&self) -> &EventCounters {
         self.admission.counters()
     }

@@ -7,7 +7,7 @@
 //!
 //! with polarity +1 (ON) or -1 (OFF) and s = bins or bins - 1 ([`VoxelTime`]). Where t1 = t0, tau is 0.
 //! A weight is an integer multiple of 1 / (t1 - t0), so sums are integers: the grid does not depend on the order of
-//! events, late ones are as good as others, and a value is divided in f64 and rounded to f32 once.
+//! events (late ones count like all others), and a value is divided in f64 and rounded to f32 once.
 
 use std::ops::RangeInclusive;
 
@@ -15,10 +15,10 @@ use crate::representations::{Crop, RepresentationError};
 use crate::rows::RowSet;
 use crate::{Event, Sensor};
 
-/// How a window's time is laid over the bins.
+/// How the time of a window maps to the bins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VoxelTime {
-    /// s = bins: the window's end lies one bin after the last, and weight that falls there is lost (Tonic).
+    /// s = bins: the window's end lies one bin after the last one, and the weight that falls there is lost (Tonic).
     #[default]
     Bins,
     /// s = bins - 1: the window's end lies on the last bin, and every event has weight 1 in all (the paper's Eq. 1).
@@ -40,7 +40,7 @@ pub struct VoxelCounters {
     pub outside_window: u64,
 }
 
-/// A voxel grid, and where to look in it.
+/// A voxel grid, and the pixels of it that have events.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelFrame<'a> {
     /// Bins, rows, columns.
@@ -70,7 +70,7 @@ pub struct VoxelGrid {
     sums: Vec<i64>,
     values: Vec<f32>,
     touched: RowSet,
-    /// Pixels of which the values are behind the sums.
+    /// Pixels whose values are out of date.
     stale: RowSet,
     events: u64,
     counters: VoxelCounters,
@@ -117,9 +117,8 @@ impl VoxelGrid {
     pub fn restart(&mut self, window_us: RangeInclusive<i64>) -> Result<(), RepresentationError> {
         self.span = span(&window_us)?;
         self.start_us = *window_us.start();
-        let pixels = self.crop.pixels();
         for &pixel in self.touched.as_slice() {
-            for i in (pixel as usize..).step_by(pixels).take(self.bins) {
+            for i in self.crop.indices(pixel, self.bins) {
                 self.sums[i] = 0;
                 self.values[i] = 0.0;
             }
@@ -130,7 +129,7 @@ impl VoxelGrid {
         Ok(())
     }
 
-    /// Adds `event`; whether it is on the sensor, in the crop and in the window.
+    /// Adds `event` if it is on the sensor, in the crop and in the window, and returns whether it is.
     pub fn push(&mut self, event: Event) -> bool {
         self.counters.pushed += 1;
         if !self.sensor.contains(event.x, event.y) {
@@ -170,9 +169,9 @@ impl VoxelGrid {
 
     /// The grid over the events so far.
     pub fn frame(&mut self) -> VoxelFrame<'_> {
-        let (pixels, unit) = (self.crop.pixels(), self.span.max(1) as f64);
+        let unit = self.span.max(1) as f64;
         for &pixel in self.stale.as_slice() {
-            for i in (pixel as usize..).step_by(pixels).take(self.bins) {
+            for i in self.crop.indices(pixel, self.bins) {
                 self.values[i] = (self.sums[i] as f64 / unit) as f32;
             }
         }
@@ -185,7 +184,7 @@ impl VoxelGrid {
         }
     }
 
-    /// What became of the events so far.
+    /// Counts of the events so far, by outcome.
     pub fn counters(&self) -> &VoxelCounters {
         &self.counters
     }

@@ -1,4 +1,4 @@
-//! Where the electrodes stand, and what fills the cells between them.
+//! The places of the electrodes, and the values of the cells between them.
 //!
 //! Enters: 24 values. Leaves: an image of 12 x 11, row-major: each electrode's value in its cell; every other cell the
 //! mean of those of its 8 neighbours that are filled, in two passes (the slip paper's published preparation). The first
@@ -24,18 +24,11 @@ pub const ELECTRODE_COLUMNS: [usize; ELECTRODES] =
 
 const PASSES: usize = 2;
 
-/// A cell between electrodes, and where its neighbours end in the list of all.
-#[derive(Clone, Copy, Debug)]
-struct Fill {
-    cell: usize,
-    end: usize,
-}
-
 /// The lists of neighbours by which 24 values become an image.
 #[derive(Clone, Debug)]
 pub struct TactileLayout {
-    fills: Vec<Fill>,
-    neighbours: Vec<usize>,
+    /// Each cell between electrodes, and its filled neighbours.
+    fills: Vec<(usize, Vec<usize>)>,
 }
 
 impl TactileLayout {
@@ -43,20 +36,18 @@ impl TactileLayout {
     pub fn new() -> Self {
         let mut filled = [false; TACTILE_CELLS];
         cells_of_electrodes().for_each(|cell| filled[cell] = true);
-        let mut layout = Self { fills: vec![], neighbours: vec![] };
+        let mut fills = Vec::new();
         for _ in 0..PASSES {
             let before = filled;
             for cell in (0..TACTILE_CELLS).filter(|&cell| !before[cell]) {
-                let first = layout.neighbours.len();
-                layout.neighbours.extend(around(cell).filter(|&neighbour| before[neighbour]));
-                let end = layout.neighbours.len();
-                if end > first {
-                    layout.fills.push(Fill { cell, end });
+                let neighbours: Vec<_> = around(cell).filter(|&neighbour| before[neighbour]).collect();
+                if !neighbours.is_empty() {
+                    fills.push((cell, neighbours));
                     filled[cell] = true;
                 }
             }
         }
-        layout
+        Self { fills }
     }
 
     /// Lays the electrodes' `values` out as `image` (12, 11), row-major. 204 additions.
@@ -64,12 +55,9 @@ impl TactileLayout {
         for (cell, &value) in cells_of_electrodes().zip(values) {
             image[cell] = value;
         }
-        let mut first = 0;
-        for fill in &self.fills {
-            let neighbours = &self.neighbours[first..fill.end];
+        for (cell, neighbours) in &self.fills {
             let sum: f64 = neighbours.iter().map(|&neighbour| f64::from(image[neighbour])).sum();
-            image[fill.cell] = (sum / neighbours.len() as f64) as f32;
-            first = fill.end;
+            image[*cell] = (sum / neighbours.len() as f64) as f32;
         }
     }
 }
@@ -134,7 +122,7 @@ mod tests {
     fn two_passes_fill_every_cell() {
         let layout = TactileLayout::new();
         assert_eq!(layout.fills.len() + ELECTRODES, TACTILE_CELLS);
-        assert_eq!(layout.neighbours.len(), 204);
+        assert_eq!(layout.fills.iter().map(|(_, neighbours)| neighbours.len()).sum::<usize>(), 204);
         assert!(slow(&[0.0; ELECTRODES]).iter().all(Option::is_some));
     }
 

@@ -1,4 +1,4 @@
-//! How readings are brought to the range from 0 to 1.
+//! Scaling of readings to the range from 0 to 1.
 //!
 //! scaled = (value - minimum) / (maximum - minimum), in f64 and rounded to f32 once; 0 where maximum = minimum.
 

@@ -1,7 +1,7 @@
-//! Sequences of consecutive readings, taken as they come.
+//! Sequences of readings.
 //!
-//! Enters: one reading at a time. Leaves: whenever a window is complete, its `steps` readings or images, oldest first,
-//! one after the other. Invariant: `values` holds the `filled` readings or images of the open window from its begin on.
+//! Enters: one reading at a time. Leaves: when a window is complete, its `steps` readings or images, the oldest first.
+//! Invariant: `values` begins with the `filled` readings or images of the open window.
 
 use crate::representations::RepresentationError;
 use crate::representations::tactile::layout::{
@@ -9,7 +9,7 @@ use crate::representations::tactile::layout::{
 };
 use crate::representations::tactile::scaling::{Scaling, by_own_range, scaled};
 
-/// Which readings stand together in a window.
+/// The readings that form a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sampling {
     /// Windows of consecutive readings that do not overlap: one decision per `steps` readings.
@@ -17,14 +17,14 @@ pub enum Sampling {
     Consecutive,
     /// The last `steps` readings: one decision per reading once there are as many.
     Sliding,
-    /// Every `stride`th reading, from the first on, in windows that do not overlap; the others are passed over.
+    /// Every `stride`th reading, from the first on, in windows that do not overlap; the others are skipped.
     Step {
         /// From one reading that is taken to the next.
         stride: usize,
     },
 }
 
-/// What is made of a reading.
+/// The form of a reading in a sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TactileForm {
     /// An image of 12 x 11.

@@ -15,7 +15,7 @@ use crate::systems::contact_area::{ContactError, ForceNormalisation, ImageNormal
 #[non_exhaustive]
 pub enum FrameSource {
     /// Events of each polarity per pixel, divided by a maximum, over consecutive windows
-    /// ([`EventCounts`](meissner_engine::representations::EventCounts)).
+    /// ([`ConsecutiveFrames::counts`](meissner_engine::representations::ConsecutiveFrames::counts)).
     EventCounts {
         /// Length of a window in microseconds.
         period_us: i64,
@@ -24,7 +24,8 @@ pub enum FrameSource {
         /// Count that becomes 1.
         maximum: f32,
     },
-    /// Polarities of events: [`SignedWindows`](meissner_engine::representations::SignedWindows) or
+    /// Polarities of events:
+    /// [`ConsecutiveFrames::signed`](meissner_engine::representations::ConsecutiveFrames::signed) or
     /// [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
     Signed {
         /// The events that a frame shows.

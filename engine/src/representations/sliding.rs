@@ -1,12 +1,13 @@
 //! A signed frame over the last `span_us`, readable at any time.
 //!
 //! Enters: events, and time. Leaves: the frame over the events with `now - span <= t <= now`, on demand.
-//! Invariant: a pixel's integer is the sum (or the latest polarity) of its events in `window`, `held` their number;
-//! `values` is behind in pixels of `stale` alone.
+//! Invariant: a pixel's integer is the sum (or the latest polarity) of its events in `window`, and `held` is their number;
+//! `values` is out of date only in the pixels of `stale`.
 
 use std::collections::VecDeque;
 
 use crate::admission::Admission;
+use crate::representations::consecutive::sign;
 use crate::representations::{Crop, EventFrame, RepresentationError, SignedRule};
 use crate::rows::RowSet;
 use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
@@ -45,8 +46,8 @@ impl SlidingSigned {
     /// A capacity for streams of any sensor: 6 MiB of events.
     pub const DEFAULT_CAPACITY: usize = 1 << 18;
 
-    /// An empty window of `span_us`. It holds at most `capacity` events: of more, the oldest leave first and count as
-    /// evicted.
+    /// An empty window of `span_us`. It holds at most `capacity` events: beyond that, the oldest leave first and count
+    /// as evicted.
     ///
     /// # Errors
     /// A crop outside `sensor`, a span or a capacity below 1, a capacity above 2^31 - 1.
@@ -88,9 +89,9 @@ impl SlidingSigned {
         self.crop.shape(1)
     }
 
-    /// Takes `event` in and lets go of what its time makes too old.
+    /// Takes `event`, and removes the events that its time makes too old.
     ///
-    /// An event outside the crop is accepted: it moves time on, and counts as [`Self::outside_crop`].
+    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event) -> Outcome {
         let t = match self.admission.admit_node(event) {
             Ok(node) => node.t,
@@ -109,15 +110,15 @@ impl SlidingSigned {
         Outcome::Accepted
     }
 
-    /// Moves time on to `t_us` and lets go of what is too old. Earlier times, and any time before the first event,
-    /// change nothing.
+    /// Advances time to `t_us`, and removes the events that are too old. Earlier times, and any time before the first
+    /// event, change nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
         self.expire();
     }
 
-    /// The frame as it is now. `changed` are the pixels of which the value differs from the frame read before;
-    /// `start_us` is `now - span`, or 0 where there is no time yet.
+    /// The current frame. `changed` are the pixels whose value differs from the last frame that was read; `start_us` is
+    /// `now - span`, or 0 if there is no time yet.
     pub fn frame(&mut self) -> EventFrame<'_> {
         self.changed.clear();
         for &pixel in self.stale.as_slice() {
@@ -138,7 +139,7 @@ impl SlidingSigned {
         }
     }
 
-    /// Forgets time and all events. The next frame still tells what changed since the frame read before. Counters go on.
+    /// Forgets time and all events. The next frame still lists the changes since the last frame that was read. Counters go on.
     pub fn reset(&mut self) {
         while !self.window.is_empty() {
             self.leave();
@@ -146,7 +147,7 @@ impl SlidingSigned {
         self.admission.reset();
     }
 
-    /// What became of the events so far.
+    /// Counts of the events so far, by outcome.
     pub fn counters(&self) -> &EventCounters {
         self.admission.counters()
     }
@@ -195,10 +196,6 @@ impl SlidingSigned {
         self.stale.insert(member.pixel);
         self.events[usize::from(member.on)] -= 1;
     }
-}
-
-fn sign(on: bool) -> i32 {
-    if on { 1 } else { -1 }
 }
 
 #[cfg(test)]
