@@ -4,7 +4,6 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use meissner_benches::cost::Cost;
 use meissner_benches::kernel_cases::{denses, splines};
 use meissner_benches::peak::{BUFFERS, Bandwidth, Peak};
 use meissner_benches::report::{Column, Digits, rooflines};
@@ -49,16 +48,20 @@ fn note(report: &Value) -> String {
 fn measure(window: &Recording, peak: &Peak) -> Value {
     let isa = peak.isa;
     let reads = BUFFERS.map(|buffer| Bandwidth::measure(isa, buffer));
-    let line = |name: [String; 3], degree: f64, rows: usize, cost: Cost, ns: f64| {
-        let [network, layer, shape] = name;
+    let splines = networks::INCREMENTAL.iter().flat_map(|network| splines(network, window));
+    let kernels = splines.chain(denses()).map(|case| {
+        case.check(isa);
+        let (mut scratch, mut out) = (SplineScratch::default(), case.out());
+        let ns = median_ns(SHORTEST, || case.run(isa, &mut scratch, black_box(&mut out)));
+        let (cost, rows) = (case.cost, case.rows);
         // No row by itself is faster than its operations at the peak, or its bytes at the first cache's speed. Rows that
         // share weights in registers move fewer bytes.
         let floor_ns = (cost.flops() as f64 / peak.gflops).max(cost.bytes as f64 / reads[0].gb_s);
         json!({
-            "network": network,
-            "layer": layer,
-            "shape": shape,
-            "degree": degree,
+            "network": case.network,
+            "layer": case.layer,
+            "shape": case.shape,
+            "degree": case.degree,
             "rows": rows,
             "multiply_adds_a_row": cost.multiply_adds / rows,
             "bytes_a_row": cost.bytes / rows,
@@ -67,21 +70,8 @@ fn measure(window: &Recording, peak: &Peak) -> Value {
             "gflops": cost.gflops(ns),
             "percent_of_peak": peak.percent(cost.gflops(ns)),
         })
-    };
-    let mut kernels = Vec::new();
-    for case in networks::INCREMENTAL.iter().flat_map(|network| splines(network, window)) {
-        case.check(isa);
-        let (mut scratch, mut out) = (SplineScratch::default(), case.out());
-        let ns = median_ns(SHORTEST, || case.run(isa, &mut scratch, black_box(&mut out)));
-        let name = [case.network.clone(), case.layer.clone(), case.shape()];
-        kernels.push(line(name, case.degree, case.rows(), case.cost(), ns));
-    }
-    for case in denses() {
-        case.check(isa);
-        let mut out = case.out();
-        let ns = median_ns(SHORTEST, || case.run(isa, black_box(&mut out)));
-        kernels.push(line([case.network.clone(), case.layer.clone(), case.shape()], 0.0, 1, case.cost, ns));
-    }
+    });
+    let kernels: Vec<Value> = kernels.collect();
     let reads: Vec<Value> = reads.iter().map(|r| json!({"bytes": r.buffer, "gb_s": r.gb_s})).collect();
     json!({ "window": window.name, "reads": reads, "kernels": kernels })
 }

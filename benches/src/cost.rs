@@ -7,8 +7,6 @@
 //! Bytes are those that a row reads and writes if it is computed alone. Data that the row before left in a register
 //! counts again.
 
-use std::ops::{Add, AddAssign};
-
 use meissner_engine::{GraphConvolution, Network, Trace};
 use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
 
@@ -38,22 +36,12 @@ impl Cost {
     }
 }
 
-impl Add for Cost {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self { multiply_adds: self.multiply_adds + other.multiply_adds, bytes: self.bytes + other.bytes }
-    }
-}
-
-impl AddAssign for Cost {
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
 impl std::iter::Sum for Cost {
     fn sum<I: Iterator<Item = Self>>(costs: I) -> Self {
-        costs.fold(Self::default(), Add::add)
+        costs.fold(Self::default(), |sum, cost| Self {
+            multiply_adds: sum.multiply_adds + cost.multiply_adds,
+            bytes: sum.bytes + cost.bytes,
+        })
     }
 }
 
@@ -102,19 +90,18 @@ pub fn dense(segments: usize, channels: usize, outputs: usize) -> Cost {
 /// Every row of a block and dense layer of a forward pass; neighbour search and maxima are left out.
 pub fn forward(network: &Network, trace: &Trace) -> Cost {
     let levels = trace.levels.iter().enumerate();
-    let blocks = levels.map(|(l, level)| {
+    let blocks = levels.map(|(l, level)| -> Cost {
         let rows = |conv, skip| -> Cost {
             (0..level.edges.rows()).map(|i| row(conv, level.edges.row(i).len(), skip)).sum()
         };
         network.level(l).blocks.iter().map(|block| rows(&block.conv, block.skip.is_some())).sum()
     });
-    let mut cost: Cost = blocks.sum();
-    let (mut segments, mut channels) = (trace.readout.rows(), trace.readout.columns());
-    for layer in &network.parts().dense {
-        cost += dense(segments, channels, layer.dense.outputs());
-        (segments, channels) = (1, layer.dense.outputs());
-    }
-    cost
+    let mut inputs = (trace.readout.rows(), trace.readout.columns());
+    let layers = network.parts().dense.iter().map(|layer| {
+        let (segments, channels) = std::mem::replace(&mut inputs, (1, layer.dense.outputs()));
+        dense(segments, channels, layer.dense.outputs())
+    });
+    blocks.chain(layers).sum()
 }
 
 #[cfg(test)]

@@ -15,29 +15,50 @@ use meissner_models::random::Random;
 /// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.
 const MOST_ROWS: usize = 1_024;
 
-/// One spline block over rows of a real graph.
+/// One spline block over rows of a real graph, or one dense layer.
 #[derive(Clone, Debug)]
-pub struct SplineCase {
+pub struct KernelCase {
     /// Network.
     pub network: String,
     /// Layer.
     pub layer: String,
-    /// The parameters.
-    pub parts: SplineParts,
-    /// Mean number of in-edges.
+    /// The shape in a few characters.
+    pub shape: String,
+    /// Mean number of in-edges; 0 for a dense layer.
     pub degree: f64,
-    conv: SplineConv,
-    features: Matrix,
-    skip: Option<Matrix>,
-    /// Consecutive rows: index and in-edges.
-    rows: Vec<(usize, Vec<Neighbour>)>,
+    /// Number of rows that [`Self::run`] computes.
+    pub rows: usize,
+    /// Cost of all rows.
+    pub cost: Cost,
+    outputs: usize,
+    kernel: Kernel,
+}
+
+#[derive(Clone, Debug)]
+enum Kernel {
+    Spline {
+        parts: SplineParts,
+        conv: Box<SplineConv>,
+        features: Matrix,
+        skip: Option<Matrix>,
+        /// Consecutive rows: index and in-edges.
+        rows: Vec<(usize, Vec<Neighbour>)>,
+    },
+    Dense {
+        dense: Dense,
+        /// One row of padded weights an output.
+        weight: Vec<Vec<f32>>,
+        bias: Vec<f32>,
+        activation: Activation,
+        input: Matrix,
+    },
 }
 
 /// Each spline block of a shipped network, over the graphs of `window`.
 ///
 /// # Panics
 /// If a layer computes NaN.
-pub fn splines(name: &str, window: &Recording) -> Vec<SplineCase> {
+pub fn splines(name: &str, window: &Recording) -> Vec<KernelCase> {
     let network = networks::shipped(name);
     let batch = networks::grid_batch(&network, window.sensor);
     let trace = batch.forward(Stream::new(&window.events)).expect("finite");
@@ -66,58 +87,87 @@ pub fn splines(name: &str, window: &Recording) -> Vec<SplineCase> {
                 elu: true,
             };
             let mut matrix = |columns| Matrix::from_rows(columns, &random.values(count * columns, 1.0));
-            cases.push(SplineCase {
+            let (features, skip) = (matrix(inputs), block.skip.is_some().then(|| matrix(outputs)));
+            let conv = Box::new(SplineConv::new(&parts).expect("sizes fit"));
+            let cost = |(_, edges): &(_, Vec<_>)| cost::spline_row(&conv, edges.len(), skip.is_some());
+            cases.push(KernelCase {
                 network: name.to_owned(),
                 layer: block.name.clone(),
-                conv: SplineConv::new(&parts).expect("sizes fit"),
-                features: matrix(inputs),
-                skip: block.skip.is_some().then(|| matrix(outputs)),
-                rows: rows.clone(),
-                parts,
+                shape: format!("{inputs} -> {outputs}{}", if skip.is_some() { " + skip" } else { "" }),
                 degree,
+                rows: taken,
+                cost: rows.iter().map(cost).sum(),
+                outputs,
+                kernel: Kernel::Spline { parts, conv, features, skip, rows: rows.clone() },
             });
         }
     }
     cases
 }
 
-impl SplineCase {
-    /// Number of rows that [`Self::run`] computes.
-    pub fn rows(&self) -> usize {
-        self.rows.len()
-    }
+/// The dense layers of the shipped networks: after a readout of 4 x 4 cells of 32 channels, and after a hidden layer.
+pub fn denses() -> Vec<KernelCase> {
+    vec![
+        dense("graphres", "fc", [16, 32, 2], Activation::Identity),
+        dense("tactigraph-past", "hidden", [16, 32, 38], Activation::Elu),
+        dense("tactigraph-past", "fc", [1, 38, 2], Activation::Identity),
+    ]
+}
 
-    /// The shape in a few characters.
-    pub fn shape(&self) -> String {
-        let skip = if self.skip.is_some() { " + skip" } else { "" };
-        format!("{} -> {}{skip}", self.parts.inputs, self.parts.outputs)
+fn dense(
+    network: &str,
+    layer: &str,
+    [segments, channels, outputs]: [usize; 3],
+    activation: Activation,
+) -> KernelCase {
+    let mut random = Random::new(4);
+    let inputs = segments * channels;
+    let weight = random.values(inputs * outputs, 0.3);
+    let bias = random.values(outputs, 0.3);
+    let padded = |row: &[f32]| row.chunks(channels).flat_map(Lanes::pack).flat_map(|l| l.0).collect();
+    KernelCase {
+        network: network.to_owned(),
+        layer: layer.to_owned(),
+        shape: format!("{inputs} -> {outputs}"),
+        degree: 0.0,
+        rows: 1,
+        cost: cost::dense(segments, channels, outputs),
+        outputs,
+        kernel: Kernel::Dense {
+            dense: Dense::new(segments, channels, outputs, &weight, Some(&bias), activation)
+                .expect("sizes fit"),
+            weight: weight.chunks(inputs).map(padded).collect(),
+            input: Matrix::from_rows(channels, &random.values(inputs, 1.0)),
+            bias,
+            activation,
+        },
     }
+}
 
-    /// Cost of all rows.
-    pub fn cost(&self) -> Cost {
-        let skip = self.skip.is_some();
-        self.rows.iter().map(|(_, edges)| cost::spline_row(&self.conv, edges.len(), skip)).sum()
-    }
-
+impl KernelCase {
     /// Room for [`Self::run`].
     pub fn out(&self) -> Matrix {
-        Matrix::zeros(self.rows.len(), self.parts.outputs)
+        Matrix::zeros(self.rows, self.outputs)
     }
 
     /// Computes every row.
     pub fn run(&self, isa: Isa, scratch: &mut SplineScratch, out: &mut Matrix) {
+        let (conv, features, skip, rows) = match &self.kernel {
+            Kernel::Dense { dense, input, .. } => return dense.run(isa, input.lanes(), out.row_mut(0)),
+            Kernel::Spline { conv, features, skip, rows, .. } => (conv, features, skip, rows),
+        };
         let mut group = [GraphRow::default(); SplineConv::GROUP];
-        let lanes = out.lanes_mut().chunks_mut(SplineConv::GROUP * Lanes::count(self.parts.outputs));
-        for (rows, out) in self.rows.chunks(SplineConv::GROUP).zip(lanes) {
+        let lanes = out.lanes_mut().chunks_mut(SplineConv::GROUP * Lanes::count(self.outputs));
+        for (rows, out) in rows.chunks(SplineConv::GROUP).zip(lanes) {
             for (to, (row, neighbours)) in group.iter_mut().zip(rows) {
-                let skip = self.skip.as_ref().map(|skip| skip.row(*row));
-                *to = GraphRow { neighbours, own: self.features.row(*row), skip, ..GraphRow::default() };
+                let skip = skip.as_ref().map(|skip| skip.row(*row));
+                *to = GraphRow { neighbours, own: features.row(*row), skip, ..GraphRow::default() };
             }
-            self.conv.rows(isa, &self.features, &group[..rows.len()], scratch, out);
+            conv.rows(isa, features, &group[..rows.len()], scratch, out);
         }
     }
 
-    /// Asserts that some rows equal the scalar twin's, bit for bit.
+    /// Asserts that the layer, or every 31st row, equals the scalar twin's, bit for bit.
     ///
     /// # Panics
     /// If one does not.
@@ -125,93 +175,23 @@ impl SplineCase {
         let mut out = self.out();
         self.run(isa, &mut SplineScratch::default(), &mut out);
         let values = |matrix: &Matrix, row| matrix.values(row).collect::<Vec<f32>>();
-        let features: Vec<Vec<f32>> =
-            (0..self.features.rows()).map(|row| values(&self.features, row)).collect();
-        for (place, (row, neighbours)) in self.rows.iter().enumerate().step_by(31) {
-            let skip = self.skip.as_ref().map(|skip| values(skip, *row));
-            let read = |j: usize, c: usize| features[j][c];
-            let expected = naive::spline_row(&self.parts, neighbours, read, *row, skip.as_deref());
+        let check = |row, expected: &[f32]| {
             let case = format!("{} {}, {}", self.network, self.layer, isa.name());
-            assert_eq!(bits(&values(&out, place)), bits(&expected), "{case}");
+            assert_eq!(bits(&values(&out, row)), bits(expected), "{case}");
+        };
+        match &self.kernel {
+            Kernel::Dense { weight, bias, activation, input, .. } => {
+                let input: Vec<f32> = input.lanes().iter().flat_map(|l| l.0).collect();
+                check(0, &naive::dense(&input, weight, bias, *activation));
+            }
+            Kernel::Spline { parts, features, skip, rows, .. } => {
+                let features: Vec<Vec<f32>> = (0..features.rows()).map(|row| values(features, row)).collect();
+                for (place, (row, neighbours)) in rows.iter().enumerate().step_by(31) {
+                    let skip = skip.as_ref().map(|skip| values(skip, *row));
+                    let read = |j: usize, c: usize| features[j][c];
+                    check(place, &naive::spline_row(parts, neighbours, read, *row, skip.as_deref()));
+                }
+            }
         }
-    }
-}
-
-/// One dense layer.
-#[derive(Clone, Debug)]
-pub struct DenseCase {
-    /// Network.
-    pub network: String,
-    /// Layer.
-    pub layer: String,
-    /// The layer's cost.
-    pub cost: Cost,
-    dense: Dense,
-    /// One row of padded weights an output.
-    weight: Vec<Vec<f32>>,
-    bias: Vec<f32>,
-    activation: Activation,
-    input: Matrix,
-}
-
-/// The dense layers of the shipped networks: after a readout of 4 x 4 cells of 32 channels, and after a hidden layer.
-pub fn denses() -> Vec<DenseCase> {
-    vec![
-        DenseCase::new("graphres", "fc", [16, 32, 2], Activation::Identity),
-        DenseCase::new("tactigraph-past", "hidden", [16, 32, 38], Activation::Elu),
-        DenseCase::new("tactigraph-past", "fc", [1, 38, 2], Activation::Identity),
-    ]
-}
-
-impl DenseCase {
-    fn new(
-        network: &str,
-        layer: &str,
-        [segments, channels, outputs]: [usize; 3],
-        activation: Activation,
-    ) -> Self {
-        let mut random = Random::new(4);
-        let weight = random.values(segments * channels * outputs, 0.3);
-        let bias = random.values(outputs, 0.3);
-        let padded = |row: &[f32]| row.chunks(channels).flat_map(Lanes::pack).flat_map(|l| l.0).collect();
-        Self {
-            network: network.to_owned(),
-            layer: layer.to_owned(),
-            cost: cost::dense(segments, channels, outputs),
-            dense: Dense::new(segments, channels, outputs, &weight, Some(&bias), activation)
-                .expect("sizes fit"),
-            weight: weight.chunks(segments * channels).map(padded).collect(),
-            input: Matrix::from_rows(channels, &random.values(segments * channels, 1.0)),
-            bias,
-            activation,
-        }
-    }
-
-    /// Room for [`Self::run`].
-    pub fn out(&self) -> Matrix {
-        Matrix::zeros(1, self.dense.outputs())
-    }
-
-    /// The shape in a few characters.
-    pub fn shape(&self) -> String {
-        format!("{} -> {}", self.dense.inputs(), self.dense.outputs())
-    }
-
-    /// Computes the layer.
-    pub fn run(&self, isa: Isa, out: &mut Matrix) {
-        self.dense.run(isa, self.input.lanes(), out.row_mut(0));
-    }
-
-    /// Asserts that the layer equals its scalar twin, bit for bit.
-    ///
-    /// # Panics
-    /// If it does not.
-    pub fn check(&self, isa: Isa) {
-        let mut out = self.out();
-        self.run(isa, &mut out);
-        let input: Vec<f32> = self.input.lanes().iter().flat_map(|l| l.0).collect();
-        let expected = naive::dense(&input, &self.weight, &self.bias, self.activation);
-        let case = format!("{} {}, {}", self.network, self.layer, isa.name());
-        assert_eq!(bits(&out.values(0).collect::<Vec<_>>()), bits(&expected), "{case}");
     }
 }
