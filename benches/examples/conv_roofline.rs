@@ -2,17 +2,14 @@
 //! `cargo run --release -p meissner-benches --example conv_roofline [-- --json] [--all-isas]`.
 
 use std::hint::black_box;
-use std::time::Duration;
 
 use meissner_benches::answers::Deviation;
-use meissner_benches::conv_cases::{Case, SHAPES};
+use meissner_benches::conv_cases::{Case, SHAPES, SHORTEST};
 use meissner_benches::peak::Peak;
 use meissner_benches::report::{Column, Digits, rooflines};
 use meissner_benches::timing::median_ns;
-use meissner_kernels::{Conv3x3, ConvScratch, FeatureMap, Isa, Region, View, WinogradConv3x3, WinogradTile};
+use meissner_kernels::{ConvScratch, FeatureMap, Isa, Region, View, WinogradConv3x3, WinogradTile};
 use serde_json::{Value, json};
-
-const SHORTEST: Duration = Duration::from_millis(10);
 
 const COLUMNS: [Column; 12] = [
     ("layer", "layer", Digits::Fixed(0)),
@@ -47,10 +44,7 @@ fn measure(peak: &Peak, case: &Case) -> Value {
     let views: Vec<View<'_>> = case.inputs.iter().map(FeatureMap::view).collect();
     let (mut direct_out, mut out) = (case.out(), case.out());
     let region = Region::all(out.height(), out.width());
-    let direct = Conv3x3::new(&case.parts).expect("the case's parameters fit");
-    let direct_ns = median_ns(SHORTEST, || {
-        direct.run(peak.isa, &views, region, black_box(&mut direct_out).band()).expect("the case's maps fit");
-    });
+    let direct_ns = case.direct_ns(peak.isa, &mut direct_out);
     let gflops = |ns: f64| 2.0 * case.multiply_adds() as f64 / ns;
     let mut line = json!({
         "layer": case.name,

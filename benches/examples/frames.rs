@@ -14,9 +14,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
+use meissner_benches::Result;
 use meissner_benches::answers::Deviation;
 use meissner_benches::timing::median_ms;
-use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
 use meissner_kernels::{Isa, WinogradTile};
@@ -25,7 +25,7 @@ use meissner_models::{FrameDescription, Weights};
 
 const LARGEST_ERROR: f64 = 1e-4;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let usage = "usage: frames NETWORK FILE [--runs N] [--recording FILE]...";
     let [name, file, rest @ ..] = &arguments[..] else { return Err(usage.into()) };
@@ -82,29 +82,22 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    fn new(
-        description: &'a FrameDescription,
-        weights: &'a Weights,
-    ) -> Result<Self, Box<dyn std::error::Error>> {
+    fn new(description: &'a FrameDescription, weights: &'a Weights) -> Result<Self> {
         let values = |tensor| weights.get(tensor).and_then(|t| t.values()).ok_or("the file holds no x and y");
         let (x, y) = (values("x")?, values("y")?);
         Ok(Self { description, weights, x, y, steps: x.len() / description.input().values() })
     }
 
-    fn engine(
-        &self,
-        convolution: Convolution,
-        options: FrameOptions,
-    ) -> Result<FrameEngine, Box<dyn std::error::Error>> {
+    fn engine(&self, convolution: Convolution, options: FrameOptions) -> Result<FrameEngine> {
         let network = FrameNetwork::new(self.description.network_parts(self.weights)?, convolution)?;
         Ok(FrameEngine::with_options(network, options)?)
     }
 
     /// Median milliseconds of the whole input, and the largest error relative to the largest magnitude.
-    fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f64), Box<dyn std::error::Error>> {
+    fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f64)> {
         let Self { x, y, steps, .. } = *self;
         let mut answer = Vec::new();
-        let mut forward = |answer: &mut Vec<f32>| -> Result<(), EngineError> {
+        let mut forward = |answer: &mut Vec<f32>| -> Result<()> {
             answer.clear();
             engine.reset();
             for frame in x.chunks_exact(x.len() / steps) {
@@ -128,11 +121,7 @@ impl<'a> Case<'a> {
     }
 
     /// Mean milliseconds a frame after the first; every prediction has the bits of one with nothing skipped.
-    fn sequence(
-        &self,
-        frames: &[Vec<f32>],
-        options: FrameOptions,
-    ) -> Result<f64, Box<dyn std::error::Error>> {
+    fn sequence(&self, frames: &[Vec<f32>], options: FrameOptions) -> Result<f64> {
         let all = options.with_skip(Skip::Nothing).with_sparse(false);
         let mut whole = self.engine(Convolution::Direct, all)?;
         let mut engine = self.engine(Convolution::Direct, options)?;
@@ -178,7 +167,7 @@ fn moving_rectangle(x: &[f32], shape: FrameShape, count: usize) -> Vec<Vec<f32>>
 }
 
 /// Signed frames of 150 ms, 10 ms apart, that differ from the one before, in the upper left of `shape`; 400 at most.
-fn signed_frames(path: &Path, shape: FrameShape) -> Result<Vec<Vec<f32>>, Box<dyn std::error::Error>> {
+fn signed_frames(path: &Path, shape: FrameShape) -> Result<Vec<Vec<f32>>> {
     let FrameShape::Image { channels: 1, height, width } = shape else {
         return Err("one channel is needed".into());
     };

@@ -5,14 +5,11 @@
 //! neighbourhoods of positions (im2col) is timed separately; our kernels do without it.
 
 use std::hint::black_box;
-use std::time::Duration;
 
-use meissner_benches::conv_cases::{Case, SHAPES};
+use meissner_benches::conv_cases::{Case, SHAPES, SHORTEST};
 use meissner_benches::peak::Peak;
 use meissner_benches::timing::median_ns;
-use meissner_kernels::{Conv3x3, FeatureMap, Isa, Region};
-
-const SHORTEST: Duration = Duration::from_millis(10);
+use meissner_kernels::{FeatureMap, Isa};
 
 fn main() {
     let isa = Isa::best();
@@ -21,7 +18,7 @@ fn main() {
     for shape in SHAPES.iter().filter(|shape| shape.inputs == [64] || shape.inputs == [128]) {
         let case = shape.case();
         let flops = 2.0 * case.multiply_adds() as f64;
-        let own = own(isa, &case);
+        let own = case.direct_ns(isa, &mut case.out());
         let (gather, product) = by_crate(&case);
         let figure = |ns: f64| {
             format!("{:9.1} us {:6.1} GFLOP/s {:5.1} %", ns / 1e3, flops / ns, peak.percent(flops / ns))
@@ -31,17 +28,6 @@ fn main() {
         println!("  crate gemm             {}", figure(product));
         println!("  with the gathering     {}", figure(gather + product));
     }
-}
-
-/// Nanoseconds of the direct kernel.
-fn own(isa: Isa, case: &Case) -> f64 {
-    let conv = Conv3x3::new(&case.parts).expect("the case's parameters fit");
-    let mut out = case.out();
-    let region = Region::all(out.height(), out.width());
-    let inputs = [case.inputs[0].view()];
-    median_ns(SHORTEST, || {
-        conv.run(isa, &inputs, region, black_box(&mut out).band()).expect("the case's maps fit");
-    })
 }
 
 /// Nanoseconds of the gathering and of the product.

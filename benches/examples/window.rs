@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
-use meissner_benches::{answers, networks, timing};
+use meissner_benches::{Result, answers, networks, timing};
 use meissner_engine::{Candidates, Engine, EngineError, Network, Stream, Trace};
 use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Tensor, Weights};
@@ -17,7 +17,7 @@ use serde_json::json;
 
 const K: usize = 16;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<()> {
     let (mut export, mut runs) = (None, 15);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -56,11 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// The graph is a k-d tree's, the layers alone are the whole pass's, and the engine agrees.
-fn check(
-    network: &Arc<Network>,
-    window: &Recording,
-    trace: &Trace,
-) -> Result<(), Box<dyn std::error::Error>> {
+fn check(network: &Arc<Network>, window: &Recording, trace: &Trace) -> Result<()> {
     let edges = &trace.levels[0].edges;
     for (row, expected) in answers::tree_neighbourhoods(window, K).iter().enumerate() {
         assert!(edges.row(row).iter().map(|n| n.row).eq(expected.iter().copied()), "neighbours of {row}");
@@ -82,12 +78,7 @@ fn event_layers(network: &Network, trace: &Trace) -> Vec<Matrix> {
 }
 
 /// The window for a peer. Indices are f32 as well: below 2^24 they are exact.
-fn safetensors(
-    window: &Recording,
-    network: &Network,
-    trace: &Trace,
-    weights: &Weights,
-) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+fn safetensors(window: &Recording, network: &Network, trace: &Trace, weights: &Weights) -> Result<Vec<u8>> {
     let level = &trace.levels[0];
     let blocks = network.level(0).blocks.len();
     let near = (0..WINDOW).flat_map(|row| level.edges.row(row).iter().map(|n| n.row as f32)).collect();

@@ -1,7 +1,15 @@
 //! The 3 x 3 convolutions of the frame networks, with random weights and activations.
 
-use meissner_kernels::{ConvParts, FeatureMap};
+use std::hint::black_box;
+use std::time::Duration;
+
+use meissner_kernels::{Conv3x3, ConvParts, FeatureMap, Isa, Region, View};
 use meissner_models::random::Random;
+
+use crate::timing::median_ns;
+
+/// Shortest batch of calls that is timed.
+pub const SHORTEST: Duration = Duration::from_millis(10);
 
 /// A layer's sizes.
 #[derive(Clone, Copy, Debug)]
@@ -99,6 +107,19 @@ impl Case {
     pub fn out(&self) -> FeatureMap {
         let (height, width) = (self.inputs[0].height(), self.inputs[0].width());
         FeatureMap::zeros(height, width, self.parts.outputs, 1).expect("the shape is a map's")
+    }
+
+    /// Median nanoseconds of the direct kernel, which writes `out`.
+    ///
+    /// # Panics
+    /// If the kernel refuses the case.
+    pub fn direct_ns(&self, isa: Isa, out: &mut FeatureMap) -> f64 {
+        let conv = Conv3x3::new(&self.parts).expect("the case's parameters fit");
+        let inputs: Vec<View<'_>> = self.inputs.iter().map(FeatureMap::view).collect();
+        let region = Region::all(out.height(), out.width());
+        median_ns(SHORTEST, || {
+            conv.run(isa, &inputs, region, black_box(&mut *out).band()).expect("the case's maps fit");
+        })
     }
 
     /// Products of the direct convolution.

@@ -12,3 +12,6 @@ pub mod report;
 pub mod streams;
 pub mod suite;
 pub mod timing;
+
+/// The result of a program that prints whatever goes wrong.
+pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;

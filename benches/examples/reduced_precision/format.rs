@@ -123,7 +123,7 @@ impl Value for i16 {
 pub(crate) trait Format {
     type Value: Value;
     /// The stored weights of sixteen outputs on [`Self::DEPTH`] inputs.
-    type Weights: Copy;
+    type Weights: Weight;
     /// Inputs whose products one instruction adds.
     const DEPTH: usize;
     /// Largest magnitude that the weights of an output are scaled to, if any.
@@ -136,7 +136,6 @@ pub(crate) trait Format {
     fn pack(v: V4, sums: __m512i) -> [i32; 16];
     /// Stores the weights on one input after the other, in steps.
     fn store(weights: &[[f32; 16]]) -> Self::Weights;
-    fn load(weights: &Self::Weights) -> __m512i;
     /// totals + inputs weights.
     #[inline(always)]
     fn add_inputs(v: V4, totals: __m512i, inputs: __m512i, weights: __m512i) -> __m512i {
@@ -144,14 +143,15 @@ pub(crate) trait Format {
     }
 }
 
-/// f32 throughout, with weights that are stored as `W` and widened where they are read.
+/// f32 throughout, with weights that are stored as `W` and widened when they are read.
 pub(crate) struct Float<W>(PhantomData<W>);
 
-/// Sixteen stored weights.
+/// Sixteen stored words of weights.
 pub(crate) trait Weight: Copy {
     const LARGEST: Option<f32> = None;
+    /// Stores sixteen weights in f32.
     fn store(weights: [f32; 16]) -> Self;
-    fn widen(self) -> [f32; 16];
+    fn load(self) -> __m512i;
 }
 
 impl Weight for Words {
@@ -159,7 +159,7 @@ impl Weight for Words {
         Self(cast(weights))
     }
     #[inline(always)]
-    fn widen(self) -> [f32; 16] {
+    fn load(self) -> __m512i {
         cast(self.0)
     }
 }
@@ -175,8 +175,8 @@ impl Weight for Halves {
         Self(weights.map(|w| ((w.to_bits() + 0x7fff + (w.to_bits() >> 16 & 1)) >> 16) as u16))
     }
     #[inline(always)]
-    fn widen(self) -> [f32; 16] {
-        self.0.map(|w| f32::from_bits(u32::from(w) << 16))
+    fn load(self) -> __m512i {
+        cast(self.0.map(|w| f32::from_bits(u32::from(w) << 16)))
     }
 }
 
@@ -191,8 +191,8 @@ impl Weight for Bytes {
         Self(weights.map(|w| w.round_ties_even() as i8))
     }
     #[inline(always)]
-    fn widen(self) -> [f32; 16] {
-        self.0.map(f32::from)
+    fn load(self) -> __m512i {
+        cast(self.0.map(f32::from))
     }
 }
 
@@ -208,10 +208,6 @@ impl<W: Weight> Format for Float<W> {
     }
     fn store(weights: &[[f32; 16]]) -> W {
         W::store(weights[0])
-    }
-    #[inline(always)]
-    fn load(weights: &W) -> __m512i {
-        cast(weights.widen())
     }
 }
 
@@ -242,10 +238,6 @@ impl<const SUM: i32, const WEIGHT: u16> Format for Pairs<SUM, WEIGHT> {
     fn store(weights: &[[f32; 16]]) -> Words {
         Words(std::array::from_fn(|o| cast([i16::of(weights[0][o]), i16::of(weights[1][o])])))
     }
-    #[inline(always)]
-    fn load(weights: &Words) -> __m512i {
-        cast(weights.0)
-    }
 }
 
 /// Fours of u8, up to 127 so that two products fit an i16, with i8.
@@ -270,10 +262,6 @@ impl Format for Fours {
     fn store(weights: &[[f32; 16]]) -> Words {
         let byte = |d: usize, o: usize| i16::of(weights[d][o]) as i8;
         Words(std::array::from_fn(|o| cast([byte(0, o), byte(1, o), byte(2, o), byte(3, o)])))
-    }
-    #[inline(always)]
-    fn load(weights: &Words) -> __m512i {
-        cast(weights.0)
     }
     #[inline(always)]
     fn add_inputs(v: V4, totals: __m512i, inputs: __m512i, weights: __m512i) -> __m512i {

@@ -91,9 +91,14 @@ impl Problem {
     }
 }
 
+/// The values of a matrix, in whole lanes.
+pub(crate) fn flat(matrix: &Matrix) -> Vec<f32> {
+    matrix.lanes().iter().flat_map(|l| l.0).collect()
+}
+
 /// Largest magnitude of a matrix.
 pub(crate) fn magnitude(matrix: &Matrix) -> f32 {
-    matrix.lanes().iter().flat_map(|l| l.0).fold(0.0, |m, x| m.max(x.abs()))
+    flat(matrix).into_iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
 /// The range that a grid of attributes covers.

@@ -4,7 +4,7 @@ use meissner_kernels::{Isa, Matrix, Simd, Task, Vector, Wide, elu};
 use pulp::cast;
 use pulp::x86::V4;
 
-use crate::format::{Format, Pairs, Value, splat};
+use crate::format::{Format, Pairs, Value, Weight, splat};
 use crate::problem::{GROUP, Problem, ROWS, Rounded, magnitude};
 
 /// Pairs of i16: i16 sums and i8 weights.
@@ -253,7 +253,7 @@ impl<F: Format, const C: usize, const B: usize> Task for Run<'_, F, C, B> {
                 }
             }
             if stage != Stage::Sums {
-                simd.apart(Contract { rows });
+                simd.apart(&mut *rows);
             }
             if stage == Stage::Whole {
                 let out = rows.out[first * 16 * B..][..GROUP * 16 * B].as_chunks_mut().0;
@@ -265,12 +265,8 @@ impl<F: Format, const C: usize, const B: usize> Task for Run<'_, F, C, B> {
     }
 }
 
-/// Totals (row, block) of a group.
-struct Contract<'a, F: Format, const C: usize, const B: usize> {
-    rows: &'a mut Rows<F, C, B>,
-}
-
-impl<F: Format, const C: usize, const B: usize> Task for Contract<'_, F, C, B> {
+/// Computes the totals (row, block) of a group from its sums.
+impl<F: Format, const C: usize, const B: usize> Task for &mut Rows<F, C, B> {
     type Output = ();
 
     #[inline(always)]
@@ -278,7 +274,7 @@ impl<F: Format, const C: usize, const B: usize> Task for Contract<'_, F, C, B> {
         if !S::WIDE {
             return;
         }
-        let Rows { v, weights, sums, totals, .. } = self.rows;
+        let Rows { v, weights, sums, totals, .. } = self;
         let (v, n) = (*v, 8 * C / F::DEPTH);
         let rows: [&[i32]; GROUP] = std::array::from_fn(|r| &sums[r * n..][..n]);
         let weights: [&[F::Weights]; B] = std::array::from_fn(|b| &weights[b * n..][..n]);
@@ -286,7 +282,7 @@ impl<F: Format, const C: usize, const B: usize> Task for Contract<'_, F, C, B> {
         for i in 0..n {
             let mut w = [splat(v, 0); B];
             for (w, from) in w.iter_mut().zip(&weights) {
-                *w = F::load(&from[i]);
+                *w = from[i].load();
             }
             for (acc, row) in acc.iter_mut().zip(&rows) {
                 let x = splat(v, row[i]);
@@ -397,7 +393,7 @@ impl<F: Format, const C: usize, const B: usize> ByTable<F, C, B> {
 
     /// Computes or updates every row.
     pub(crate) fn run(&mut self) {
-        Isa::best().run(Look { rows: self });
+        Isa::best().run(self);
     }
 }
 
@@ -415,11 +411,8 @@ impl<const C: usize, const B: usize> ByTable<I16, C, B> {
     }
 }
 
-struct Look<'a, F: Format, const C: usize, const B: usize> {
-    rows: &'a mut ByTable<F, C, B>,
-}
-
-impl<F: Format, const C: usize, const B: usize> Task for Look<'_, F, C, B> {
+/// Computes or updates every row.
+impl<F: Format, const C: usize, const B: usize> Task for &mut ByTable<F, C, B> {
     type Output = ();
 
     #[inline(always)]
@@ -428,7 +421,7 @@ impl<F: Format, const C: usize, const B: usize> Task for Look<'_, F, C, B> {
         if !S::WIDE {
             return;
         }
-        let ByTable { v, features, edges, per_row, table, finish, totals, out } = self.rows;
+        let ByTable { v, features, edges, per_row, table, finish, totals, out } = self;
         let (v, words) = (*v, C / F::DEPTH);
         for (row, edges) in edges.chunks_exact(*per_row).enumerate() {
             // Four chains, which are enough to hide an instruction's latency.
@@ -448,7 +441,7 @@ impl<F: Format, const C: usize, const B: usize> Task for Look<'_, F, C, B> {
                     for (acc, (x, weights)) in acc.iter_mut().zip(each) {
                         let x = splat(v, F::Value::word(x));
                         for (acc, w) in acc.iter_mut().zip(weights) {
-                            *acc = F::add_inputs(v, *acc, x, F::load(w));
+                            *acc = F::add_inputs(v, *acc, x, w.load());
                         }
                     }
                 }

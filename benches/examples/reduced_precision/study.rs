@@ -13,7 +13,7 @@ use pulp::x86::V4;
 use serde_json::{Value, json};
 
 use crate::format::{Bytes, Float, Format, Fours, Halves, Pairs, Words};
-use crate::problem::{Problem, ROWS, Rounded, Span};
+use crate::problem::{Problem, ROWS, Rounded, Span, flat};
 use crate::rows::{ByTable, I16, Rows, Stage, Width};
 use crate::wave;
 
@@ -247,11 +247,6 @@ impl<'a, const C: usize, const B: usize> Variants<'a, C, B> {
             lines.add(name, counts, None, move || table.run());
         }
     }
-}
-
-/// The values of a matrix of whole lanes.
-fn flat(matrix: &Matrix) -> Vec<f32> {
-    matrix.lanes().iter().flat_map(|l| l.0).collect()
 }
 
 /// Prints the changes that events cause, layer by layer.

@@ -14,7 +14,7 @@ use meissner_benches::streams::Recording;
 use meissner_engine::{Batch, Engine, LevelTrace, Network, Stream, Trace};
 use meissner_kernels::{Lanes, Matrix, Neighbour, maximum, settle};
 
-use crate::problem::magnitude;
+use crate::problem::{flat, magnitude};
 use crate::rows::Width;
 
 /// Counts of one layer.
@@ -130,9 +130,8 @@ impl Windows<'_> {
             (from, before) = (next_from, after);
         }
         let last = features.each_ref().map(|levels| levels.last().and_then(|l| l.last()).expect("layers"));
-        let values = |matrix: &Matrix| matrix.lanes().iter().flat_map(|l| l.0).collect::<Vec<f32>>();
         for (out, found) in out.iter_mut().zip(last) {
-            out.deviations.push(Deviation::between(&values(last[0]), &values(found)));
+            out.deviations.push(Deviation::between(&flat(last[0]), &flat(found)));
         }
     }
 }

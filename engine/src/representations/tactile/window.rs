@@ -61,7 +61,6 @@ pub struct TactileWindow {
     filled: usize,
     /// Readings since the last reset.
     readings: u64,
-    image: [f32; TACTILE_CELLS],
 }
 
 impl TactileWindow {
@@ -86,7 +85,10 @@ impl TactileWindow {
             let expected = "one that gives an image one value for each electrode";
             return Err(RepresentationError::option("scaling", expected, "both by reading and by range"));
         }
-        let len = frame_len(form, scaling);
+        let len = match form {
+            TactileForm::Image => TACTILE_CELLS,
+            TactileForm::Reading => scaling.values(),
+        };
         Ok(Self {
             steps,
             sampling,
@@ -96,7 +98,6 @@ impl TactileWindow {
             values: vec![0.0; steps * len],
             filled: 0,
             readings: 0,
-            image: [0.0; TACTILE_CELLS],
         })
     }
 
@@ -116,7 +117,7 @@ impl TactileWindow {
         {
             return Ok(None);
         }
-        let len = frame_len(self.form, self.scaling);
+        let len = self.values.len() / self.steps;
         if self.filled == self.steps {
             if self.sampling == Sampling::Sliding {
                 self.values.copy_within(len.., 0);
@@ -135,9 +136,9 @@ impl TactileWindow {
                     by_own_range(own);
                 }
             }
+            // A step is one image.
             TactileForm::Image => {
-                self.layout.image(&scaled, &mut self.image);
-                step.copy_from_slice(&self.image);
+                step.as_chunks_mut().0.iter_mut().for_each(|image| self.layout.image(&scaled, image));
             }
         }
         if self.scaling == Scaling::PerImage {
@@ -186,14 +187,6 @@ impl TactileWindow {
             }
         }
         Ok(out)
-    }
-}
-
-/// Number of values of a step.
-fn frame_len(form: TactileForm, scaling: Scaling) -> usize {
-    match form {
-        TactileForm::Image => TACTILE_CELLS,
-        TactileForm::Reading => scaling.values(),
     }
 }
 
