@@ -1,6 +1,6 @@
 //! Input that reaches no prediction although nobody asked for that, and recordings that were cut short.
 //!
-//! Enters: counts. Leaves: a warning for each reason that more than [`PERCENT`] of the input was lost for, with the likely
+//! Enters: counts. Leaves: a warning for each reason that more than one percent of the input was lost for, with the likely
 //! cause. Events that a filter or a queue drops are not counted: someone asked for that. A live stream may go on for days, so
 //! its losses are reported after a thousand events, ten thousand and so on.
 

@@ -18,7 +18,7 @@
 //! `kind = "spline"` is short for `kind = "block"` with `conv = "spline"`. A block's tensors begin with its prefix, and those
 //! of its batch norm are `norm.weight`, `norm.bias`, `norm.running_mean` and `norm.running_var`.
 //!
-//! A new convolution is a variant of [`ConvolutionKind`] and a row of [`KINDS`].
+//! A new convolution is a variant of [`ConvolutionKind`] and a row of `KINDS`.
 
 use std::ops::RangeInclusive;
 

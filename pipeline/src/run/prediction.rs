@@ -12,7 +12,7 @@ pub trait Observer {
     /// Takes a prediction.
     ///
     /// # Errors
-    /// The prediction cannot be shown; the run ends with [`PipelineError::Output`].
+    /// The prediction cannot be shown; the run ends with [`PipelineError::Output`](crate::PipelineError::Output).
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()>;
 
     /// So many events have been taken.
