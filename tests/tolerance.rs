@@ -7,7 +7,7 @@ use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor,
 };
 use meissner_models::{Description, Weights};
-use meissner_tests::stored;
+use meissner_tests::within_tolerance;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 use meissner_verify::{CheckedEngine, Random, bits, strategies};
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ proptest! {
     ) {
         let options = Options::new().with_tolerance(tolerance).with_poison(poison);
         let mut checked = CheckedEngine::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
-        prop_assert_eq!(checked.run_with(&script, stored::check), Ok(()));
+        prop_assert_eq!(checked.run_with(&script, within_tolerance::check), Ok(()));
     }
 
     #[test]

@@ -19,8 +19,8 @@ use crate::header;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::report::{Report, TableKind};
+use args::ConvolutionArg;
 pub(crate) use args::RunArgs;
-use args::Way;
 
 /// Runs what `args` ask for, to standard output.
 pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         return run_events(args);
     }
     let input = &args.input;
-    let convolution = args.frames.convolution.unwrap_or(Way::Direct).into();
+    let convolution = args.frames.convolution.unwrap_or(ConvolutionArg::Direct).into();
     let model =
         FrameModel::named(&input.network, input.weights.as_deref(), convolution, input.ignore_preparation)?;
     let model = match args.electrodes.sampling {

@@ -9,7 +9,7 @@
 //! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for an empty
 //! cell.
 
-use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, maximum, same_bits, settle};
+use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zero, maximum, same_bits};
 
 use crate::counters::LayerLog;
 use crate::members::Members;
@@ -121,7 +121,7 @@ impl Maxima {
 
     /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed, and whether they have
     /// members.
-    pub(crate) fn settle(
+    pub(crate) fn update(
         &mut self,
         isa: Isa,
         features: &Matrix,
@@ -221,7 +221,7 @@ impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
         for member in self.members {
             maximum(self.out, self.features.row(member as usize));
         }
-        settle(self.out);
+        clear_negative_zero(self.out);
     }
 }
 
@@ -261,7 +261,7 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
             out.copy_from_slice(queue.suffix.row(members.oldest(cell) as usize));
             maximum(out, back);
         }
-        settle(out);
+        clear_negative_zero(out);
     }
 }
 
@@ -300,7 +300,7 @@ mod tests {
                         maxima.dirty.insert(0);
                     }
                     let mut log = LayerLog::default();
-                    maxima.settle(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
+                    maxima.update(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
                 }
                 values.values(0).next().map(f32::to_bits)
             };

@@ -267,7 +267,12 @@ impl Merged {
 
     /// Sets attributes and offsets of each in-edge of `row`; `difference` returns the difference to a source. Returns
     /// whether the row was altered or any value that blocks read differs.
-    pub(crate) fn settle(&mut self, row: u32, scale: f32, difference: impl Fn(u32) -> [f64; 3]) -> bool {
+    pub(crate) fn update_attributes(
+        &mut self,
+        row: u32,
+        scale: f32,
+        difference: impl Fn(u32) -> [f64; 3],
+    ) -> bool {
         let altered = std::mem::take(&mut self.altered[row as usize]);
         let mut changed = altered;
         let span = self.span(row);
@@ -453,8 +458,8 @@ mod tests {
                     prop_assert_eq!(merged.count_down(row, at.expect("it is there")), gone);
                 }
                 if settle {
-                    merged.settle(row, 4.0, difference);
-                    prop_assert!(!merged.settle(row, 4.0, difference));
+                    merged.update_attributes(row, 4.0, difference);
+                    prop_assert!(!merged.update_attributes(row, 4.0, difference));
                     prop_assert!(merged.neighbours(row).iter().all(|n| n.u == u(n.row)));
                     let basis: Vec<_> = merged.neighbours(row).iter().map(|n| spline_basis(n.u)).collect();
                     prop_assert_eq!(merged.edges(row).basis, basis);

@@ -303,7 +303,7 @@ impl PooledGraph {
     }
 
     /// Brings positions and attributes up to date; calls `rewired` with each cell whose neighbourhood changed.
-    pub(crate) fn settle(
+    pub(crate) fn update_positions(
         &mut self,
         below: Below<'_>,
         counters: &mut PredictionCounters,
@@ -331,7 +331,7 @@ impl PooledGraph {
             let Some(edges) = &mut self.edges else { break };
             let own = self.positions[cell as usize];
             let difference = |source: u32| [0, 1, 2].map(|d| self.positions[source as usize][d] - own[d]);
-            let changed = edges.settle(cell, self.scale, difference);
+            let changed = edges.update_attributes(cell, self.scale, difference);
             counters.neighbourhoods_checked += 1;
             if changed {
                 rewired(cell);

@@ -157,7 +157,7 @@ impl ReadoutState {
 
     /// Brings the readout up to date at `now`, in microseconds since the epoch; returns whether the prediction must be
     /// recomputed.
-    pub(crate) fn settle(
+    pub(crate) fn update(
         &mut self,
         last: &LastLevel<'_>,
         now: i64,
@@ -185,7 +185,7 @@ impl ReadoutState {
         let (features, changed) = (last.activations.feature(from), last.activations.changed(from));
         let valid = &mut self.valid;
         let mut log = LayerLog::default();
-        self.maxima.settle(isa, features, changed, &mut self.values, &mut log, |_, _| *valid = false);
+        self.maxima.update(isa, features, changed, &mut self.values, &mut log, |_, _| *valid = false);
         counters.cells_recomputed += log.counters.recomputed;
         counters.cells_unchanged += log.counters.unchanged;
         counters.read += 1;

@@ -225,7 +225,7 @@ impl Step {
             let (graph, own, below) = (&mut upper[0], &mut own[0], &below[p]);
             let (features, changed) = (below.feature(pooling.from), below.changed(pooling.from));
             let (values, moved) = own.input_mut();
-            graph.maxima.settle(self.isa, features, changed, values, &mut layers[0], |cell, alive| {
+            graph.maxima.update(self.isa, features, changed, values, &mut layers[0], |cell, alive| {
                 if alive {
                     moved.insert(cell);
                 }
@@ -235,7 +235,7 @@ impl Step {
                 lower.shifted().as_slice().iter().for_each(|&row| graph.member_shifted(row));
             }
             let below = lower.last().map_or(Below::Events(&self.window), Below::Cells);
-            graph.settle(below, &mut log.predictions, |cell| own.rewire(cell));
+            graph.update_positions(below, &mut log.predictions, |cell| own.rewire(cell));
             self.stopwatch.lap(Stage::PooledAttributes);
             own.run(level, graph, self.isa, &mut layers[1..]);
             self.stopwatch.lap(Stage::PooledLayers);
@@ -243,7 +243,7 @@ impl Step {
         }
         let last = self.activations.len() - 1;
         let level = LastLevel { activations: &self.activations[last], pooled: self.pooled.last() };
-        let moved = self.readout.settle(&level, now, self.isa, &mut log.predictions);
+        let moved = self.readout.update(&level, now, self.isa, &mut log.predictions);
         self.stopwatch.lap(Stage::Readout);
         if moved {
             self.readout.run(&self.network, self.isa);

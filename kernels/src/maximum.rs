@@ -2,8 +2,8 @@
 
 use crate::lanes::Lanes;
 
-/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`settle`]; in between, the order
-/// of rows affects only the sign of zero, which `settle` removes. NaN members are ignored.
+/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`clear_negative_zero`]; in between, the order
+/// of rows affects only the sign of zero, which `clear_negative_zero` removes. NaN members are ignored.
 #[inline(always)]
 pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     for (a, r) in acc.iter_mut().zip(row) {
@@ -18,7 +18,7 @@ pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
 
 /// Finishes a maximum: negative zero becomes +0, which makes the result independent of the order.
 #[inline(always)]
-pub fn settle(acc: &mut [Lanes]) {
+pub fn clear_negative_zero(acc: &mut [Lanes]) {
     for a in acc {
         *a = *a + Lanes::ZERO;
     }
@@ -55,7 +55,7 @@ mod tests {
     fn maximum_of(rows: &[[f32; 8]]) -> [u32; 8] {
         let mut acc = [Lanes::splat(f32::NEG_INFINITY)];
         rows.iter().for_each(|&r| maximum(&mut acc, &[Lanes(r)]));
-        settle(&mut acc);
+        clear_negative_zero(&mut acc);
         acc[0].0.map(f32::to_bits)
     }
 

@@ -17,12 +17,12 @@ mod input;
 mod moments;
 mod phases;
 
-pub use compare::{CompareReport, Comparison, Ratios, WayReport, WaysReport};
+pub use compare::{CompareReport, Comparison, Ratios, SideReport, SidesReport};
 pub use deadline::{DeadlineBin, DeadlineReport, Sustained};
 pub use events::{
     EventBench, EventReport, LatencyReport, LayerWork, Measured, MemoryReport, PhaseLatencies, PhaseReport,
     PhasesReport, StageReport, Work, whole,
 };
 pub use frame_passes::{EventFrameModel, Field};
-pub use frames::{FrameBench, FrameLatencyReport, FrameReport, FrameWayReport, PixelReport};
+pub use frames::{FrameBench, FrameLatencyReport, FrameModeReport, FrameReport, PixelReport};
 pub use input::{BenchInput, BenchOptions, FrameInputReport, InputReport, Part};

@@ -6,4 +6,4 @@ pub mod event_frames;
 pub mod fixed_run;
 pub mod shared;
 pub mod snapshots;
-pub mod stored;
+pub mod within_tolerance;

@@ -12,7 +12,7 @@ use meissner_benches::answers::Deviation;
 use meissner_benches::networks::{grid_batch, level_features};
 use meissner_benches::streams::Recording;
 use meissner_engine::{Batch, Engine, LevelTrace, Network, Stream, Trace};
-use meissner_kernels::{Lanes, Matrix, Neighbour, maximum, settle};
+use meissner_kernels::{Lanes, Matrix, Neighbour, clear_negative_zero, maximum};
 
 use crate::problem::{flat, magnitude};
 use crate::rows::Width;
@@ -161,7 +161,7 @@ fn pooled(features: &Matrix, members: &[Vec<usize>]) -> Matrix {
         let to = out.row_mut(cell);
         to.fill(Lanes::splat(f32::NEG_INFINITY));
         members.iter().for_each(|&row| maximum(to, features.row(row)));
-        settle(to);
+        clear_negative_zero(to);
     }
     out
 }

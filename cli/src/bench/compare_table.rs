@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{CompareReport, Ratios, WayReport};
+use meissner_pipeline::bench::{CompareReport, Ratios, SideReport};
 use meissner_pipeline::text::grouped;
 
 use super::table::{cells, headings, mebibytes, peak, recording};
@@ -19,7 +19,7 @@ pub(super) fn write(out: &mut impl Write, report: &CompareReport) -> io::Result<
     writeln!(out, "\nmemory       {} of state{peak}", state.join(", "))
 }
 
-fn ways(report: &CompareReport) -> [(&'static str, &WayReport); 3] {
+fn ways(report: &CompareReport) -> [(&'static str, &SideReport); 3] {
     let ways = &report.ways;
     [
         ("events", &ways.events),

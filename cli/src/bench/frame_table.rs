@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{FrameReport, FrameWayReport};
+use meissner_pipeline::bench::{FrameModeReport, FrameReport};
 use meissner_pipeline::text::grouped;
 
 use super::table::{cells, deadline, headings, mebibytes, passes, peak, recording};
@@ -27,7 +27,7 @@ pub(super) fn write(out: &mut impl Write, report: &FrameReport) -> io::Result<()
     deadline(out, &report.deadline)
 }
 
-fn ways(report: &FrameReport) -> [(&'static str, &FrameWayReport); 2] {
+fn ways(report: &FrameReport) -> [(&'static str, &FrameModeReport); 2] {
     [("skipping", &report.skipping), ("everything", &report.everything)]
 }
 
@@ -85,7 +85,7 @@ fn latencies(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
     Ok(())
 }
 
-fn pixels(out: &mut impl Write, name: &str, way: &FrameWayReport) -> io::Result<()> {
+fn pixels(out: &mut impl Write, name: &str, way: &FrameModeReport) -> io::Result<()> {
     let heading = format!("layer ({name})");
     let mut table = Table::new(&[
         &heading,

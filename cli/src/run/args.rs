@@ -91,7 +91,7 @@ pub(super) struct FrameArgs {
     ///
     /// Winograd's ways round differently: they are an approximation.
     #[arg(long, value_enum, value_name = "WAY", help_heading = FRAMES)]
-    pub(super) convolution: Option<Way>,
+    pub(super) convolution: Option<ConvolutionArg>,
     /// Threads that share the rows of large maps, 1 or 2 [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = FRAMES)]
     pub(super) threads: Option<u8>,
@@ -150,7 +150,7 @@ pub(super) struct ElectrodeArgs {
 
 /// How 3 x 3 convolutions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Way {
+pub(super) enum ConvolutionArg {
     /// Multiply and add, pixel by pixel.
     Direct,
     /// Winograd's filtering of 2 x 2 pixels.
@@ -159,12 +159,12 @@ pub(super) enum Way {
     Winograd4,
 }
 
-impl From<Way> for Convolution {
-    fn from(way: Way) -> Self {
+impl From<ConvolutionArg> for Convolution {
+    fn from(way: ConvolutionArg) -> Self {
         match way {
-            Way::Direct => Self::Direct,
-            Way::Winograd2 => Self::Winograd(WinogradTile::Two),
-            Way::Winograd4 => Self::Winograd(WinogradTile::Four),
+            ConvolutionArg::Direct => Self::Direct,
+            ConvolutionArg::Winograd2 => Self::Winograd(WinogradTile::Two),
+            ConvolutionArg::Winograd4 => Self::Winograd(WinogradTile::Four),
         }
     }
 }
@@ -249,10 +249,10 @@ impl RunArgs {
                 format!("computes what changes by more than {tolerance} (an approximation)")
             }
         };
-        let way = match self.frames.convolution.unwrap_or(Way::Direct) {
-            Way::Direct => "",
-            Way::Winograd2 => ", convolves by Winograd 2 x 2 (an approximation)",
-            Way::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
+        let way = match self.frames.convolution.unwrap_or(ConvolutionArg::Direct) {
+            ConvolutionArg::Direct => "",
+            ConvolutionArg::Winograd2 => ", convolves by Winograd 2 x 2 (an approximation)",
+            ConvolutionArg::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
         };
         let threads = if options.two_threads { ", two threads" } else { "" };
         format!("{skip}{way}{threads}")

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, maximum, settle};
+use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, clear_negative_zero, maximum};
 
 /// In-edges of consecutive rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,5 +81,5 @@ pub struct Trace {
 pub(super) fn maximum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
     out.fill(Lanes::splat(f32::NEG_INFINITY));
     rows.iter().for_each(|&row| maximum(out, features.row(row)));
-    settle(out);
+    clear_negative_zero(out);
 }

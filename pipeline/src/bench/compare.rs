@@ -50,7 +50,7 @@ pub struct CompareReport {
     /// Moments at which all predict.
     pub moments: u64,
     /// The compared passes, the fastest of each.
-    pub ways: WaysReport,
+    pub ways: SidesReport,
     /// Compute of the network over events.
     pub ratio_percent: Ratios,
     /// Multiply-adds of the network over events.
@@ -64,19 +64,19 @@ pub struct CompareReport {
 /// The three passes that are compared, with predictions at the same moments.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct WaysReport {
+pub struct SidesReport {
     /// The network over events, incrementally.
-    pub events: WayReport,
+    pub events: SideReport,
     /// The frame network, everything computed for every frame.
-    pub frames_everything: WayReport,
+    pub frames_everything: SideReport,
     /// The frame network, without pixels whose inputs do not change.
-    pub frames_skipping: WayReport,
+    pub frames_skipping: SideReport,
 }
 
 /// One of the compared passes.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct WayReport {
+pub struct SideReport {
     /// Seconds of compute.
     pub compute_s: f64,
     /// Per second of stream.
@@ -110,7 +110,7 @@ pub struct Ratios {
 }
 
 impl Ratios {
-    fn of(ways: &WaysReport, of: impl Fn(&WayReport) -> f64) -> Self {
+    fn of(ways: &SidesReport, of: impl Fn(&SideReport) -> f64) -> Self {
         let percent = |to: f64| (to > 0.0).then(|| of(&ways.events) / to * 100.0);
         Self {
             frames_everything: percent(of(&ways.frames_everything)),
@@ -168,7 +168,7 @@ impl<'a> Comparison<'a> {
 
 /// One pass.
 #[derive(Debug, Default)]
-struct Way {
+struct Side {
     /// Events entering the window, or the frame.
     events: Duration,
     /// Taking frames.
@@ -186,9 +186,9 @@ struct Way {
 /// One pass of each of the three.
 #[derive(Debug)]
 struct Round {
-    events: Way,
-    frames_everything: Way,
-    frames_skipping: Way,
+    events: Side,
+    frames_everything: Side,
+    frames_skipping: Side,
     /// Accepted events that no frame shows.
     outside: u64,
     /// Events that left a sliding frame before their time.
@@ -245,9 +245,9 @@ impl Comparison<'_> {
     }
 
     /// A new engine over the first events, up to the moment at which as many as `most` are in.
-    fn over_events(&self, moments: &Moments, most: usize) -> Result<Way, PipelineError> {
+    fn over_events(&self, moments: &Moments, most: usize) -> Result<Side, PipelineError> {
         let mut engine = Engine::new(Arc::new(self.model.network.clone()), self.input.sensor)?;
-        let mut way = Way::default();
+        let mut way = Side::default();
         for moment in moments.iter() {
             if moment.events.start >= most {
                 break;
@@ -277,9 +277,9 @@ fn over_frames(
     frames: &FramePasses<'_>,
     skip: Skip,
     predictions: &mut Predictions,
-) -> Result<(Way, Pass), PipelineError> {
+) -> Result<(Side, Pass), PipelineError> {
     let mut times = FrameTimes::default();
-    let mut way = Way::default();
+    let mut way = Side::default();
     let pass = frames.pass(skip, u64::MAX, &mut times, |Predicted { values, work, .. }| {
         predictions.note(values);
         way.moments.record(work);
@@ -299,7 +299,7 @@ fn over_frames(
 impl Round {
     /// The faster pass of each.
     fn faster(self, other: Self) -> Self {
-        let faster = |a: Way, b: Way| if b.compute() < a.compute() { b } else { a };
+        let faster = |a: Side, b: Side| if b.compute() < a.compute() { b } else { a };
         Self {
             events: faster(self.events, other.events),
             frames_everything: faster(self.frames_everything, other.frames_everything),
@@ -309,8 +309,8 @@ impl Round {
     }
 
     /// The reports, for `stream_s` seconds of stream.
-    fn report(&self, stream_s: f64) -> WaysReport {
-        WaysReport {
+    fn report(&self, stream_s: f64) -> SidesReport {
+        SidesReport {
             events: self.events.report(stream_s),
             frames_everything: self.frames_everything.report(stream_s),
             frames_skipping: self.frames_skipping.report(stream_s),
@@ -318,14 +318,14 @@ impl Round {
     }
 }
 
-impl Way {
+impl Side {
     fn compute(&self) -> Duration {
         self.events + self.push.unwrap_or_default() + self.predict
     }
 
-    fn report(&self, stream_s: f64) -> WayReport {
+    fn report(&self, stream_s: f64) -> SideReport {
         let compute_s = self.compute().as_secs_f64();
-        WayReport {
+        SideReport {
             compute_s,
             compute_s_per_s: (stream_s > 0.0).then(|| compute_s / stream_s),
             events_s: self.events.as_secs_f64(),

@@ -37,9 +37,9 @@ pub struct FrameReport {
     /// Frames.
     pub frames: u64,
     /// Pixels whose inputs do not change keep their values.
-    pub skipping: FrameWayReport,
+    pub skipping: FrameModeReport,
     /// Everything is computed.
-    pub everything: FrameWayReport,
+    pub everything: FrameModeReport,
     /// Most memory that the process had resident; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
     /// Deadlines of the first pass with skipping.
@@ -79,7 +79,7 @@ impl<'a> FrameBench<'a> {
                     Ok(())
                 })?;
             }
-            let way = FrameWayReport::new(model, &last.engine, &times, repeat);
+            let way = FrameModeReport::new(model, &last.engine, &times, repeat);
             Ok::<_, PipelineError>((way, last))
         });
         let ((skipping, last), (everything, _)) = (skipping?, everything?);
@@ -104,7 +104,7 @@ impl<'a> FrameBench<'a> {
 /// Passes with skipping, or without.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
-pub struct FrameWayReport {
+pub struct FrameModeReport {
     /// Times of a frame.
     pub latency_us: FrameLatencyReport,
     /// Seconds of compute for the whole stream, of one pass in the mean.
@@ -153,7 +153,7 @@ pub struct PixelReport {
     pub multiply_adds: u64,
 }
 
-impl FrameWayReport {
+impl FrameModeReport {
     /// The report of so many `passes`. Counters are those of `engine`, of the last pass.
     fn new(model: &EventFrameModel, engine: &FrameEngine, latencies: &FrameTimes, passes: u32) -> Self {
         let counters = engine.counters();

@@ -5,7 +5,7 @@
 
 use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use meissner_engine::{ConvolutionScratch, Event, Fraction, Pooling, Trace};
-use meissner_kernels::{Isa, Lanes, Matrix, maximum, settle};
+use meissner_kernels::{Isa, Lanes, Matrix, clear_negative_zero, maximum};
 
 use meissner_verify::{CheckedEngine, bits};
 
@@ -129,7 +129,7 @@ fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [L
     }
     out.fill(Lanes::splat(f32::NEG_INFINITY));
     rows.for_each(|row| maximum(out, features.row(row)));
-    settle(out);
+    clear_negative_zero(out);
 }
 
 /// The prediction that the stored rows of the last level give.
