@@ -1,4 +1,4 @@
-//! The lines of a report about approximations.
+//! The lines of a text report about approximations.
 
 use std::io::{self, Write};
 

@@ -1,5 +1,5 @@
-//! Groups of arguments that several subcommands share. Wrong values of single arguments are found by clap, which exits with
-//! status 2.
+//! Groups of arguments that several subcommands share. Clap checks the value of each argument and exits with status 2
+//! if it is invalid.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::path::PathBuf;
@@ -14,8 +14,8 @@ use meissner_pipeline::predictor;
 pub(crate) use meissner_pipeline::schedule::Every;
 use meissner_pipeline::text::span_us;
 
-// Headings of the help. Each option names its heading: a heading of a group of arguments would also stand over the options
-// that follow the group.
+// Headings of the help. Each option names its heading, because the heading of a group of arguments would also apply to
+// the options that follow the group.
 pub(crate) const INPUT: &str = "Input";
 pub(crate) const NETWORK: &str = "Network";
 pub(crate) const PREDICTIONS: &str = "Predictions";
@@ -27,7 +27,7 @@ pub(crate) const ELECTRODES: &str = "Electrodes";
 pub(crate) const APPROXIMATIONS: &str = "Approximations";
 pub(crate) const OUTPUT: &str = "Output";
 
-/// At the end of every help.
+/// The end of every help text.
 pub(crate) const STATUS: &str = "\
 Exit status:
   0    success, or the reader of the output closed the pipe
@@ -41,21 +41,21 @@ Exit status:
 pub(crate) struct ReadArgs {
     /// Order of the columns of a text of events, such as xytp.
     ///
-    /// The letters are t, x, y, p, and _ for each other column. Without this option, a header says the order, or the
-    /// values do where they leave no doubt; where several orders fit, the text is refused. On standard input the first
-    /// line decides: with commas it is t,x,y,p where it can be.
+    /// The letters are t, x, y, p, and _ for every other column. Without this option, the order is read from the
+    /// header, or inferred from the values if only one order fits them; if several fit, the text is refused. On
+    /// standard input the first line decides: a line with commas is read as t,x,y,p if possible.
     #[arg(long, value_name = "ORDER", help_heading = INPUT)]
     pub(crate) columns: Option<ColumnOrder>,
     /// Unit of the times of a text of events.
     ///
-    /// Without it, the header says the unit (such as t_ms). Where it does not, whole numbers are microseconds, numbers
-    /// with a point and four or more decimals are seconds, and fewer decimals are refused. Finer times are rounded to
-    /// the nearest microsecond.
+    /// Without this option, the unit is read from the header (such as t_ms). If the header has none, whole numbers are
+    /// microseconds, and numbers with at least four decimals are seconds; numbers with fewer decimals are refused.
+    /// Finer times are rounded to the nearest microsecond.
     #[arg(long, value_name = "s|ms|us|ns", help_heading = INPUT)]
     pub(crate) time_unit: Option<TimeUnit>,
-    /// Read a recording that was cut short as far as it is whole.
+    /// Read the intact part of a truncated recording.
     ///
-    /// What is left out is counted.
+    /// The part that is left out is counted.
     #[arg(long, help_heading = INPUT)]
     pub(crate) salvage: bool,
 }
@@ -67,7 +67,7 @@ impl ReadArgs {
         ReadOptions::new().text(text).salvage(self.salvage)
     }
 
-    /// The options, and whether each is given.
+    /// Each option, and whether it was given.
     pub(crate) fn given(self) -> [(&'static str, bool); 3] {
         [
             ("--columns", self.columns.is_some()),
@@ -77,7 +77,7 @@ impl ReadArgs {
     }
 }
 
-/// What `run`, `play` and `bench` work on.
+/// The input and the network of `run`, `play` and `bench`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
@@ -85,15 +85,15 @@ pub(crate) struct Input {
     /// Events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy. On standard input, CSV lines (t_us,x,y,p) are read as they
     /// arrive. The built-in recording is a synthetic press and release.
     ///
-    /// Electrodes: CSV with a column for each of the 24, also on standard input. Pictures: a PNG, JPEG, PPM or PGM
-    /// file, a folder of them, or a text file with one path a line.
+    /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM
+    /// or PGM file, a folder of them, or a text file with one path per line.
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
     /// Size of the sensor in pixels, in place of the recording's.
     ///
-    /// Needed where the recording does not state it. CSV states it in a line `# sensor WxH` before the first event:
-    /// without this option, the program waits for the first event on standard input. Events outside the sensor are
-    /// dropped and counted.
+    /// This option is required if the recording does not state the size. CSV states it in a line `# sensor WxH` before
+    /// the first event, so on standard input the program waits for the first event unless this option is given. Events
+    /// outside the sensor are dropped and counted.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     pub(crate) sensor: Option<Sensor>,
     /// Read at most N events of the recording.
@@ -101,12 +101,13 @@ pub(crate) struct Input {
     pub(crate) limit: Option<u64>,
     /// End with an error at the first line of a text that cannot be read.
     ///
-    /// Without it, such a line is counted ("lines_refused"), the first five are named on standard error, and the stream
-    /// goes on; more than half of the first 100 lines, or of a shorter text, are an error. With it, standard input is
-    /// summed up to the line, and of a file of events nothing is run.
+    /// Without this option, such lines are skipped and counted ("lines_refused"), and the first five are reported on
+    /// standard error. If more than half of the first 100 lines (or of a shorter text) cannot be read, the program ends
+    /// with an error. With this option, the summary of standard input covers the lines before the error, and a file of
+    /// events is not run at all.
     #[arg(long, help_heading = INPUT)]
     pub(crate) strict: bool,
-    /// What to do with an event that is earlier than one before it.
+    /// Policy for an event that is earlier than an event before it.
     #[arg(long, value_enum, default_value_t = Late::Drop, help_heading = INPUT)]
     pub(crate) late: Late,
     /// How the recording is read.
@@ -124,50 +125,50 @@ pub(crate) struct Input {
     pub(crate) weights: Option<PathBuf>,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// A preparation is the graph with its scales, span and cells, or how frames are made. Without this option such
-    /// weights are refused. With it the predictions are not those that the weights were trained for, and every output
-    /// says so.
+    /// The preparation is the graph with its scales, span and cells, or the way in which frames are made. Without this
+    /// option, such weights are refused. With it, the predictions are not the ones that the weights were trained for,
+    /// and every output says so.
     #[arg(long, help_heading = NETWORK)]
     pub(crate) ignore_preparation: bool,
     /// Length of the window, in place of the description's.
     #[arg(long = "span", value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     pub(crate) span_us: Option<i64>,
-    /// Most events in the window, in place of the description's.
+    /// Largest number of events in the window, in place of the description's.
     #[arg(long, value_name = "N", help_heading = NETWORK,
           value_parser = clap::value_parser!(u32).range(1..=Network::LARGEST_CAPACITY as i64))]
     pub(crate) capacity: Option<u32>,
-    /// What makes results cheaper and less exact.
+    /// Approximations, which make results cheaper and less exact.
     #[command(flatten)]
     pub(crate) approximations: ApproximationArgs,
 }
 
-/// What makes results cheaper and less exact.
+/// Approximations, which make results cheaper and less exact.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct ApproximationArgs {
     /// Keep the values of a row or pixel that changes by at most X.
     ///
-    /// X bounds the change in every channel. Without this option every change counts, and results are exact. Networks
-    /// over events: a row of a spline block that has just entered is always stored, and pooled maxima and the readout
-    /// are exact over stored rows, so that no error grows with time. Rows that are computed once on arrival (the event
-    /// level of tactigraph-frozen and tactigraph-past) stay exact.
+    /// X is the limit for every channel. Without this option every change counts, and results are exact. In networks
+    /// over events, a new row of a spline block is always stored, and pooled maxima and the readout are exact over the
+    /// stored rows, so errors do not grow with time. Rows that are computed once on arrival (the event level of
+    /// tactigraph-frozen and tactigraph-past) stay exact.
     #[arg(long, value_name = "X", value_parser = number, help_heading = APPROXIMATIONS)]
     pub(crate) tolerance: Option<f32>,
-    /// Let each node of the event graph read only its first K neighbours.
+    /// Limit each node of the event graph to its first K neighbours.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..), help_heading = APPROXIMATIONS)]
     pub(crate) neighbours: Option<u8>,
-    /// Drop events as noise where no neighbouring pixel fired in the TIME before.
+    /// Drop events as noise if no neighbouring pixel fired within TIME before.
     ///
     /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us. Filters act in this
-    /// order: --activity-filter, --refractory, --rate-limit, --stride. They act before late events, and events outside
-    /// the sensor, are dropped.
+    /// order: --activity-filter, --refractory, --rate-limit, --stride. Late events and events outside the sensor are
+    /// dropped after the filters.
     #[arg(long = "activity-filter", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
     pub(crate) activity_filter_us: Option<i64>,
-    /// Drop events of a pixel within TIME of its last event that was kept.
+    /// Drop events of a pixel within TIME after its last kept event.
     #[arg(long = "refractory", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
     pub(crate) refractory_us: Option<i64>,
     /// Thin events evenly above this rate, in events per second.
     ///
-    /// Bursts of up to 1 ms at that rate pass.
+    /// Bursts of up to 1 ms at this rate pass unthinned.
     #[arg(long, value_name = "RATE", help_heading = APPROXIMATIONS,
           value_parser = clap::value_parser!(u64).range(1..=RateLimit::HIGHEST))]
     pub(crate) rate_limit: Option<u64>,
@@ -176,18 +177,18 @@ pub(crate) struct ApproximationArgs {
     pub(crate) stride: Option<u32>,
     /// Recompute a prediction only after N more accepted events.
     ///
-    /// Until then the last prediction stands, with its time. With --stale-time as well, a prediction is recomputed as
-    /// soon as either is reached.
+    /// Until then the last prediction is repeated, with its time. With --stale-time too, a prediction is recomputed as
+    /// soon as either limit is reached.
     #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
           value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     pub(crate) stale_events: Option<u64>,
-    /// Recompute a prediction only after TIME of stream time.
+    /// Recompute a prediction only after TIME more of stream time.
     #[arg(long = "stale-time", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
     pub(crate) stale_us: Option<i64>,
 }
 
 impl ApproximationArgs {
-    /// The options that only fit networks over events, and whether each was given.
+    /// The options that apply only to networks over events, and whether each was given.
     pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
         [
             ("--neighbours", self.neighbours.is_some()),
@@ -200,7 +201,7 @@ impl ApproximationArgs {
         ]
     }
 
-    /// The first of those given that remember events or predictions beside the engine.
+    /// The first given option that keeps events or predictions outside the engine.
     pub(crate) fn remembers(&self) -> Option<&'static str> {
         let [.., activity, refractory, rate, stride, stale_events, stale_us] = self.given();
         let remembering = [activity, refractory, rate, stride, stale_events, stale_us];
@@ -227,7 +228,7 @@ impl ApproximationArgs {
 /// How predictions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Mode {
-    /// Recompute what an event changes.
+    /// Recompute only what an event changes.
     Incremental,
     /// Recompute every row, at every prediction.
     Batch,
@@ -242,12 +243,12 @@ impl From<Mode> for predictor::Mode {
     }
 }
 
-/// What becomes of late events.
+/// Policy for late events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Late {
-    /// Drop it, and count it.
+    /// Drop the event, and count it.
     Drop,
-    /// Accept it at the newest time, and count it.
+    /// Accept the event at the newest time, and count it.
     Clamp,
 }
 

@@ -22,7 +22,7 @@ use crate::progress::Progress;
 use crate::report::{Out, out};
 pub(crate) use args::BenchArgs;
 
-/// Measures what `args` ask for, and reports to standard output.
+/// Runs the benchmark that `args` describe, and writes the report to standard output.
 pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     match (describe_any(&args.input.network)?, &args.compare) {
         ((AnyDescription::Frames(_), _), _) => bench_frames(args),
@@ -31,7 +31,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     }
 }
 
-/// A network over events.
+/// Measures a network over events.
 fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     let model = args.input.model()?;
     if let Some(path) = &args.svg {
@@ -47,7 +47,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     write(args, &report, |out| table::write(out, &report))
 }
 
-/// A frame network over events.
+/// Measures a frame network over events.
 fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
     check_frames(args)?;
     let Input { network, weights, ignore_preparation, .. } = &args.input;
@@ -56,7 +56,7 @@ fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
     write(args, &report, |out| frame_table::write(out, &report))
 }
 
-/// The network over events against the frame network called `name`.
+/// Compares the network over events with the frame network called `name`.
 fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let model = args.input.model()?;
     let weights = args.compare_weights.as_deref();
@@ -66,14 +66,14 @@ fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     write(args, &report, |out| compare_table::write(out, &report))
 }
 
-/// The events that `args` ask for, for a benchmark of the network of `card`.
+/// The events that `args` select, for a benchmark of the network of `card`.
 fn input(args: &BenchArgs, card: &ModelCard) -> Result<BenchInput, CliError> {
     let source = args.input.source(card)?;
     let sensor = source.sensor(args.input.sensor)?;
     Ok(BenchInput::take(source, sensor, card, &args.options())?)
 }
 
-/// Writes `report` as JSON, or as `table` does.
+/// Writes `report` as JSON, or as text with `table`.
 fn write(
     args: &BenchArgs,
     report: &impl Serialize,
@@ -88,7 +88,7 @@ fn write(
     Ok(out.flush()?)
 }
 
-/// Refuses options that only fit networks over events.
+/// Refuses options that apply only to networks over events.
 fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
     let approximations = &args.input.approximations;
     let given = [
@@ -109,7 +109,7 @@ fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
     })
 }
 
-/// `error`, with the option for the weights of the frame network to compare with.
+/// Rewrites `error` to name the option for the weights of the compared frame network.
 fn with_its_option(error: PipelineError) -> CliError {
     match error {
         PipelineError::NoWeights(network) => CliError::Option {

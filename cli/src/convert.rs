@@ -1,4 +1,4 @@
-//! `meissner convert`: a recording in another format.
+//! `meissner convert`: writes a recording in another format.
 #![expect(
     clippy::doc_markdown,
     reason = "comments of arguments are the help text, which would show the backticks"
@@ -29,7 +29,7 @@ pub(crate) struct ConvertArgs {
     /// The file must not exist (see --force). Standard output needs --to.
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Replace OUT where it exists.
+    /// Replace OUT if it exists.
     #[arg(long, short, help_heading = OUTPUT)]
     force: bool,
     /// How IN is read.
@@ -38,7 +38,7 @@ pub(crate) struct ConvertArgs {
     /// Size of the sensor in pixels for the header, in place of the recording's.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     sensor: Option<Sensor>,
-    /// Format to write [default: as OUT's extension says].
+    /// Format to write [default: from the extension of OUT].
     ///
     /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
     #[arg(long, value_name = "FORMAT", value_enum, help_heading = OUTPUT)]
@@ -48,7 +48,7 @@ pub(crate) struct ConvertArgs {
 /// The formats that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum To {
-    /// Text, one event a line.
+    /// Text, one event per line.
     Csv,
     /// NumPy structured array.
     Npy,
@@ -69,7 +69,7 @@ impl From<To> for Format {
     }
 }
 
-/// Reads, writes, and says what did not come along.
+/// Reads and writes the recording, and reports the parts that the new format does not have.
 pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     let to_stdout = args.output == Path::new("-");
     let format = match args.to {
@@ -79,7 +79,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     if !format.is_writable() {
         return Err(CliError::NotWritable(format!("{format} is read, not written")));
     }
-    // What is no file, such as /dev/null, is not lost by being written to.
+    // A path that is not a file, such as /dev/null, loses nothing when it is written to.
     if !to_stdout && !args.force && args.output.is_file() {
         return Err(CliError::Exists { path: args.output.clone() });
     }

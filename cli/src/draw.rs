@@ -1,4 +1,4 @@
-//! `meissner draw`: weights from a seed, so that a new description runs before anything is trained.
+//! `meissner draw`: draws weights from a seed, so that a new description can run before it is trained.
 
 use std::fs::File;
 use std::io::Write;
@@ -11,7 +11,7 @@ use crate::error::CliError;
 use crate::tell::tell;
 use meissner_pipeline::model::describe_any;
 
-/// At the end of the long help.
+/// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
 Examples:
   meissner draw own.toml --out own.safetensors
@@ -27,19 +27,19 @@ pub(crate) struct DrawArgs {
     /// Seed; equal seeds give equal bytes on every machine.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(crate) seed: u64,
-    /// File to write (safetensors); one that exists is not replaced.
+    /// File to write (safetensors); an existing file is not replaced.
     ///
-    /// Its metadata states that the weights are drawn. They are good for latencies and tests of equality; predictions mean
-    /// nothing.
+    /// The metadata says that the weights are drawn. They are useful for measuring latency and testing equality, but
+    /// the predictions are meaningless.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) out: PathBuf,
 }
 
-/// Writes the weights that `args` ask for.
+/// Draws the weights and writes them.
 pub(crate) fn draw(args: &DrawArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     let bytes = drawn_file(&description, args.seed);
-    // Trained weights may have taken hours: only a new file is written.
+    // Training may have taken hours, so an existing file is never overwritten.
     let written = File::create_new(&args.out).and_then(|mut file| file.write_all(&bytes));
     written.map_err(|source| CliError::Write { path: args.out.clone(), source })?;
     let (name, out) = (description.name(), args.out.display());

@@ -1,4 +1,4 @@
-//! `meissner info`: what a recording holds.
+//! `meissner info`: the contents of a recording in numbers.
 
 use std::io::{self, Write, stdout};
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ const PEAK_US: i64 = 1_000;
 pub(crate) struct InfoArgs {
     /// Recording, or - for text on standard input.
     recording: PathBuf,
-    /// How it is read.
+    /// How the recording is read.
     #[command(flatten)]
     read: ReadArgs,
     /// Print one JSON object.
@@ -29,29 +29,29 @@ pub(crate) struct InfoArgs {
     json: bool,
 }
 
-/// A recording in figures.
+/// The contents of a recording.
 #[derive(Debug, Serialize)]
 struct Info {
     format: String,
-    /// Columns and rows; none where the recording does not say.
+    /// Columns and rows; `None` if the recording does not state them.
     sensor: Option<[u16; 2]>,
     events: usize,
     on: usize,
     off: usize,
     first_t_us: Option<i64>,
     last_t_us: Option<i64>,
-    /// Latest time less earliest.
+    /// Latest time minus earliest time.
     span_us: u64,
-    /// Mean over the span; none for a span of 0.
+    /// Mean over the span; `None` for a span of 0.
     events_per_s: Option<f64>,
-    /// Most events within any millisecond.
+    /// Largest number of events within any millisecond.
     peak_events_per_ms: usize,
-    /// Events that are earlier than one before them.
+    /// Events that are earlier than an event before them.
     late: usize,
     /// Largest column and row of an event.
     largest_xy: Option<[u16; 2]>,
     other_streams: Vec<OtherStream>,
-    /// What was left out; none where the recording is whole.
+    /// The part that was left out; `None` if the recording is complete.
     salvaged: Option<Salvaged>,
 }
 
@@ -63,7 +63,7 @@ struct OtherStream {
     elements: u64,
 }
 
-/// Prints what `args` ask for.
+/// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
     let info = Info::of(&args.read.read(&args.recording)?);
     let mut out = Folded::new(stdout().lock(), !args.json);
@@ -150,7 +150,7 @@ impl Info {
     }
 }
 
-/// Events that are earlier than one before them.
+/// The number of events that are earlier than an event before them.
 fn late(events: &[Event]) -> usize {
     let mut newest = i64::MIN;
     let is_late = |event: &&Event| {
@@ -161,7 +161,7 @@ fn late(events: &[Event]) -> usize {
     events.iter().filter(is_late).count()
 }
 
-/// Most of the ascending `times` within less than [`PEAK_US`] of each other.
+/// The largest number of the ascending `times` that are less than [`PEAK_US`] apart.
 fn peak(times: &[i64]) -> usize {
     let mut first = 0;
     let mut most = 0;

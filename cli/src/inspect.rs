@@ -1,4 +1,4 @@
-//! `meissner inspect`: a network as a table, as data, as pictures.
+//! `meissner inspect`: shows a network as a table, as JSON or as a drawing.
 
 use std::io::{Write, stderr, stdout};
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ pub(crate) struct InspectArgs {
     json: bool,
 }
 
-/// Prints what `args` ask for.
+/// Prints the network in the requested form.
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     if let Some(path) = &args.svg {

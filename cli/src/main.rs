@@ -3,16 +3,17 @@
 //! | file | contents |
 //! |---|---|
 //! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
-//! | `args`, `input` | arguments that several subcommands share; the source and the network that they ask for |
-//! | `kind` | what a network reads |
-//! | `report`, `header`, `skips`, `approximations`, `text`, `progress` | how results are shown to people and programs |
+//! | `args`, `input` | arguments that several subcommands share; the source and the network that they select |
+//! | `kind` | the kinds of input of networks |
+//! | `report`, `header`, `skips`, `approximations`, `text`, `progress` | results as text and as JSON |
 //! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
 //! | `output`, `tell` | files that are written; messages on standard error |
-//! | `error` | what can go wrong, hints, and the exit status |
+//! | `error` | errors, hints, and the exit status |
 //!
 //! Results go to standard output, messages and progress to standard error.
 #![forbid(unsafe_code)]
-// They panic where nobody reads on: `tell` does not, and results go to a locked standard output, with its errors.
+// These macros panic if the reader has closed the pipe. `tell` does not, and results go to a locked standard output,
+// which reports its errors.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod approximations;
@@ -73,7 +74,7 @@ use crate::verify::VerifyArgs;
 #[derive(Debug, Parser)]
 #[command(name = "meissner", version, max_term_width = 80, after_help = STATUS)]
 struct Args {
-    /// What to do.
+    /// The subcommand.
     #[command(subcommand)]
     command: Command,
 }
@@ -93,25 +94,25 @@ enum Command {
     Inspect(InspectArgs),
     /// Draw weights for a network from a seed.
     Draw(DrawArgs),
-    /// Show what a recording holds.
+    /// Show the contents of a recording in numbers.
     Info(InfoArgs),
     /// Write a recording in another format.
     Convert(ConvertArgs),
-    /// Judge networks on a labelled data set.
+    /// Evaluate networks on a labelled data set.
     Eval(EvalArgs),
-    /// Measure run time against error: a network exactly, and with approximations.
+    /// Measure run time against error, exactly and with approximations.
     Pareto(ParetoArgs),
     /// Write the inputs of a network with labels, for training.
     Prepare(PrepareArgs),
-    /// Check every promise on streams, weights and states that are built to break it.
+    /// Check every promise on streams, weights and states designed to break it.
     Stress(StressArgs),
-    /// Run for very long, and check bits, memory and latencies.
+    /// Run for a very long time, and check bits, memory and latencies.
     Soak(SoakArgs),
     /// Check that a network's incremental results equal full recomputation.
     Verify(VerifyArgs),
 }
 
-/// What a program whose times mean nothing says before it runs.
+/// The warning of a debug build, whose timings are meaningless.
 const UNOPTIMISED: &str = "note: this program was built without optimisation and is many times slower than one from \
                            `cargo build --release`";
 
@@ -131,12 +132,12 @@ fn main() -> ExitCode {
             error.exit_code()
         }
         _ if interrupt::requested() => ExitCode::from(interrupt::STATUS),
-        // Also where whoever reads our output has seen enough.
+        // Also if the reader of the output has closed the pipe.
         _ => ExitCode::SUCCESS,
     }
 }
 
-/// Whether `command` runs a network for as long as it takes.
+/// Whether `command` may run a network for a long time.
 fn takes_long(command: &Command) -> bool {
     matches!(
         command,

@@ -17,13 +17,13 @@ use crate::text::Table;
 pub(crate) struct NetworksArgs {
     /// Print one JSON array.
     ///
-    /// An object for each network: {"name", "system", "purpose", "trained" (whether the shipped weights are), "sensor":
-    /// [columns, rows] in pixels (null where any will do), "input", "outputs": list of names, "unit"}.
+    /// It has one object per network: {"name", "system", "purpose", "trained" (whether the shipped weights are),
+    /// "sensor": [columns, rows] in pixels (null if any size fits), "input", "outputs": list of names, "unit"}.
     #[arg(long, help_heading = OUTPUT)]
     json: bool,
 }
 
-/// The systems, in the order in which they are listed.
+/// The systems, in the order of the list.
 const ANGLE: &str = "contact angle";
 const FORCE: &str = "contact force";
 const SLIP: &str = "direction of slip";
@@ -60,16 +60,16 @@ struct Entry {
     name: &'static str,
     system: &'static str,
     purpose: &'static str,
-    /// Whether its shipped weights are.
+    /// Whether its shipped weights are trained.
     trained: bool,
-    /// Columns and rows in pixels of the sensor, or of the part of it that is read; none where any will do.
+    /// Columns and rows in pixels of the sensor, or of the part that is read; `None` if any size fits.
     sensor: Option<[usize; 2]>,
     input: &'static str,
     outputs: Vec<String>,
     unit: String,
 }
 
-/// Lists what there is.
+/// Lists the networks.
 pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
     let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
     let mut out = stdout().lock();
@@ -121,7 +121,7 @@ impl Entry {
     }
 }
 
-/// A table for each system; below each network its purpose.
+/// Writes a table for each system, with the purpose of each network below its row.
 fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
     let mut table = Table::new(&["network", "weights", "sensor", "input", "outputs"]).left_aligned();
     let ordered =

@@ -1,4 +1,4 @@
-//! `meissner play`: a recording at real speed through a bounded queue, with reports by their deadline.
+//! `meissner play`: plays a recording at real speed through a bounded queue, with reports by their deadlines.
 
 mod args;
 
@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::report::{About, Report, TableKind};
 pub(crate) use args::PlayArgs;
 
-/// Plays what `args` ask for, to standard output.
+/// Plays the recording as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
     let input = &args.input;
@@ -43,7 +43,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     if summary.verified.is_some_and(|verified| !verified.equal) { Err(CliError::NotEqual) } else { Ok(()) }
 }
 
-/// Refuses an input without a real time, and approximations that `--verify` cannot check.
+/// Refuses an input without real times, and approximations that `--verify` cannot check.
 fn check(args: &PlayArgs) -> Result<(), CliError> {
     if args.input.recording.as_deref().is_some_and(source::is_stdin) {
         return Err(CliError::Option {

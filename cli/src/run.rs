@@ -1,4 +1,4 @@
-//! `meissner run`: a network over an input, with predictions and measurements to standard output.
+//! `meissner run`: runs a network over an input, and writes predictions and measurements to standard output.
 
 mod args;
 
@@ -22,7 +22,7 @@ use crate::report::{Report, TableKind};
 use args::ConvolutionArg;
 pub(crate) use args::RunArgs;
 
-/// Runs what `args` ask for, to standard output.
+/// Runs the network as `args` say, and writes the results to standard output.
 pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.input.network)?;
     let kind = NetworkKind::of(&description);
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     }
 }
 
-/// A network over events.
+/// Runs a network over events.
 fn run_events(args: &RunArgs) -> Result<(), CliError> {
     let input = &args.input;
     args.check_state()?;
@@ -67,7 +67,7 @@ fn run_events(args: &RunArgs) -> Result<(), CliError> {
     report.end(ended)
 }
 
-/// A network over frames of events.
+/// Runs a network over frames of events.
 fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let source = args.input.source(&model.card)?;
     interrupt::listen();
@@ -86,7 +86,7 @@ fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     report.end(ended)
 }
 
-/// A network over electrodes.
+/// Runs a network over electrodes.
 fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let path = args.recording("CSV with a column for each of 24 electrodes, in a file or as -")?;
     let asked = &args.electrodes;
@@ -113,7 +113,7 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     report.end(ended)
 }
 
-/// A network over pictures.
+/// Runs a network over pictures.
 fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let expected = "a picture, a folder of pictures or a list of them";
     let path = args.recording(expected)?;
@@ -132,7 +132,7 @@ fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let header = Header::new("run", InputCard::other(&name, &text), model.card.clone());
     header.warn();
     let table = TableKind::Pictures(options.reference.is_some());
-    // Each picture is shown as soon as it is measured, whether it is one of thousands or not.
+    // Each picture is shown as soon as it is measured, even if there are thousands.
     let about = args.about(&header, &model.card, table, true, None);
     let mut report = Report::begin(about, |out| {
         header::frame_header(out, model, &args.mode_of(frame_options), [&name, &text])
@@ -141,7 +141,7 @@ fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     report.end(ended)
 }
 
-/// Network, weights and input of a run over events, with its warnings logged.
+/// The network, weights and input of a run over events. Logs the warnings.
 fn provenance(source: &Source, sensor: Sensor, card: &ModelCard) -> Header {
     let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let header = Header::new("run", input, card.clone());

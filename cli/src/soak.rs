@@ -1,5 +1,5 @@
-//! `meissner soak`: one engine over recordings in an endless loop, disturbed all the while. The work is done by
-//! [`meissner_verify::soak`].
+//! `meissner soak`: runs one engine over recordings in a loop, with frequent disturbances. [`meissner_verify::soak`]
+//! does the work.
 
 mod args;
 mod table;

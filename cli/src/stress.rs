@@ -1,4 +1,4 @@
-//! `meissner stress`: streams, weights, states and images that strain the arithmetic. The cases are those of
+//! `meissner stress`: runs streams, weights, states and images that strain the arithmetic. The cases come from
 //! [`meissner_verify::stress`].
 
 mod args;

@@ -1,4 +1,4 @@
-//! The comparison for people.
+//! The text report of a comparison.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! The report of a frame network for people.
+//! The text report of a frame network.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! The picture of `bench --svg`: how long calls took, of all events and of those in each phase.
+//! The plot of `bench --svg`: the latencies of all events, and of the events in each phase.
 
 use meissner_pipeline::bench::{EventReport, Measured, whole};
 use meissner_pipeline::latency::Latency;
@@ -7,7 +7,7 @@ use meissner_plot::{Distribution, LatencyCurve, Panel, page};
 
 use crate::text::file_name;
 
-/// The picture, as the text of a file.
+/// The plot as SVG text.
 pub(super) fn svg(report: &EventReport, measured: &Measured) -> String {
     let [push, predict, push_predict] = whole(measured);
     let (idle, burst) = (&measured.idle.push_predict, &measured.burst.push_predict);

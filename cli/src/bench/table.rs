@@ -1,4 +1,4 @@
-//! The report for people.
+//! The text report of a network over events.
 
 use std::io::{self, Write};
 
@@ -29,7 +29,8 @@ pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()
     deadline(out, &report.deadline)
 }
 
-/// Writes recording and network. `events` is how many the recording has; `part` is a line for the measured part.
+/// Writes the recording and the network. `events` is the number of events in the recording; `part` is a line about the
+/// measured part.
 pub(super) fn recording(
     out: &mut impl Write,
     input: &InputReport,
@@ -46,7 +47,7 @@ pub(super) fn recording(
     write_model(out, &input.card, mode, Some([input.sensor.width, input.sensor.height]))
 }
 
-/// Memory that the process had resident, for the end of a line.
+/// Resident memory of the process, for the end of a line.
 pub(super) fn peak(bytes: Option<u64>) -> String {
     let text = |bytes| format!("; the process at most {} resident, with the recording", mebibytes(bytes));
     bytes.map_or_else(String::new, text)
@@ -80,14 +81,14 @@ fn counts(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
 
 const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "max"];
 
-/// A row's quantiles.
+/// The quantiles of a row.
 pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
     let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max }, .. } = *distribution;
     let times = [mean, p50, p90, p99, p999, max].map(duration);
     std::iter::once(grouped(count)).chain(times)
 }
 
-/// `first`, then the names of [`cells`].
+/// `first`, followed by the names of [`cells`].
 pub(super) fn headings<'a>(first: &'a [&'a str]) -> Vec<&'a str> {
     first.iter().copied().chain(QUANTILES).collect()
 }

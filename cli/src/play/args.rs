@@ -11,18 +11,18 @@ use meissner_pipeline::play::PlayOptions;
 use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS};
 use meissner_pipeline::text::{length_us, span_us};
 
-/// At the end of the long help.
+/// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
 Examples:
   meissner play touch.aedat4 --network tactigraph-past --deadline 2ms
   meissner play burst.raw --sensor 640x480 --overload filter:1250us --verify
   meissner play burst.raw --sensor 640x480 --overload drop-newest --speed 0.1";
 
-/// What `--json` prints.
+/// The keys that `--json` prints.
 const JSON: &str = "\
-JSON (--json): one object a line: a header that says what runs on what, reports, then a summary (docs/json.md).
-  A report: {\"at_us\": when it was due, \"t_us\": time of the newest event that its prediction covers (null before the first), \"value\": [each output], \"class\" and \"probabilities\" where outputs are classes, \"nodes\": events in the window, \"state\": \"fresh\", \"behind\" or \"old\", \"behind_events\" and \"behind_us\": events, and stream time, that had entered the queue and are not covered, \"age_us\": time since the prediction was begun, \"waited_us\": time since it was asked for}.
-  The last line: {\"summary\": {\"events\": taken from the recording, \"offered\": to the queue, \"delivered\": to the engine, \"accepted\", \"dropped\": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the engine, \"queue\": {\"capacity\", \"overload\", \"high_water\": most events that waited, \"blocked_us\"}, \"reports\": {\"due\", \"made\", \"fresh\", \"behind\", \"old\", \"past_deadline\": returned after their deadline, \"past_deadline_max_us\", \"asked_late_max_us\": from when one was due until it was asked for}, \"latency_us\": {\"waited\", \"age\", \"behind\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}}, \"reader_lag_max_us\": from an event's time until it was offered, \"drain_us\": from the recording's end until all that waited was covered, \"final\": {\"t_us\", \"value\", \"nodes\"}, \"verified\": {\"events\": in the batch, \"equal\", \"batch_us\"} (null without --verify), \"peak_resident_bytes\", \"approximations\" (missing where there were none)}}.";
+JSON (--json): one object per line: a header with network and input, reports, then a summary (docs/json.md).
+  A report: {\"at_us\": when it was due, \"t_us\": time of the newest event that its prediction covers (null before the first), \"value\": [each output], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"state\": \"fresh\", \"behind\" or \"old\", \"behind_events\" and \"behind_us\": events and stream time that had entered the queue but are not covered, \"age_us\": time since the start of the prediction, \"waited_us\": time since the request}.
+  The last line: {\"summary\": {\"events\": taken from the recording, \"offered\": to the queue, \"delivered\": to the engine, \"accepted\", \"dropped\": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the engine, \"queue\": {\"capacity\", \"overload\", \"high_water\": most events that waited, \"blocked_us\"}, \"reports\": {\"due\", \"made\", \"fresh\", \"behind\", \"old\", \"past_deadline\": returned after their deadline, \"past_deadline_max_us\", \"asked_late_max_us\": longest time from due to requested}, \"latency_us\": {\"waited\", \"age\", \"behind\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}}, \"reader_lag_max_us\": from an event's time until it was offered, \"drain_us\": from the end of the recording until all waiting events were covered, \"final\": {\"t_us\", \"value\", \"nodes\"}, \"verified\": {\"events\": in the batch, \"equal\", \"batch_us\"} (null without --verify), \"peak_resident_bytes\", \"approximations\" (missing if there were none)}}.";
 
 /// `meissner play`.
 #[derive(Debug, clap::Args)]
@@ -34,43 +34,43 @@ pub(crate) struct PlayArgs {
     /// Speed of the recording: 1 is real time, 0.5 is half as fast.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, help_heading = QUEUE)]
     pub(crate) speed: f64,
-    /// Most events that wait between the reader and the engine.
+    /// Capacity of the queue between the reader and the engine, in events.
     ///
-    /// Reader and engine have a thread each.
+    /// The reader and the engine each have a thread.
     #[arg(long, value_name = "N", default_value_t = 1 << 16, help_heading = QUEUE,
           value_parser = clap::value_parser!(u32).range(1..=QueueOptions::LARGEST as i64))]
     pub(crate) queue: u32,
-    /// What to do when events come faster than the engine takes them.
+    /// Policy when events arrive faster than the engine takes them.
     ///
-    /// block: the reader waits until half of the queue is free, and lags behind its time. drop-oldest, drop-newest: the
-    /// oldest event that waits, or the new one, is dropped when the queue is full. thin:N: only every Nth event enters.
-    /// filter:TIME: only events enter with another one in the 8 pixels around them in the TIME before. refractory:TIME:
-    /// only events enter that are at least TIME after the last one of their pixel. rate:N: at most N events enter per
-    /// second.
+    /// block: the reader waits until half of the queue is free, and falls behind real time. drop-oldest, drop-newest:
+    /// when the queue is full, the oldest waiting event or the new event is dropped. thin:N: only every Nth event
+    /// enters. filter:TIME: an event enters only if one of the 8 pixels around it fired within TIME before.
+    /// refractory:TIME: an event enters only if it is at least TIME after the last event of its pixel. rate:N: at most
+    /// N events enter per second.
     ///
-    /// The last four act from when more than half of the queue is taken until a quarter is, and drop the newest event
-    /// when the queue is full. Every dropped event is counted by reason. The filters among the approximations
-    /// (--activity-filter and others) stand before the queue and always act.
+    /// The last four policies become active when the queue is more than half full, and inactive when it is at most a
+    /// quarter full. They drop the newest event when the queue is full. Every dropped event is counted by reason. The
+    /// filters among the approximations (--activity-filter and others) act before the queue, at all times.
     #[arg(long, value_name = "POLICY", default_value = "drop-oldest", help_heading = QUEUE)]
     pub(crate) overload: Policy,
     /// Stream time between two reports.
     ///
-    /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first such time at or after the
-    /// last event. They are due on the wall clock: each is made, however far the engine lags.
+    /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due time at or after the
+    /// last event. They are due on the wall clock: every report is made, however far the engine lags.
     #[arg(long, value_name = "TIME", default_value = "10ms", value_parser = period, help_heading = PREDICTIONS)]
     pub(crate) report_every: Duration,
     /// Longest wait for the prediction of a report.
     ///
-    /// A prediction that covers every event that has entered the queue is fresh. Where the engine cannot be done in
-    /// time it predicts for what it has taken (behind). Where no prediction of the report's own is finished by its
-    /// deadline, the newest earlier one stands for it (old). How far each is behind, and its age, are reported.
+    /// A prediction is fresh if it covers every event that has entered the queue. If the engine cannot finish in time,
+    /// it predicts from the events that it has taken (behind). If the report has no prediction of its own by the
+    /// deadline, it repeats the newest earlier one (old). Each report says how far it is behind, and its age.
     #[arg(long, value_name = "TIME", default_value = "5ms", value_parser = length, help_heading = PREDICTIONS)]
     pub(crate) deadline: Duration,
     /// Check the last prediction against a full recomputation, bit for bit.
     ///
-    /// It is recomputed over the events that were accepted: of networks with frozen in-edges over the last (blocks + 1)
-    /// x capacity of them, which is all that a window can depend on, of others over the window. A difference ends the
-    /// program with status 1.
+    /// The recomputation is over the accepted events: for networks with frozen in-edges the last (blocks + 1) x
+    /// capacity events, since a window can depend on no earlier ones, and for other networks the events of the window.
+    /// A difference ends the program with status 1.
     #[arg(long, help_heading = PREDICTIONS)]
     pub(crate) verify: bool,
     /// Print JSON lines: the reports, then a summary.

@@ -18,7 +18,7 @@ use crate::kind::NetworkKind;
 use crate::progress::Progress;
 use crate::report::{About, TableKind};
 
-/// At the end of the long help.
+/// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
 Examples:
   meissner run touch.aedat4 --network tactigraph-past --every event
@@ -31,13 +31,13 @@ Examples:
   biotac | meissner run - --network slip-lstm --hold 5 --json
   meissner run images/ --network canf --overlay maps";
 
-/// What `--json` prints.
+/// The keys that `--json` prints.
 const JSON: &str = "\
-JSON (--json): one object a line: a header that says what runs on what, predictions, then a summary (docs/json.md).
-  A prediction: {\"t_us\": time of the newest event that it covers (null before the first), \"value\": [outputs, with the digits that restore each f32], \"class\" and \"probabilities\" where outputs are classes, \"nodes\": events in the window, \"rows\": [rows computed for each layer since the last prediction], \"update_us\": microseconds spent in pushes and predictions since the last prediction}.
-  The last line: {\"summary\": {\"events\": taken, \"accepted\", \"dropped\": {reason: count}, \"predictions\", \"nodes_max\": most events in the window, \"latency_us\": {\"push\", \"predict\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"} (null where there was none)}, \"events_per_s\": events over the time in pushes and predictions, \"skips\": {what was computed, came out unchanged, or was not needed; \"layers\": [the same for each layer]}, \"approximations\": {those that were asked for, \"filters\": [{\"name\", \"passed\", \"dropped\"}]} (missing where none was), \"salvaged\": {\"events\": kept, \"what\": is not whole, \"place\": where it starts, \"bytes_not_read\"} (missing where the recording is whole)}}.
-  Frame networks, a prediction over events: {\"t_us\": end of the newest frame's window, \"value\", \"frames\": frames that the state has seen, \"events\": events in the newest frame, \"update_us\": microseconds spent since the last prediction in making frames and in the network}. Over electrodes: {\"line\" and \"time_s\" (null without a column of time) of the newest reading, \"value\", \"probabilities\": softmax of the values, \"class\": name of the largest, \"decision\": name of the class that stands and \"held\": windows for which it has stood, from 1 (null before the first decision, see --hold), \"update_us\"}; where the unit is not \"logit\", probabilities, class, decision and held are null. Over pictures: {\"image\": path, \"area_mm2\", \"force_n\", \"median_force_n\", \"centroid\": {\"x_px\", \"y_px\", \"x_mm\", \"y_mm\"} (null without a contact), \"baseline\": {\"area_mm2\", \"centroid\"} (null without --reference), \"overlay\": path (null without --overlay), \"update_us\"}.
-  Their last line: {\"summary\": {counts of events, electrodes or pictures, \"frames\": pushed, \"predictions\", \"latency_us\": {\"prepare\": making a frame, for each event, reading or picture, \"push\" and \"predict\": as above, for each frame and prediction, \"decision\" (over electrodes, where there was a prediction): from a reading whose line has been parsed to the decision after it}, \"frames_per_s\": frames over all that time, \"pixels\": {\"computed\", \"skipped\", \"absorbed\"}, \"layers\": [the same for each layer]}}.";
+JSON (--json): one object per line: a header with network and input, predictions, then a summary (docs/json.md).
+  A prediction: {\"t_us\": time of the newest event that it covers (null before the first), \"value\": [outputs, with the digits that restore each f32], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"rows\": [rows computed for each layer since the last prediction], \"update_us\": microseconds spent in pushes and predictions since the last prediction}.
+  The last line: {\"summary\": {\"events\": taken, \"accepted\", \"dropped\": {reason: count}, \"predictions\", \"nodes_max\": most events in the window, \"latency_us\": {\"push\", \"predict\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"} (null if there was none)}, \"events_per_s\": events divided by the time spent in pushes and predictions, \"skips\": {counts of computed, unchanged and skipped values; \"layers\": [the same for each layer]}, \"approximations\": {the requested ones, \"filters\": [{\"name\", \"passed\", \"dropped\"}]} (missing if there were none), \"salvaged\": {\"events\": kept, \"what\": the incomplete part, \"place\": its start, \"bytes_not_read\"} (missing if the recording is complete)}}.
+  Frame networks: a prediction over events: {\"t_us\": end of the newest frame's window, \"value\", \"frames\": frames that the state has seen, \"events\": events in the newest frame, \"update_us\": microseconds spent since the last prediction in making frames and in the network}. Over electrodes: {\"line\" and \"time_s\" (null without a column of time) of the newest reading, \"value\", \"probabilities\": softmax of the values, \"class\": name of the largest, \"decision\": name of the decided class and \"held\": number of windows for which it has been held, from 1 (null before the first decision, see --hold), \"update_us\"}; if the unit is not \"logit\", probabilities, class, decision and held are null. Over pictures: {\"image\": path, \"area_mm2\", \"force_n\", \"median_force_n\", \"centroid\": {\"x_px\", \"y_px\", \"x_mm\", \"y_mm\"} (null without a contact), \"baseline\": {\"area_mm2\", \"centroid\"} (null without --reference), \"overlay\": path (null without --overlay), \"update_us\"}.
+  Their last line: {\"summary\": {counts of events, electrodes or pictures, \"frames\": pushed, \"predictions\", \"latency_us\": {\"prepare\": time to make a frame, for each event, reading or picture, \"push\" and \"predict\": as above, for each frame and prediction, \"decision\" (over electrodes, if there was a prediction): from the parsed line of a reading to the decision after it}, \"frames_per_s\": frames divided by the total of these times, \"pixels\": {\"computed\", \"skipped\", \"absorbed\"}, \"layers\": [the same for each layer]}}.";
 
 /// `meissner run`.
 #[derive(Debug, clap::Args)]
@@ -46,21 +46,21 @@ pub(crate) struct RunArgs {
     /// Input and network.
     #[command(flatten)]
     pub(super) input: Input,
-    /// Recompute what an event changes, or every row at every prediction.
+    /// Recompute only what an event changes, or every row at every prediction.
     ///
-    /// Both give the same values, bit for bit.
+    /// Both modes give the same values, bit for bit.
     #[arg(long, value_enum, default_value_t = Mode::Incremental, help_heading = PREDICTIONS)]
     pub(super) mode: Mode,
     /// When to predict [default: 10ms, or every frame].
     ///
     /// event: after every accepted event. N: after every N accepted events. end: once, at the end of the input. TIME:
     /// at the first event's time + TIME, + 2 TIME and so on, as soon as a later event arrives, and once more at the
-    /// first such time at or after the last event. Each of these predictions is for the window at its time, also in a
-    /// gap between events; times at which a gap has emptied the window are left out.
+    /// first due time at or after the last event. Each prediction is for the window at its due time, also in a gap
+    /// between events; due times are skipped while a gap leaves the window empty.
     ///
-    /// Frame networks over consecutive windows of events predict after every frame, at the end, or every TIME that is
-    /// a multiple of the windows' length. Over a sliding window, a frame is formed whenever a prediction is due. Empty
-    /// frames count like others (see --longest-silence).
+    /// Frame networks over consecutive windows of events predict after every frame, at the end, or every TIME, which
+    /// must be a multiple of the windows' length. Over a sliding window, a frame is formed whenever a prediction is
+    /// due. Empty frames count like others (see --longest-silence).
     #[arg(long, value_name = "event|N|TIME|end", help_heading = PREDICTIONS)]
     pub(super) every: Option<Every>,
     /// Print JSON lines: the predictions, then a summary.
@@ -68,87 +68,87 @@ pub(crate) struct RunArgs {
     /// The keys are explained below.
     #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
-    /// Where a run goes on later, or from.
+    /// States to write and to resume from.
     #[command(flatten)]
     pub(super) state: StateArgs,
     /// How a frame network runs.
     #[command(flatten)]
     pub(super) frames: FrameArgs,
-    /// What is made of readings and decisions.
+    /// Windows of readings, and decisions.
     #[command(flatten)]
     pub(super) electrodes: ElectrodeArgs,
 }
 
-/// What can be asked for where the network reads frames.
+/// Options for networks that read frames.
 #[derive(Debug, clap::Args)]
 pub(super) struct FrameArgs {
-    /// Compute everything at every frame, also what no change reaches.
+    /// Compute everything at every frame, even if no change reaches it.
     ///
     /// The results have the same bits.
     #[arg(long, conflicts_with = "tolerance", help_heading = FRAMES)]
     pub(super) no_skip: bool,
-    /// How 3 x 3 convolutions of many channels are computed [default: direct].
+    /// Algorithm for 3 x 3 convolutions of many channels [default: direct].
     ///
-    /// Winograd's ways round differently: they are an approximation.
+    /// The Winograd algorithms round differently: they are an approximation.
     #[arg(long, value_enum, value_name = "WAY", help_heading = FRAMES)]
     pub(super) convolution: Option<ConvolutionArg>,
     /// Threads that share the rows of large maps, 1 or 2 [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = FRAMES)]
     pub(super) threads: Option<u8>,
-    /// Most empty frames in a row that are pushed [default: 6000].
+    /// Largest number of consecutive empty frames that are pushed [default: 6000].
     ///
-    /// Each empty frame is a step of the network. After that many, the state goes back to that before the first frame,
-    /// until events come again. 6000 is a minute of frames of 10 ms. The summary counts both.
+    /// Each empty frame is a step of the network. After N of them, the state is reset to the one before the first
+    /// frame, and the remaining empty frames are skipped. 6000 is a minute of frames of 10 ms. The summary counts the
+    /// pushed and the skipped frames.
     #[arg(long, value_name = "N", help_heading = FRAMES)]
     pub(super) longest_silence: Option<u64>,
     /// Draw forces, outline and centroid over each picture, into this folder.
     ///
-    /// The files are PNG, with the names of the pictures.
+    /// The files are PNG and have the names of the pictures.
     #[arg(long, value_name = "DIR", help_heading = FRAMES)]
     pub(super) overlay: Option<PathBuf>,
     /// Force in N per pixel at the overlay's strongest colour.
     ///
-    /// Without it, this is the strongest force of each picture.
+    /// Without this option, it is the strongest force of each picture.
     #[arg(long, value_name = "X", requires = "overlay", value_parser = number, help_heading = FRAMES)]
     pub(super) full_scale: Option<f32>,
     /// Picture without contact, to compare with by plain differences.
     ///
-    /// Adds the area and the centroid of where a picture differs from this one by more than 10 of 255 levels, in the
-    /// mean over 5 x 5 pixels.
+    /// The output then also has the area and the centroid of the region in which a picture differs from this one by
+    /// more than 10 of 255 levels, averaged over 5 x 5 pixels.
     #[arg(long, value_name = "IMAGE", help_heading = FRAMES)]
     pub(super) reference: Option<PathBuf>,
 }
 
-/// What can be asked for where the network reads electrodes.
+/// Options for networks that read electrodes.
 #[derive(Debug, clap::Args)]
 pub(super) struct ElectrodeArgs {
-    /// Which readings form a window [default: as the network's description says].
+    /// Readings that form a window [default: as in the network's description].
     ///
     /// sliding: the newest readings, with a prediction at every reading, as a controller needs it (the shipped
     /// networks' default). consecutive: windows that do not overlap, as the paper on direction of slip evaluates. N:
     /// every Nth reading, in windows that do not overlap.
     ///
-    /// A window begins anew, and the decision is forgotten, at a line that is no reading (too few fields, text, NaN:
-    /// see --strict), and where the CSV has a column of time, at a reading more than 50 ms later than the one before,
-    /// or earlier. Nothing is printed while a new window fills. The summary counts each of these, values outside 0 to
-    /// 4095, and intervals more than 20 % off 10 ms; the latter two are used as they are.
+    /// A line that is not a reading (too few fields, text, NaN: see --strict) starts a new window and clears the
+    /// decision. If the CSV has a column of time, so does a reading that is earlier than the one before it, or more
+    /// than 50 ms later. Nothing is printed while a new window fills. The summary counts these cases, and also values
+    /// outside 0 to 4095 and intervals that differ from 10 ms by more than 20 %, which are used unchanged.
     #[arg(long, value_name = "sliding|consecutive|N", value_parser = sampling, help_heading = ELECTRODES)]
     pub(super) sampling: Option<Sampling>,
     /// Change the decision only when N windows in a row agree [default: 1].
     ///
-    /// The first decision, too, needs N windows that agree; until then there is none. With sliding windows at 100 Hz a
-    /// decision comes 10 (N - 1) ms after the first window that would have made it. The decision is forgotten where a
-    /// window begins anew (see --sampling).
+    /// The first decision also needs N windows that agree; until then there is none. With sliding windows at 100 Hz,
+    /// this delays a decision by 10 (N - 1) ms. An interruption of the readings clears the decision (see --sampling).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = ELECTRODES)]
     pub(super) hold: Option<u32>,
     /// Ignore windows whose largest probability is below P [default: 0].
     ///
-    /// Such a window leaves the decision as it is, and ends a run of windows that agree (see --hold).
+    /// An ignored window does not change the decision, and it ends a run of windows that agree (see --hold).
     #[arg(long, value_name = "P", value_parser = probability, help_heading = ELECTRODES)]
     pub(super) least_probability: Option<f32>,
 }
 
-/// How 3 x 3 convolutions are computed.
+/// The algorithm for 3 x 3 convolutions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum ConvolutionArg {
     /// Multiply and add, pixel by pixel.
@@ -169,27 +169,27 @@ impl From<ConvolutionArg> for Convolution {
     }
 }
 
-/// What can be asked for where a run goes on later.
+/// Options for runs that are resumed later.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct StateArgs {
     /// Write the state after the last event to this file, for --resume.
     ///
-    /// For networks over events, and over frames of events. What is due only because the input ends (the prediction of
-    /// --every TIME, a frame whose window is still open) is left to the run that goes on; --every end predicts. The state
-    /// is also written at Ctrl-C, SIGTERM and errors of input and output, but not where the engine ends with an error or
-    /// most of a text is refused. The file is replaced whole: a crash while it is written leaves the former one.
+    /// For networks over events, and over frames of events. Results that are due only because the input ends (the
+    /// prediction of --every TIME, a frame whose window is still open) are left to the resumed run; --every end
+    /// predicts. The state is also written after Ctrl-C, SIGTERM and errors of input and output, but not after an error
+    /// of the engine or if most of a text is refused. The file is replaced atomically: a crash leaves the previous one.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) save_state: Option<PathBuf>,
-    /// Write the state also whenever TIME of stream time has passed.
+    /// Also write the state after every TIME of stream time.
     #[arg(long = "save-every", value_name = "TIME", requires = "save_state", value_parser = span_us,
           help_heading = STATE)]
     pub(super) save_every_us: Option<i64>,
-    /// Go on from the state in this file; INPUT is what comes after it.
+    /// Resume from the state in this file; INPUT is the input that follows it.
     ///
-    /// Both runs together print what one run would. Network, weights, sensor, --late and --tolerance must be those of
-    /// the run that wrote the state, or it is refused. Events that the other run has already seen are not recognised:
-    /// those before its last event are late (see --late), and those at its time count twice. "rows" of the first
-    /// prediction and "skips" are of this run, which computes each row anew.
+    /// Both runs together print the same as a single run. Network, weights, sensor, --late and --tolerance must be the
+    /// same as in the run that wrote the state; otherwise the state is refused. Repeated events are not detected:
+    /// events before the last event of the first run are late (see --late), and events at its time count twice. "rows"
+    /// of the first prediction and "skips" count only this run, which computes each row again.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) resume: Option<PathBuf>,
 }
@@ -221,7 +221,7 @@ impl RunArgs {
         })
     }
 
-    /// `error`, with the file that it is about.
+    /// Adds the path of the state file to `error`.
     pub(super) fn refused(&self, error: PipelineError) -> CliError {
         match (error, &self.state.resume) {
             (PipelineError::Resume(source), Some(path)) => CliError::Resume { path: path.clone(), source },
@@ -240,7 +240,7 @@ impl RunArgs {
         FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads)
     }
 
-    /// How a frame network runs, for people.
+    /// A description of how a frame network runs, for the text report.
     pub(super) fn mode_of(&self, options: FrameOptions) -> String {
         let skip = match options.skip {
             Skip::Nothing => "computes everything".to_owned(),
@@ -279,7 +279,7 @@ impl RunArgs {
         CliError::NoInput { network: self.input.network.clone(), expected, found }
     }
 
-    /// Refuses options that do not fit a network of `kind`.
+    /// Refuses options that do not apply to a network of `kind`.
     pub(super) fn check(&self, kind: NetworkKind) -> Result<(), CliError> {
         use NetworkKind::{Electrodes, EventFrames, EventGraph, Pictures};
         let Self { input, frames, electrodes, .. } = self;
@@ -320,8 +320,8 @@ impl RunArgs {
         })
     }
 
-    /// Refuses approximations that keep results from one prediction to the next in batch mode, and states of runs that
-    /// remember more than the state holds.
+    /// Refuses approximations that reuse earlier results in batch mode, and states of runs with memory that the state
+    /// does not contain.
     pub(super) fn check_state(&self) -> Result<(), CliError> {
         let approximations = &self.input.approximations;
         let batch = self.mode == Mode::Batch;
@@ -366,7 +366,7 @@ fn probability(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0 to 1, such as 0.6".to_owned())
 }
 
-/// Reads which readings stand together.
+/// Reads the sampling of readings.
 fn sampling(text: &str) -> Result<Sampling, String> {
     let stride = || text.parse().ok().filter(|stride| (1..=1 << 16).contains(stride));
     match text {

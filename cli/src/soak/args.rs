@@ -10,17 +10,17 @@ use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, ReadArgs, ST
 /// The method, at the end of the long help.
 const METHOD: &str = "\
 Method:
-  Recordings follow one another in a loop. Each begins where the recording before it ended, after a random silence of 1 us to some 9 minutes, so that time always goes on. Events are pushed one at a time, as fast as possible.
-  Disturbances come between events, at random distances, from a shuffled deck: silences; silences in which time is moved on without an event; the state as bytes, and a new engine that goes on from them; a snapshot in memory, events that are to be forgotten, and the return to the snapshot; a reset. A prediction after a state returns has the bits of the one before.
-  Checkpoints: the prediction against the full recomputation over the accepted events since the last reset (for networks with frozen in-edges over the last (blocks + 1) x capacity events, on which it depends), bit for bit.
+  Recordings follow one another in a loop. Each begins after the end of the one before it, with a random silence of 1 us to about 9 minutes in between, so time always increases. Events are pushed one at a time, as fast as possible.
+  Disturbances come between events, at random intervals and in shuffled order: a silence; a silence in which the clock is advanced without an event; saving the state as bytes, and resuming from them in a new engine; a snapshot in memory, further events, and the return to the snapshot; a reset. When a state is restored, the prediction must have the same bits as before.
+  Checkpoints: the prediction is compared with the full recomputation over the accepted events since the last reset (for networks with frozen in-edges over the last (blocks + 1) x capacity events, on which it depends), bit for bit.
   Latencies: each push and each prediction is timed by itself. Disturbances and checkpoints are not timed.
-  Memory: resident memory of the process after a checkpoint (Linux only).
+  Memory: the resident memory of the process is read after each checkpoint (Linux only).
 
 Verdict:
-  Bits: at every checkpoint and every return of a state.
-  Memory: the median over the last tenth of the checkpoints against the most in the warm-up. The warm-up is the first fifth, and more until the largest batch, up to a half. With fewer than 20 checkpoints memory is not judged.
-  A run that breaks either has exit status 1. Latencies are reported as ratios of the last tenth to the first, and not judged: they depend on the load of the machine.
-  Everything except times and memory is determined by recordings, network and seed.";
+  Bits: they must be equal at every checkpoint and after every restored state.
+  Memory: the median over the last tenth of the checkpoints is compared with the maximum during warm-up. The warm-up is the first fifth of the checkpoints; it extends to the largest batch, up to half of the checkpoints. With fewer than 20 checkpoints memory is not judged.
+  If either check fails, the exit status is 1. Latencies are reported as ratios of the last tenth to the first. They are not judged, since they depend on the load of the machine.
+  Everything except times and memory is determined by the recordings, the network and the seed.";
 
 /// The keys that `--json` writes.
 const JSON: &str = "\
@@ -33,7 +33,8 @@ JSON (--json):
 pub(crate) struct SoakArgs {
     /// Recordings, one after the other [default: a small built-in recording].
     ///
-    /// Of several sensors the largest extent is taken. The built-in recording is a synthetic press and release.
+    /// If the recordings have several sensors, the sensor covers all of them. The built-in recording is a synthetic
+    /// press and release.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
     /// Size of the sensor in pixels, in place of the recordings'.
@@ -46,10 +47,10 @@ pub(crate) struct SoakArgs {
     pub(super) read: ReadArgs,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// Without it, such weights are refused.
+    /// Without this option, such weights are refused.
     #[arg(long, help_heading = NETWORK)]
     pub(super) ignore_preparation: bool,
-    /// Number of events in all, such as 1e8.
+    /// Total number of events, such as 1e8.
     ///
     /// Dropped events count.
     #[arg(long, value_name = "N", value_parser = count, help_heading = INPUT)]
@@ -64,16 +65,16 @@ pub(crate) struct SoakArgs {
     /// The file is safetensors, or a state dict that PyTorch saved.
     #[arg(long, value_name = "FILE", help_heading = NETWORK)]
     pub(super) weights: Option<PathBuf>,
-    /// Events from one prediction to the next.
+    /// Number of events between predictions.
     #[arg(long, value_name = "N", default_value = "1", value_parser = count, help_heading = PREDICTIONS)]
     pub(super) every: u64,
-    /// Events from one checkpoint to the next.
+    /// Number of events between checkpoints.
     #[arg(long, value_name = "N", default_value = "1e6", value_parser = count, help_heading = MEASUREMENT)]
     pub(super) checkpoint_every: u64,
-    /// Mean number of events from one disturbance to the next.
+    /// Mean number of events between disturbances.
     #[arg(long, value_name = "N", default_value = "5e4", value_parser = count, help_heading = MEASUREMENT)]
     pub(super) disturb_every: u64,
-    /// Seed of silences and disturbances.
+    /// Seed for silences and disturbances.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(super) seed: u64,
     /// Largest growth of the resident memory after warm-up, in percent.
@@ -86,9 +87,9 @@ pub(crate) struct SoakArgs {
     pub(super) json: Option<PathBuf>,
 }
 
-/// Reads a whole number above 0, also as 1e8.
+/// Reads a whole number above 0, also in the form 1e8.
 fn count(text: &str) -> Result<u64, String> {
-    /// Up to which every whole number is a double.
+    /// Largest number up to which every whole number is exact as a double.
     const MOST: f64 = 9_007_199_254_740_992.0;
     let number = text.parse::<f64>().ok().filter(|n| n.fract() == 0.0 && (1.0..=MOST).contains(n));
     number

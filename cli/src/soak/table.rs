@@ -25,7 +25,7 @@ pub(super) fn line(row: &Checkpoint) -> String {
     )
 }
 
-/// Writes everything except the single checkpoints.
+/// Writes everything except the individual checkpoints.
 pub(super) fn write(
     out: &mut impl Write,
     report: &Report,

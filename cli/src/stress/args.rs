@@ -15,16 +15,16 @@ Groups:
   functions  the largest error of each elementary function over all 2^32 inputs
 
 How it measures:
-  Incremental against batch: engine and full recomputation, bit for bit, for predictions and for every row of every layer; of frame networks, an engine that skips against one that computes everything.
-  Error: against the same network in f64 (crate meissner-reference), over the predictions that were compared; relative is a share of the largest magnitude. `layer` is the layer of which that share is largest.
-  Overflow: activations beyond f32 become infinite; a layer that makes NaN of them is an error with its name.
-  Time: on one thread, the least of several passes; `x ordinary` is against the ordinary case of the same network, measured in turns. Times depend on the machine, everything else on the seeds in the program (functions also on the platform's f64 library).
-  ULP: distance to the result in f64, in units in the last place of the nearest f32.";
+  Incremental against batch: the engine is compared with full recomputation, bit for bit, for predictions and for every row of every layer. For frame networks, an engine that skips is compared with one that computes everything.
+  Error: the difference from the same network in f64 (crate meissner-reference), over the compared predictions. Relative errors are divided by the largest magnitude. `layer` is the layer with the largest relative error.
+  Overflow: activations beyond f32 become infinite. If a layer turns them into NaN, the engine reports an error with the name of the layer.
+  Time: the fastest of several passes on one thread. `x ordinary` is the ratio to the ordinary case of the same network; both are measured in turns. Times depend on the machine. Everything else is determined by the seeds in the program (functions also by the platform's f64 library).
+  ULP: the distance to the result in f64, in units in the last place of the nearest f32.";
 
 /// The keys that `--json` prints.
 const JSON: &str = "\
 JSON (--json):
-  {\"header\": input and version (docs/json.md), \"isa\", \"quick\", \"cases\": [{\"group\", \"case\", \"network\", \"steps\", \"compared\", \"different\", \"refused\", \"refusal\", \"not_numbers\", \"infinite\", \"infinite_inside\", \"prediction\": {\"absolute\", \"relative\", \"rms\"}, \"layer\": {\"layer\", \"relative\"}, \"largest_activation\", \"us\", \"times_ordinary\", \"broken\"}], \"functions\": [{\"function\", \"inputs\", \"ulps\", \"at\", \"bound\", \"not_numbers\", \"broken\"}], \"broken\": how many promises}";
+  {\"header\": input and version (docs/json.md), \"isa\", \"quick\", \"cases\": [{\"group\", \"case\", \"network\", \"steps\", \"compared\", \"different\", \"refused\", \"refusal\", \"not_numbers\", \"infinite\", \"infinite_inside\", \"prediction\": {\"absolute\", \"relative\", \"rms\"}, \"layer\": {\"layer\", \"relative\"}, \"largest_activation\", \"us\", \"times_ordinary\", \"broken\"}], \"functions\": [{\"function\", \"inputs\", \"ulps\", \"at\", \"bound\", \"not_numbers\", \"broken\"}], \"broken\": number of broken promises}";
 
 /// `meissner stress`.
 #[derive(Debug, clap::Args)]
@@ -33,12 +33,12 @@ JSON (--json):
 pub(crate) struct StressArgs {
     /// Run only the groups and cases whose name contains NAME.
     ///
-    /// It may be given several times.
+    /// The option may be given several times.
     #[arg(long, value_name = "NAME", help_heading = MEASUREMENT)]
     pub(super) only: Vec<String>,
-    /// Take fewer events, frames and inputs, and one pass of timing.
+    /// Take fewer events, frames and inputs, and one timing pass.
     ///
-    /// Of the 2^32 inputs of a function every 4099th is taken, and those near special values.
+    /// For functions, every 4099th of the 2^32 inputs is taken, and the inputs near special values.
     #[arg(long, help_heading = MEASUREMENT)]
     pub(super) quick: bool,
     /// Threads of the sweep over all inputs [default: the machine's cores].
@@ -46,7 +46,7 @@ pub(crate) struct StressArgs {
     /// Everything else runs on one thread.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     pub(super) threads: Option<u16>,
-    /// List the cases, and run none.
+    /// List the cases without running them.
     #[arg(long, help_heading = OUTPUT)]
     pub(super) list: bool,
     /// Print the tables in Markdown.
