@@ -1,9 +1,9 @@
-//! Predictions in the terms of their network: exact digits, classes and probabilities.
+//! Predictions in the terms of their network: values with exact digits, classes and probabilities.
 
 use meissner_kernels::softmax;
 use serde::Serialize;
 
-/// The index of the largest value, the first of equal ones; `None` for no values and where one is NaN.
+/// The index of the largest value, or the first of several equal ones; `None` if there are no values or one is NaN.
 pub fn largest(values: &[f32]) -> Option<usize> {
     if values.iter().any(|value| value.is_nan()) {
         return None;
@@ -11,8 +11,8 @@ pub fn largest(values: &[f32]) -> Option<usize> {
     (0..values.len()).reduce(|best, i| if values[i] > values[best] { i } else { best })
 }
 
-/// f32 values that are serialised with the digits of the equal f64. The shortest digits of an f32 do not survive every
-/// reader that goes through f64 (7.038531e-26 is one that does not); these digits do.
+/// f32 values, serialised with the digits of the equal f64. A reader that converts through f64 restores each value from
+/// these digits. The shortest digits of an f32 are not always enough for that (7.038531e-26 is an example).
 #[derive(Clone, Copy, Debug)]
 pub struct Values<'a>(pub &'a [f32]);
 
@@ -27,7 +27,7 @@ pub(crate) fn exact_digits<S: serde::Serializer>(values: &[f32], serializer: S) 
     serializer.collect_seq(values.iter().map(|&value| f64::from(value)))
 }
 
-/// The class that a prediction stands for. It is serialised beside `value`.
+/// The predicted class. It is serialised next to `value`.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Answer<'a> {
@@ -47,14 +47,14 @@ impl Answer<'_> {
 /// Names of the classes of a network, and the newest probabilities.
 #[derive(Clone, Debug, Default)]
 pub struct Classes {
-    /// `None` where values are not logits of classes.
+    /// `None` if values are not logits of classes.
     names: Option<Vec<String>>,
     probabilities: Vec<f32>,
     largest: Option<usize>,
 }
 
 impl Classes {
-    /// Of a network whose values are logits of the classes `names`, or are not of classes.
+    /// The classes of a network whose values are logits of `names`, or are not logits of classes.
     pub fn new(names: Option<Vec<String>>) -> Self {
         Self { names, ..Self::default() }
     }
@@ -72,8 +72,8 @@ impl Classes {
         &self.names.as_ref().expect("values are of classes")[class]
     }
 
-    /// Takes the values of a new prediction: its class, and the probability of the class. `None` where values are not logits
-    /// of classes.
+    /// Takes the values of a new prediction: its class, and the probability of the class. `None` if values are not
+    /// logits of classes.
     pub fn update(&mut self, values: &[f32]) -> Option<(usize, f32)> {
         self.largest = None;
         if values.len() != self.names.as_ref()?.len() {

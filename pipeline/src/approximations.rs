@@ -1,7 +1,7 @@
-//! Approximations, an engine that runs with them, and the report of what they did.
+//! Approximations, an engine that runs with them, and the report of their effects.
 //!
-//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The tolerance is an option of
-//! the engine. A stale readout repeats its last prediction. Without any of them, results are exact.
+//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The tolerance is an
+//! option of the engine. A stale readout repeats its last prediction. Without any of them, results are exact.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -17,9 +17,9 @@ use serde::Serialize;
 /// Approximations that make results cheaper and less exact. `Default` has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Approximations {
-    /// A recomputed row or pixel within this of the stored one in every channel keeps the stored values.
+    /// A recomputed row or pixel keeps its stored values if no channel differs from them by more than this.
     pub tolerance: Option<f32>,
-    /// Most neighbours that a node reads from.
+    /// Largest number of neighbours that a node reads.
     pub neighbours: Option<u8>,
     /// Background-activity filter: support time in microseconds.
     pub activity_filter_us: Option<i64>,
@@ -36,7 +36,7 @@ pub struct Approximations {
 }
 
 impl Approximations {
-    /// Whether there is none: results are exact.
+    /// Whether there are no approximations, so that results are exact.
     pub fn is_exact(&self) -> bool {
         *self == Self::default()
     }
@@ -52,7 +52,7 @@ impl Approximations {
         }
     }
 
-    /// The filters in front of the engine.
+    /// The filters before the engine.
     ///
     /// # Errors
     /// A filter refuses its setting.
@@ -73,7 +73,7 @@ impl Approximations {
         Ok(Chain::new(filters))
     }
 
-    /// How old a prediction may be.
+    /// The largest age of a prediction.
     pub fn staleness(&self) -> Staleness {
         Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
     }
@@ -97,18 +97,18 @@ impl Approximations {
     }
 }
 
-/// The approximations that ran. Those that nobody asked for are missing.
+/// The approximations of a run. Approximations that were not requested are missing.
 #[derive(Debug, Serialize)]
 pub struct ApproximationReport {
-    /// In the order in which events came to them.
+    /// Filters, in the order in which events pass them.
     pub filters: Vec<FilteredEvents>,
-    /// Most neighbours of a node.
+    /// Largest number of neighbours of a node.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub neighbours: Option<u8>,
     /// Tolerance of a row or pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f32>,
-    /// Recomputed rows that kept what they had.
+    /// Recomputed rows that kept their stored values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows_within_tolerance: Option<u64>,
     /// Accepted events after which a prediction is recomputed.
@@ -117,7 +117,7 @@ pub struct ApproximationReport {
     /// Stream time after which a prediction is recomputed, in microseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_us: Option<i64>,
-    /// Predictions that were repeated and not computed.
+    /// Predictions that were repeated instead of computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_predictions: Option<u64>,
 }
@@ -136,7 +136,7 @@ pub struct FilteredEvents {
 /// An engine with event filters and a readout that may be stale.
 #[derive(Clone, Debug)]
 pub struct FilteredEngine {
-    /// Filters, in the order in which events come to them.
+    /// Filters, in the order in which events pass them.
     pub chain: Chain,
     /// The engine with its readout.
     pub readout: StaleReadout,
@@ -160,7 +160,7 @@ impl FilteredEngine {
         Ok(Self { chain: approximations.chain(sensor)?, readout })
     }
 
-    /// Forgets all events. Counters go on.
+    /// Forgets all events. Counters continue.
     pub fn reset(&mut self) {
         self.chain.reset();
         self.readout.reset();
@@ -171,7 +171,7 @@ impl FilteredEngine {
         admit(&mut self.chain, event)
     }
 
-    /// Hands those of `events` that pass the filters to the engine.
+    /// Pushes those of `events` that pass the filters into the engine.
     pub fn push_slice(&mut self, events: &[Event]) {
         for &event in events {
             if self.chain.admit(event) {
@@ -190,7 +190,8 @@ impl FilteredEngine {
         self.engine().counters().events.pushed
     }
 
-    /// The engine's counters. Events that a filter dropped count as pushed, repeated predictions as read.
+    /// The counters of the engine. Events that a filter dropped count as pushed, and repeated predictions count as
+    /// read.
     pub fn counters(&self) -> Counters {
         let mut counters = self.engine().counters();
         counters.events.pushed += self.chain.counters().dropped;
@@ -199,7 +200,7 @@ impl FilteredEngine {
     }
 }
 
-/// Whether `event` passes the filters of `chain`, and how long they took; no time if there are no filters.
+/// Whether `event` passes the filters of `chain`, and how long they took. The time is zero without filters.
 pub(crate) fn admit(chain: &mut Chain, event: Event) -> (bool, Duration) {
     if chain.filters().is_empty() {
         return (true, Duration::ZERO);

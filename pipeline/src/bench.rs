@@ -1,4 +1,4 @@
-//! Benchmarks: how long events take, when they take longer, and where the time goes.
+//! Benchmarks: latency of events and frames, its distribution over phases, and the time of each stage.
 //!
 //! | benchmark | measures |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | [`FrameBench`] | a frame network over events: latencies with skipping and without, deadlines |
 //! | [`Comparison`] | a network over events against a frame network, over the same stream |
 //!
-//! Events are read beforehand. Every pass begins with a new engine.
+//! All events are read before the first pass. Every pass begins with a new engine.
 
 mod compare;
 mod deadline;

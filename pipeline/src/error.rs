@@ -1,4 +1,4 @@
-//! Errors of sources, networks by name, and what runs them.
+//! Errors of sources, of networks by name, and of runs.
 
 use std::error::Error;
 use std::io;
@@ -32,7 +32,7 @@ pub enum PipelineError {
     Recording {
         /// The recording.
         recording: Box<str>,
-        /// Why.
+        /// The reason.
         source: Box<IoError>,
     },
     /// A line of a text is malformed, and the source is strict.
@@ -40,7 +40,7 @@ pub enum PipelineError {
     Line {
         /// The text.
         recording: String,
-        /// Which line, and why.
+        /// The line, and the reason.
         problem: String,
     },
     /// Most lines of a text are malformed.
@@ -48,17 +48,17 @@ pub enum PipelineError {
     Lines {
         /// The text.
         recording: String,
-        /// How many of how many, which line is the first, and why.
+        /// The number of malformed lines and of all lines, the first malformed line, and the reason.
         problem: String,
     },
-    /// A recording was cut short.
+    /// A recording is truncated.
     #[error("{recording}")]
     Cut {
         /// The recording.
         recording: Box<str>,
-        /// Where it ends.
+        /// The place where it ends.
         source: Box<IoError>,
-        /// The part that can be read all the same.
+        /// The part that can still be read.
         salvaged: Box<Salvaged>,
     },
     /// A file cannot be read or written; the source names it.
@@ -69,7 +69,7 @@ pub enum PipelineError {
     Open {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
     /// A name that is neither a shipped network nor a file.
@@ -103,7 +103,7 @@ pub enum PipelineError {
     Description {
         /// The name or the file.
         network: Box<str>,
-        /// Why.
+        /// The reason.
         source: Box<ModelError>,
     },
     /// A description or weights cannot be read; the source names the file.
@@ -114,18 +114,18 @@ pub enum PipelineError {
     Weights {
         /// The file.
         weights: Box<str>,
-        /// Why.
+        /// The reason.
         source: Box<ModelError>,
     },
-    /// Frames cannot be made of the input.
+    /// Frames cannot be made from the input.
     #[error("network {network}")]
     Frames {
         /// The network.
         network: String,
-        /// Why.
+        /// The reason.
         source: RepresentationError,
     },
-    /// A frame network whose frames are not made of events was given; one over frames of events was expected.
+    /// A frame network over another input was given; one over frames of events was expected.
     #[error(
         "network {network}: expected a frame network whose frames are made of events (event-counts, signed), found frames \
          = {found:?}"
@@ -146,18 +146,18 @@ pub enum PipelineError {
         network: String,
         /// Length of a frame.
         period_us: i64,
-        /// When predictions were asked for.
+        /// The requested times of predictions.
         found: Every,
     },
-    /// Frames have another period than the windows of the network, or no period.
+    /// The period of frames differs from the windows of the network, or there is no period.
     #[error("expected {expected}, found {found}")]
     FramePeriod {
-        /// The periods that fit.
+        /// The accepted periods.
         expected: String,
-        /// When predictions were asked for.
+        /// The requested times of predictions.
         found: Every,
     },
-    /// Frames would be more than anybody waits for.
+    /// There would be too many frames.
     #[error("expected at most {} frames, found {found} frames, one every {period_us} us", grouped(*.most))]
     ManyFrames {
         /// The limit.
@@ -172,12 +172,12 @@ pub enum PipelineError {
     NoForceMap {
         /// The network.
         network: String,
-        /// The shape that fits.
+        /// The expected shape.
         expected: String,
-        /// The shape that it has.
+        /// The actual shape.
         found: String,
     },
-    /// A picture has another size than the input of the network.
+    /// The size of a picture differs from the input of the network.
     #[error(
         "{}: expected {}x{} pixels, as network {network} reads them, found {}x{}",
         path.display(), expected.0, expected.1, found.0, found.1
@@ -187,12 +187,12 @@ pub enum PipelineError {
         path: PathBuf,
         /// The network.
         network: String,
-        /// Width and height that it reads.
+        /// Width and height of the input of the network.
         expected: (usize, usize),
         /// Width and height of the picture.
         found: (usize, usize),
     },
-    /// Overlays of two pictures would be one file, or an overlay would replace a picture.
+    /// Two overlays would have the same path, or an overlay would replace a picture.
     #[error("{} would replace {other}; choose another folder or other names", path.display())]
     OverlayTaken {
         /// The overlay.
@@ -211,7 +211,7 @@ pub enum PipelineError {
     Write {
         /// The folder or the file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
     /// A state cannot be resumed from.
@@ -237,7 +237,7 @@ impl From<LiveError> for PipelineError {
     }
 }
 
-/// Whether an error of a model names the file that it is about.
+/// Whether an error of a model names its file.
 fn names_file(error: &ModelError) -> bool {
     matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
 }
@@ -257,7 +257,7 @@ impl PipelineError {
     /// The error `source` of reading `recording`.
     pub fn recording(recording: &str, source: IoError) -> Self {
         match source {
-            // It names the file itself.
+            // The error names the file itself.
             IoError::File { .. } => Self::File(source),
             _ => Self::Recording { recording: recording.into(), source: Box::new(source) },
         }

@@ -1,14 +1,15 @@
 //! Makes the frames that a network reads from events.
 //!
-//! Enters: events in order of arrival. Leaves: the frames that a description's `[input]` asks for, (channels, rows,
-//! columns), each with its time on the clock of the events. Consecutive empty frames are one run, however long the silence.
-//! Invariant: frames come in order of time, and every accepted event inside the crop is in a frame or will be in one.
+//! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description defines, (channels, rows,
+//! columns), each with its time on the clock of the events. Consecutive empty frames are one run, independently of the
+//! length of the silence. Invariant: frames come in order of time, and every accepted event inside the crop is or will
+//! be in a frame.
 //!
-//! A frame over a consecutive window comes once, when time has passed the end of the window, which is the frame's time. A
-//! sliding window is read when [`Every`] says, and the time of its frame is that time.
+//! The frame of a consecutive window comes once, when time has passed the end of the window. That end is the time of
+//! the frame. A sliding window is read when [`Every`] says, and the time of its frame is the time of reading.
 //!
-//! A feed that was told to [keep](FrameFeed::keep) events gives its state, and another feed resumes from it: consecutive
-//! windows with the open one, a sliding window with the events of its span.
+//! A feed that was told to [keep](FrameFeed::keep) events can return its state, and another feed can resume from it.
+//! The state has the events of the open consecutive window, or the events in the span of the sliding window.
 
 mod state;
 
@@ -26,10 +27,11 @@ use state::KeptEvents;
 
 /// Makes the frames of one stream of events.
 pub struct FrameFeed {
-    /// Admits events before the frames do, whose own gates only drop late events. They accept every event that it accepts.
+    /// Admits events before they reach the frames. The gates of the frames only drop late events, so they accept every
+    /// event that this gate accepts.
     gate: Admission,
     frames: Frames,
-    /// Events that later frames will show, if someone will ask for the state.
+    /// Events that later frames will cover, if the state will be needed.
     kept: Option<KeptEvents>,
     /// Events that were accepted before this input.
     before: u64,
@@ -42,35 +44,35 @@ enum Frames {
     Sliding(Sliding),
 }
 
-/// What a feed delivers.
+/// An item that a feed delivers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FeedOutput<'a> {
     /// A frame with at least one event.
     Frame {
         /// (channels, rows, columns), row-major.
         values: &'a [f32],
-        /// When its window ends or is read, in microseconds.
+        /// Time at which its window ends or is read, in microseconds.
         t_us: i64,
-        /// Events in it.
+        /// Number of events in it.
         events: u64,
     },
     /// At least one frame of zeros.
     Empty {
-        /// How many.
+        /// Number of frames.
         count: u64,
-        /// When the first of them ends or is read, in microseconds.
+        /// Time at which the first of them ends or is read, in microseconds.
         t_us: i64,
-        /// From one to the next, in microseconds.
+        /// Time from one to the next, in microseconds.
         period_us: i64,
     },
 }
 
 impl FrameFeed {
-    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says when a
-    /// sliding window is read, and does not matter to consecutive windows.
+    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says
+    /// when a sliding window is read, and has no effect on consecutive windows.
     ///
     /// # Errors
-    /// The sensor does not have the pixels that a frame shows.
+    /// The sensor lacks pixels that a frame covers.
     pub fn new(
         description: &FrameDescription,
         sensor: Sensor,
@@ -80,7 +82,7 @@ impl FrameFeed {
         Self::beginning(description, sensor, late, every, None)
     }
 
-    /// The same with consecutive windows from `start_us` on, where that is given.
+    /// As [`Self::new`], but consecutive windows start at `start_us` if it is given.
     fn beginning(
         description: &FrameDescription,
         sensor: Sensor,
@@ -89,7 +91,7 @@ impl FrameFeed {
         start_us: Option<i64>,
     ) -> Result<Option<Self>, RepresentationError> {
         let FrameShape::Image { height, width, .. } = description.input() else { return Ok(None) };
-        // A description's sides are at most 4096.
+        // The sides in a description are at most 4096.
         let (width, height) = (width as u16, height as u16);
         let frames = match *description.source() {
             FrameSource::EventCounts { period_us, place, maximum } => {
@@ -116,7 +118,7 @@ impl FrameFeed {
         Ok(Some(Self { gate, frames, kept: None, before: 0, shown_before: [0; 2] }))
     }
 
-    /// Length of the windows in microseconds, where they are consecutive.
+    /// Length of the windows in microseconds, if they are consecutive.
     pub fn period_us(&self) -> Option<i64> {
         match self.frames {
             Frames::Consecutive { period_us, .. } => Some(period_us),
@@ -124,11 +126,11 @@ impl FrameFeed {
         }
     }
 
-    /// Takes `event`. The frames that its time completes go to `sink` before it enters, a sliding one that is due because of
-    /// it after that.
+    /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding frame that becomes
+    /// due with it goes to `sink` after it enters.
     ///
     /// # Errors
-    /// The first error of `sink`, which is not called again then.
+    /// The first error of `sink`. `sink` is not called again after an error.
     pub fn push<E>(
         &mut self,
         event: Event,
@@ -159,11 +161,11 @@ impl FrameFeed {
         done.map(|()| Outcome::Accepted)
     }
 
-    /// Delivers what is due after the last event: the window that is still open, or the sliding window if it is due once
-    /// more. Delivers nothing if no event has been accepted.
+    /// Delivers the last frame after the last event: the window that is still open, or the sliding window if it is due
+    /// once more. Delivers nothing if no event has been accepted.
     ///
     /// # Errors
-    /// Those of `sink`.
+    /// The errors of `sink`.
     pub fn finish<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
         let (open, period_us) = match &mut self.frames {
             Frames::Consecutive { windows, period_us } => (windows.open(), *period_us),
@@ -230,7 +232,7 @@ impl FrameFeed {
         Ok(Some(feed))
     }
 
-    /// The newest time; none before the first event.
+    /// The newest time; `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.gate.now_us()
     }
@@ -240,7 +242,7 @@ impl FrameFeed {
         self.gate.counters()
     }
 
-    /// Accepted events outside the part of the sensor that frames show.
+    /// Accepted events outside the part of the sensor that frames cover.
     pub fn outside_crop(&self) -> u64 {
         let outside_crop = match &self.frames {
             Frames::Consecutive { windows, .. } => windows.outside_crop(),
@@ -258,7 +260,7 @@ impl FrameFeed {
     }
 }
 
-/// A sliding window, and when it is read.
+/// A sliding window with its schedule.
 struct Sliding {
     window: SlidingSigned,
     span_us: i64,
@@ -307,7 +309,7 @@ impl Sliding {
     }
 }
 
-/// A frame as it is delivered.
+/// A delivered frame.
 fn feed_output<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> FeedOutput<'a> {
     if frame.is_empty() {
         FeedOutput::Empty { count: 1, t_us, period_us }

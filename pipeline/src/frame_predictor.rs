@@ -17,13 +17,13 @@ pub struct FramePredictor {
     options: FrameOptions,
     /// Counts before this run.
     before: FrameCounters,
-    /// Making of frames, for each event, reading or picture.
+    /// Time to make frames, for each event, reading or picture.
     pub prepare: Latency,
     /// Pushes of frames.
     pub push: Latency,
     /// Predictions.
     pub predict: Latency,
-    /// From a reading to the decision after it, for readings that complete a window.
+    /// Time from a reading to the decision after it, for readings that complete a window.
     pub decision: Latency,
     /// Time spent since the last prediction.
     update: Duration,
@@ -77,7 +77,7 @@ impl FramePredictor {
         self.options
     }
 
-    /// Adds time that went into making a frame. [`Self::prepare`] records whole frames.
+    /// Adds time spent in making a frame. [`Self::prepare`] records complete frames.
     pub fn spent(&mut self, spent: Duration) {
         self.update += spent;
     }
@@ -101,10 +101,10 @@ impl FramePredictor {
         pushed
     }
 
-    /// Predicts, and hands the prediction to `read`, whose time counts too.
+    /// Predicts, and passes the prediction to `read`. The time of `read` counts too.
     ///
     /// # Errors
-    /// As [`FrameEngine::predict`], and those of `read`.
+    /// As [`FrameEngine::predict`], and the errors of `read`.
     pub fn predict<T, E: From<EngineError>>(
         &mut self,
         read: impl FnOnce(FramePrediction<'_>) -> Result<T, E>,
@@ -120,7 +120,7 @@ impl FramePredictor {
         read
     }
 
-    /// Back to the state before the first frame.
+    /// Resets to the state before the first frame.
     pub fn reset(&mut self) {
         let start = Instant::now();
         self.engine.reset();
@@ -150,9 +150,9 @@ pub struct LayerCost {
     pub name: String,
     /// Pixels of its output.
     pub pixels: u64,
-    /// Of all its pixels.
+    /// Multiply-adds of all its pixels.
     multiply_adds: u64,
-    /// Of one absorbed pixel: where the frame is empty, a convolutional LSTM still reads its hidden state.
+    /// Multiply-adds of one absorbed pixel. A convolutional LSTM still reads its hidden state if the frame is empty.
     absorbed: u64,
 }
 
@@ -174,7 +174,7 @@ impl LayerCost {
 
     /// Multiply-adds of the pixels that `counters` counted.
     pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
-        // In u128: a recording's pixels times a layer's products can exceed a u64.
+        // In u128, because the pixels of a recording times the products of a layer can exceed a u64.
         let computed =
             u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
         u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)

@@ -1,12 +1,13 @@
 //! The signals that ask the program to end: SIGINT (Ctrl-C) and SIGTERM.
 //!
-//! At first either of them ends the program at once, with exit status [`STATUS`]. A subcommand that works on a stream calls
-//! [`listen`] when there is something that it would not lose. From then on the first signal is a request: [`requested`] says
-//! so, and whoever waits in [`sleep`], for [`input`] or for a file that is [`awaited`] is woken. The second signal ends the program at once.
+//! At first, either signal ends the program at once with exit status [`STATUS`]. A subcommand that works on a stream
+//! calls [`listen`] as soon as it has results to keep. From then on the first signal is a request: [`requested`]
+//! returns true, and every wait in [`sleep`], for [`input`] or for an [`awaited`] file ends. The second signal ends the
+//! program at once.
 //!
-//! On platforms other than Unix, nothing is requested, and a signal does what it does there.
+//! On platforms other than Unix, nothing is requested, and signals have their default effect.
 
-/// Exit status of a program that a signal has ended.
+/// Exit status of a program that was ended by a signal.
 pub const STATUS: u8 = 130;
 
 #[cfg(not(unix))]
@@ -34,27 +35,28 @@ mod unix {
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
 
     struct Signals {
-        /// Whether a signal ends the program at once: until [`listen`], and from the first signal after it on.
+        /// Whether a signal ends the program at once: before [`listen`], and again after the first signal that follows
+        /// it.
         at_once: Arc<AtomicBool>,
         listens: AtomicBool,
-        /// Readable from the first signal on: nobody reads it.
+        /// Readable from the first signal on, because it is never read.
         woken: UnixStream,
     }
 
-    /// Standard input, which a request ends with an error.
+    /// Standard input. A request ends it with an error.
     pub type Input = BufReader<Awaited>;
 
-    /// A file that is waited for together with signals: reading it alone would go on waiting after a signal.
+    /// A file that is waited for together with signals. A plain read would keep waiting after a signal.
     #[derive(Debug)]
     pub struct Awaited(File);
 
-    /// Makes signals end the program with [`STATUS`]. Where that fails, they end it as they always do.
+    /// Makes signals end the program with [`STATUS`]. If that fails, they keep their default effect.
     pub fn install() {
         let signals = || {
             let at_once = Arc::new(AtomicBool::new(true));
             let (woken, wake) = UnixStream::pair()?;
             for signal in [SIGINT, SIGTERM] {
-                // In this order: the first signal finds the flag as it was.
+                // In this order: the first signal sees the flag before it is set.
                 flag::register_conditional_shutdown(signal, STATUS.into(), Arc::clone(&at_once))?;
                 flag::register(signal, Arc::clone(&at_once))?;
                 low_level::pipe::register(signal, wake.try_clone()?)?;
@@ -66,7 +68,7 @@ mod unix {
         }
     }
 
-    /// From now on the first signal is a request.
+    /// Makes the first signal from now on a request.
     pub fn listen() {
         if let Some(signals) = SIGNALS.get() {
             signals.at_once.store(false, Ordering::SeqCst);
@@ -81,13 +83,13 @@ mod unix {
         })
     }
 
-    /// Waits so long, or shorter where the program is asked to end.
+    /// Waits for `time`, or until the program is asked to end.
     pub fn sleep(time: Duration) {
         let (Some(signals), Ok(timeout)) = (SIGNALS.get(), Timespec::try_from(time)) else {
             std::thread::sleep(time);
             return;
         };
-        // An interruption is shorter, too.
+        // An interrupted wait may also be shorter.
         let _ = poll(&mut [PollFd::new(&signals.woken, PollFlags::IN)], Some(&timeout));
     }
 
@@ -117,7 +119,7 @@ mod unix {
             let Some(signals) = SIGNALS.get() else { return Ok(()) };
             loop {
                 if requested() {
-                    // Not of the kind `Interrupted`, after which readers try again.
+                    // Not of the kind `Interrupted`: readers would try again after it.
                     return Err(io::Error::other("interrupted"));
                 }
                 let mut awaited =
@@ -153,7 +155,7 @@ mod other {
         false
     }
 
-    /// Waits so long.
+    /// Waits for `time`.
     pub fn sleep(time: Duration) {
         std::thread::sleep(time);
     }

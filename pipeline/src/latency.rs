@@ -5,19 +5,19 @@ use std::time::{Duration, Instant};
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// Longest time that is told apart: an hour, in nanoseconds.
+/// Longest time that the histogram distinguishes: an hour, in nanoseconds.
 const LONGEST_NS: u64 = 3_600_000_000_000;
-/// Digits to which times are told apart.
+/// Significant digits of the histogram.
 const DIGITS: u8 = 3;
-/// Empty measurements whose mean is the overhead of the clock, and how often that mean is taken.
+/// Number of empty measurements whose mean is the overhead of the clock, and number of such means.
 const CLOCK_READS: u32 = 2000;
 const CLOCK_RUNS: usize = 50;
 
-/// A histogram of durations, to the nanosecond and three digits.
+/// A histogram of durations, with a resolution of a nanosecond or three digits.
 #[derive(Debug)]
 pub struct Latency {
     histogram: Histogram<u64>,
-    /// Exact, where the histogram rounds.
+    /// The exact sum: the histogram rounds.
     max_ns: u64,
     total: Duration,
 }
@@ -41,7 +41,7 @@ pub struct Quantiles {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Distribution {
-    /// How many.
+    /// Number of durations.
     pub count: u64,
     /// Mean.
     pub mean: f64,
@@ -50,8 +50,8 @@ pub struct Distribution {
     pub quantiles: Quantiles,
 }
 
-/// Overhead of the clock in microseconds, by timing nothing: the least mean of several runs, since an interruption can only
-/// add to a mean.
+/// Overhead of the clock in microseconds, measured by timing nothing. It is the smallest mean of several runs, since an
+/// interruption can only increase a mean.
 pub fn clock_us() -> f64 {
     let mean = |_| {
         let mut nothing = Duration::ZERO;
@@ -78,7 +78,7 @@ impl Default for Latency {
 }
 
 impl Latency {
-    /// An empty histogram; recording into it allocates nothing.
+    /// An empty histogram. Recording into it does not allocate.
     pub fn new() -> Self {
         Self::default()
     }
@@ -91,7 +91,7 @@ impl Latency {
         self.total += taken;
     }
 
-    /// Records all that `other` recorded.
+    /// Adds all durations of `other`.
     pub fn add(&mut self, other: &Self) {
         // All histograms have the same bounds.
         let added = self.histogram.add(&other.histogram);
@@ -100,18 +100,18 @@ impl Latency {
         self.total += other.total;
     }
 
-    /// Sum of all that was recorded.
+    /// Sum of all recorded durations.
     pub fn total(&self) -> Duration {
         self.total
     }
 
-    /// How many durations were recorded.
+    /// The number of recorded durations.
     pub fn count(&self) -> u64 {
         self.histogram.len()
     }
 
-    /// Points (duration in microseconds, share of the recorded durations that were longer), by ascending duration:
-    /// one for each value of the histogram that occurred. The last share is 0.
+    /// Points (duration in microseconds, share of longer durations) in ascending order of duration. There is one point
+    /// for each value of the histogram that occurred. The last share is 0.
     pub fn longer(&self) -> Vec<(f64, f64)> {
         let mut left = self.count();
         let point = |bucket: hdrhistogram::iterators::IterationValue<u64>| {

@@ -1,7 +1,7 @@
-//! Drives an engine over a source: recordings and live streams in, predictions out. Nothing here parses arguments or prints;
-//! messages for people go to the `log` crate.
+//! Drives an engine over a source: recordings and live streams in, predictions out. This crate does not parse arguments
+//! and does not print. Messages go to the `log` crate.
 //!
-//! The embedded recording through a shipped network, with a line of JSON for each prediction:
+//! This example runs a shipped network over the embedded recording, and prints a line of JSON for each prediction:
 //!
 //! ```
 //! use meissner_pipeline::model::Model;
@@ -28,13 +28,13 @@
 //! | module | contents |
 //! |---|---|
 //! | [`source`] | events of a file, of standard input, of the embedded recording |
-//! | [`refusals`], [`losses`] | malformed lines; lost input, and recordings that were cut short |
+//! | [`refusals`], [`losses`] | malformed lines; lost input, and truncated recordings |
 //! | [`model`] | networks and weights by name or from files |
 //! | [`provenance`] | network, weights and input of a result, for reports |
 //! | [`answer`] | classes and probabilities of predictions |
 //! | [`approximations`] | approximations, and an engine that runs with them |
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
-//! | [`predictor`] | incremental and from scratch with the same methods |
+//! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
 //! | [`frame_feed`], [`frame_predictor`] | frames made of events; a frame engine with its timings |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | a recording at real speed through a bounded queue |

@@ -1,8 +1,8 @@
-//! Input that reaches no prediction although nobody asked for that, and recordings that were cut short.
+//! Unintended loss of input, and truncated recordings.
 //!
-//! Enters: counts. Leaves: a warning for each reason that more than one percent of the input was lost for, with the likely
-//! cause. Events that a filter or a queue drops are not counted: someone asked for that. A live stream may go on for days, so
-//! its losses are reported after a thousand events, ten thousand and so on.
+//! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input, with the likely
+//! cause. Events that a filter or a queue drops are not counted, because that loss was requested. A live stream can run
+//! for days, so its losses are reported after a thousand events, ten thousand and so on.
 
 use std::fmt;
 
@@ -12,60 +12,60 @@ use serde::Serialize;
 
 use crate::text::grouped;
 
-/// Share of the input that may be lost without a warning.
+/// Largest share of the input that may be lost without a warning.
 const PERCENT: u64 = 1;
-/// Refused lines that are reported one by one, each with its reason.
+/// Number of refused lines that are reported individually, each with its reason.
 pub const LINES_TOLD: u64 = 5;
 
-/// Why input is lost.
+/// The reason for a loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum LossReason {
     /// Events outside the sensor.
     OutsideSensor,
-    /// Events earlier than one before them.
+    /// Events that are earlier than an event before them.
     Late,
-    /// Events too far in time from the first one.
+    /// Events that are too far in time from the first event.
     TimeOutOfRange,
-    /// Accepted events outside the part of the sensor that frames show.
+    /// Accepted events outside the part of the sensor that frames cover.
     OutsideCrop,
     /// Lines of a text that could not be read.
     LinesRefused,
 }
 
-/// What the user of a program can do about a loss, such as an option of that program.
+/// Advice to the user of a program about a loss, such as an option of that program.
 pub type Advice = fn(LossReason) -> Option<&'static str>;
 
-/// Lost input, and why.
+/// A loss of input with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct LossWarning {
     /// The reason.
     pub reason: LossReason,
-    /// How many were lost.
+    /// Number of lost events or lines.
     pub count: u64,
-    /// Of how many.
+    /// Total number of events or lines.
     pub of: u64,
-    /// The same as a sentence, with the likely cause.
+    /// The loss as a sentence, with the likely cause.
     pub message: String,
 }
 
-/// Logs what is lost of a stream, each reason once.
+/// Logs the losses of a stream, once for each reason.
 #[derive(Debug)]
 pub struct LossWatch {
-    /// Events before the next look, while the stream goes on.
+    /// Number of events at which the losses are checked next, while the stream continues.
     next: u64,
     told: Vec<LossReason>,
 }
 
 impl LossWatch {
-    /// A watch over a stream. While a `live` stream goes on, it looks from time to time.
+    /// A watch over a stream. It checks a `live` stream from time to time while the stream continues.
     pub fn new(live: bool) -> Self {
         Self { next: if live { 1000 } else { u64::MAX }, told: Vec::new() }
     }
 
-    /// Looks at the losses if it is time to, after `taken` events of the input called `name`.
+    /// Checks the losses if a check is due after `taken` events of the input called `name`.
     pub fn look(&mut self, taken: u64, name: &str, losses: impl FnOnce() -> InputLosses) {
         if taken >= self.next {
             self.next = self.next.saturating_mul(10);
@@ -73,11 +73,12 @@ impl LossWatch {
         }
     }
 
-    /// The stream called `name` has ended: logs each warning that has not been logged, and returns all of them.
+    /// Ends the watch over the stream called `name`: logs the warnings that were not logged before, and returns all
+    /// warnings.
     pub fn end(&mut self, name: &str, losses: &InputLosses) -> Vec<LossWarning> {
         let warnings = losses.warnings();
         for LossWarning { reason, count, message, .. } in &warnings {
-            // Each of a few refused lines has been logged.
+            // A few refused lines have each been logged already.
             let is_known = *reason == LossReason::LinesRefused && *count <= LINES_TOLD;
             if !is_known && !self.told.contains(reason) {
                 log::warn!("{name}: {message}");
@@ -88,11 +89,11 @@ impl LossWatch {
     }
 }
 
-/// What was lost of an input.
+/// The losses of an input.
 #[derive(Clone, Copy, Debug)]
 pub struct InputLosses {
     events: EventCounters,
-    /// `None` where the input is not of events.
+    /// `None` if the input does not consist of events.
     sensor: Option<Sensor>,
     outside_crop: u64,
     lines_refused: u64,
@@ -100,7 +101,7 @@ pub struct InputLosses {
 }
 
 impl InputLosses {
-    /// Losses of a stream of events from `sensor`: `events` counts those that reached the network.
+    /// Losses of a stream of events from `sensor`. `events` counts the events that reached the network.
     pub fn of_events(events: EventCounters, sensor: Sensor) -> Self {
         Self { events, sensor: Some(sensor), outside_crop: 0, lines_refused: 0, advice: |_| None }
     }
@@ -111,19 +112,19 @@ impl InputLosses {
         Self { events, sensor: None, outside_crop: 0, lines_refused: 0, advice: |_| None }
     }
 
-    /// The same with so many accepted events that no frame shows.
+    /// Adds the number of accepted events that no frame covers.
     #[must_use]
     pub fn with_outside_crop(self, outside_crop: u64) -> Self {
         Self { outside_crop, ..self }
     }
 
-    /// The same with so many lines that could not be read.
+    /// Adds the number of lines that could not be read.
     #[must_use]
     pub fn with_lines_refused(self, lines_refused: u64) -> Self {
         Self { lines_refused, ..self }
     }
 
-    /// The same with `advice` at the end of each message.
+    /// Adds `advice` at the end of each message.
     #[must_use]
     pub fn with_advice(self, advice: Advice) -> Self {
         Self { advice, ..self }
@@ -170,14 +171,14 @@ impl InputLosses {
     }
 }
 
-/// The part of a recording that was kept, and where the rest begins.
+/// The part of a truncated recording that was kept, and the start of the rest.
 #[derive(Clone, Debug, Serialize)]
 pub struct Salvaged {
     /// Events kept.
     events: usize,
     /// The part that is incomplete.
     what: &'static str,
-    /// Where it starts: a byte of the file, or a line of a text.
+    /// The start of the incomplete part: a byte of the file, or a line of a text.
     place: String,
     bytes_not_read: u64,
 }

@@ -1,11 +1,11 @@
-//! Memory of the process, where the platform reports it.
+//! Memory of the process, if the platform reports it.
 
-/// Most bytes of memory that the process has had resident so far: Linux's `VmHWM`. `None` elsewhere.
+/// Peak resident memory of the process so far, in bytes: `VmHWM` on Linux, `None` elsewhere.
 pub fn peak_resident_bytes() -> Option<u64> {
     read("VmHWM:")
 }
 
-/// Bytes of memory that the process has resident: Linux's `VmRSS`. `None` elsewhere.
+/// Resident memory of the process, in bytes: `VmRSS` on Linux, `None` elsewhere.
 pub fn resident_bytes() -> Option<u64> {
     read("VmRSS:")
 }

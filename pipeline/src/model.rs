@@ -1,4 +1,4 @@
-//! Networks by name or from files, their weights, and options that change them.
+//! Loads networks by name or from files, with their weights and with options that change them.
 
 use std::fs::File;
 use std::io::Read;
@@ -15,20 +15,20 @@ use crate::approximations::Approximations;
 use crate::error::PipelineError;
 use crate::provenance::ModelCard;
 
-/// A network over events by name, and options that change it.
+/// The name of a network over events, and options that change it.
 #[derive(Clone, Debug, Default)]
 pub struct ModelOptions {
     /// Name of a shipped network, or path of a description file.
     pub network: String,
-    /// File of weights; `None` takes those shipped with the network.
+    /// File with weights; `None` selects the weights shipped with the network.
     pub weights: Option<PathBuf>,
-    /// Runs weights that were trained on another preparation of the input.
+    /// Whether weights that were trained on another preparation of the input are accepted.
     pub ignore_preparation: bool,
     /// Length of the window in microseconds, in place of the description's.
     pub span_us: Option<i64>,
-    /// Most events in the window, in place of the description's.
+    /// Largest number of events in the window, in place of the description's.
     pub capacity: Option<usize>,
-    /// Approximations. The network itself has the number of neighbours.
+    /// Approximations. The number of neighbours is applied to the network itself.
     pub approximations: Approximations,
 }
 
@@ -51,14 +51,14 @@ pub struct Model {
     pub network: Network,
     /// The card of network and weights, for reports.
     pub card: ModelCard,
-    /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
+    /// Largest number of multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
     pub multiply_adds: Vec<u64>,
 }
 
-/// The description of a network over events, shipped or in a file; whether it is shipped.
+/// The description of a network over events, shipped or from a file, and whether it is shipped.
 ///
 /// # Errors
-/// The network is unknown or a frame network, or its description cannot be read.
+/// The network is unknown, it is a frame network, or its description cannot be read.
 pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
@@ -66,10 +66,10 @@ pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
     }
 }
 
-/// The description of a frame network, shipped or in a file; whether it is shipped.
+/// The description of a frame network, shipped or from a file, and whether it is shipped.
 ///
 /// # Errors
-/// The network is unknown or over events, or its description cannot be read.
+/// The network is unknown, it is a network over events, or its description cannot be read.
 pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
@@ -77,8 +77,8 @@ pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), Pipeli
     }
 }
 
-/// The network of `description` with `weights`, which `label` names, and what they are. Weights of another preparation are
-/// refused, unless that is to be ignored.
+/// The network of `description` with `weights`, and the card of both. `label` names the weights. Weights of another
+/// preparation are refused unless the difference is to be ignored.
 ///
 /// # Errors
 /// The weights do not fit.
@@ -100,7 +100,7 @@ pub fn frame_network(
     Ok((Arc::new(network), card))
 }
 
-/// What a network of `description` is with `weights` from `label`.
+/// The card of a network of `description` with `weights` from `label`.
 ///
 /// # Errors
 /// The card cannot be read.
@@ -113,12 +113,12 @@ pub fn card(
     Ok(ModelCard::new(description, weights, &card, label))
 }
 
-/// Weights that do not fit.
+/// The error for weights that do not fit.
 fn refused(weights: &str, source: ModelError) -> PipelineError {
     PipelineError::Weights { weights: weights.into(), source: Box::new(source) }
 }
 
-/// The description of a network of either kind, shipped or in a file; whether it is shipped.
+/// The description of a network of either kind, shipped or from a file, and whether it is shipped.
 ///
 /// # Errors
 /// The network is unknown, or its description cannot be read.
@@ -139,10 +139,10 @@ pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), PipelineErr
     }
 }
 
-/// The weights in the file at `path`, or those shipped for `network`; where they come from.
+/// The weights in the file at `path`, or the shipped weights of `network`, and their source.
 ///
 /// # Errors
-/// There are none, or they cannot be read.
+/// There are no weights, or they cannot be read.
 pub fn weights(
     network: &str,
     shipped: bool,
@@ -161,15 +161,15 @@ pub fn weights(
     }
 }
 
-/// Where `weights` come from, with what they say about themselves.
+/// The source of `weights`, with their own description.
 pub fn labelled(label: String, weights: &Weights) -> String {
     let about = weights.metadata().get("about").map(|about| format!(" ({about})"));
     label + &about.unwrap_or_default()
 }
 
-/// The format of the file at `path` where it is plainly a recording: CSV and N-MNIST have no marks of their own.
+/// The format of the file at `path` if its content identifies it as a recording. CSV and N-MNIST have no signature.
 fn recording_format(path: &str) -> Option<Format> {
-    // The marks stand at the start; what is no description may have no end either.
+    // A signature is at the start. A file that is not a description may be endless, so only the start is read.
     let mut start = Vec::new();
     File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
     let format = meissner_io::detect(&start)?;
@@ -177,7 +177,7 @@ fn recording_format(path: &str) -> Option<Format> {
 }
 
 impl Model {
-    /// The network that `options` ask for.
+    /// The network that `options` select.
     ///
     /// # Errors
     /// The network is unknown, its weights do not fit, or it cannot be adapted.
@@ -189,8 +189,8 @@ impl Model {
         Ok(Self { network, card, ..model })
     }
 
-    /// The network called `name` as it is described, with the weights in the file at `path` or those shipped for it.
-    /// Weights of another preparation are refused, unless that is to be ignored.
+    /// The network called `name`, unchanged, with the weights in the file at `path` or its shipped weights. Weights of
+    /// another preparation are refused unless the difference is to be ignored.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
@@ -200,7 +200,7 @@ impl Model {
         Self::of(&description, (&weights, label), ignore_preparation)
     }
 
-    /// The network of `description` with `weights`, which `label` names.
+    /// The network of `description` with `weights`. `label` names the weights.
     ///
     /// # Errors
     /// The weights do not fit.
@@ -215,7 +215,7 @@ impl Model {
             description.network(weights)
         };
         let network = network.map_err(|source| refused(&label, source))?;
-        // The layers of levels compute rows; readout and dense layers are evaluated once a prediction.
+        // The layers of levels compute rows; readout and dense layers are evaluated once per prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
             let layer = rows.clone().find(|layer| layer.name == name);
@@ -230,11 +230,11 @@ impl Model {
 
 /// A frame network with its weights.
 pub struct FrameModel {
-    /// The name or the file that it was asked for by.
+    /// The requested name or file.
     pub name: String,
     /// The description.
     pub description: FrameDescription,
-    /// What makes the frames: as in the description, with another sampling if that was asked for.
+    /// How frames are made: as in the description, or with another sampling if one was requested.
     pub source: FrameSource,
     /// The network.
     pub network: Arc<FrameNetwork>,
@@ -243,8 +243,8 @@ pub struct FrameModel {
 }
 
 impl FrameModel {
-    /// The frame network called `name`, or described in this file, with the weights in the file at `path` or those shipped.
-    /// Weights of another preparation are refused, unless that is to be ignored.
+    /// The frame network called `name`, or described in the file `name`, with the weights in the file at `path` or its
+    /// shipped weights. Weights of another preparation are refused unless the difference is to be ignored.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
@@ -262,7 +262,7 @@ impl FrameModel {
         Ok(Self { name: name.to_owned(), description, source, network, card })
     }
 
-    /// The same with another sampling of readings, if its frames are made of readings.
+    /// Replaces the sampling of readings, if the frames are made of readings.
     #[must_use]
     pub fn with_sampling(mut self, sampling: Sampling) -> Self {
         if let FrameSource::TactileImage(readings) | FrameSource::Electrodes(readings) = &mut self.source {
@@ -277,10 +277,10 @@ fn window(network: &Network) -> (i64, usize) {
     (network.parts().span_us, network.parts().capacity)
 }
 
-/// Shipped names that are at least this similar to a wrong one are suggested, from 0 to 1.
+/// Minimum similarity of a shipped name to an unknown one, from 0 to 1, at which it is suggested.
 const SIMILAR: f64 = 0.7;
 
-/// The shipped network whose name is most similar to `name`, if one is similar.
+/// The shipped network with the name most similar to `name`, if one is similar enough.
 fn nearest(name: &str) -> Option<&'static str> {
     let similarity = |known: &&str| strsim::jaro_winkler(name, known);
     AnyDescription::shipped_names()

@@ -1,7 +1,8 @@
-//! Plays a recording at real speed through a bounded queue that may overflow, with reports by their deadline.
+//! Plays a recording at real speed through a bounded queue that may overflow, with reports by their deadlines.
 //!
-//! A thread offers the events of the recording when they are due, a second one pushes and predicts, and the caller's thread
-//! asks for a prediction at the time of every report. After the end, one more prediction covers all events that wait.
+//! One thread offers the events of the recording when they are due, a second thread pushes and predicts, and the
+//! caller's thread requests a prediction at the time of every report. After the end, one more prediction covers all
+//! waiting events.
 
 mod clock;
 mod reader;
@@ -37,27 +38,28 @@ use reader::Reader;
 /// Options of a play.
 #[derive(Clone, Debug)]
 pub struct PlayOptions {
-    /// Seconds of stream time a second.
+    /// Seconds of stream time per second.
     pub speed: f64,
-    /// Most events that wait in the queue.
+    /// Largest number of events that wait in the queue.
     pub queue: usize,
-    /// What happens when events come faster than the engine takes them.
+    /// Policy when events arrive faster than the engine takes them.
     pub overload: Overload,
     /// Stream time between two reports; at least a microsecond.
     pub report_every: Duration,
     /// Longest wait for the prediction of a report.
     pub deadline: Duration,
-    /// Treatment of events that are earlier than one before them.
+    /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
     /// Approximations. Filters act before the queue.
     pub approximations: Approximations,
-    /// Most events that are taken.
+    /// Largest number of events to take.
     pub limit: Option<u64>,
-    /// Compares the last prediction with one from scratch, whose neighbours are among those that this proposes.
+    /// If given, the last prediction is compared with one from scratch. This function proposes the candidate
+    /// neighbours.
     pub verify: Option<Propose>,
 }
 
-/// A network over events, and the recording that it will play.
+/// A network over events with its recording, before the play.
 pub struct Play {
     network: Arc<Network>,
     classes: Classes,
@@ -70,13 +72,13 @@ pub struct Play {
     reports: u64,
 }
 
-/// What happened.
+/// The outcome of a play.
 struct Played {
     tally: Tally,
     queue: QueueCounters,
     chain: Chain,
     lag: Duration,
-    /// Events of the recording that were due.
+    /// Number of events of the recording that were due.
     taken: u64,
     drain: Duration,
     last: LastPrediction,
@@ -110,12 +112,12 @@ impl Play {
         &self.source
     }
 
-    /// How many reports will be due.
+    /// The number of reports that will be due.
     pub fn reports(&self) -> u64 {
         self.reports
     }
 
-    /// Plays all events, or those up to a [requested](interrupt::requested) end.
+    /// Plays all events, or the events up to a [requested](interrupt::requested) end.
     ///
     /// # Errors
     /// The engine or the queue refuses an option, a thread cannot be started, a result is not a number, or the observer
@@ -145,7 +147,7 @@ impl Play {
         i128::from(self.first_us).saturating_add(elapsed_us).try_into().unwrap_or(i64::MAX)
     }
 
-    /// Plays into `predictor`, and gives it back.
+    /// Plays into `predictor`, and returns it.
     fn play<P: Predictor<Input = Event> + Send + 'static>(
         &mut self,
         predictor: P,
@@ -156,7 +158,7 @@ impl Play {
         let options = QueueOptions::new().with_capacity(capacity).with_overload(overload);
         let chain = self.options.approximations.chain(self.sensor)?;
         thread::scope(|threads| {
-            // Inside, so that whatever happens here ends the reader before it is waited for.
+            // Inside the scope, so that every return ends the reader before the scope waits for it.
             let (input, mut live) = Live::spawn(predictor, options)?;
             let clock = Clock::new(Instant::now(), self.first_us, speed);
             let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
@@ -252,7 +254,7 @@ fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verif
     })
 }
 
-/// How the report of `timely` came about.
+/// How current the prediction of `timely` is.
 fn state(timely: &Timely<'_>) -> ReportState {
     match timely {
         Timely { fresh: true, .. } => ReportState::Fresh,
@@ -276,7 +278,7 @@ impl Tally {
         Self { reports, waited: Latency::new(), age: Latency::new(), behind: Latency::new(), deadline }
     }
 
-    /// A report has been made. It was asked for `late` after it was due.
+    /// Counts a report. It was requested `late` after it was due.
     fn count(&mut self, timely: &Timely<'_>, late: Duration) {
         let reports = &mut self.reports;
         reports.made += 1;
@@ -303,7 +305,7 @@ pub struct PlaySummary {
     pub events: u64,
     /// Lines of a text that could not be read; they do not count as events.
     pub lines_refused: u64,
-    /// Losses of input that nobody asked for.
+    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// Events offered to the queue.
     pub offered: u64,
@@ -319,7 +321,7 @@ pub struct PlaySummary {
     pub reports: ReportCounts,
     /// Times in microseconds.
     pub latency_us: PlayLatencies,
-    /// Longest time from when an event was due until it was offered.
+    /// Longest time from the due time of an event until it was offered.
     pub reader_lag_max_us: f64,
     /// Time from the end of the recording until all waiting events were covered.
     pub drain_us: f64,
@@ -328,7 +330,7 @@ pub struct PlaySummary {
     pub last: LastPrediction,
     /// The comparison with a prediction from scratch, if one was made.
     pub verified: Option<Verified>,
-    /// Most memory that the process had resident; `None` if the platform does not report it.
+    /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
     /// The approximations; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -339,21 +341,21 @@ pub struct PlaySummary {
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct ReportCounts {
-    /// Due.
+    /// Reports that were due.
     pub due: u64,
-    /// Made.
+    /// Reports that were made.
     pub made: u64,
-    /// Covered all events that had entered the queue.
+    /// Reports that covered all events that had entered the queue.
     pub fresh: u64,
-    /// Covered the events that the engine had taken.
+    /// Reports that covered only the events that the engine had taken.
     pub behind: u64,
-    /// Had the prediction of an earlier report.
+    /// Reports with the prediction of an earlier report.
     pub old: u64,
-    /// Returned after the deadline.
+    /// Reports that returned after the deadline.
     pub past_deadline: u64,
     /// Longest time after the deadline.
     pub past_deadline_max_us: f64,
-    /// Longest time from when one was due until it was asked for.
+    /// Longest time from the due time of a report until it was requested.
     pub asked_late_max_us: f64,
 }
 
@@ -361,11 +363,11 @@ pub struct ReportCounts {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct PlayLatencies {
-    /// From when one was asked for.
+    /// Time since the request.
     pub waited: Option<Quantiles>,
-    /// From when its prediction was begun.
+    /// Time since the start of the prediction.
     pub age: Option<Quantiles>,
-    /// Stream time that it does not cover.
+    /// Stream time that the report does not cover.
     pub behind: Option<Quantiles>,
 }
 
@@ -373,13 +375,13 @@ pub struct PlayLatencies {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct QueueReport {
-    /// Most events that can wait.
+    /// Capacity in events.
     pub capacity: u64,
     /// Name of the overload policy.
     pub overload: &'static str,
-    /// Most events that waited.
+    /// Largest number of events that waited.
     pub high_water: u64,
-    /// Time for which the reader waited for room.
+    /// Time that the reader waited for room.
     pub blocked_us: f64,
 }
 
@@ -400,7 +402,7 @@ pub struct LastPrediction {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Verified {
-    /// Events that the prediction from scratch is over.
+    /// Number of events in the prediction from scratch.
     pub events: usize,
     /// Whether all bits are equal.
     pub equal: bool,

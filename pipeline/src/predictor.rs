@@ -37,7 +37,7 @@ enum Backend {
 }
 
 impl EventPredictor {
-    /// A predictor over an empty window. [`Mode::Batch`] knows the filters of `approximations` only.
+    /// A predictor over an empty window. [`Mode::Batch`] uses only the filters of `approximations`.
     ///
     /// # Errors
     /// The engine refuses the sensor or an approximation.
@@ -63,7 +63,7 @@ impl EventPredictor {
         Ok(Self { backend, before })
     }
 
-    /// Continues from the state in `bytes`. Only for [`Mode::Incremental`], with a readout that is never stale.
+    /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is never stale.
     ///
     /// # Errors
     /// As [`Engine::restore_bytes`].
@@ -104,7 +104,7 @@ impl EventPredictor {
         }
     }
 
-    /// Takes `event`, which has passed the filters.
+    /// Pushes `event`, which has passed the filters.
     pub fn push(&mut self, event: Event) -> Outcome {
         match &mut self.backend {
             Backend::Incremental(filtered) => filtered.readout.push(event),
@@ -144,7 +144,7 @@ impl EventPredictor {
         self.backend.counters().since(&self.before).events
     }
 
-    /// Counts of this run. Events that a filter dropped count as pushed, repeated predictions as read.
+    /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions count as read.
     pub fn counters(&self) -> Counters {
         let mut counters = self.backend.counters().since(&self.before);
         let (chain, stale) = self.beside();

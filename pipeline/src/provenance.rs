@@ -1,17 +1,17 @@
-//! Where results come from: which network, with which weights, on what input. `docs/json.md` has the keys.
+//! The origin of results: the network, its weights and the input. `docs/json.md` explains the keys.
 //!
-//! Every JSON output of a network has a [`Header`]: `{"header": {...}}` as the first of several lines, the field `header`
-//! of a single object.
+//! Every JSON output of a network has a [`Header`]. It is the first line, `{"header": {...}}`, of an output with
+//! several lines, and the field `header` of a single object.
 
 use meissner_engine::Sensor;
 use meissner_models::{Agreement, AnyDescription, Card, Weights};
 use serde::Serialize;
 use serde_json::Value;
 
-/// Raised whenever a key changes its meaning or goes.
+/// Version of the JSON format. It increases when a key is removed or changes its meaning.
 const SCHEMA: u32 = 1;
 
-/// Where the results of a command come from.
+/// The origin of the results of a command.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Header {
     /// Version of the program.
@@ -19,23 +19,23 @@ pub struct Header {
     schema: u32,
     command: &'static str,
     input: InputCard,
-    /// The network; missing where there are several, each with its results.
+    /// The network; missing if there are several, each listed with its results.
     #[serde(flatten)]
     model: Option<ModelCard>,
-    /// What a person should know about network, weights and input together.
+    /// Warnings about the combination of network, weights and input.
     warnings: Vec<String>,
 }
 
-/// What was read.
+/// The input of a command.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct InputCard {
     /// Its name.
     pub name: String,
     /// Its format.
     pub format: String,
-    /// Columns and rows; `None` where there are no pixels of events.
+    /// Columns and rows; `None` if the input has no pixels of events.
     pub sensor: Option<[u16; 2]>,
-    /// Events in the input, where that is known beforehand.
+    /// Number of events in the input, if it is known in advance.
     pub events: Option<u64>,
 }
 
@@ -46,44 +46,44 @@ pub struct ModelCard {
     pub network: NetworkCard,
     /// Its weights.
     pub weights: WeightsCard,
-    /// What it predicts, value after value.
+    /// The predicted values, in order.
     outputs: Vec<Output>,
-    /// Names of the classes, where the values are their logits.
+    /// Names of the classes, if the values are logits.
     pub classes: Option<Vec<String>>,
 }
 
-/// A network as it runs.
+/// A network with the options that it runs with.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct NetworkCard {
     /// Its name.
     pub name: String,
     /// "events" or "frames".
     kind: &'static str,
-    /// Of the network as it runs: what it computes and the values of its weights.
+    /// Fingerprint of the running network: its computation and the values of its weights.
     fingerprint: Option<String>,
-    /// Length of the window as it runs.
+    /// Length of the window in this run.
     pub span_us: Option<i64>,
-    /// Most events of the window as it runs.
+    /// Largest number of events in the window in this run.
     pub capacity: Option<usize>,
-    /// It takes every `stride`-th event.
+    /// The network takes every `stride`-th event.
     stride: usize,
-    /// What the description says of how its input is prepared.
+    /// The preparation of the input, from the description.
     preparation: Value,
 }
 
-/// Weights, and what is known about them.
+/// Weights and their metadata.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WeightsCard {
-    /// Where they come from.
+    /// Source of the weights.
     source: String,
     about: Option<String>,
-    /// Whether they were trained; `None` where they do not say.
+    /// Whether the weights were trained; `None` if the metadata does not say.
     pub trained: Option<bool>,
-    /// What they say about the preparation of their training's input: "same" as the network, "other", "drawn", "unstated".
+    /// Preparation of the training input compared with that of the network: "same", "other", "drawn" or "unstated".
     pub preparation: &'static str,
-    /// Every how many events one was taken in the training.
+    /// Stride of the events in the training: one of every `stride` events was taken.
     stride: usize,
-    /// Sensor of the recordings of the training, where they say.
+    /// Sensor of the training recordings, if the metadata states it.
     sensor: Option<[u16; 2]>,
 }
 
@@ -94,7 +94,7 @@ struct Output {
 }
 
 impl Header {
-    /// Of results of one network.
+    /// A header for the results of one network.
     pub fn new(command: &'static str, input: InputCard, model: ModelCard) -> Self {
         let mut header = Self::of_many(command, input);
         header.warnings = model.warnings(header.input.sensor);
@@ -102,7 +102,7 @@ impl Header {
         header
     }
 
-    /// Of results of several networks, each of which says its own.
+    /// A header for the results of several networks, each of which is described with its results.
     pub fn of_many(command: &'static str, input: InputCard) -> Self {
         let (meissner, model, warnings) = (env!("CARGO_PKG_VERSION"), None, Vec::new());
         Self { meissner, schema: SCHEMA, command, input, model, warnings }
@@ -115,7 +115,7 @@ impl Header {
 }
 
 impl ModelCard {
-    /// That of `description` with `weights` from `source`, which say so much on their `card`.
+    /// The card of the network of `description` with `weights` from `source`. `card` is the metadata of the weights.
     pub fn new(description: &AnyDescription, weights: &Weights, card: &Card, source: String) -> Self {
         let (names, unit) = description.outputs();
         let (kind, agreement) = match description {
@@ -154,19 +154,19 @@ impl ModelCard {
         }
     }
 
-    /// The same for a run that takes every so many events one, whatever the weights say.
+    /// Replaces the stride of the weights with the stride of this run.
     #[must_use]
     pub fn taking_every(mut self, stride: usize) -> Self {
         self.network.stride = stride;
         self
     }
 
-    /// The network takes every so many events one.
+    /// The stride of the network.
     pub fn stride(&self) -> usize {
         self.network.stride
     }
 
-    /// The same of a network as it runs: its `fingerprint` and, over events, the length and the capacity of its window.
+    /// Adds the data of the running network: its `fingerprint` and, over events, the length and capacity of its window.
     #[must_use]
     pub fn running(mut self, fingerprint: u64, window: Option<(i64, usize)>) -> Self {
         self.network.fingerprint = Some(format!("{fingerprint:016x}"));
@@ -176,7 +176,7 @@ impl ModelCard {
         self
     }
 
-    /// What a person should know before believing a prediction for events of `sensor`.
+    /// Warnings that matter before a prediction for events of `sensor` can be trusted.
     pub fn warnings(&self, sensor: Option<[u16; 2]>) -> Vec<String> {
         let Self { network, weights, .. } = self;
         let name = &network.name;
@@ -216,7 +216,7 @@ impl ModelCard {
         warnings
     }
 
-    /// Network and weights in few words, for people.
+    /// A short description of network and weights, for text reports.
     pub fn trust(&self) -> String {
         let weights = &self.weights;
         let trained = match weights.trained {
@@ -236,25 +236,25 @@ impl ModelCard {
         format!("{trained}{prepared}{stride}")
     }
 
-    /// Where the weights come from, with what they say about themselves.
+    /// The source of the weights, with their own description.
     pub fn source(&self) -> String {
         let about = self.weights.about.as_ref().map(|about| format!(" ({about})"));
         self.weights.source.clone() + &about.unwrap_or_default()
     }
 
-    /// Headings of the values: names with their unit.
+    /// Column headings of the values: their names and unit.
     pub fn headings(&self) -> Vec<String> {
         self.outputs.iter().map(|Output { name, unit }| format!("{name} ({unit})")).collect()
     }
 }
 
 impl InputCard {
-    /// Events from a sensor.
+    /// An input of events from a sensor.
     pub fn events(name: &str, format: &impl ToString, sensor: Sensor, events: Option<u64>) -> Self {
         Self { name: name.to_owned(), format: format.to_string(), sensor: Some(sides(sensor)), events }
     }
 
-    /// Something without pixels of events.
+    /// An input without pixels of events.
     pub fn other(name: &str, format: &str) -> Self {
         Self { name: name.to_owned(), format: format.to_owned(), sensor: None, events: None }
     }

@@ -1,16 +1,17 @@
-//! Lines of a text that cannot be read, of events or of readings: they are logged, counted and skipped.
+//! Lines of a text of events or readings that cannot be read. They are logged, counted and skipped.
 //!
-//! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`], the number of all, and an error
-//! if they cannot be skipped: any line of a strict source, or most lines of a text.
+//! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`] lines, the total number,
+//! and an error if a line cannot be skipped: any line of a strict source, or most lines of a text.
 
 use crate::error::PipelineError;
 use crate::losses::LINES_TOLD;
 use crate::text::grouped;
 
-/// If more than half of the first lines are refused, or more than half of a shorter text, the text has another format.
+/// Number of first lines of which more than half may not be refused. Otherwise the text probably has a different
+/// format. For a shorter text, all lines count.
 const FIRST: u64 = 100;
 
-/// Counts of the lines of a text, refused and taken.
+/// Counts of the refused and the taken lines of a text.
 #[derive(Debug)]
 pub struct Refusals {
     /// Name of the text, for messages.
@@ -18,7 +19,7 @@ pub struct Refusals {
     strict: bool,
     taken: u64,
     count: u64,
-    /// Problems of the first lines until one is taken: the text may have another format.
+    /// Problems of the first lines until one is taken. Before that, the text may have a different format.
     held: Vec<String>,
     /// The problem of the first refused line.
     first: String,
@@ -35,12 +36,12 @@ impl Refusals {
         &self.name
     }
 
-    /// How many lines were refused.
+    /// The number of refused lines.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// How many lines were taken.
+    /// The number of taken lines.
     pub fn taken(&self) -> u64 {
         self.taken
     }
@@ -84,7 +85,7 @@ impl Refusals {
         }
     }
 
-    /// The text has ended.
+    /// Ends the text.
     ///
     /// # Errors
     /// Most lines were refused.

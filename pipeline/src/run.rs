@@ -1,4 +1,4 @@
-//! Runs a network over an input: predictions to an observer, then a summary.
+//! Runs a network over an input, passes the predictions to an observer, and returns a summary.
 //!
 //! | input | run |
 //! |---|---|
@@ -7,10 +7,10 @@
 //! | readings of 24 electrodes | [`ElectrodeRun`] |
 //! | pictures of an optical tactile sensor | [`PictureRun`] |
 //!
-//! Inputs are taken as fast as they come. Only the making of frames, pushes, moves of time and predictions are timed:
-//! neither reading nor what the observer does.
+//! Inputs are taken as fast as they come. The timings cover making frames, pushes, clock advances and predictions. They
+//! do not cover reading and the observer.
 //!
-//! What is still done when a stream ends depends on how it ends:
+//! The steps at the end of a stream depend on how it ends:
 //!
 //! | the stream ends with | state | due predictions | result |
 //! |---|---|---|---|

@@ -1,7 +1,7 @@
-//! When predictions are read: for every event, every so many events, every so much stream time, or once at the end.
+//! When predictions are read: at every event, every N events, every period of stream time, or once at the end.
 //!
-//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and whether
-//! one is due after it. Everything that reads predictions follows one [`Schedule`], so that all modes and all passes of a
+//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and
+//! whether one is due after it. All readers of predictions follow a [`Schedule`], so that all modes and all passes of a
 //! benchmark predict at the same times. For frames, each frame counts as an event.
 
 use std::fmt;
@@ -16,9 +16,9 @@ use crate::text::{TIME_FORMS, display_us, span_us};
 pub enum Every {
     /// Once, at the end.
     End,
-    /// After so many accepted events.
+    /// After this many accepted events.
     Events(u64),
-    /// After so many microseconds of stream time.
+    /// After this many microseconds of stream time.
     StreamUs(i64),
 }
 
@@ -68,8 +68,8 @@ impl Schedule {
         Self { every, since: 0, has_begun: false, due_us: None }
     }
 
-    /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from the
-    /// first event, even if the other schedule had another period.
+    /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from
+    /// the first event, even if the other schedule had another period.
     pub fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
         self.begin(first_us);
         self.skip_to(now_us);
@@ -78,7 +78,7 @@ impl Schedule {
         }
     }
 
-    /// The first event is accepted at `t_us`; later calls change nothing.
+    /// Starts at the first event, accepted at `t_us`. Later calls have no effect.
     pub fn begin(&mut self, t_us: i64) {
         if let (Every::StreamUs(period), false) = (self.every, self.has_begun) {
             self.due_us = t_us.checked_add(period);
@@ -86,7 +86,7 @@ impl Schedule {
         self.has_begun = true;
     }
 
-    /// Looks at `event` before it is pushed: the time at which it will enter, if stream time matters and `gate` accepts it.
+    /// The time at which `event` will enter when it is pushed, if stream time matters and `gate` accepts it.
     /// Dropped events do not advance the clock.
     pub fn arrival_us(&mut self, gate: &mut Admission, event: Event) -> Option<i64> {
         let Every::StreamUs(_) = self.every else { return None };
@@ -95,18 +95,18 @@ impl Schedule {
         Some(t_us)
     }
 
-    /// The next time due before `t_us`, which then is done. An event at a due time belongs to the window of that time.
+    /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window of that time.
     pub fn due_before(&mut self, t_us: i64) -> Option<i64> {
         let due = self.due_us.filter(|&due| due < t_us)?;
         self.due_us = due.checked_add(self.period_us()?);
         Some(due)
     }
 
-    /// Calls `read` with each time due before `t_us`, until it returns 0, the number of events in the window: the window
-    /// then stays empty, and the other times are skipped.
+    /// Calls `read` with each time due before `t_us`. `read` returns the number of events in the window. If it returns
+    /// 0, the window stays empty, and the other times are skipped.
     ///
     /// # Errors
-    /// Those of `read`.
+    /// The errors of `read`.
     pub fn each_due_before<E>(
         &mut self,
         t_us: i64,
@@ -120,7 +120,7 @@ impl Schedule {
         Ok(())
     }
 
-    /// Leaves out the times before `t_us`, and returns how many there were.
+    /// Skips the times before `t_us`, and returns their number.
     pub fn skip_to(&mut self, t_us: i64) -> u64 {
         let Some((due, period)) = self.due_us.zip(self.period_us()) else { return 0 };
         let count = times_before(due, t_us, period);
@@ -128,7 +128,7 @@ impl Schedule {
         count
     }
 
-    /// An event has been accepted; whether a prediction is due.
+    /// Counts an accepted event, and returns whether a prediction is due.
     pub fn is_due_after_event(&mut self) -> bool {
         let Every::Events(events) = self.every else { return false };
         self.since += 1;
@@ -148,25 +148,25 @@ impl Schedule {
         if let Every::StreamUs(period) = self.every { Some(period) } else { None }
     }
 
-    /// What is due after the last event.
+    /// The prediction that is due after the last event.
     pub fn last(&self) -> Last {
         match self.every {
             Every::End => Last::Now,
             Every::Events(_) => Last::Nothing,
-            // All times before the last event are done: this is the first one that covers it.
+            // All times before the last event are done, so this is the first time that covers it.
             Every::StreamUs(_) => self.due_us.map_or(Last::Nothing, Last::At),
         }
     }
 }
 
-/// How many of the times `first`, `first + period`, ... are before `end`.
+/// The number of the times `first`, `first + period`, ... before `end`.
 pub fn times_before(first: i64, end: i64, period: i64) -> u64 {
-    // The difference can exceed an i64 where times span its whole range.
+    // The difference can exceed an i64 if times span its whole range.
     let (span, period) = (i128::from(end) - i128::from(first), i128::from(period));
     u64::try_from((span + period - 1).div_euclid(period)).unwrap_or(0)
 }
 
-/// What is due after the last event.
+/// The prediction that is due after the last event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Last {
     /// No prediction.

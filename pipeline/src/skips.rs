@@ -1,4 +1,4 @@
-//! The counters of an engine in the names of the JSON reports: what it computed, and what it skipped.
+//! The counters of an engine with the names of the JSON reports: computed and skipped rows, cells and predictions.
 
 use std::collections::BTreeMap;
 

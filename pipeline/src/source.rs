@@ -1,4 +1,4 @@
-//! Where events come from: a file, lines on standard input as they arrive, or the embedded recording.
+//! Sources of events: a file, lines on standard input as they arrive, or the embedded recording.
 
 use std::fs;
 use std::io::BufRead;
@@ -22,21 +22,21 @@ pub const STDIN_NAME: &str = "standard input";
 ///
 /// Lines of a text that cannot be read are skipped ([`Refusals`]), unless the source is strict.
 pub struct Source {
-    /// For messages and reports.
+    /// Name for messages and reports.
     pub name: String,
     /// Its format.
     pub format: Format,
-    /// The part that was kept of a recording that was cut short.
+    /// The part of a truncated recording that was kept.
     pub salvaged: Option<Salvaged>,
-    /// The geometry that it names.
+    /// The geometry that the source states.
     sensor: Option<Sensor>,
-    /// Events of the recording, if that is known.
+    /// Number of events in the recording, if it is known.
     recorded: Option<u64>,
     events: Events,
     refusals: Refusals,
     /// Every `stride`-th event is taken.
     stride: usize,
-    /// How many are skipped before the next one that is taken.
+    /// Number of events to skip before the next one is taken.
     pass_over: usize,
     advice: Advice,
 }
@@ -44,7 +44,7 @@ pub struct Source {
 enum Events {
     Read(std::vec::IntoIter<Event>),
     Arriving {
-        /// The first event, where it had to be waited for.
+        /// The first event, if the source had to wait for it.
         first: Option<Event>,
         lines: Box<CsvEvents<interrupt::Input>>,
     },
@@ -55,7 +55,7 @@ pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Standard input, which ends with an error when a signal asks the process to end.
+/// Standard input. It ends with an error when a signal asks the process to end.
 ///
 /// # Errors
 /// Standard input cannot be duplicated.
@@ -81,7 +81,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
     Ok(recording)
 }
 
-/// The error `source` of reading the file at `path`, with the part that can be salvaged.
+/// The error for the failed read `source` of the file at `path`, with the part that can be salvaged.
 fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError {
     use IoError::{Malformed, Truncated};
     let name = path.display().to_string();
@@ -106,11 +106,11 @@ fn arriving(options: &ReadOptions) -> Result<CsvEvents<interrupt::Input>, Pipeli
 }
 
 impl Source {
-    /// Opens `recording`; `None` is the embedded one. With `strict`, a line of a text that cannot be read is an error: of a
-    /// file here, of standard input when the line arrives.
+    /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text that cannot be read is
+    /// an error. For a file it is returned here, for standard input when the line arrives.
     ///
-    /// Without `sensor_known`, this waits for the first event on standard input, since a comment before it may name the
-    /// geometry.
+    /// Without `sensor_known`, this waits for the first event on standard input, since a comment before it may state
+    /// the geometry.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -177,23 +177,23 @@ impl Source {
         }
     }
 
-    /// The geometry: `asked`, or what the recording names.
+    /// The geometry: `asked`, or the one that the recording states.
     ///
     /// # Errors
-    /// Neither names it.
+    /// Neither is known.
     pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, PipelineError> {
         asked
             .or(self.sensor)
             .ok_or_else(|| PipelineError::NoGeometry { recording: self.name.clone(), format: self.format })
     }
 
-    /// The same with every `stride`-th event only, beginning with the first.
+    /// Takes only every `stride`-th event, beginning with the first.
     #[must_use]
     pub fn every(self, stride: usize) -> Self {
         Self { stride: stride.max(1), ..self }
     }
 
-    /// The same with `advice` at the end of each warning of lost input.
+    /// Adds `advice` at the end of each warning of lost input.
     #[must_use]
     pub fn with_advice(self, advice: Advice) -> Self {
         Self { advice, ..self }
@@ -204,23 +204,23 @@ impl Source {
         matches!(self.events, Events::Arriving { .. })
     }
 
-    /// The losses so far of a run on `sensor`: `events` counts those that reached the network.
+    /// The losses so far of a run on `sensor`. `events` counts the events that reached the network.
     pub fn losses(&self, events: EventCounters, sensor: Sensor) -> InputLosses {
         let losses = InputLosses::of_events(events, sensor);
         losses.with_lines_refused(self.lines_refused()).with_advice(self.advice)
     }
 
-    /// How many events the recording has, if that is known.
+    /// The number of events in the recording, if it is known.
     pub fn recorded(&self) -> Option<u64> {
         self.recorded
     }
 
-    /// How many lines could not be read so far.
+    /// The number of lines so far that could not be read.
     pub fn lines_refused(&self) -> u64 {
         self.refusals.count()
     }
 
-    /// How many events are left to take, if that is known.
+    /// The number of events left to take, if it is known.
     pub fn remaining(&self) -> Option<u64> {
         let Events::Read(events) = &self.events else { return None };
         let rest = (events.len() as u64).saturating_sub(self.pass_over as u64);
@@ -256,10 +256,10 @@ impl Iterator for Source {
     }
 }
 
-/// The next event of `lines`; none at the end, and where the program is asked to end.
+/// The next event of `lines`; `None` at the end, and if the program is asked to end.
 ///
 /// # Errors
-/// What ends the lines, and those of [`Refusals`].
+/// The error that ends the lines, and the errors of [`Refusals`].
 fn next<R: BufRead>(
     lines: &mut CsvEvents<R>,
     refusals: &mut Refusals,
@@ -296,7 +296,7 @@ fn is_of_a_line(error: &PipelineError) -> bool {
     )
 }
 
-/// The recording in the text at `path`, without its lines that are no events.
+/// The recording in the text at `path`, without the lines that are not events.
 fn passing_over(
     path: &Path,
     options: &ReadOptions,

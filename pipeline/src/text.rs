@@ -4,13 +4,13 @@ use meissner_engine::Network;
 
 /// The accepted forms of a time, for messages.
 pub const TIME_FORMS: &str = "a time with its unit, such as 500us, 1.5ms or 2s";
-/// Units with their microseconds. `s` ends the others: it comes last.
+/// Units with their microseconds. `s` comes last because the other units end with it.
 const UNITS: [(&str, i64); 3] = [("us", 1), ("ms", 1_000), ("s", 1_000_000)];
 
 /// Reads a time from 1 microsecond to the longest span of a window.
 ///
 /// # Errors
-/// The text is not such a time. The message says what is expected.
+/// The text is not a time in this range. The message names the expected forms.
 pub fn span_us(text: &str) -> Result<i64, String> {
     within(text, 1)
 }
@@ -37,7 +37,7 @@ fn within(text: &str, least: i64) -> Result<i64, String> {
     if (least..=most).contains(&us) { Ok(us) } else { Err(range()) }
 }
 
-/// The microseconds of `text`; `None` where it is not a time, or not a whole number of microseconds.
+/// The microseconds of `text`; `None` if it is not a time, or not a whole number of microseconds.
 fn microseconds(text: &str) -> Option<i64> {
     let (number, scale) = UNITS.iter().find_map(|(unit, scale)| Some((text.strip_suffix(unit)?, *scale)))?;
     let (whole, decimals) = number.split_once('.').unwrap_or((number, "0"));

@@ -1,11 +1,11 @@
-//! A network over events against a frame network, over the same stream.
+//! Compares a network over events with a frame network over the same stream.
 //!
-//! At each moment, the network over events takes the events of the moment and predicts. The frame network makes a frame of
-//! them, takes it, and predicts: once with everything computed, and once with exact skipping, whose predictions have the same
-//! bits. All run on one thread.
+//! At each moment, the network over events takes the events of the moment and predicts. The frame network makes a frame
+//! of the same events, takes it, and predicts. It runs twice: with everything computed, and with exact skipping. Both
+//! runs give the same bits. Everything runs on one thread.
 //!
-//! The clock is read between the parts of a moment, two or three times however many events it has. Making an engine is not
-//! counted; the cost of its first frame or event is.
+//! The clock is read two or three times per moment, between its parts, independently of the number of events. The time
+//! to make an engine is not counted. The cost of its first frame or event is counted.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -47,7 +47,7 @@ pub struct CompareReport {
     pub padded: bool,
     /// Events that left a sliding frame early because it was full.
     pub evicted_from_frames: u64,
-    /// Moments at which all predict.
+    /// Number of moments at which all networks predict.
     pub moments: u64,
     /// The compared passes, the fastest of each.
     pub ways: SidesReport,
@@ -55,21 +55,21 @@ pub struct CompareReport {
     pub ratio_percent: Ratios,
     /// Multiply-adds of the network over events.
     pub multiply_adds_ratio_percent: Ratios,
-    /// Predictions over frames that differ in any bit between everything and skipping.
+    /// Predictions over frames that differ in any bit between the pass without skipping and the pass with skipping.
     pub predictions_that_differ: u64,
-    /// Most memory that the process had resident; `None` if the platform does not report it.
+    /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
 }
 
-/// The three passes that are compared, with predictions at the same moments.
+/// The three compared passes, with predictions at the same moments.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct SidesReport {
     /// The network over events, incrementally.
     pub events: SideReport,
-    /// The frame network, everything computed for every frame.
+    /// The frame network, with everything computed for every frame.
     pub frames_everything: SideReport,
-    /// The frame network, without pixels whose inputs do not change.
+    /// The frame network, without computing pixels whose inputs do not change.
     pub frames_skipping: SideReport,
 }
 
@@ -79,19 +79,20 @@ pub struct SidesReport {
 pub struct SideReport {
     /// Seconds of compute.
     pub compute_s: f64,
-    /// Per second of stream.
+    /// Seconds of compute per second of stream.
     pub compute_s_per_s: Option<f64>,
-    /// Of these: events entering the window, or the frame.
+    /// The share of entering events into the window or the frame.
     pub events_s: f64,
     /// Taking frames.
     pub push_s: Option<f64>,
     /// Advancing the clock, and predictions.
     pub predict_s: f64,
-    /// Frames, of a frame network.
+    /// Frames, for a frame network.
     pub frames: Option<u64>,
     /// Predictions.
     pub predictions: u64,
-    /// Multiply-adds. Those of the network over events are at full neighbourhoods, without readout and dense layers.
+    /// Multiply-adds. For the network over events they are counted at full neighbourhoods, without readout and dense
+    /// layers.
     pub multiply_adds: u64,
     /// Activations, graph and state.
     pub state_bytes: u64,
@@ -130,10 +131,10 @@ impl<'a> Comparison<'a> {
         Self { model, against, input, options }
     }
 
-    /// Measures.
+    /// Runs all passes, and returns the report.
     ///
     /// # Errors
-    /// The frames have another period than the frame network, or are too many, or an engine refuses an option.
+    /// The period differs from that of the frame network, there are too many frames, or an engine refuses an option.
     pub fn run(self) -> Result<CompareReport, PipelineError> {
         let Self { against, input, options, .. } = &self;
         let period_us = against.period_us(options.every)?;
@@ -174,9 +175,9 @@ struct Side {
     /// Taking frames.
     push: Option<Duration>,
     predict: Duration,
-    /// All of a moment.
+    /// All work of a moment.
     moments: Latency,
-    /// The number of frames, of a frame network.
+    /// The number of frames, for a frame network.
     frames: Option<u64>,
     predictions: u64,
     multiply_adds: u64,
@@ -189,13 +190,13 @@ struct Round {
     events: Side,
     frames_everything: Side,
     frames_skipping: Side,
-    /// Accepted events that no frame shows.
+    /// Accepted events that no frame covers.
     outside: u64,
-    /// Events that left a sliding frame before their time.
+    /// Events that left a sliding frame early because it was full.
     evicted: u64,
 }
 
-/// The bits of predictions, one after the other.
+/// The bits of consecutive predictions.
 #[derive(Debug, Default)]
 struct Predictions {
     values: usize,
@@ -208,7 +209,8 @@ impl Predictions {
         self.bits.extend(values.iter().map(|value| value.to_bits()));
     }
 
-    /// How many predictions differ in any bit of any value; those that `other` has not, or has more of, differ.
+    /// The number of predictions that differ in any bit of any value. Predictions that only one side has count as
+    /// different.
     fn that_differ(&self, other: &Self) -> u64 {
         let each = |of: &Self| of.values.max(1);
         let [a, b] = [self, other].map(|of| of.bits.chunks(each(of)));
@@ -218,7 +220,7 @@ impl Predictions {
 }
 
 impl Comparison<'_> {
-    /// Passes over the first events and frames, which are not counted.
+    /// Runs uncounted passes over the first events and frames.
     fn warm_up(&self, frames: &FramePasses<'_>) -> Result<(), PipelineError> {
         let warmup = self.options.warmup;
         if warmup == 0 {
@@ -231,7 +233,7 @@ impl Comparison<'_> {
         Ok(())
     }
 
-    /// One pass of each; notes the predictions over frames, of everything and with skipping.
+    /// Runs one pass of each, and records the predictions over frames, without and with skipping.
     fn round(
         &self,
         frames: &FramePasses<'_>,
@@ -244,7 +246,7 @@ impl Comparison<'_> {
         Ok(Round { events, frames_everything, frames_skipping, outside, evicted })
     }
 
-    /// A new engine over the first events, up to the moment at which as many as `most` are in.
+    /// Runs a new engine over the first events, up to the moment at which at least `most` events have entered.
     fn over_events(&self, moments: &Moments, most: usize) -> Result<Side, PipelineError> {
         let mut engine = Engine::new(Arc::new(self.model.network.clone()), self.input.sensor)?;
         let mut way = Side::default();
@@ -272,7 +274,7 @@ impl Comparison<'_> {
     }
 }
 
-/// A pass over frames; notes its predictions.
+/// Runs a pass over frames, and records its predictions.
 fn over_frames(
     frames: &FramePasses<'_>,
     skip: Skip,

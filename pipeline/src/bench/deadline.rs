@@ -1,15 +1,15 @@
-//! Whether each period's work is done within a period.
+//! Deadlines: whether the work of each period is done within a period.
 //!
-//! Stream time is cut in periods from the first accepted event on; an event at a period's end belongs to it. The work of
-//! a period is to push its events, to advance the clock to its end, and to predict. It is measured as one piece, so that the
-//! clock is read twice a period, however many events it has.
+//! Stream time is divided into periods from the first accepted event on. An event at the end of a period belongs to the
+//! period. The work of a period is to push its events, to advance the clock to its end, and to predict. It is measured
+//! as a whole, so the clock is read twice per period, independently of the number of events.
 //!
-//! The cost of a period depends on the events that leave the window as much as on those that enter: in the silence after a
-//! burst nothing enters and everything leaves. So the rate of a period is the larger of the two numbers. In a steady stream
-//! they are equal.
+//! The cost of a period depends on the events that leave the window as much as on the events that enter: in the silence
+//! after a burst no event enters and all events leave. The rate of a period is therefore the larger of the two numbers.
+//! In a steady stream they are equal.
 //!
-//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that is later. The lag is the
-//! time from the end of the period to its prediction. A missed period thus delays those after it.
+//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that is later. The lag is
+//! the time from the end of the period to its prediction. A missed deadline therefore delays later periods.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -18,8 +18,8 @@ use serde::Serialize;
 
 use crate::latency::{Distribution, Latency, microseconds};
 
-/// Periods from which on a p99.9 is not just the slowest of them: a bin with fewer is judged together with those below
-/// it, so that a single interruption by the system does not decide on a rate.
+/// Smallest number of periods whose p99.9 is not simply the slowest period. A bin with fewer periods is judged together
+/// with the bins below it, so that a single interruption by the system does not determine a rate.
 const POOLED_PERIODS: u64 = 1000;
 
 /// Whether the work of each period was done within a period.
@@ -34,44 +34,44 @@ pub struct DeadlineReport {
     pub periods_without_work: u64,
     /// Periods whose work took longer than the period.
     pub missed: u64,
-    /// Work beyond the period, at most; 0 where none was missed.
+    /// Largest excess of work over the period; 0 if no deadline was missed.
     pub excess_max_us: f64,
-    /// Work beyond the period, in the mean of the missed ones.
+    /// Mean excess of work over the period, over the missed periods.
     pub excess_mean_us: Option<f64>,
-    /// Longest time from a period's end to its prediction, where missed periods delay those after them.
+    /// Longest time from the end of a period to its prediction. Missed periods delay later ones.
     pub lag_max_us: f64,
-    /// Work over the length of all periods.
+    /// Total work divided by the length of all periods.
     pub load: Option<f64>,
     /// Work of a period.
     pub work_us: Option<Distribution>,
-    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all below it; none where the
-    /// lowest bin does not hold.
+    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower bins; `None` if the
+    /// lowest bin already exceeds the period.
     pub sustained: Option<Sustained>,
-    /// Whether that is the highest rate of the recording.
+    /// Whether the sustained rate is the highest rate of the recording.
     pub sustained_is_all_seen: bool,
-    /// Periods by the number of events that entered or left, whichever is larger.
+    /// Periods grouped by the number of events that entered or left, whichever is larger.
     pub bins: Vec<DeadlineBin>,
 }
 
-/// The highest rate that holds.
+/// The highest sustained rate.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Sustained {
-    /// Most events of a period.
+    /// Largest number of events in a period.
     pub events_per_period: u64,
     /// The same in events per second.
     pub events_per_s: f64,
 }
 
-/// Periods with about as many events.
+/// A bin: periods with similar numbers of events.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct DeadlineBin {
-    /// Fewest events of a period in this bin.
+    /// Lower limit of the number of events of a period in this bin.
     pub events_least: u64,
-    /// Most events of a period in this bin.
+    /// Upper limit of the number of events of a period in this bin.
     pub events_most: u64,
-    /// Most events that entered or left in a period of this bin.
+    /// Largest number of events that entered or left in a period of this bin.
     pub events_seen: u64,
     /// Periods in this bin.
     pub periods: u64,
@@ -79,18 +79,18 @@ pub struct DeadlineBin {
     pub missed: u64,
     /// Work of a period.
     pub work_us: Distribution,
-    /// p99.9 of the work of this bin, with as many bins below it as it takes for 1,000 periods.
+    /// p99.9 of the work of this bin, together with as many lower bins as are needed for 1,000 periods.
     pub pooled_p999_us: f64,
 }
 
 /// The work of all periods.
 pub(super) struct Deadline {
     period_us: i64,
-    /// Ends of the first and of the latest period, on the events' clock.
+    /// Ends of the first and of the latest period, on the clock of the events.
     ends_us: Option<(i64, i64)>,
     work: Latency,
     misses: Misses,
-    /// By the least number of events of a bin.
+    /// Bins by their lower limit.
     bins: BTreeMap<u64, Bin>,
     /// When the work so far is done, in nanoseconds since the end of the first period.
     done_ns: i128,
@@ -116,7 +116,7 @@ struct Bin {
 }
 
 impl Deadline {
-    /// No period yet.
+    /// Starts without periods.
     pub(super) fn new(period_us: i64) -> Self {
         Self {
             period_us,
@@ -129,7 +129,7 @@ impl Deadline {
         }
     }
 
-    /// Notes the period that ends at `end_us`, in which as many `events` entered or left.
+    /// Records the period that ends at `end_us`, in which `events` events entered or left.
     pub(super) fn record(&mut self, events: u64, end_us: i64, work: Duration) {
         let period = Duration::from_micros(self.period_us.unsigned_abs());
         let (least, most) = bin(events);
@@ -152,7 +152,7 @@ impl Deadline {
         self.lag_max_ns = self.lag_max_ns.max(self.done_ns - end_ns);
     }
 
-    /// Periods from the first to the last event, with those that took no work.
+    /// Periods from the first to the last event, including periods without work.
     fn periods(&self) -> u64 {
         self.ends_us.map_or(0, |(first, last)| {
             let periods = (i128::from(last) - i128::from(first)) / i128::from(self.period_us) + 1;
@@ -204,7 +204,7 @@ impl Deadline {
 }
 
 impl Bin {
-    /// The report of this bin. `pooled` is its work with that of bins below.
+    /// The report of this bin. `pooled` is the work of this bin and lower bins.
     fn report(&self, least: u64, pooled: &Latency) -> DeadlineBin {
         const RECORDED: &str = "a bin is made for a period";
         DeadlineBin {
@@ -219,7 +219,7 @@ impl Bin {
     }
 }
 
-/// Least and most events of the bin that `events` belongs to: two bins for each doubling.
+/// Lower and upper limit of the bin for `events`. There are two bins for each doubling.
 fn bin(events: u64) -> (u64, u64) {
     let shift = events.max(2).ilog2() - 1;
     let half = events >> shift;

@@ -1,8 +1,8 @@
-//! A network over events, every call timed: latencies by phase, work, stages, memory and deadlines.
+//! Measures a network over events, with every call timed: latencies by phase, work, stages, memory and deadlines.
 //!
-//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost of an event is its push,
-//! the predictions that were due before it could enter, and the one that is due after it; at the end of the stream, also the
-//! last prediction.
+//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost of an event is its
+//! push, the predictions that are due before it enters, and the prediction that is due after it. The cost of the last
+//! event also includes the prediction at the end of the stream.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ use crate::model::Model;
 use crate::schedule::{Every, Last, Schedule};
 use crate::skips::Skips;
 
-/// Period of the deadline report, unless asked for otherwise.
+/// The default period of the deadline report.
 const PERIOD_US: i64 = 1000;
 
 /// A benchmark of a network over events.
@@ -31,7 +31,7 @@ pub struct EventBench<'a> {
     options: BenchOptions,
 }
 
-/// The report of a network over events. Counts are of one pass, except those of distributions.
+/// The report of a network over events. Counts are of one pass, except in distributions.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct EventReport {
@@ -40,19 +40,19 @@ pub struct EventReport {
     pub input: InputReport,
     /// Events of the warm-up.
     pub warmup_events: u64,
-    /// Overhead of the clock; it is contained in every push and prediction.
+    /// Overhead of the clock, which is included in every push and prediction.
     pub clock_us: f64,
     /// Predictions read.
     pub predictions: u64,
-    /// Most events in the window after any push.
+    /// Largest number of events in the window after any push.
     pub nodes_max: usize,
     /// Times of calls.
     pub latency_us: LatencyReport,
-    /// Events over the time in pushes and predictions.
+    /// Events divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
     /// Bursts, and the other events.
     pub phases: PhasesReport,
-    /// What was computed, and what was skipped.
+    /// Counts of computed and skipped values.
     pub skips: Skips,
     /// The approximations, in one pass; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,7 +67,7 @@ pub struct EventReport {
     pub deadline: DeadlineReport,
 }
 
-/// Durations in microseconds; `None` where nothing was measured.
+/// Durations in microseconds; `None` if nothing was measured.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct LatencyReport {
@@ -75,7 +75,7 @@ pub struct LatencyReport {
     pub push: Option<Distribution>,
     /// Predictions.
     pub predict: Option<Distribution>,
-    /// What each event brought about.
+    /// The push of each event with its predictions.
     pub push_predict: Option<Distribution>,
 }
 
@@ -83,11 +83,11 @@ pub struct LatencyReport {
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct PhasesReport {
-    /// Stream time before an event that decides on its phase.
+    /// Length of stream time before an event that determines its phase.
     pub window_us: i64,
     /// Mean rate of the accepted events.
     pub mean_rate_events_per_s: Option<f64>,
-    /// Least rate of a burst.
+    /// Minimum rate of a burst.
     pub burst_rate_events_per_s: Option<f64>,
     /// Events outside bursts.
     pub idle: PhaseReport,
@@ -101,7 +101,7 @@ pub struct PhasesReport {
 pub struct PhaseReport {
     /// Events of the phase.
     pub events: u64,
-    /// Rows computed over all layers; none without events.
+    /// Rows computed over all layers; `None` without events.
     pub rows_per_event: Option<f64>,
     /// Times of calls.
     pub latency_us: LatencyReport,
@@ -115,7 +115,7 @@ pub struct Work {
     pub rows_per_event: f64,
     /// Multiply-adds over all layers.
     pub multiply_adds_per_event: f64,
-    /// Multiply-adds over the time of the stages of the layers, in the pass that measured stages.
+    /// Multiply-adds divided by the time of the layer stages, in the pass that measured stages.
     pub multiply_adds_per_s: Option<f64>,
     /// Each layer.
     pub layers: Vec<LayerWork>,
@@ -141,9 +141,9 @@ pub struct LayerWork {
 pub struct StageReport {
     /// Name of the stage.
     pub name: &'static str,
-    /// Microseconds an event.
+    /// Microseconds per event.
     pub us_per_event: f64,
-    /// Of the time of all stages.
+    /// Share of the time of all stages.
     pub share: f64,
 }
 
@@ -151,10 +151,10 @@ pub struct StageReport {
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct MemoryReport {
-    /// State that the engine takes when it is made, about.
+    /// Approximate size of a new engine.
     pub state_bytes: u64,
-    /// Most that the process had resident after the latency passes, with the recording; none where the platform does
-    /// not say.
+    /// Peak resident memory of the process after the latency passes, including the recording; `None` if the platform
+    /// does not report it.
     pub peak_resident_bytes: Option<u64>,
 }
 
@@ -180,7 +180,7 @@ pub struct Measured {
     pub idle: PhaseLatencies,
     /// Events of bursts.
     pub burst: PhaseLatencies,
-    /// Most events in the window after any push.
+    /// Largest number of events in the window after any push.
     nodes_max: usize,
 }
 
@@ -200,7 +200,7 @@ impl<'a> EventBench<'a> {
         Self { model, input, options }
     }
 
-    /// Events that all passes take together.
+    /// Total number of events of all passes.
     pub fn total(&self) -> u64 {
         self.input.events.len() as u64 * (u64::from(self.options.repeat.max(1)) + 2) + self.warmup() as u64
     }
@@ -209,7 +209,7 @@ impl<'a> EventBench<'a> {
         usize::try_from(self.options.warmup).unwrap_or(usize::MAX).min(self.input.events.len())
     }
 
-    /// Measures, and calls `progress` with the number of events that were taken.
+    /// Runs all passes, and calls `progress` with the number of events taken so far.
     ///
     /// # Errors
     /// The engine refuses an option, or a result is not a number.
@@ -228,7 +228,7 @@ impl<'a> EventBench<'a> {
         for _ in 1..repeat {
             engine = passes.latency(events, &phases, false, &mut measured)?;
         }
-        // Before the other passes, which take memory of their own.
+        // Measured before the other passes, which also use memory.
         let peak_resident_bytes = peak_resident_bytes();
         let staged = passes.latency(events, &phases, true, &mut Measured::default())?;
         let deadline = passes.deadline(events, options.period_us.unwrap_or(PERIOD_US))?;
@@ -272,7 +272,7 @@ impl<'a> EventBench<'a> {
     }
 }
 
-/// What all passes have in common.
+/// Data shared by all passes.
 struct Passes<'a> {
     network: Arc<Network>,
     sensor: Sensor,
@@ -289,13 +289,13 @@ impl Passes<'_> {
         Ok(FilteredEngine::new(network, self.sensor, &self.options.approximations, options)?)
     }
 
-    /// The next event has been taken.
+    /// Counts the next event.
     fn count(&mut self) {
         self.taken += 1;
         (self.progress)(self.taken);
     }
 
-    /// A new engine over `events`, the first of those in `phases`; measures `into`.
+    /// Runs a new engine over `events`, which are the first events in `phases`, and records latencies in `into`.
     fn latency(
         &mut self,
         events: &[Event],
@@ -338,7 +338,7 @@ impl Passes<'_> {
         Ok(engine)
     }
 
-    /// A new engine over `events`, in periods of `period_us`.
+    /// Runs a new engine over `events`, in periods of `period_us`.
     fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline, PipelineError> {
         let mut engine = self.engine(false)?;
         let mut gate = Admission::new(self.sensor, self.options.late);
@@ -361,7 +361,7 @@ impl Passes<'_> {
     }
 }
 
-/// The work of the period that ends at `end_us`; returns the number of events in the window.
+/// Does the work of the period that ends at `end_us`, and returns the number of events in the window.
 fn period(
     deadline: &mut Deadline,
     engine: &mut FilteredEngine,
@@ -384,7 +384,7 @@ fn period(
 }
 
 impl PhaseLatencies {
-    /// Reads a prediction, at `due_us` if that is given; returns the number of events in its window.
+    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
     fn read(
         &mut self,
         engine: &mut FilteredEngine,

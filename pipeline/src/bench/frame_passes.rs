@@ -1,7 +1,7 @@
-//! A frame network over events: the part of the sensor that its frames show, and passes over all events.
+//! Passes of a frame network over events, and the part of the sensor that its frames cover.
 //!
-//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost of a frame is what its
-//! events took to enter, making it, its push, and its prediction.
+//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost of a frame is the
+//! time to enter its events, to make it, to push it, and to predict.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -21,9 +21,9 @@ use crate::model::FrameModel;
 use crate::schedule::Every;
 use crate::text::display_us;
 
-/// Time from frame to frame, unless the network or the caller says: 10 ms, as in the force networks.
+/// The default time from frame to frame: 10 ms, as in the force networks.
 const PERIOD_US: i64 = 10_000;
-/// Most frames of a warm-up: with a slow network they would take longer than they help.
+/// Largest number of frames in a warm-up. With a slow network, more frames would only take time.
 pub(super) const WARMUP_FRAMES: u64 = 20;
 
 /// A frame network whose frames are made of events.
@@ -33,12 +33,12 @@ pub struct EventFrameModel {
     /// Multiply-adds of each layer.
     pub(super) costs: Vec<LayerCost>,
     place: CropPlace,
-    /// Length of its windows, if they are consecutive.
+    /// Length of the windows, if they are consecutive.
     windows_us: Option<i64>,
     size: [u16; 2],
 }
 
-/// The part of the sensor that frames show.
+/// The part of the sensor that frames cover.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     crop: Crop,
@@ -46,10 +46,11 @@ pub struct Field {
 }
 
 impl EventFrameModel {
-    /// The frame network called `name`, or described in this file, with the weights in the file at `path` or those shipped.
+    /// The frame network called `name`, or described in the file `name`, with the weights in the file at `path` or its
+    /// shipped weights.
     ///
     /// # Errors
-    /// The network is unknown or its frames are not made of events, or the weights do not fit.
+    /// The network is unknown, its frames are not made of events, or the weights do not fit.
     pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, PipelineError> {
         let model = FrameModel::named(name, path, Convolution::Direct, ignore_preparation)?;
         let of_other = || frames_of_other(name, model.source);
@@ -65,11 +66,11 @@ impl EventFrameModel {
             return Err(of_other());
         };
         let costs = model.description.layers().iter().map(LayerCost::new).collect();
-        // The sides of a description fit.
+        // The sides in a description are small enough.
         Ok(Self { costs, place, windows_us, size: [width as u16, height as u16], model })
     }
 
-    /// Microseconds from frame to frame, as `asked` or as the network says.
+    /// Microseconds from frame to frame: `asked`, or the value of the network.
     pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64, PipelineError> {
         match (asked, self.windows_us) {
             (None, windows_us) => Ok(windows_us.unwrap_or(PERIOD_US)),
@@ -86,12 +87,12 @@ impl EventFrameModel {
         }
     }
 
-    /// Which events belong to a frame at a moment.
+    /// The rule for the events that belong to a frame at a moment.
     pub(super) fn end(&self) -> End {
         if self.windows_us.is_some() { End::Excluded } else { End::Included }
     }
 
-    /// The part of `sensor` that its frames show.
+    /// The part of `sensor` that the frames cover.
     pub(super) fn field(&self, sensor: Sensor) -> Field {
         let [width, height] = self.size;
         let crop = self.place.crop(width, height, sensor);
@@ -99,7 +100,7 @@ impl EventFrameModel {
         Field { crop: self.place.crop(width, height, around), sensor }
     }
 
-    /// The feed of its frames over `field`, for events that have been accepted, every `period_us`.
+    /// A feed that makes a frame over `field` every `period_us` from accepted events.
     fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, PipelineError> {
         let every = Every::StreamUs(period_us);
         let name = self.model.network.name();
@@ -126,7 +127,7 @@ impl Field {
         Sensor::new(side(self.sensor.width, x, width), side(self.sensor.height, y, height))
     }
 
-    /// Whether frames have pixels that the sensor has not.
+    /// Whether frames have pixels that the sensor lacks.
     pub(super) fn is_padded(self) -> bool {
         self.around() != self.sensor
     }
@@ -146,7 +147,7 @@ impl std::fmt::Display for Field {
     }
 }
 
-/// What all passes have in common.
+/// Data shared by all passes.
 pub(super) struct FramePasses<'a> {
     pub(super) model: &'a EventFrameModel,
     pub(super) field: Field,
@@ -156,7 +157,7 @@ pub(super) struct FramePasses<'a> {
 /// Latencies of frames, over any number of passes.
 #[derive(Debug, Default)]
 pub(super) struct FrameTimes {
-    /// Events entering the frame, and making it.
+    /// Entering the events, and making the frame.
     pub(super) frame: Latency,
     pub(super) push: Latency,
     pub(super) predict: Latency,
@@ -167,14 +168,14 @@ pub(super) struct FrameTimes {
 pub(super) struct Predicted<'a> {
     pub(super) t_us: i64,
     pub(super) values: &'a [f32],
-    /// Time from its first event on.
+    /// Time of all work since the first event of the frame.
     pub(super) work: Duration,
 }
 
 /// The end of a pass.
 pub(super) struct Pass {
     pub(super) engine: FrameEngine,
-    /// Accepted events that no frame shows.
+    /// Accepted events that no frame covers.
     pub(super) outside: u64,
     /// Events that left a sliding window early because it was full.
     pub(super) evicted: u64,
@@ -193,13 +194,14 @@ struct InProgress<'a, L> {
     zeros: Vec<f32>,
     into: &'a mut FrameTimes,
     look: L,
-    /// Frames that may still come.
+    /// Number of frames that are still allowed.
     left: u64,
     since: Instant,
 }
 
 impl FramePasses<'_> {
-    /// A new engine over the first `frames` frames; measures `into`, and hands every prediction to `look`.
+    /// Runs a new engine over the first `frames` frames, records latencies in `into`, and passes every prediction to
+    /// `look`.
     pub(super) fn pass<L>(
         &self,
         skip: Skip,
@@ -231,7 +233,7 @@ impl<L> InProgress<'_, L>
 where
     L: FnMut(Predicted<'_>) -> Result<(), PipelineError>,
 {
-    /// Takes the frames that are complete.
+    /// Takes the complete frames.
     fn take(&mut self, output: FeedOutput<'_>) -> Result<(), PipelineError> {
         match output {
             FeedOutput::Frame { values, t_us, .. } => self.frame(Some(values), t_us)?,
@@ -244,7 +246,7 @@ where
         Ok(())
     }
 
-    /// Takes a frame; `None` is one of zeros.
+    /// Takes a frame; `None` is a frame of zeros.
     fn frame(&mut self, values: Option<&[f32]>, t_us: i64) -> Result<(), PipelineError> {
         if self.left == 0 {
             return Ok(());

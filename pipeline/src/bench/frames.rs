@@ -1,4 +1,4 @@
-//! A benchmark of a frame network over events: how long a frame takes, with skipping and without.
+//! A benchmark of a frame network over events: the latency of a frame, with and without skipping.
 
 use meissner_engine::frames::{FrameEngine, Skip};
 use serde::Serialize;
@@ -18,7 +18,7 @@ pub struct FrameBench<'a> {
     options: BenchOptions,
 }
 
-/// The report of a frame network. Counts are of one pass, except those of distributions.
+/// The report of a frame network. Counts are of one pass, except in distributions.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameReport {
@@ -30,17 +30,17 @@ pub struct FrameReport {
     pub made: FrameInputReport,
     /// Frames of the warm-up.
     pub warmup_frames: u64,
-    /// Overhead of the clock; it is contained in every push and prediction.
+    /// Overhead of the clock, which is included in every push and prediction.
     pub clock_us: f64,
     /// Events that left a sliding window early because it was full.
     pub evicted: u64,
     /// Frames.
     pub frames: u64,
-    /// Pixels whose inputs do not change keep their values.
+    /// Passes with skipping: pixels whose inputs do not change keep their values.
     pub skipping: FrameModeReport,
-    /// Everything is computed.
+    /// Passes in which everything is computed.
     pub everything: FrameModeReport,
-    /// Most memory that the process had resident; `None` if the platform does not report it.
+    /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
     /// Deadlines of the first pass with skipping.
     pub deadline: DeadlineReport,
@@ -52,10 +52,10 @@ impl<'a> FrameBench<'a> {
         Self { model, input, options }
     }
 
-    /// Measures.
+    /// Runs all passes, and returns the report.
     ///
     /// # Errors
-    /// The frames have another period than the network, or are too many, or the engine refuses an option.
+    /// The period differs from that of the network, there are too many frames, or the engine refuses an option.
     pub fn run(self) -> Result<FrameReport, PipelineError> {
         let Self { model, input, options } = self;
         let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
@@ -101,37 +101,37 @@ impl<'a> FrameBench<'a> {
     }
 }
 
-/// Passes with skipping, or without.
+/// Passes with skipping, or passes without.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameModeReport {
     /// Times of a frame.
     pub latency_us: FrameLatencyReport,
-    /// Seconds of compute for the whole stream, of one pass in the mean.
+    /// Seconds of compute for the whole stream, as the mean over the passes.
     pub compute_s: f64,
-    /// Frames over that time.
+    /// Frames divided by that time.
     pub frames_per_s: Option<f64>,
     /// Each layer.
     pub layers: Vec<PixelReport>,
     /// Multiply-adds of one pass.
     pub multiply_adds: u64,
-    /// Multiply-adds over the compute.
+    /// Multiply-adds divided by the compute time.
     pub multiply_adds_per_s: Option<f64>,
-    /// Activations and state.
+    /// Bytes of activations and state.
     pub state_bytes: u64,
 }
 
-/// Durations in microseconds; `None` where nothing was measured.
+/// Durations in microseconds; `None` if nothing was measured.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameLatencyReport {
-    /// Events entering the frame, and making it.
+    /// Entering the events, and making the frame.
     pub frame: Option<Distribution>,
     /// Pushes.
     pub push: Option<Distribution>,
     /// Predictions.
     pub predict: Option<Distribution>,
-    /// Both.
+    /// Pushes and predictions together.
     pub push_predict: Option<Distribution>,
 }
 
@@ -141,9 +141,9 @@ pub struct FrameLatencyReport {
 pub struct PixelReport {
     /// Name of the layer.
     pub name: String,
-    /// Of all frames.
+    /// Pixels of all frames.
     pub pixels: u64,
-    /// Of these, computed. Whole blocks are computed, so some skipped and absorbed pixels are too.
+    /// Of these, computed. Pixels are computed in blocks, so some skipped and absorbed pixels are computed too.
     pub computed: u64,
     /// Kept because their inputs had not changed.
     pub skipped: u64,
@@ -154,7 +154,7 @@ pub struct PixelReport {
 }
 
 impl FrameModeReport {
-    /// The report of so many `passes`. Counters are those of `engine`, of the last pass.
+    /// The report of `passes` passes. The counters are those of `engine`, from the last pass.
     fn new(model: &EventFrameModel, engine: &FrameEngine, latencies: &FrameTimes, passes: u32) -> Self {
         let counters = engine.counters();
         let compute_s = latencies.total().as_secs_f64() / f64::from(passes);

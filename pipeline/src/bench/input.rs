@@ -1,4 +1,4 @@
-//! The events of a benchmark: the part of a recording that is measured, and its share of the reports.
+//! The events of a benchmark: the measured part of a recording, and the fields of a report about the input.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,28 +20,28 @@ use crate::source::Source;
 /// Options of a benchmark.
 #[derive(Clone, Debug, Default)]
 pub struct BenchOptions {
-    /// The part of the recording that is measured.
+    /// The measured part of the recording.
     pub part: Part,
-    /// Most events that are taken of it.
+    /// Largest number of events to take from this part.
     pub limit: Option<u64>,
-    /// Treatment of events that are earlier than one before them.
+    /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
-    /// When predictions are read, or the time from frame to frame. The default is every event; over frames, the length of
-    /// their windows or 10 ms.
+    /// When predictions are read, or the time from frame to frame. The default is every event; for frames, the length
+    /// of their windows, or 10 ms for a sliding window.
     pub every: Option<Every>,
     /// Approximations of a network over events.
     pub approximations: Approximations,
-    /// Passes that count; 0 is taken as 1.
+    /// Number of counted passes; 0 means 1.
     pub repeat: u32,
-    /// Most events of the warm-up.
+    /// Largest number of events in the warm-up.
     pub warmup: u64,
-    /// Least rate of a burst in events per second. The default is 5 times the mean rate.
+    /// Minimum rate of a burst in events per second. The default is 5 times the mean rate.
     pub burst_rate: Option<u64>,
     /// Period of the deadline report. The default is 1 ms.
     pub period_us: Option<i64>,
 }
 
-/// A part of a recording, in microseconds from its first event on: the events with
+/// A part of a recording, in microseconds since its first event. It has the events with
 /// `first + from <= t < first + from + for`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
@@ -52,7 +52,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Whether it leaves anything out.
+    /// Whether this is not the whole recording.
     pub fn is_some(self) -> bool {
         self.from_us.is_some() || self.for_us.is_some()
     }
@@ -72,7 +72,7 @@ impl Part {
     }
 
     fn holds(self, first_us: i64, t_us: i64) -> bool {
-        // In i128: times may lie anywhere.
+        // In i128, because times may be anywhere in the range of an i64.
         let begin = i128::from(first_us) + i128::from(self.from_us.unwrap_or(0));
         let t_us = i128::from(t_us);
         (self.from_us.is_none() || t_us >= begin)
@@ -99,8 +99,8 @@ pub struct BenchInput {
 }
 
 impl BenchInput {
-    /// The part of `source` that `options` ask for, for a benchmark of the network of `card`. Logs the warnings of the
-    /// network's header.
+    /// Takes the part of `source` that `options` select, for a benchmark of the network of `card`. Logs the warnings of
+    /// the network's header.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -118,12 +118,12 @@ impl BenchInput {
         Ok(Self { events, sensor, source, part: options.part, header, card: card.clone() })
     }
 
-    /// The losses, where `counters` count the events that reached the network.
+    /// The losses. `counters` count the events that reached the network.
     pub(super) fn losses(&self, counters: EventCounters) -> InputLosses {
         self.source.losses(counters, self.sensor)
     }
 
-    /// The report of this input, of which `counters` count the events, over so many `passes`.
+    /// The report of this input over `passes` passes. `counters` count its events.
     pub(super) fn report(&self, counters: &EventCounters, losses: &InputLosses, passes: u32) -> InputReport {
         InputReport {
             header: self.header.clone(),
@@ -156,13 +156,13 @@ pub struct InputReport {
     /// Its format.
     #[serde(skip)]
     pub format: Format,
-    /// Events of the whole recording, if that is known.
+    /// Number of events in the whole recording, if it is known.
     #[serde(skip)]
     pub recorded: Option<u64>,
     /// The sensor.
     #[serde(skip)]
     pub sensor: Sensor,
-    /// The part that is measured.
+    /// The measured part.
     #[serde(skip)]
     pub part: Part,
     /// The network.
@@ -170,7 +170,7 @@ pub struct InputReport {
     pub card: ModelCard,
     /// Instruction set of the kernels.
     pub isa: &'static str,
-    /// Passes that count.
+    /// Number of counted passes.
     pub passes: u32,
     /// Events taken.
     pub events: u64,
@@ -180,12 +180,13 @@ pub struct InputReport {
     pub accepted: u64,
     /// The other events, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
-    /// Losses of input that nobody asked for.
+    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
 }
 
 impl FrameInputReport {
-    /// The report of the frames that `model` shows of `field` at `moments`; `outside` counts the events outside it.
+    /// The report of the frames that `model` makes of `field` at `moments`. `outside` counts the events outside
+    /// `field`.
     pub(super) fn new(
         input: &BenchInput,
         model: &EventFrameModel,
@@ -205,23 +206,23 @@ impl FrameInputReport {
     }
 }
 
-/// Frames that are made of events.
+/// The frames made of events.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameInputReport {
     /// The part of the recording, if not all of it is measured.
     pub part: Option<String>,
-    /// What makes the frames, with the keys of a description.
+    /// The preparation of the frames, with the keys of a description.
     pub frames_of: String,
-    /// The part of the sensor that they show.
+    /// The part of the sensor that they cover.
     pub field: String,
     /// Time from frame to frame.
     pub period_us: i64,
-    /// Accepted events that no frame shows.
+    /// Accepted events that no frame covers.
     pub outside_frames: u64,
-    /// From the first event to the last frame, in seconds.
+    /// Stream time from the first event to the last frame, in seconds.
     pub stream_s: f64,
-    /// Multiply-adds of a frame of which nothing is skipped.
+    /// Multiply-adds of a frame without skipping.
     pub multiply_adds_per_frame: u64,
 }
 

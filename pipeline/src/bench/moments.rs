@@ -2,7 +2,7 @@
 //!
 //! Enters: events, and the time from frame to frame. Leaves: the accepted events, cut at the moments
 //! `first + period, first + 2 period, ...` up to the first one that covers the last event. All networks of a comparison
-//! predict at these moments, about the same events. Silence has moments too.
+//! predict at these moments, from the same events. Silence also has moments.
 
 use std::ops::Range;
 
@@ -11,22 +11,22 @@ use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Sensor};
 use crate::error::PipelineError;
 use crate::schedule::{Every, Last, Schedule, times_before};
 
-/// Most moments of a benchmark: nobody waits for the frames of more.
+/// Largest number of moments in a benchmark. The frames of more would take too long.
 const MOST: u64 = 1_000_000;
 
-/// Which events belong to a moment.
+/// The rule for the events that belong to a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
-    /// Those up to it, as in a sliding window.
+    /// Events up to and at the moment, as in a sliding window.
     Included,
-    /// Those before it, as in consecutive windows.
+    /// Events before the moment, as in consecutive windows.
     Excluded,
 }
 
 /// Events and moments.
 #[derive(Debug)]
 pub(super) struct Moments {
-    /// The accepted events, at the times at which they enter.
+    /// The accepted events, with the times at which they enter.
     pub(super) events: Vec<Event>,
     pub(super) period_us: i64,
     /// Counts of all events.
@@ -38,13 +38,13 @@ pub(super) struct Moments {
 /// A moment.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
-    /// Its events, those since the moment before.
+    /// The events since the moment before.
     pub(super) events: Range<usize>,
     pub(super) t_us: i64,
 }
 
 impl Moments {
-    /// The moments of `events`, as `sensor` and `late` accept them.
+    /// The moments of those `events` that `sensor` and `late` accept.
     pub(super) fn new(
         events: &[Event],
         (sensor, late): (Sensor, LatePolicy),
@@ -64,14 +64,14 @@ impl Moments {
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
         schedule.begin(first.t_us);
         for (index, event) in moments.events.iter().enumerate() {
-            // A time that is due before an event ends a window without the event.
+            // A moment that is due before an event ends a window without the event.
             let t_us = match end {
                 End::Included => event.t_us,
                 End::Excluded => event.t_us.saturating_add(1),
             };
             moments.ends.extend(std::iter::from_fn(|| schedule.due_before(t_us)).map(|due| (due, index)));
         }
-        // None beyond the end of the clock.
+        // There is no moment beyond the end of the clock.
         let Last::At(last_us) = schedule.last() else {
             return Err(PipelineError::ManyFrames { most: MOST, found, period_us });
         };
@@ -79,7 +79,7 @@ impl Moments {
         Ok(moments)
     }
 
-    /// How many there are.
+    /// The number of moments.
     pub(super) fn count(&self) -> usize {
         self.ends.len()
     }
@@ -89,7 +89,7 @@ impl Moments {
         self.count() as f64 * self.period_us as f64 / 1e6
     }
 
-    /// All of them, in order.
+    /// All moments, in order.
     pub(super) fn iter(&self) -> impl Iterator<Item = Moment> {
         let begins = std::iter::once(0).chain(self.ends.iter().map(|&(_, end)| end));
         begins.zip(&self.ends).map(|(begin, &(t_us, end))| Moment { events: begin..end, t_us })

@@ -1,14 +1,15 @@
-//! Which events belong to a burst.
+//! Bursts: the phase of each event.
 //!
-//! Enters: the events. Leaves: a phase for each. An event belongs to a burst where the accepted events of the
-//! [`WINDOW_US`] before it came at least at the burst rate: by default [`FACTOR`] times the mean rate of the whole.
-//! Times are those at which the engine accepts; a dropped event has the phase of its place in the stream.
+//! Enters: the events. Leaves: a phase for each. An event belongs to a burst if the accepted events of the
+//! [`WINDOW_US`] before it came at the burst rate or faster. The default burst rate is [`FACTOR`] times the mean rate
+//! of the stream. Times are the times at which the engine accepts events. A dropped event has the phase of its position
+//! in the stream.
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
-/// Stream time over which the rate is taken, in microseconds.
+/// Stream time over which the rate is measured, in microseconds.
 pub(super) const WINDOW_US: i64 = 10_000;
-/// Burst rate over mean rate.
+/// Ratio of the burst rate to the mean rate.
 const FACTOR: f64 = 5.0;
 
 /// A phase of a recording.
@@ -22,18 +23,18 @@ pub(super) enum Phase {
 #[derive(Debug)]
 pub(super) struct Phases {
     of: Vec<Phase>,
-    /// Accepted events per second of stream time; none without a span.
+    /// Accepted events per second of stream time; `None` without a span.
     pub(super) mean_rate: Option<f64>,
-    /// Least rate of a burst, in events per second; none without a rate and without a span.
+    /// Minimum rate of a burst, in events per second; `None` without a given rate and without a span.
     pub(super) burst_rate: Option<f64>,
 }
 
 impl Phases {
-    /// The phases of `events`, as `sensor` and `late` accept them.
+    /// The phases of `events`; `sensor` and `late` decide which are accepted.
     pub(super) fn new(events: &[Event], sensor: Sensor, late: LatePolicy, burst_rate: Option<u64>) -> Self {
         let mut gate = Admission::new(sensor, late);
         let mut accepted = Vec::with_capacity(events.len());
-        // How many events had been accepted before each.
+        // The number of events accepted before each event.
         let before: Vec<usize> = events
             .iter()
             .map(|&event| {
@@ -50,7 +51,7 @@ impl Phases {
         let of = before
             .into_iter()
             .map(|before| {
-                // A dropped event after all others has no time of its own: that of the newest accepted event stands in.
+                // A dropped event after all accepted ones takes the time of the newest accepted event.
                 let now = accepted.get(before).or(accepted.last()).copied().unwrap_or(0);
                 while oldest < before && now.abs_diff(accepted[oldest]) >= WINDOW_US.unsigned_abs() {
                     oldest += 1;
@@ -66,7 +67,7 @@ impl Phases {
         self.of[index]
     }
 
-    /// How many events belong to `phase`.
+    /// The number of events of `phase`.
     pub(super) fn count(&self, phase: Phase) -> u64 {
         self.of.iter().filter(|&&of| of == phase).count() as u64
     }

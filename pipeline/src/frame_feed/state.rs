@@ -1,4 +1,4 @@
-//! The state of a feed between two inputs: its clock, and the events that later frames will show.
+//! The state of a feed between two inputs: its clock, and the events that later frames will cover.
 
 use std::collections::VecDeque;
 
@@ -21,8 +21,8 @@ pub struct FeedState {
 }
 
 impl FeedState {
-    /// The first part that a feed on `sensor` cannot have written, if there is one: its name, the expected and the actual
-    /// value.
+    /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the expected value and
+    /// the actual value.
     pub fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
@@ -49,14 +49,14 @@ impl FeedState {
     }
 }
 
-/// Events that later frames will show.
+/// Events that later frames will cover.
 #[derive(Debug, Default)]
 pub(super) struct KeptEvents {
     pub(super) events: VecDeque<Event>,
 }
 
 impl KeptEvents {
-    /// Notes an accepted event. `completed`: it has completed the window before it.
+    /// Records an accepted event. `completed` says whether it has completed the window before it.
     pub(super) fn note(&mut self, event: Event, completed: bool, span_us: Option<i64>) {
         if completed {
             self.events.clear();

@@ -1,4 +1,4 @@
-//! Frames as they are delivered, against frames from their definitions.
+//! Compares delivered frames with frames computed from their definitions.
 
 use proptest::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::schedule::Every;
 use meissner_engine::{Event, LatePolicy, Sensor};
 use meissner_models::FrameDescription;
 
-/// A feed of frames of two columns and one row, made as `lines` of the input's table say.
+/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table.
 fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
     let text = format!(
         "[network]\nname = \"n\"\n[input]\nkind = \"image\"\nchannels = {channels}\nheight = 1\nwidth = 2\n\
@@ -19,7 +19,7 @@ fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
     feed.expect("the crop fits").expect("frames of events")
 }
 
-/// What comes out for events at (time, column), in words.
+/// The delivered items for events at (time, column), as text.
 fn told(feed: &mut FrameFeed, events: &[(i64, u16)]) -> Vec<String> {
     let mut out = vec![];
     let mut tell = |output: FeedOutput<'_>| {

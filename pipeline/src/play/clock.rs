@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::interrupt;
 
-/// Longest distance on the wall clock that is represented: ten years.
+/// Longest interval on the wall clock that is represented: ten years.
 const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);
 
 /// Converts stream times to wall clock times, and back.
@@ -16,12 +16,12 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// Stream time is `first_us` at `start` and passes `speed` times as fast as the wall clock's.
+    /// A clock whose stream time is `first_us` at `start` and passes `speed` times as fast as wall clock time.
     pub(super) fn new(start: Instant, first_us: i64, speed: f64) -> Self {
         Self { start, first_us, speed }
     }
 
-    /// When it is `t_us`; times before the first one are at the start.
+    /// The wall clock time of stream time `t_us`. Times before the first one map to the start.
     pub(super) fn at(&self, t_us: i64) -> Instant {
         let us = i128::from(t_us) - i128::from(self.first_us);
         let seconds = us.max(0) as f64 / 1e6 / self.speed;
@@ -34,7 +34,7 @@ impl Clock {
         self.first_us.saturating_add(us as i64)
     }
 
-    /// Waits until it is `t_us`, or the program is asked to end.
+    /// Waits until stream time `t_us`, or until the program is asked to end.
     pub(super) fn wait(&self, t_us: i64) {
         let at = self.at(t_us);
         loop {

@@ -1,7 +1,7 @@
 //! Offers the events of a recording to a queue when they are due, as a sensor would.
 //!
-//! Enters: a recording. Leaves: its events into the queue, as soon as each is due, and time as it passes. A stamp that
-//! steps back is due with the event before it.
+//! Enters: a recording. Leaves: events and clock advances into the queue, each as soon as it is due. An event whose
+//! time steps back is due together with the event before it.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -13,27 +13,27 @@ use meissner_live::{Input, LiveError};
 use super::clock::Clock;
 use crate::interrupt;
 
-/// A sleep is at least so long, so that events come in handfuls as a camera's do, and at most so long, so that time
-/// moves on in a gap.
+/// Shortest and longest sleep. The shortest makes events arrive in small batches, as from a camera. The longest makes
+/// the clock advance in a gap.
 const NAPS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(1)];
-/// Events that filters see at once.
+/// Number of events that the filters process at once.
 const HANDFUL: usize = 1024;
 
 /// Offers a recording to the queue.
 pub(super) struct Reader {
     pub(super) clock: Clock,
     pub(super) input: Input,
-    /// Always acts, before the queue.
+    /// Filter that always acts, before the queue.
     pub(super) chain: Chain,
-    /// Longest time from when an event was due until it was offered.
+    /// Longest time from the due time of an event until it was offered.
     pub(super) lag: Duration,
-    /// Events that were due, with those that filters dropped.
+    /// Events that were due, including events that filters dropped.
     pub(super) taken: u64,
 }
 
 impl Reader {
-    /// Offers `events`, and moves time on to `end_us` when that has come. Ends early where nobody takes events, and where
-    /// the program is asked to end.
+    /// Offers `events`, and advances the clock to `end_us` when that time has come. Ends early if events are no longer
+    /// taken, and if the program is asked to end.
     pub(super) fn read(mut self, events: &[Event], end_us: i64) -> Result<Self, LiveError> {
         let mut rest = events;
         let mut kept = Vec::with_capacity(HANDFUL);
@@ -56,7 +56,7 @@ impl Reader {
                     self.input.push_slice(&kept)?;
                 }
             }
-            // Later events have a later time, or are late already.
+            // Later events have a later time, or are already late.
             self.input.advance(now_us.min(end_us));
             if rest.is_empty() && now_us >= end_us {
                 break;

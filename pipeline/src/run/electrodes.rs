@@ -1,16 +1,17 @@
-//! A network over readings of 24 electrodes: CSV from a file or standard input, a prediction a window.
+//! Runs a network over readings of 24 electrodes: CSV from a file or standard input, one prediction per window.
 //!
-//! Enters: a reading a line, at 100 Hz. Leaves: for each complete window a prediction and, if its values are of classes, the
-//! decision of a [`DecisionFilter`], before the next line is read.
+//! Enters: one reading per line, at 100 Hz. Leaves, before the next line is read: for each complete window a prediction
+//! and, if its values are logits of classes, the decision of a [`DecisionFilter`].
 //!
-//! The readings of a window are pushed into a network in the state before the first frame, and the prediction is read after
-//! the last of them. A reading is prepared once; the steps of the network are computed again for each window.
+//! The network is reset to the state before the first frame, the readings of a window are pushed, and the prediction is
+//! read after the last of them. A reading is prepared once; the steps of the network are computed again for each
+//! window.
 //!
-//! Invariant: the readings of a window follow each other, and so do the windows that a decision rests on. A new window
-//! begins, and the decision is forgotten, after a row that cannot be read, which is reported with its line, and with a
-//! reading whose time is more than 5 periods after that of the one before, or earlier, which is counted. That reading is the
-//! first of the new window. Other intervals off the rate, repeated times and values outside the range of the sensor are
-//! counted and change nothing. Without a column of time, readings are assumed to follow each other.
+//! Invariant: the readings of a window are consecutive, and so are the windows of a decision. An interruption starts a
+//! new window and clears the decision. Interruptions are rows that cannot be read, which are reported with their line,
+//! and readings that are earlier than the one before or more than 5 periods later, which are counted. The late or early
+//! reading is the first of the new window. Other intervals off the rate, repeated times and values outside the range of
+//! the sensor are only counted. Without a column of time, readings are assumed to be consecutive.
 
 use std::fs::{self, File};
 use std::io::BufRead;
@@ -40,20 +41,20 @@ use crate::source::{STDIN_NAME, is_stdin, stdin};
 pub struct ElectrodeOptions {
     /// Whether a line that cannot be read ends the run.
     pub strict: bool,
-    /// Most lines that are taken.
+    /// Largest number of lines to take.
     pub limit: Option<u64>,
-    /// How decisions are held.
+    /// The hold of decisions.
     pub decisions: DecisionFilter,
     /// Advice at the end of warnings of lost input.
     pub advice: Advice,
 }
 
-/// A network over electrodes, and the readings that it will run over.
+/// A network over electrodes with its readings, before the run.
 pub struct ElectrodeRun {
     name: String,
     live: bool,
     rows: Electrodes<Box<dyn BufRead>>,
-    /// The next row, which is read before anything is shown: a header that does not fit is found early.
+    /// The next row. It is read before anything is shown, so that a header that does not fit is found early.
     next: Option<Result<Reading, IoError>>,
     refusals: Refusals,
     limit: u64,
@@ -62,14 +63,14 @@ pub struct ElectrodeRun {
     windows: Windows,
 }
 
-/// Makes windows of readings, predictions of windows, and decisions of predictions.
+/// Makes windows from readings, predictions from windows, and decisions from predictions.
 struct Windows {
     predictor: FramePredictor,
     classes: Classes,
     window: TactileWindow,
     filter: DecisionFilter,
     values: Vec<f32>,
-    /// How often a decision was made or changed.
+    /// Number of times that a decision was made or changed.
     decisions: u64,
 }
 
@@ -77,7 +78,7 @@ impl ElectrodeRun {
     /// A run of `model` over the readings in the file at `path`, or on standard input if it is `-`.
     ///
     /// # Errors
-    /// The model does not read electrodes, or the input cannot be opened or has another header.
+    /// The model does not read electrodes, or the input cannot be opened or has a different header.
     pub fn open(
         model: &FrameModel,
         frame_options: FrameOptions,
@@ -92,7 +93,7 @@ impl ElectrodeRun {
         };
         let is_stdin = is_stdin(path);
         let name = if is_stdin { STDIN_NAME.to_owned() } else { path.display().to_string() };
-        // A pipe or a serial port is as live as standard input.
+        // A pipe or a serial port is live, like standard input.
         let live = is_stdin || fs::metadata(path).is_ok_and(|file| !file.is_file());
         let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
@@ -126,7 +127,7 @@ impl ElectrodeRun {
         self.live
     }
 
-    /// Takes all readings, or those up to a [requested](interrupt::requested) end.
+    /// Takes all readings, or the readings up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let ending = Ending(self.take_all(observer));
         let (taken, refused) = (self.refusals.taken(), self.refusals.count());
@@ -189,13 +190,13 @@ impl ElectrodeRun {
 }
 
 impl Windows {
-    /// Later readings are in no window with earlier ones, and no decision rests on both.
+    /// Separates later readings from earlier ones: no window and no decision uses both.
     fn begin_anew(&mut self) {
         self.window.reset();
         self.filter.reset();
     }
 
-    /// Takes a reading, which `follows` the one before or not; returns the problem if it cannot be taken.
+    /// Takes a reading. `follows` says whether it continues the one before. Returns the problem if it cannot be taken.
     fn take(
         &mut self,
         reading: &Reading,
@@ -247,7 +248,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
     if is_stdin(path) {
         return Ok(Box::new(stdin()?));
     }
-    // Nothing is read ahead of a pipe: what has been read is gone.
+    // A pipe is not read ahead: data that has been read cannot be read again.
     if (path.is_dir() || path.is_file())
         && let Ok(Some(found)) = Kind::of_file(path)
         && found != Kind::Electrodes
@@ -259,7 +260,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
     Ok(Box::new(interrupt::awaited(file)))
 }
 
-/// The next row: a reading, or what is wrong with this row alone; `None` at the end, and if a signal asks the process to end.
+/// The next row: a reading, or the problem of this row; `None` at the end, and if a signal asks the process to end.
 ///
 /// # Errors
 /// An error that ends the rows.

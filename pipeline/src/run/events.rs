@@ -1,4 +1,4 @@
-//! A network over events: a recording or a live stream, a prediction whenever one is due.
+//! Runs a network over the events of a recording or a live stream, and predicts whenever a prediction is due.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
 use crate::source::Source;
 
-/// A network over events, and the source that it will run over.
+/// A network over events with its source, before the run.
 pub struct EventRun {
     source: Source,
     sensor: Sensor,
@@ -27,7 +27,7 @@ pub struct EventRun {
     approximations: Approximations,
     layers: Vec<String>,
     schedule: Schedule,
-    /// Tells the schedule which events will be accepted, and at what time.
+    /// Predicts for the schedule which events will be accepted, and at what time.
     gate: Admission,
     saver: Option<Saver>,
     steps: Steps,
@@ -102,12 +102,12 @@ impl EventRun {
         &self.source
     }
 
-    /// How many events the run will take, if that is known.
+    /// The number of events that the run will take, if it is known.
     pub fn total(&self) -> Option<u64> {
         self.source.remaining().map(|remaining| remaining.min(self.limit))
     }
 
-    /// Takes all events, or those up to a [requested](interrupt::requested) end.
+    /// Takes all events, or the events up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let mut watch = LossWatch::new(self.source.is_live());
         let mut result = Ok(());
@@ -124,7 +124,7 @@ impl EventRun {
         }
         if ending.predicts() {
             let due = match self.schedule.last() {
-                // Not due yet: another run will resume.
+                // Not due yet: another run will resume from the state.
                 Last::At(_) if self.saver.is_some() => Ok(0),
                 Last::Nothing => Ok(0),
                 Last::Now => self.steps.read(None, observer),
@@ -164,12 +164,12 @@ impl EventRun {
         if schedule.is_due_after_event() {
             steps.read(None, observer)?;
         }
-        // A late event that is let in counts at the newest time.
+        // An accepted late event counts at the newest time.
         let now_us = steps.predictor.engine().and_then(Engine::now_us).unwrap_or(event.t_us);
         if self.saver.as_mut().is_some_and(|saver| saver.is_due(now_us)) { self.save() } else { Ok(()) }
     }
 
-    /// Writes the state, if that was asked for.
+    /// Writes the state, if requested.
     fn save(&self) -> Result<(), PipelineError> {
         let Some((saver, engine)) = self.saver.as_ref().zip(self.steps.predictor.engine()) else {
             return Ok(());
@@ -186,7 +186,7 @@ impl Steps {
         self.taken += 1;
     }
 
-    /// Reads a prediction, at `due_us` if that is given; returns the number of events in its window.
+    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
     fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize, PipelineError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {

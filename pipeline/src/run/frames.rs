@@ -1,4 +1,4 @@
-//! A network over frames of events: a recording or a live stream, a prediction a frame.
+//! Runs a network over frames made of the events of a recording or a live stream, with one prediction per frame.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -22,17 +22,17 @@ use crate::schedule::{Every, Last, Schedule};
 use crate::skips::dropped;
 use crate::source::Source;
 
-/// Empty frames in a row that are pushed, unless asked for otherwise.
+/// The default for the largest number of consecutive empty frames that are pushed.
 const LONGEST_SILENCE: u64 = 6000;
 
-/// A network over frames of events, and the source that it will run over.
+/// A network over frames of events with its source, before the run.
 pub struct FrameRun {
     source: Source,
     sensor: Sensor,
     limit: u64,
     feed: FrameFeed,
     saver: Option<Saver>,
-    /// How frames are made, and of what: states of other frames are refused.
+    /// The preparation of frames and their sensor. States of other frames are refused.
     made: String,
     steps: Steps,
 }
@@ -40,7 +40,7 @@ pub struct FrameRun {
 /// Pushes frames and reads predictions.
 struct Steps {
     predictor: FramePredictor,
-    /// After which frames a prediction is due.
+    /// Decides after which frames a prediction is due.
     schedule: Schedule,
     classes: Classes,
     longest_silence: u64,
@@ -53,8 +53,8 @@ struct Steps {
     silence: u64,
     counts: FrameCounts,
     taken: u64,
-    /// Why predictions are no longer shown. All frames that an event completes are taken before the run ends, so that the
-    /// state is one after an event.
+    /// The reason why predictions are no longer shown. All frames that an event completes are taken before the run
+    /// ends, so that the state is always the one after an event.
     unshown: Option<io::Error>,
     /// The newest prediction.
     values: Vec<f32>,
@@ -68,7 +68,7 @@ struct FrameCounts {
     resets: u64,
 }
 
-/// The note of a state: where the making of frames stands.
+/// The note of a state: the progress in making frames.
 #[derive(Debug, Serialize, Deserialize)]
 struct Note {
     made: String,
@@ -83,8 +83,8 @@ impl FrameRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The frames of the model are not made of events, the sensor lacks pixels that they show, predictions would be due
-    /// between two frames, or (as [`PipelineError::Resume`]) the state to resume from does not fit.
+    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, predictions would be
+    /// due between two frames, or (as [`PipelineError::Resume`]) the state to resume from does not fit.
     pub fn new(
         model: &FrameModel,
         frame_options: FrameOptions,
@@ -141,12 +141,12 @@ impl FrameRun {
         &self.source
     }
 
-    /// How many events the run will take, if that is known.
+    /// The number of events that the run will take, if it is known.
     pub fn total(&self) -> Option<u64> {
         self.source.remaining().map(|remaining| remaining.min(self.limit))
     }
 
-    /// Takes all events, or those up to a [requested](interrupt::requested) end.
+    /// Takes all events, or the events up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let mut watch = LossWatch::new(self.source.is_live());
         let mut result = Ok(());
@@ -167,7 +167,7 @@ impl FrameRun {
             ending.then(self.save());
         }
         let ends_now = self.steps.schedule.last() == Last::Now;
-        // The open window, and predictions that are due later, are left to a run that resumes.
+        // The open window, and predictions that are due later, are left to the resumed run.
         if ending.predicts() && (self.saver.is_none() || ends_now) {
             let Self { feed, steps, .. } = &mut self;
             let finished = feed.finish(|output| steps.take(output, observer));
@@ -184,7 +184,7 @@ impl FrameRun {
         losses.with_outside_crop(self.feed.outside_crop())
     }
 
-    /// Writes the state, if that was asked for.
+    /// Writes the state, if requested.
     fn save(&mut self) -> Result<(), PipelineError> {
         let Some(saver) = &self.saver else { return Ok(()) };
         let (made, steps) = (self.made.clone(), &self.steps);
@@ -213,7 +213,7 @@ impl FrameRun {
     }
 }
 
-/// The schedule over frames that `every` means over time, if `feed` makes the frames.
+/// Converts `every` from stream time to a schedule over frames, if `feed` makes the frames.
 fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every, PipelineError> {
     match (every, feed.period_us()) {
         (Some(Every::End), Some(_)) => Ok(Every::End),
@@ -229,7 +229,7 @@ fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result
 }
 
 impl Note {
-    /// The note in the state `bytes`, of a run that made frames of `sensor` as `made` says.
+    /// The note in the state `bytes` of a run that made frames of `sensor` as described by `made`.
     fn read(bytes: &[u8], made: &str, sensor: Sensor) -> Result<Self, EngineError> {
         let misfit = |what, expected, found| EngineError::Snapshot { what, expected, found };
         let expected = "where the making of frames stands, as `meissner run` writes it".to_owned();
@@ -258,7 +258,7 @@ impl Steps {
             let spent = start.elapsed();
             self.predictor.spent(spent);
             prepare += spent;
-            // The first frame may come with the first event.
+            // The first frame may already come with the first event.
             self.epoch_us.get_or_insert(event.t_us);
             let taken = self.take(output, observer);
             start = Instant::now();
@@ -273,7 +273,7 @@ impl Steps {
         self.shown()
     }
 
-    /// Whether all predictions so far could be shown.
+    /// Whether all predictions could be shown so far.
     fn shown(&mut self) -> Result<(), PipelineError> {
         self.unshown.take().map_or(Ok(()), |error| Err(PipelineError::Output(error)))
     }
@@ -291,7 +291,7 @@ impl Steps {
         }
     }
 
-    /// Takes `count` empty frames: they are pushed up to the longest silence, then the state is reset.
+    /// Takes `count` empty frames. They are pushed up to the longest silence; then the state is reset.
     fn take_silence(
         &mut self,
         count: u64,
@@ -308,7 +308,7 @@ impl Steps {
         }
         self.zeros = zeros;
         if pushed < count {
-            // Once in a silence, however many runs it has.
+            // Once per silence, even if it consists of several runs of empty frames.
             if self.silence <= self.longest_silence {
                 self.predictor.reset();
                 self.counts.resets += 1;
@@ -352,7 +352,7 @@ impl Steps {
         Ok(())
     }
 
-    /// Reads what is due at the end.
+    /// Reads the prediction that is due at the end.
     fn end(&mut self, ends_now: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         if ends_now {
             self.predict(observer)?;

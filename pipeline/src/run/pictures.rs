@@ -1,4 +1,4 @@
-//! A network over pictures of an optical tactile sensor: contact areas and forces, and overlays if asked for.
+//! Runs a network over pictures of an optical tactile sensor: contact areas and forces, and overlays if requested.
 
 use std::ffi::OsString;
 use std::fs;
@@ -20,7 +20,7 @@ use meissner_models::systems::contact_area::{
     ImageNormalisation, ImageSize, Overlay, Picture,
 };
 
-/// Difference to the reference above which a pixel is in contact, in levels.
+/// A pixel is in contact if it differs from the reference by more than this, in levels.
 const DIFFERENCE: f32 = 10.0;
 /// Pixels to each side of the box over which differences are averaged.
 const BLUR_RADIUS: usize = 2;
@@ -28,7 +28,7 @@ const BLUR_RADIUS: usize = 2;
 /// Options of a run over pictures.
 #[derive(Clone, Debug, Default)]
 pub struct PictureOptions {
-    /// Most pictures that are taken.
+    /// Largest number of pictures to take.
     pub limit: Option<u64>,
     /// Picture without contact, to compare with by plain differences.
     pub reference: Option<PathBuf>,
@@ -38,10 +38,10 @@ pub struct PictureOptions {
     pub full_scale_n: Option<f32>,
 }
 
-/// A network over pictures, and the pictures that it will run over.
+/// A network over pictures with its pictures, before the run.
 pub struct PictureRun {
     pictures: ImageSequence,
-    /// The first picture, which is read before anything is shown: one that does not fit is found early.
+    /// The first picture. It is read before anything is shown, so that a picture that does not fit is found early.
     first: Option<(PathBuf, Image)>,
     count: u64,
     limit: usize,
@@ -50,7 +50,7 @@ pub struct PictureRun {
     measure: Measure,
 }
 
-/// What is done with a picture before and after the network.
+/// The processing of a picture before and after the network.
 struct Measure {
     network: String,
     size: ImageSize,
@@ -67,8 +67,8 @@ impl PictureRun {
     /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`.
     ///
     /// # Errors
-    /// The model does not predict forces from pictures, the first picture or the reference cannot be read or has another
-    /// size, or overlays would replace files that are needed.
+    /// The model does not predict forces from pictures, the first picture or the reference cannot be read or has a
+    /// different size, or overlays would replace input files.
     pub fn open(
         model: &FrameModel,
         frame_options: FrameOptions,
@@ -88,12 +88,12 @@ impl PictureRun {
         Ok(Self { pictures, first, count, limit, taken: 0, predictor, measure })
     }
 
-    /// How many pictures there are.
+    /// The number of pictures.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Takes all pictures, or those up to a [requested](interrupt::requested) end.
+    /// Takes all pictures, or the pictures up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let ending = Ending(self.take_all(observer));
         let counts = InputCounts::Pictures { pictures: self.taken };
@@ -155,7 +155,7 @@ impl Measure {
         Ok(measure)
     }
 
-    /// Refuses an image of another size than the network's input.
+    /// Refuses an image whose size differs from the network's input.
     fn check(&self, path: &Path, image: &Image) -> Result<(), PipelineError> {
         let (expected, found) = ((self.size.width, self.size.height), image.size());
         if found == expected {
@@ -169,7 +169,7 @@ impl Measure {
         })
     }
 
-    /// Measures a picture, the `taken`th, and shows the result.
+    /// Measures picture number `taken`, and shows the result.
     fn take(
         &mut self,
         predictor: &mut FramePredictor,
@@ -213,7 +213,7 @@ impl Measure {
     }
 }
 
-/// Draws forces over pictures, into a folder.
+/// Draws forces over pictures, and writes the overlays into a folder.
 struct Overlays {
     folder: PathBuf,
     size: ImageSize,
@@ -222,10 +222,10 @@ struct Overlays {
 }
 
 impl Overlays {
-    /// Overlays of the pictures in `paths`, in `folder`, which is made if it does not exist.
+    /// Prepares overlays of the pictures in `paths`. Creates `folder` if it does not exist.
     ///
     /// # Errors
-    /// Two pictures have one name, an overlay would replace its picture, or the folder cannot be made.
+    /// Two pictures have the same name, an overlay would replace its picture, or the folder cannot be created.
     fn new(
         folder: &Path,
         paths: &[PathBuf],

@@ -15,24 +15,24 @@ pub trait Observer {
     /// The prediction cannot be shown; the run ends with [`PipelineError::Output`](crate::PipelineError::Output).
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()>;
 
-    /// So many events have been taken.
+    /// Reports the number of events taken so far.
     fn progress(&mut self, _taken: u64) {}
 }
 
-/// A prediction, serialised as in the program's JSON lines.
+/// A prediction, serialised in the form of the program's JSON lines.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(untagged)]
 #[non_exhaustive]
 pub enum Prediction<'a> {
-    /// Of a network over events.
+    /// A prediction of a network over events.
     Events(EventPrediction<'a>),
-    /// Of a network over frames of events.
+    /// A prediction of a network over frames of events.
     Frames(FramePrediction<'a>),
-    /// Of a network over electrodes.
+    /// A prediction of a network over electrodes.
     Electrodes(ElectrodePrediction<'a>),
-    /// Of a network over pictures.
+    /// A prediction of a network over pictures.
     Picture(PicturePrediction<'a>),
-    /// Of a recording at real speed, see [`crate::play`].
+    /// A report of a recording at real speed, see [`crate::play`].
     Report(ReportPrediction<'a>),
 }
 
@@ -96,11 +96,11 @@ pub struct ElectrodePrediction<'a> {
     pub time_s: Option<f64>,
     /// The values.
     pub value: Values<'a>,
-    /// Softmax of the values; `None` where they are not logits of classes.
+    /// Softmax of the values; `None` if they are not logits of classes.
     pub probabilities: Option<Values<'a>>,
     /// Name of the most probable class.
     pub class: Option<&'a str>,
-    /// Name of the class that is decided; `None` before the first decision.
+    /// Name of the decided class; `None` before the first decision.
     pub decision: Option<&'a str>,
     /// Windows for which the decision has been held, from 1.
     pub held: Option<u64>,
@@ -148,20 +148,20 @@ pub struct ReportPrediction<'a> {
     pub answer: Option<Answer<'a>>,
     /// Events in the window.
     pub nodes: usize,
-    /// How the report came about.
+    /// How current the prediction of the report is.
     pub state: ReportState,
     /// Events that had entered the queue and are not covered.
     pub behind_events: u64,
     /// Stream time that had entered the queue and is not covered.
     pub behind_us: u64,
-    /// Time since the prediction was begun.
+    /// Time since the start of the prediction.
     pub age_us: f64,
-    /// Time since the report was asked for.
+    /// Time since the report was requested.
     pub waited_us: f64,
     /// Number of the report, from 1.
     #[serde(skip)]
     pub number: u64,
-    /// Stream time from the first event to when the report was due, in microseconds.
+    /// Stream time from the first event to the due time of the report, in microseconds.
     #[serde(skip)]
     pub elapsed_us: i128,
 }
@@ -202,7 +202,7 @@ impl From<DifferenceReport> for Baseline {
     }
 }
 
-/// How a report came about.
+/// How current the prediction of a report is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReportState {

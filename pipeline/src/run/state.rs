@@ -1,7 +1,7 @@
-//! What a run over events is asked for, and the states that it writes to be resumed from.
+//! Options of a run over events, and the states that it writes so that a later run can resume.
 //!
-//! Invariant: a state is of the moment after an event, before anything is due because the input ends. A run that resumes
-//! from it predicts what one run over both inputs would.
+//! Invariant: a state is taken directly after an event, before any result that is due only because the input ends. A
+//! run that resumes from it makes the same predictions as a single run over both inputs.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use crate::error::PipelineError;
 use crate::predictor::Mode;
 use crate::schedule::Every;
 
-/// Predictions of networks over events, unless asked for otherwise.
+/// The default for the predictions of networks over events.
 pub(super) const EVERY: Every = Every::StreamUs(10_000);
 
 /// Options of a run over events. `Default` runs all events, exactly.
@@ -23,21 +23,21 @@ pub struct RunOptions {
     pub mode: Mode,
     /// When predictions are read. The default is every 10 ms; over frames, every frame.
     pub every: Option<Every>,
-    /// Treatment of events that are earlier than one before them.
+    /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
     /// Approximations of a network over events.
     pub approximations: Approximations,
-    /// Most events that are taken.
+    /// Largest number of events to take.
     pub limit: Option<u64>,
-    /// State of an earlier run to resume from, as it wrote it.
+    /// State that an earlier run wrote, to resume from.
     pub resume: Option<Vec<u8>>,
     /// Where the state is written.
     pub save: Option<SaveState>,
-    /// Most empty frames in a row that are pushed. The default is 6000.
+    /// Largest number of consecutive empty frames that are pushed. The default is 6000.
     pub longest_silence: Option<u64>,
 }
 
-/// Where and when the state of a run is written. The file is replaced whole.
+/// The file for the state of a run, and when it is written. The file is replaced atomically.
 #[derive(Clone, Debug)]
 pub struct SaveState {
     /// The file.
@@ -58,7 +58,7 @@ impl Saver {
         Self { to, last_us: None }
     }
 
-    /// Whether a state is due after an event at `t_us`, which is not earlier than the event before.
+    /// Whether a state is due after an event at `t_us`. `t_us` is not earlier than the event before.
     pub(super) fn is_due(&mut self, t_us: i64) -> bool {
         let last = *self.last_us.get_or_insert(t_us);
         let due = self.to.every_us.is_some_and(|every| t_us.saturating_sub(last) >= every);

@@ -1,4 +1,4 @@
-//! Counts and latencies of a run, in the names of the JSON summary.
+//! Counts and latencies of a run, with the names of the JSON summary.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub struct Ended {
     pub result: Result<(), PipelineError>,
 }
 
-/// The first error of a stream, and what is still done after it.
+/// The first error of a stream, and the steps that are still possible after it.
 pub(super) struct Ending(pub(super) Result<(), PipelineError>);
 
 impl Ending {
@@ -37,7 +37,7 @@ impl Ending {
         !matches!(self.0, Err(PipelineError::Engine(_) | PipelineError::Output(_)))
     }
 
-    /// Notes the result of one more step.
+    /// Records the result of one more step.
     pub(super) fn then(&mut self, next: Result<(), PipelineError>) {
         if self.0.is_ok() {
             self.0 = next;
@@ -50,9 +50,9 @@ impl Ending {
 #[serde(untagged)]
 #[non_exhaustive]
 pub enum Summary {
-    /// Of a network over events.
+    /// The summary of a network over events.
     Events(Box<EventSummary>),
-    /// Of a network over frames: events, electrodes or pictures.
+    /// The summary of a network over frames: events, electrodes or pictures.
     Frames(Box<FrameSummary>),
 }
 
@@ -70,31 +70,31 @@ pub struct EventSummary {
     pub dropped: BTreeMap<&'static str, u64>,
     /// Predictions read.
     pub predictions: u64,
-    /// Most events in the window after any push.
+    /// Largest number of events in the window after any push.
     pub nodes_max: usize,
     /// Times in microseconds.
     pub latency_us: EventLatencies,
-    /// Events taken, per second spent in pushes and predictions.
+    /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// What was computed, and what was skipped.
+    /// Counts of computed and skipped values.
     pub skips: Skips,
-    /// Losses of input that nobody asked for.
+    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// The approximations; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approximations: Option<ApproximationReport>,
-    /// The part that was kept of a recording that was cut short.
+    /// The part of a truncated recording that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
 }
 
-/// Times of calls in microseconds; `None` where there was no call.
+/// Latencies of calls in microseconds; `None` if there was no call.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct EventLatencies {
     /// Pushes.
     pub push: Option<Quantiles>,
-    /// Predictions, and advancing the clock to those that are due between events.
+    /// Predictions, with advancing the clock to predictions that are due between events.
     pub predict: Option<Quantiles>,
 }
 
@@ -132,7 +132,7 @@ pub struct FrameSummary {
     /// Counts of the input.
     #[serde(flatten)]
     pub input: InputCounts,
-    /// Losses of input that nobody asked for.
+    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// Frames pushed.
     pub frames: u64,
@@ -140,7 +140,7 @@ pub struct FrameSummary {
     pub predictions: u64,
     /// Times in microseconds.
     pub latency_us: FrameLatencies,
-    /// Frames per second spent in making and pushing them and in predictions.
+    /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
     /// Sums over all layers.
     pub pixels: Pixels,
@@ -148,7 +148,7 @@ pub struct FrameSummary {
     pub layers: Vec<LayerPixels>,
 }
 
-/// Times of steps in microseconds; `None` where there was no step.
+/// Latencies of steps in microseconds; `None` if there was no step.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameLatencies {
@@ -168,22 +168,22 @@ pub struct FrameLatencies {
 #[serde(untagged)]
 #[non_exhaustive]
 pub enum InputCounts {
-    /// Of events.
+    /// Counts of events.
     Events(EventCounts),
-    /// Of readings of electrodes.
+    /// Counts of readings of electrodes.
     Electrodes(ElectrodeCounts),
-    /// Of pictures.
+    /// Counts of pictures.
     Pictures {
         /// Pictures read.
         pictures: u64,
     },
 }
 
-/// Counts of events that frames are made of.
+/// Counts of the events that frames are made of.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct EventCounts {
-    /// The part that was kept of a recording that was cut short.
+    /// The part of a truncated recording that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
     /// Events taken.
@@ -196,13 +196,13 @@ pub struct EventCounts {
     pub dropped: BTreeMap<&'static str, u64>,
     /// Late events that entered at the newest time.
     pub clamped: u64,
-    /// Accepted events outside the part of the sensor that frames show.
+    /// Accepted events outside the part of the sensor that frames cover.
     pub outside_crop: u64,
     /// Events that left a sliding window early because it was full.
     pub evicted: u64,
     /// Frames without events that were pushed.
     pub empty_frames: u64,
-    /// Frames without events that were left out, beyond the longest silence.
+    /// Frames without events beyond the longest silence, which were skipped.
     pub empty_frames_left_out: u64,
     /// Resets of the state after the longest silence.
     pub resets: u64,
@@ -220,7 +220,7 @@ pub struct ElectrodeCounts {
     pub values_out_of_range: u64,
     /// Readings too early or too late after the one before.
     pub rows_off_rate: u64,
-    /// Readings so late after the one before that a new window begins.
+    /// Readings so long after the one before that a new window begins.
     pub gaps: u64,
     /// Readings earlier than the one before; a new window begins with each.
     pub times_backwards: u64,
@@ -228,7 +228,7 @@ pub struct ElectrodeCounts {
     pub times_repeated: u64,
     /// Readings of a window.
     pub steps: usize,
-    /// How often a decision was made or changed; `None` where values are not of classes.
+    /// Number of times that a decision was made or changed; `None` if the values are not logits of classes.
     pub decisions: Option<u64>,
 }
 
