@@ -7,7 +7,7 @@ use meissner_engine::representations::{
     VoxelGrid, VoxelTime,
 };
 use meissner_engine::{Event, Sensor};
-use meissner_tests::event_frames::{History, Kept, What, keep, place, set};
+use meissner_tests::event_frames::{FrameKind, History, Kept, keep, place, set};
 use meissner_tests::shared::shared;
 use meissner_verify::{Step, strategies};
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
 }
 
 /// Every frame since time began, the open one last.
-fn all_frames(what: What, options: Consecutive, history: &History) -> Vec<Kept> {
+fn all_frames(what: FrameKind, options: Consecutive, history: &History) -> Vec<Kept> {
     let Some((epoch, now)) = history.clock() else { return vec![] };
     let mut before = vec![0.0; what.channels() * options.crop.pixels()];
     (0..=(now - epoch) / options.period_us)
@@ -38,11 +38,11 @@ fn all_frames(what: What, options: Consecutive, history: &History) -> Vec<Kept> 
         .collect()
 }
 
-fn what() -> impl Strategy<Value = What> {
+fn what() -> impl Strategy<Value = FrameKind> {
     prop_oneof![
-        prop_oneof![Just(1.0f32), Just(3.0), Just(255.0)].prop_map(What::Counts),
-        Just(What::Signed(SignedRule::Sum)),
-        Just(What::Signed(SignedRule::Latest)),
+        prop_oneof![Just(1.0f32), Just(3.0), Just(255.0)].prop_map(FrameKind::Counts),
+        Just(FrameKind::Signed(SignedRule::Sum)),
+        Just(FrameKind::Signed(SignedRule::Latest)),
     ]
 }
 
@@ -125,7 +125,7 @@ proptest! {
                     });
                     events.retain(|event| place(crop, event).is_some());
                     events.drain(..events.len().saturating_sub(capacity));
-                    let expected = Kept::over(What::Signed(rule), crop, &events, start_us, &before);
+                    let expected = Kept::over(FrameKind::Signed(rule), crop, &events, start_us, &before);
                     let frame = Kept::of(sliding.frame());
                     prop_assert_eq!(&frame, &expected);
                     before = frame.values;

@@ -85,7 +85,7 @@ impl Kept {
     }
 
     /// The frame over `events`, where the one before had the values `before`.
-    pub fn over(what: What, crop: Crop, events: &[Event], start_us: i64, before: &[f32]) -> Self {
+    pub fn over(what: FrameKind, crop: Crop, events: &[Event], start_us: i64, before: &[f32]) -> Self {
         let (pixels, channels) = (crop.pixels(), what.channels());
         let inside = |event: &&Event| place(crop, event).is_some();
         let events: Vec<&Event> = events.iter().filter(inside).collect();
@@ -94,13 +94,13 @@ impl Kept {
                 let mut here = events.iter().filter(|event| place(crop, event) == Some(i % pixels));
                 let sign = |event: &&Event| if event.on { 1.0 } else { -1.0 };
                 match what {
-                    What::Counts(maximum) => {
+                    FrameKind::Counts(maximum) => {
                         here.filter(|event| usize::from(event.on) == i / pixels).count() as f32 / maximum
                     }
-                    What::Signed(SignedRule::Sum) => {
+                    FrameKind::Signed(SignedRule::Sum) => {
                         here.copied().map(|event| sign(&event)).sum::<f32>() + 0.0
                     }
-                    What::Signed(SignedRule::Latest) => here.next_back().map_or(0.0, sign),
+                    FrameKind::Signed(SignedRule::Latest) => here.next_back().map_or(0.0, sign),
                 }
             })
             .collect();
@@ -116,14 +116,14 @@ impl Kept {
 
 /// What a frame shows.
 #[derive(Clone, Copy, Debug)]
-pub enum What {
+pub enum FrameKind {
     /// Counts divided by a maximum.
     Counts(f32),
     /// Polarities.
     Signed(SignedRule),
 }
 
-impl What {
+impl FrameKind {
     /// Channels of the frame.
     pub fn channels(self) -> usize {
         match self {
