@@ -83,11 +83,6 @@ impl RateLimit {
         let depth = (events_per_s * Self::DEPTH_US).max(EVENT);
         Ok(Self { events_per_s, credit: depth, depth, newest_us: None, counters: FilterCounters::default() })
     }
-
-    /// Millionths of an event that the bucket holds.
-    pub fn depth_millionths(&self) -> u64 {
-        self.depth
-    }
 }
 
 impl EventFilter for RateLimit {
