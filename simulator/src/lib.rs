@@ -1,0 +1,33 @@
+//! Event cameras and touch, simulated with labels.
+//!
+//! Enters: grey images with times, or the tracks of markers. Leaves: events in order of time, each with its [`Cause`]. Equal
+//! input and an equal seed give equal events on every machine.
+//!
+//! [`Camera`] is the model of the sensor. It takes one image after another and finds the exact time at which each pixel crosses
+//! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
+//! tactile sensor.
+//!
+//! ```
+//! use meissner_engine::Sensor;
+//! use meissner_simulator::{Camera, CameraSettings, Cause};
+//!
+//! // One pixel becomes twice as bright within 10 ms: ln 2 / 0.2 is 3.47, so three events.
+//! let mut camera = Camera::new(Sensor::new(1, 1), CameraSettings { initial_phase: false, ..CameraSettings::ideal() }, 0)?;
+//! let mut events = Vec::new();
+//! camera.push(0, &[0.4], &mut events)?;
+//! camera.push(10_000, &[0.8], &mut events)?;
+//! camera.finish(&mut events);
+//! assert_eq!(events.len(), 3);
+//! assert!(events.iter().all(|simulated| simulated.event.on && simulated.cause == Cause::Signal));
+//! # Ok::<(), meissner_simulator::SimulatorError>(())
+//! ```
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod camera;
+mod error;
+mod markers;
+
+pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
+pub use error::SimulatorError;
+pub use markers::{MarkerScene, MarkerTracks};

@@ -1,0 +1,144 @@
+//! Markers that move, as the camera inside a tactile sensor sees them: bright discs on a darker ground, or the reverse.
+//!
+//! Enters: positions of markers at some times. Leaves: images at any time between, or events through a camera.
+
+use meissner_engine::Sensor;
+
+use crate::{Camera, SimulatedEvent, SimulatorError};
+
+/// How markers look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MarkerScene {
+    /// Radius of a marker in pixels.
+    pub radius: f32,
+    /// Width of the blurred edge in pixels: the share of a marker's light in a pixel falls linearly from 1 to 0 over it.
+    pub edge: f32,
+    /// Intensity of markers, as in [`Camera::push`].
+    pub marker: f32,
+    /// Intensity between markers.
+    pub ground: f32,
+}
+
+impl Default for MarkerScene {
+    fn default() -> Self {
+        Self { radius: 1.5, edge: 1.0, marker: 0.6, ground: 0.15 }
+    }
+}
+
+/// Positions of markers over time, in pixels: (0, 0) is the centre of the pixel in the corner. Markers move along straight
+/// lines between the times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkerTracks {
+    t_us: Vec<i64>,
+    markers: usize,
+    /// Time after time, marker after marker.
+    positions: Vec<[f32; 2]>,
+}
+
+impl MarkerTracks {
+    /// Tracks of `markers` markers; `positions` has those of the first time, then of the second, and so on.
+    ///
+    /// # Errors
+    /// Times that do not ascend, a number of positions other than times multiplied by markers, a position that is not finite.
+    pub fn new(t_us: Vec<i64>, markers: usize, positions: Vec<[f32; 2]>) -> Result<Self, SimulatorError> {
+        if positions.len() != t_us.len() * markers {
+            return Err(SimulatorError::Tracks { times: t_us.len(), markers, found: positions.len() });
+        }
+        if let Some(pair) = t_us.windows(2).find(|pair| pair[1] <= pair[0]) {
+            return Err(SimulatorError::Time { before: pair[0], found: pair[1] });
+        }
+        if let Some(i) = positions.iter().position(|[x, y]| !(x.is_finite() && y.is_finite())) {
+            return Err(SimulatorError::Position { marker: i % markers, t_us: t_us[i / markers] });
+        }
+        Ok(Self { t_us, markers, positions })
+    }
+
+    /// Films the tracks from the first time to the last, and appends the events to `events` in order of time.
+    ///
+    /// Images are drawn so often that no marker moves more than `STEP` pixels between two. Complexity: O(images x (pixels +
+    /// markers x area of a marker) + events).
+    ///
+    /// # Errors
+    /// As [`Camera::push`]. Events of images before the error are in `events`.
+    pub fn film(
+        &self,
+        scene: &MarkerScene,
+        camera: &mut Camera,
+        events: &mut Vec<SimulatedEvent>,
+    ) -> Result<(), SimulatorError> {
+        let sensor = camera.sensor();
+        let mut image = vec![0.0; usize::from(sensor.width) * usize::from(sensor.height)];
+        let mut now = vec![[0.0; 2]; self.markers];
+        for (interval, times) in self.t_us.windows(2).enumerate() {
+            let (before, after) = (self.at(interval), self.at(interval + 1));
+            let span = times[1] - times[0];
+            let images = images(before, after).min(span.unsigned_abs());
+            for i in u64::from(interval > 0)..=images {
+                let t_us = times[0] + (i128::from(span) * i128::from(i) / i128::from(images)) as i64;
+                let share = (t_us - times[0]) as f32 / span as f32;
+                for ((now, a), b) in now.iter_mut().zip(before).zip(after) {
+                    *now = [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])];
+                }
+                scene.draw(sensor, &now, &mut image);
+                camera.push(t_us, &image, events)?;
+            }
+        }
+        camera.finish(events);
+        Ok(())
+    }
+
+    fn at(&self, time: usize) -> &[[f32; 2]] {
+        &self.positions[time * self.markers..][..self.markers]
+    }
+}
+
+/// How far a marker may move between two images, in pixels. Within it, the light of a pixel at a marker's edge is close to a
+/// line.
+const STEP: f32 = 0.125;
+
+/// Images that a motion needs, at least 1.
+fn images(before: &[[f32; 2]], after: &[[f32; 2]]) -> u64 {
+    let distance = |(a, b): (&[f32; 2], &[f32; 2])| length(a[0] - b[0], a[1] - b[1]);
+    let furthest = before.iter().zip(after).map(distance).fold(0.0, f32::max);
+    ((furthest / STEP).ceil() as u64).max(1)
+}
+
+impl MarkerScene {
+    /// Draws markers at `positions` into `image`, row by row. Where two overlap, the one that covers more counts.
+    ///
+    /// # Panics
+    /// If `image` does not have the pixels of `sensor`.
+    pub fn draw(&self, sensor: Sensor, positions: &[[f32; 2]], image: &mut [f32]) {
+        let (width, height) = (usize::from(sensor.width), usize::from(sensor.height));
+        assert_eq!(image.len(), width * height, "an image of {sensor}");
+        image.fill(0.0);
+        let edge = self.edge.max(f32::MIN_POSITIVE);
+        let reach = self.radius + 0.5 * edge;
+        for &[x, y] in positions {
+            let columns = pixels(x - reach, x + reach, width);
+            for row in pixels(y - reach, y + reach, height) {
+                for column in columns.clone() {
+                    let distance = length(column as f32 - x, row as f32 - y);
+                    let covered = ((reach - distance) / edge).clamp(0.0, 1.0);
+                    let pixel = &mut image[row * width + column];
+                    *pixel = pixel.max(covered);
+                }
+            }
+        }
+        for pixel in image {
+            *pixel = self.ground + *pixel * (self.marker - self.ground);
+        }
+    }
+}
+
+/// Unlike `hypot`, a square root is rounded equally on every machine.
+fn length(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
+}
+
+/// The pixels from `low` to `high` that exist.
+fn pixels(low: f32, high: f32, count: usize) -> std::ops::Range<usize> {
+    let start = low.ceil().max(0.0) as usize;
+    let end = (high.floor() + 1.0).max(0.0) as usize;
+    start.min(count)..end.min(count)
+}

@@ -1,0 +1,5 @@
+//! Behaviour of the simulator: the camera against its equations and against measured noise, and markers.
+
+mod camera;
+mod markers;
+mod noise;
