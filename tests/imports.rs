@@ -11,6 +11,7 @@ const CRATES: [&str; 12] = [
     "models",
     "io",
     "reference",
+    "simulator",
     "pipeline",
     "evaluate",
     "verify",

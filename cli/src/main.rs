@@ -36,6 +36,7 @@ mod prepare;
 mod progress;
 mod report;
 mod run;
+mod simulate;
 mod skips;
 mod soak;
 mod stress;
@@ -65,6 +66,7 @@ use crate::pareto::ParetoArgs;
 use crate::play::PlayArgs;
 use crate::prepare::PrepareArgs;
 use crate::run::RunArgs;
+use crate::simulate::SimulateArgs;
 use crate::soak::SoakArgs;
 use crate::stress::StressArgs;
 use crate::tell::{tell, tell_warnings};
@@ -104,6 +106,8 @@ enum Command {
     Pareto(ParetoArgs),
     /// Write the inputs of a network with labels, for training.
     Prepare(PrepareArgs),
+    /// Simulate an event camera.
+    Simulate(SimulateArgs),
     /// Check every promise on streams, weights and states designed to break it.
     Stress(StressArgs),
     /// Run for a very long time, and check bits, memory and latencies.
@@ -163,6 +167,7 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Eval(args) => eval::eval(args),
         Command::Prepare(args) => prepare::prepare(args),
         Command::Pareto(args) => pareto::pareto(args),
+        Command::Simulate(args) => simulate::simulate(args),
         Command::Stress(args) => stress::stress(args),
         Command::Soak(args) => soak::soak(args),
         Command::Verify(args) => verify::verify(args),

@@ -7,6 +7,7 @@ use crate::args::{
     APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE,
     STATE, sensor,
 };
+use crate::simulate::{CAMERA, MARKERS};
 
 /// Where each option stands, in whatever subcommand.
 const HEADINGS: &[(&str, &[&str])] = &[
@@ -24,6 +25,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "time-unit",
             "salvage",
             "replay",
+            "interval",
         ],
     ),
     (
@@ -59,6 +61,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "checkpoint-every",
             "disturb-every",
             "memory-growth",
+            "presses",
         ],
     ),
     (STATE, &["save-state", "save-every", "resume"]),
@@ -77,12 +80,35 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "stale-time",
         ],
     ),
+    (MARKERS, &["radius", "edge", "marker", "ground"]),
+    (
+        CAMERA,
+        &[
+            "ideal",
+            "lux",
+            "dark-lux",
+            "threshold-on",
+            "threshold-off",
+            "threshold-spread",
+            "cutoff-max-hz",
+            "leak-hz",
+            "shot-hz",
+            "hot-share",
+            "latency",
+            "jitter",
+        ],
+    ),
     (OUTPUT, &["json", "csv", "svg", "dot", "logits", "out", "to", "list", "markdown", "force"]),
 ];
 
 /// Options that stand elsewhere in some subcommand.
-const ELSEWHERE: &[(&str, &str, &str)] =
-    &[("run", "threads", FRAMES), ("eval digits", "stride", NETWORK), ("prepare digits", "folds", OUTPUT)];
+const ELSEWHERE: &[(&str, &str, &str)] = &[
+    ("run", "threads", FRAMES),
+    ("eval digits", "stride", NETWORK),
+    ("prepare digits", "folds", OUTPUT),
+    ("simulate markers", "refractory", CAMERA),
+    ("simulate images", "refractory", CAMERA),
+];
 
 /// All subcommands that do something, with their names.
 fn each(command: &Command, name: &str, all: &mut Vec<(String, Command)>) {

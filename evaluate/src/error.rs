@@ -9,6 +9,7 @@ use meissner_models::ModelError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::{ObjectSet, SlipError};
 use meissner_pipeline::PipelineError;
+use meissner_simulator::SimulatorError;
 use safetensors::SafeTensorError;
 use thiserror::Error;
 
@@ -22,6 +23,19 @@ pub enum EvaluateError {
     /// A data set is missing or has another layout; the source names the path.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// An image is larger than any sensor.
+    #[error("{}: expected at most 65535 x 65535 pixels, found {width} x {height}", path.display())]
+    ImageSize {
+        /// The image.
+        path: PathBuf,
+        /// Its columns.
+        width: usize,
+        /// Its rows.
+        height: usize,
+    },
+    /// The simulator refuses its settings or its input.
+    #[error(transparent)]
+    Simulator(#[from] SimulatorError),
     /// A network or a recording does not belong to direction of slip; the source names it.
     #[error(transparent)]
     Slip(#[from] SlipError),
@@ -180,6 +194,14 @@ pub enum StreamsError {
         expected: String,
         /// The value.
         found: String,
+    },
+    /// Tracks of markers do not fit.
+    #[error("stream {stream}")]
+    Tracks {
+        /// Number of the stream, from 0 on.
+        stream: usize,
+        /// Why.
+        source: SimulatorError,
     },
 }
 

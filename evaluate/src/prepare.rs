@@ -3,7 +3,12 @@
 //! Enters: a data set, or streams of events. Leaves: [`Prepared`] tensors. Inputs are made as the engine makes them, and equal
 //! data give equal bytes.
 
+mod dome;
+mod filmed;
 mod streams;
+
+pub use dome::dome_presses;
+pub use filmed::{film_images, film_markers};
 
 use std::collections::BTreeMap;
 use std::path::Path;

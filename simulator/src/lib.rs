@@ -27,7 +27,9 @@
 mod camera;
 mod error;
 mod markers;
+mod membrane;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use error::SimulatorError;
 pub use markers::{MarkerScene, MarkerTracks};
+pub use membrane::{Dome, Press, Vector};

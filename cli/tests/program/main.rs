@@ -38,6 +38,7 @@ mod resume;
 mod shared_files;
 #[cfg(unix)]
 mod signals;
+mod simulate;
 mod slip_data;
 mod slip_views;
 mod soak;

@@ -85,7 +85,7 @@ fn value(list: &'static str, index: usize, expected: String, found: String) -> S
 }
 
 /// Bounds of streams among `count` events.
-fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
+pub(super) fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
     let mut bounds = Vec::with_capacity(start.len());
     let mut least = 0;
     for (i, &at) in start.iter().enumerate() {
@@ -103,7 +103,7 @@ fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
 }
 
 /// The values of a vector of I64, `count` of them where that is known.
-fn integers(
+pub(super) fn integers(
     file: &SafeTensors<'_>,
     name: &'static str,
     count: Option<usize>,

@@ -2,4 +2,5 @@
 
 mod camera;
 mod markers;
+mod membrane;
 mod noise;

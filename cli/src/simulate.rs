@@ -1,0 +1,253 @@
+//! `meissner simulate`: events of the camera model.
+
+use std::io::{Write, stdout};
+use std::path::PathBuf;
+
+use clap::Subcommand;
+use meissner_engine::Sensor;
+use meissner_evaluate::prepare::{dome_presses, film_images, film_markers};
+use meissner_io::{Format, ImageSequence};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::text::{grouped, span_us};
+use meissner_simulator::{CameraSettings, MarkerScene};
+
+use crate::args::{INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
+use crate::error::CliError;
+use crate::{output, threads};
+
+pub(crate) const CAMERA: &str = "Camera";
+pub(crate) const MARKERS: &str = "Markers";
+
+/// `meissner simulate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+pub(crate) struct SimulateArgs {
+    #[command(subcommand)]
+    input: InputArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum InputArgs {
+    /// Events of markers that move, such as the pins of a tactile sensor.
+    ///
+    /// Each stream of tracks is filmed by a camera of its own. Equal tracks, settings and seeds give equal bytes on every
+    /// machine.
+    Markers(MarkersArgs),
+    /// Events of a sequence of images, as a recording.
+    Images(ImagesArgs),
+    /// Tracks of the markers in a soft dome that is pressed on planes, with labels.
+    ///
+    /// The planes have tilts of 0 to 9 degrees in 20 directions; depths are 5 to 15 mm, durations 90 to 200 ms. The dome is
+    /// the published one of 40 mm with 169 markers. `simulate markers` turns the tracks into events.
+    Dome(DomeArgs),
+}
+
+/// Tensors of both files.
+const TENSORS: &str = "\
+Reads, of T times one stream after the other:
+  t_us      I64 (T): times in microseconds, ascending in each stream
+  start     I64 (streams + 1): where each stream begins in T, and the end
+  position  F32 (T, markers, 2): column and row of each marker in pixels
+
+Writes, of E events one stream after the other, as `prepare graphs` reads them, all I64:
+  t_us, x, y, on  (E): time, pixel, and 1 where the brightness rose
+  cause           (E): 0 signal, 1 leak, 2 shot noise, 3 hot pixel
+  start           (streams + 1): where each stream begins in E, and the end
+  Metadata: sensor, JSON [width, height].";
+
+/// `meissner simulate markers`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{TENSORS}\n\n{STATUS}"))]
+struct MarkersArgs {
+    /// File with the tracks (safetensors).
+    #[arg(value_name = "TRACKS")]
+    tracks: PathBuf,
+    /// Size of the sensor in pixels.
+    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
+    sensor: Sensor,
+    /// Radius of a marker in pixels.
+    #[arg(long, value_name = "PX", default_value_t = MarkerScene::default().radius, help_heading = MARKERS)]
+    radius: f32,
+    /// Width of the blurred edge of a marker in pixels.
+    #[arg(long, value_name = "PX", default_value_t = MarkerScene::default().edge, help_heading = MARKERS)]
+    edge: f32,
+    /// Intensity of a marker: the share of the light of a white surface.
+    #[arg(long, value_name = "SHARE", default_value_t = MarkerScene::default().marker, help_heading = MARKERS)]
+    marker: f32,
+    /// Intensity between the markers.
+    #[arg(long, value_name = "SHARE", default_value_t = MarkerScene::default().ground, help_heading = MARKERS)]
+    ground: f32,
+    #[command(flatten)]
+    camera: CameraArgs,
+    /// Seed of thresholds, phases and noise; stream i has this seed plus i.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
+    seed: u64,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+/// `meissner simulate images`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS)]
+struct ImagesArgs {
+    /// Folder of images, or a text with a path on each line.
+    ///
+    /// The images of a folder (PNG, JPEG, PPM, PGM) are taken in the order of their names.
+    ///
+    /// The brightness of a pixel is taken as linear. Between two images its logarithm changes linearly, so that fast motion
+    /// needs many images: at most a pixel of motion from one to the next.
+    #[arg(value_name = "IMAGES")]
+    images: PathBuf,
+    /// Time from one image to the next.
+    #[arg(long, value_name = "TIME", default_value = "10ms", value_parser = span_us, help_heading = INPUT)]
+    interval: i64,
+    #[command(flatten)]
+    camera: CameraArgs,
+    /// Seed of thresholds, phases and noise.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
+    seed: u64,
+    /// Recording to write; it is replaced where it exists.
+    ///
+    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+/// Tensors of the file.
+const DOME: &str = "\
+Writes, of T times one press after the other:
+  t_us, start, position  as `simulate markers` reads them
+  roll, pitch            F32 (T): angles of the plane about x and y, in radians
+  depth                  F32 (T): depth along the axis of the dome, in mm
+  force                  F32 (T): force of the plane along the axis, in N
+  Metadata: sensor, JSON [width, height].";
+
+/// `meissner simulate dome`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{DOME}\n\n{STATUS}"))]
+struct DomeArgs {
+    /// Presses for each tilt and direction.
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
+    presses: u16,
+    /// Size of the sensor in pixels.
+    #[arg(long, value_name = "WxH", default_value = "346x260", value_parser = sensor, help_heading = INPUT)]
+    sensor: Sensor,
+    /// Seed of depths and durations.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
+    seed: u64,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+/// Parameters of the camera; those that are missing are the default's or, with --ideal, the ideal camera's.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct CameraArgs {
+    /// A camera without noise, spread, delay and limit of bandwidth.
+    #[arg(long, help_heading = CAMERA)]
+    ideal: bool,
+    /// Light of a white surface in lux [default: 300].
+    ///
+    /// Less light makes pixels slower and noisier.
+    #[arg(long, value_name = "LUX", help_heading = CAMERA)]
+    lux: Option<f64>,
+    /// Light whose photocurrent equals the dark current, in lux [default: 0.1].
+    #[arg(long, value_name = "LUX", help_heading = CAMERA)]
+    dark_lux: Option<f64>,
+    /// Mean threshold of on events, in units of the natural logarithm [default: 0.2].
+    #[arg(long, value_name = "LOG", help_heading = CAMERA)]
+    threshold_on: Option<f64>,
+    /// Mean threshold of off events [default: 0.2].
+    #[arg(long, value_name = "LOG", help_heading = CAMERA)]
+    threshold_off: Option<f64>,
+    /// Standard deviation of thresholds over pixels and polarities [default: 0.02].
+    #[arg(long, value_name = "LOG", help_heading = CAMERA)]
+    threshold_spread: Option<f64>,
+    /// Highest cutoff frequency of a pixel in hertz [default: 3000].
+    #[arg(long, value_name = "HZ", help_heading = CAMERA)]
+    cutoff_max_hz: Option<f64>,
+    /// Rate of leak events of a pixel in the dark, in hertz [default: 0.061].
+    #[arg(long, value_name = "HZ", help_heading = CAMERA)]
+    leak_hz: Option<f64>,
+    /// Rate of shot noise of a pixel in the dark, in hertz [default: 5].
+    #[arg(long, value_name = "HZ", help_heading = CAMERA)]
+    shot_hz: Option<f64>,
+    /// Share of hot pixels [default: 0.0005].
+    #[arg(long, value_name = "SHARE", help_heading = CAMERA)]
+    hot_share: Option<f64>,
+    /// Time after an event in which its pixel is reset, such as 100us [default: 100us].
+    #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = CAMERA)]
+    refractory: Option<i64>,
+    /// Mean time from a crossing to its event, such as 100us [default: 100us].
+    #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = CAMERA)]
+    latency: Option<i64>,
+    /// Standard deviation of that time, such as 20us [default: 20us].
+    #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = CAMERA)]
+    jitter: Option<i64>,
+}
+
+impl CameraArgs {
+    fn settings(self) -> CameraSettings {
+        let base = if self.ideal { CameraSettings::ideal() } else { CameraSettings::default() };
+        CameraSettings {
+            lux: self.lux.unwrap_or(base.lux),
+            dark_lux: self.dark_lux.unwrap_or(base.dark_lux),
+            threshold_on: self.threshold_on.unwrap_or(base.threshold_on),
+            threshold_off: self.threshold_off.unwrap_or(base.threshold_off),
+            threshold_spread: self.threshold_spread.unwrap_or(base.threshold_spread),
+            cutoff_max_hz: self.cutoff_max_hz.unwrap_or(base.cutoff_max_hz),
+            leak_hz: self.leak_hz.unwrap_or(base.leak_hz),
+            shot_hz: self.shot_hz.unwrap_or(base.shot_hz),
+            hot_share: self.hot_share.unwrap_or(base.hot_share),
+            refractory_us: self.refractory.map_or(base.refractory_us, |us| us as f64),
+            latency_us: self.latency.map_or(base.latency_us, |us| us as f64),
+            jitter_us: self.jitter.map_or(base.jitter_us, |us| us as f64),
+            ..base
+        }
+    }
+}
+
+/// Simulates and writes the events.
+pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
+    let (path, contents) = match &args.input {
+        InputArgs::Markers(args) => (&args.out, markers(args)?),
+        InputArgs::Images(args) => (&args.out, images(args)?),
+        InputArgs::Dome(args) => (&args.out, dome(args)?),
+    };
+    let mut out = stdout().lock();
+    writeln!(out, "{}: {contents}", path.display())?;
+    Ok(out.flush()?)
+}
+
+fn markers(args: &MarkersArgs) -> Result<String, CliError> {
+    output::check_writable(&args.out)?;
+    let scene =
+        MarkerScene { radius: args.radius, edge: args.edge, marker: args.marker, ground: args.ground };
+    let (settings, pool) = (args.camera.settings(), threads::pool(None)?);
+    let prepared = film_markers(&args.tracks, args.sensor, &scene, settings, args.seed, &pool)?;
+    output::write(&args.out, prepared.file.into_bytes())?;
+    Ok(prepared.contents)
+}
+
+fn images(args: &ImagesArgs) -> Result<String, CliError> {
+    let format = Format::from_path(&args.out).map_err(|error| CliError::NotWritable(error.to_string()))?;
+    if !format.is_writable() {
+        return Err(CliError::NotWritable(format!("{format} is read, not written")));
+    }
+    output::check_writable(&args.out)?;
+    let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
+    let count = images.len();
+    let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(), args.seed)?;
+    let events: Vec<_> = simulated.iter().map(|simulated| simulated.event).collect();
+    meissner_io::write(&args.out, format, Some(sensor), &events)
+        .map_err(|error| PipelineError::recording(&args.out.display().to_string(), error))?;
+    Ok(format!("{} events of {count} images, {sensor}, as {format}", grouped(events.len() as u64)))
+}
+
+fn dome(args: &DomeArgs) -> Result<String, CliError> {
+    output::check_writable(&args.out)?;
+    let prepared = dome_presses(args.presses.into(), args.sensor, args.seed, &threads::pool(None)?);
+    output::write(&args.out, prepared.file.into_bytes())?;
+    Ok(prepared.contents)
+}

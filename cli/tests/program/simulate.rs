@@ -1,0 +1,96 @@
+//! The camera model behind `meissner simulate`.
+
+use std::path::Path;
+
+use meissner_models::TensorFile;
+use safetensors::SafeTensors;
+
+use crate::exit_status::fails;
+use crate::support::{argument, file, meissner, message, text};
+
+/// Two streams: a marker that rests, and one that moves 8 pixels to the right.
+fn tracks() -> Vec<u8> {
+    let mut file = TensorFile::new([].into());
+    file.i64("t_us", &[4], &[0, 50_000, 100, 60_100]);
+    file.i64("start", &[3], &[0, 2, 4]);
+    file.f32("position", &[4, 1, 2], &[10.0, 8.0, 10.0, 8.0, 6.0, 8.0, 14.0, 8.0]);
+    file.into_bytes()
+}
+
+fn simulate(tracks: &Path, out: &Path, more: &[&str]) -> std::process::Output {
+    let arguments = ["simulate", "markers", argument(tracks), "--sensor", "24x16", "--out", argument(out)];
+    meissner(&[&arguments, more].concat())
+}
+
+fn integers(bytes: &[u8], name: &str) -> Vec<i64> {
+    let file = SafeTensors::deserialize(bytes).expect("a valid file");
+    let tensor = file.tensor(name).expect("it is there");
+    let number = |bytes: &[u8]| i64::from_le_bytes(bytes.try_into().expect("8 bytes"));
+    tensor.data().chunks_exact(8).map(number).collect()
+}
+
+#[test]
+fn markers_become_streams_of_events_that_prepare_graphs_reads() {
+    let (folder, tracks) = file("tracks.safetensors", tracks());
+    let (out, graphs) = (folder.path().join("events.safetensors"), folder.path().join("graphs.safetensors"));
+    let output = simulate(&tracks, &out, &["--ideal"]);
+    assert!(output.status.success(), "{}", message(&output));
+    assert!(text(&output).contains("events of 2 streams"), "{}", text(&output));
+    let bytes = std::fs::read(&out).expect("it was written");
+    let (start, t_us) = (integers(&bytes, "start"), integers(&bytes, "t_us"));
+    // The marker that rests causes nothing, and without noise there is nothing else.
+    assert_eq!((start[0], start[1], start[2] as usize), (0, 0, t_us.len()));
+    assert!(t_us.len() > 50 && t_us.windows(2).all(|pair| pair[0] <= pair[1]));
+    assert!(t_us.iter().all(|t_us| (100..=60_101).contains(t_us)));
+    assert!(integers(&bytes, "cause").iter().all(|&cause| cause == 0));
+    let arguments =
+        ["prepare", "graphs", argument(&out), "--network", "digits-past", "--out", argument(&graphs)];
+    assert!(meissner(&arguments).status.success());
+}
+
+#[test]
+fn equal_seeds_give_equal_bytes_and_other_seeds_other_noise() {
+    let (folder, tracks) = file("tracks.safetensors", tracks());
+    let out = folder.path().join("events.safetensors");
+    let run = |seed: &str| {
+        let output = simulate(&tracks, &out, &["--seed", seed, "--lux", "1", "--shot-hz", "200"]);
+        assert!(output.status.success(), "{}", message(&output));
+        std::fs::read(&out).expect("it was written")
+    };
+    let first = run("5");
+    assert!(first == run("5") && first != run("6"));
+    assert!(integers(&first, "cause").contains(&2), "shot noise is marked");
+}
+
+#[test]
+fn images_become_a_recording() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    for (i, value) in [40_u8, 80, 160].into_iter().enumerate() {
+        let image = [b"P5\n4 3\n255\n".as_slice(), &[value; 12]].concat();
+        std::fs::write(folder.path().join(format!("img{i}.pgm")), image).expect("it can be written");
+    }
+    let out = folder.path().join("out.csv");
+    let arguments = ["simulate", "images", argument(folder.path()), "--interval", "10ms", "--ideal"];
+    let output = meissner(&[&arguments[..], &["--out", argument(&out)]].concat());
+    assert!(output.status.success(), "{}", message(&output));
+    assert!(text(&output).contains("events of 3 images, 4x3"), "{}", text(&output));
+    // Each pixel becomes four times as bright: ln 4 / 0.2 is 6.9, from a random phase.
+    let events = std::fs::read_to_string(&out).expect("it was written");
+    let events = events.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).count();
+    assert!((12 * 5..=12 * 8).contains(&events), "{events}");
+}
+
+#[test]
+fn tracks_and_settings_that_do_not_fit_are_refused_by_name() {
+    let (folder, tracks) = file("tracks.safetensors", tracks());
+    let out = folder.path().join("events.safetensors");
+    fails(&simulate(&tracks, &out, &["--lux", "0"]), 1, &["lux is 0, expected a finite number above 0"]);
+    fails(&simulate(&out, &out, &[]), 1, &["events.safetensors"]);
+    let mut wrong = TensorFile::new([].into());
+    wrong.i64("t_us", &[2], &[5, 5]);
+    wrong.i64("start", &[2], &[0, 2]);
+    wrong.f32("position", &[2, 1, 2], &[0.0; 4]);
+    std::fs::write(&tracks, wrong.into_bytes()).expect("it can be written");
+    fails(&simulate(&tracks, &out, &[]), 1, &["tracks.safetensors", "stream 0", "times must ascend"]);
+    assert!(!out.exists());
+}

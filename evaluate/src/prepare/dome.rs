@@ -1,0 +1,182 @@
+//! Presses of the simulated dome, as marker tracks with labels.
+//!
+//! Enters: how many presses, and a seed. Leaves: tracks for [`super::film_markers`], with tilt, depth and force of each press.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use meissner_engine::Sensor;
+use meissner_models::TensorFile;
+use meissner_models::random::Random;
+use meissner_pipeline::text::grouped;
+use meissner_simulator::{Dome, Press};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::{Prepared, metadata};
+
+/// The plan of the published recordings: tilts from 0 to 9 degrees, directions, presses of each, and ranges of depth and
+/// duration.
+const TILTS: usize = 10;
+const DIRECTIONS: usize = 20;
+const DEPTH_MM: [f64; 2] = [5.0, 15.0];
+const DURATION_US: [f64; 2] = [90_000.0, 200_000.0];
+/// The dome rests before a press, and the press is held after it.
+const REST_US: i64 = 10_000;
+
+/// Depth between two recorded positions, in millimetres. Markers move along straight lines between them.
+const RECORD_MM: f64 = 0.5;
+
+/// The camera looks along the axis from below the base: distance to the base in millimetres.
+const CAMERA_MM: f64 = 20.0;
+/// The share of half the image's smaller side that the outermost ring fills at rest. The deepest press widens it by half.
+const FILLED: f64 = 0.65;
+
+/// Presses of the default [`Dome`] on planes of all tilts and directions, `each` of a kind, seen by a camera of `sensor`.
+///
+/// Depth rises from 0 with a smooth start and a smooth end. Presses of one tilt and direction differ in depth and duration,
+/// which `seed` determines. The result has `t_us` I64 (times), `start` I64 (presses + 1) and `position` F32
+/// (times, markers, 2), as [`super::film_markers`] reads them, and for each time `roll`, `pitch` (radians), `depth` (mm) and
+/// `force` (N), F32 (times). Roll and pitch are the angles of the plane about x and y. The threads of `pool` share the tilts.
+///
+/// Complexity: two hundred presses to 15 mm, each about two seconds of one core.
+pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -> Prepared {
+    let kinds: Vec<(f64, f64)> = (0..TILTS * DIRECTIONS)
+        .map(|i| {
+            ((i / DIRECTIONS) as f64 * PI / 180.0, (i % DIRECTIONS) as f64 * 2.0 * PI / DIRECTIONS as f64)
+        })
+        .collect();
+    let recorded: Vec<Vec<Recorded>> =
+        pool.install(|| kinds.par_iter().map(|&(tilt, azimuth)| record(tilt, azimuth, sensor)).collect());
+    let mut random = Random::new(seed);
+    let mut uniform = |[low, high]: [f64; 2]| low + random.uniform() * (high - low);
+    let (mut t_us, mut start, mut positions) = (Vec::new(), vec![0], Vec::new());
+    let mut labels = [const { Vec::new() }; 4];
+    let markers = recorded[0][0].markers.len();
+    for (&(tilt, azimuth), recorded) in kinds.iter().zip(&recorded) {
+        // The plane leans towards `azimuth`: it is turned about the axis across.
+        let (roll, pitch) = (-tilt * libm::sin(azimuth), tilt * libm::cos(azimuth));
+        for _ in 0..each {
+            let (depth_mm, duration_us) = (uniform(DEPTH_MM), uniform(DURATION_US));
+            let mut add = |time: i64, recorded: &Recorded| {
+                t_us.push(time);
+                positions.extend(recorded.markers.iter().flatten());
+                let values = [roll as f32, pitch as f32, recorded.depth_mm as f32, recorded.force_n as f32];
+                labels.iter_mut().zip(values).for_each(|(label, value)| label.push(value));
+            };
+            add(0, &recorded[0]);
+            let records = (depth_mm / RECORD_MM) as usize;
+            let reached = |mm: f64| REST_US + (duration_us * rising_time(mm / depth_mm)) as i64;
+            for (i, record) in recorded[..=records].iter().enumerate() {
+                add(reached(i as f64 * RECORD_MM), record);
+            }
+            let rest_mm = depth_mm - records as f64 * RECORD_MM;
+            if reached(depth_mm) > reached(depth_mm - rest_mm) {
+                let last = recorded[records].towards(&recorded[records + 1], rest_mm / RECORD_MM);
+                add(reached(depth_mm), &last);
+            }
+            start.push(t_us.len() as i64);
+        }
+    }
+    let mut file = TensorFile::new(dome_metadata(sensor));
+    file.i64("t_us", &[t_us.len()], &t_us);
+    file.i64("start", &[start.len()], &start);
+    file.f32("position", &[t_us.len(), markers, 2], &positions);
+    for (name, values) in ["roll", "pitch", "depth", "force"].into_iter().zip(&labels) {
+        file.f32(name, &[values.len()], values);
+    }
+    let presses = grouped(start.len() as u64 - 1);
+    Prepared { file, contents: format!("tracks of {markers} markers in {presses} presses") }
+}
+
+fn dome_metadata(sensor: Sensor) -> BTreeMap<String, String> {
+    metadata([("sensor", json!([sensor.width, sensor.height]))])
+}
+
+/// A dome during a press.
+struct Recorded {
+    /// Column and row of each marker in the image, in pixels.
+    markers: Vec<[f32; 2]>,
+    depth_mm: f64,
+    force_n: f64,
+}
+
+impl Recorded {
+    /// A `share` of the way to `other`.
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        let markers = self.markers.iter().zip(&other.markers);
+        let mixed = |(a, b): (&[f32; 2], &[f32; 2])| {
+            [mix(a[0].into(), b[0].into()) as f32, mix(a[1].into(), b[1].into()) as f32]
+        };
+        Self {
+            markers: markers.map(mixed).collect(),
+            depth_mm: mix(self.depth_mm, other.depth_mm),
+            force_n: mix(self.force_n, other.force_n),
+        }
+    }
+}
+
+/// A press to the greatest depth.
+fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
+    let dome = Dome::default();
+    let mut press = Press::new(&dome, tilt, azimuth);
+    let rim = 0.5 * dome.rings_mm;
+    let rim_height = libm::sqrt(dome.radius_mm * dome.radius_mm - rim * rim);
+    let side = f64::from(sensor.width.min(sensor.height));
+    let focal = 0.5 * side * FILLED * (CAMERA_MM + rim_height) / rim;
+    let centre = [0.5 * (f64::from(sensor.width) - 1.0), 0.5 * (f64::from(sensor.height) - 1.0)];
+    let steps = (DEPTH_MM[1] / RECORD_MM) as usize;
+    let at = |i: usize| {
+        press.press_to(i as f64 * RECORD_MM);
+        let seen = |&[x, y, z]: &[f64; 3]| {
+            let scale = focal / (CAMERA_MM + z);
+            [(centre[0] + scale * x) as f32, (centre[1] + scale * y) as f32]
+        };
+        let markers = press.markers().iter().map(seen).collect();
+        Recorded { markers, depth_mm: press.depth_mm(), force_n: press.force_n() }
+    };
+    (0..=steps).map(at).collect()
+}
+
+/// When depth has risen to `share` of its end, as a share of the duration: the inverse of `3 t^2 - 2 t^3`.
+fn rising_time(share: f64) -> f64 {
+    0.5 - libm::sin(libm::asin((1.0 - 2.0 * share).clamp(-1.0, 1.0)) / 3.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use meissner_engine::Sensor;
+
+    use super::{record, rising_time};
+
+    #[test]
+    fn the_depth_rises_as_the_smooth_step_says() {
+        for i in 0..=10 {
+            let time = f64::from(i) / 10.0;
+            let share = time * time * (3.0 - 2.0 * time);
+            assert!((rising_time(share) - time).abs() < 1e-9, "{share}");
+        }
+    }
+
+    #[test]
+    fn a_recorded_press_fills_the_image_and_moves_every_ring() {
+        let recorded = record(0.1, 0.7, Sensor::new(346, 260));
+        assert_eq!(recorded.len(), 31);
+        for (i, at) in recorded.iter().enumerate() {
+            assert!((at.depth_mm - 0.5 * i as f64).abs() < 1e-9);
+            assert!(
+                at.markers.iter().all(|&[x, y]| (0.0..345.0).contains(&x) && (0.0..259.0).contains(&y)),
+                "{i}"
+            );
+        }
+        assert!(recorded.windows(2).all(|pair| pair[1].force_n >= pair[0].force_n - 0.05));
+        let moved = |i: usize| {
+            let [from, to] = [&recorded[0].markers[i], &recorded[30].markers[i]];
+            (to[0] - from[0]).hypot(to[1] - from[1])
+        };
+        // The first marker of each ring that is not the top.
+        assert!((1..=7).all(|ring| moved(1 + 3 * ring * (ring - 1)) > 1.0));
+    }
+}

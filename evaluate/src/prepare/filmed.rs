@@ -1,0 +1,142 @@
+//! Marker tracks and images, filmed by the camera model.
+//!
+//! Enters: a safetensors file with times and positions of markers for each stream, or a sequence of images. Leaves: events
+//! with their causes.
+
+use std::path::Path;
+
+use meissner_engine::Sensor;
+use meissner_io::ImageSequence;
+use meissner_models::TensorFile;
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::text::grouped;
+use meissner_simulator::{Camera, CameraSettings, MarkerScene, MarkerTracks, SimulatedEvent, SimulatorError};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use safetensors::tensor::{Dtype, SafeTensors};
+use serde_json::json;
+
+use super::streams::{bounds, integers};
+use super::{Prepared, metadata};
+use crate::error::{EvaluateError, StreamsError};
+
+/// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
+///
+/// Stream i is filmed by a camera of its own, whose seed is `seed + i`. The file has
+///
+/// | tensor | type and shape | values |
+/// |---|---|---|
+/// | `t_us` | I64 (times) | times of all streams, ascending in each |
+/// | `start` | I64 (streams + 1) | the first time of each stream, and the number of times |
+/// | `position` | F32 (times, markers, 2) | column and row of each marker in pixels |
+///
+/// The result has `t_us`, `x`, `y`, `on`, `start` as [`super::graphs`] reads them, and `cause` (0 signal, 1 leak, 2 shot noise,
+/// 3 hot pixel), all I64. The threads of `pool` share the streams.
+///
+/// # Errors
+/// The file cannot be read, its tensors do not fit, or the simulator refuses settings or tracks.
+pub fn film_markers(
+    tracks: &Path,
+    sensor: Sensor,
+    scene: &MarkerScene,
+    settings: CameraSettings,
+    seed: u64,
+    pool: &ThreadPool,
+) -> Result<Prepared, EvaluateError> {
+    let bytes =
+        std::fs::read(tracks).map_err(|source| PipelineError::Open { path: tracks.to_owned(), source })?;
+    let tracks = read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
+    let film = |(i, tracks): (usize, MarkerTracks)| -> Result<Vec<SimulatedEvent>, SimulatorError> {
+        let mut camera = Camera::new(sensor, settings, seed.wrapping_add(i as u64))?;
+        let mut events = Vec::new();
+        tracks.film(scene, &mut camera, &mut events)?;
+        Ok(events)
+    };
+    let streams: Vec<Vec<SimulatedEvent>> =
+        pool.install(|| tracks.into_par_iter().enumerate().map(film).collect::<Result<_, _>>())?;
+
+    let mut file = TensorFile::new(metadata([("sensor", json!([sensor.width, sensor.height]))]));
+    let mut start = vec![0];
+    start.extend(streams.iter().scan(0, |end, stream| {
+        *end += stream.len() as i64;
+        Some(*end)
+    }));
+    let mut add = |name, value: fn(&SimulatedEvent) -> i64| {
+        let values: Vec<i64> = streams.iter().flatten().map(value).collect();
+        file.i64(name, &[values.len()], &values);
+    };
+    add("t_us", |simulated| simulated.event.t_us);
+    add("x", |simulated| simulated.event.x.into());
+    add("y", |simulated| simulated.event.y.into());
+    add("on", |simulated| simulated.event.on.into());
+    add("cause", |simulated| simulated.cause as i64);
+    file.i64("start", &[start.len()], &start);
+    let count = grouped(streams.iter().map(Vec::len).sum::<usize>() as u64);
+    let streams = grouped(streams.len() as u64);
+    Ok(Prepared { file, contents: format!("{count} events of {streams} streams") })
+}
+
+/// The events that a camera sees of `images`, one every `interval_us` microseconds from 0 on.
+///
+/// The luma of a pixel (0.299 R + 0.587 G + 0.114 B, as in ITU-R BT.601) over 255 is its intensity.
+///
+/// # Errors
+/// An image cannot be read, or the simulator refuses the settings.
+///
+/// # Panics
+/// If `images` has no image left.
+pub fn film_images(
+    images: ImageSequence,
+    interval_us: i64,
+    settings: CameraSettings,
+    seed: u64,
+) -> Result<(Sensor, Vec<SimulatedEvent>), EvaluateError> {
+    let mut camera: Option<Camera> = None;
+    let (mut intensity, mut events) = (Vec::new(), Vec::new());
+    for (i, image) in images.enumerate() {
+        let (path, image) = image.map_err(PipelineError::from)?;
+        let camera = match &mut camera {
+            Some(camera) => camera,
+            none => {
+                let [width, height] = [image.width, image.height].map(u16::try_from);
+                let (Ok(width), Ok(height)) = (width, height) else {
+                    return Err(EvaluateError::ImageSize { path, width: image.width, height: image.height });
+                };
+                none.insert(Camera::new(Sensor::new(width, height), settings, seed)?)
+            }
+        };
+        let luma =
+            |rgb: &[u8]| 0.299 * f32::from(rgb[0]) + 0.587 * f32::from(rgb[1]) + 0.114 * f32::from(rgb[2]);
+        intensity.clear();
+        intensity.extend(image.data.chunks_exact(3).map(|rgb| luma(rgb) / 255.0));
+        camera.push(i as i64 * interval_us, &intensity, &mut events)?;
+    }
+    let mut camera = camera.expect("a sequence has an image");
+    camera.finish(&mut events);
+    Ok((camera.sensor(), events))
+}
+
+fn read(bytes: &[u8]) -> Result<Vec<MarkerTracks>, StreamsError> {
+    let file = SafeTensors::deserialize(bytes)?;
+    let t_us = integers(&file, "t_us", None)?;
+    let start = bounds(&integers(&file, "start", None)?, t_us.len())?;
+    let wrong = |found: String| StreamsError::Tensor {
+        tensor: "position",
+        expected: format!("F32 ({}, markers, 2)", t_us.len()),
+        found,
+    };
+    let view = file.tensor("position").map_err(|_| wrong("nothing".to_owned()))?;
+    let &[times, markers, 2] = view.shape() else { return Err(wrong(format!("{:?}", view.shape()))) };
+    if view.dtype() != Dtype::F32 || times != t_us.len() {
+        return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape())));
+    }
+    let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    let positions: Vec<[f32; 2]> =
+        view.data().chunks_exact(8).map(|pair| [value(&pair[..4]), value(&pair[4..])]).collect();
+    let tracks = |(stream, range): (usize, &[usize])| {
+        let (times, places) = (range[0]..range[1], range[0] * markers..range[1] * markers);
+        MarkerTracks::new(t_us[times].to_vec(), markers, positions[places].to_vec())
+            .map_err(|source| StreamsError::Tracks { stream, source })
+    };
+    start.windows(2).enumerate().map(tracks).collect()
+}
