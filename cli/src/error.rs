@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use meissner_engine::EngineError;
-use meissner_evaluate::EvaluateError;
+use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{Format, ImageError, IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::digits::DigitsError;
@@ -158,29 +158,21 @@ impl From<EvaluateError> for CliError {
         let (option, expected, found) = match error {
             Error::Pipeline(error) => return Self::Pipeline(error),
             Error::Write { path, source } => return Self::Write { path, source },
-            Error::NetworkTwice(name) => {
-                ("--network", "each network once".to_owned(), format!("{name} again"))
+            Error::Request { part, expected, found } => {
+                let option = match part {
+                    RequestPart::Recording => "RECORDING",
+                    RequestPart::Networks => "--network",
+                    RequestPart::Trainings => "--trainings",
+                    RequestPart::Settings => "--only",
+                    _ => "DATA",
+                };
+                (option, expected, found)
             }
             Error::OneNetwork { found } => {
                 ("--weights", "one --network".to_owned(), format!("{found} networks"))
             }
             Error::WeightsOfFold(_) => {
                 ("--weights", "a whole training".to_owned(), "a fold: judge it with --trainings".to_owned())
-            }
-            Error::NoWholeTraining(network) => {
-                ("--trainings", format!("a whole training of {network}"), "folds alone".to_owned())
-            }
-            Error::NoUnseenObjects => {
-                ("DATA", "recordings of unseen objects".to_owned(), "Basic alone".to_owned())
-            }
-            Error::NoEvents => ("RECORDING", "events to measure".to_owned(), "none".to_owned()),
-            Error::Stride { network, stride } => {
-                let expected = "weights of networks that take every event".to_owned();
-                ("--network", expected, format!("{network}, whose weights say \"stride\" {stride}"))
-            }
-            Error::NoSetting { settings, found } => {
-                let expected = format!("a part of \"NETWORK, SETTING\", with a setting such as {settings}");
-                ("--only", expected, found)
             }
             error => return Self::Evaluate(Box::new(error)),
         };

@@ -2,12 +2,14 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `slip` | arguments, tables and drawings of the systems |
+//! | `digits`, `slip` | arguments of the tasks; tables and picture of `slip` |
+//! | `events` | tables and picture of tasks on recordings of events |
 
 mod digits;
+mod events;
 mod slip;
 
-use std::io::{self, BufWriter, IsTerminal, Write, stderr, stdout};
+use std::io::{self, IsTerminal, Write, stderr};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -15,8 +17,9 @@ use clap::Subcommand;
 use meissner_evaluate::EvaluateError;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
-use meissner_pipeline::source::is_stdin;
+use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::text::grouped;
+use meissner_plot::{Matrix, Panel};
 use rayon::ThreadPool;
 use serde::Serialize;
 
@@ -24,7 +27,7 @@ use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
 use crate::tell::tell;
-use crate::text::{Folded, Table, percent};
+use crate::text::{Table, percent};
 use crate::threads;
 
 /// `meissner eval`.
@@ -72,22 +75,14 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
     }
 }
 
-/// A report as a file or as text.
-struct Views<R> {
-    svg: fn(&R) -> String,
-    table: fn(&mut dyn Write, &R) -> io::Result<()>,
-}
-
 /// Writes the files and the text of `args` from the results of `evaluate`.
 fn write<R: Serialize>(
     args: &OutputArgs,
-    views: &Views<R>,
+    svg: impl Fn(&R) -> String,
+    table: impl Fn(&mut dyn Write, &R) -> io::Result<()>,
     evaluate: impl FnOnce(&ThreadPool, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
 ) -> Result<(), CliError> {
-    let json_file = args.json.as_deref().filter(|path| !is_stdin(path));
-    for path in [json_file, args.svg.as_deref(), args.logits.as_deref()].into_iter().flatten() {
-        output::check_writable(path)?;
-    }
+    output::check_all_writable([&args.json, &args.svg, &args.logits])?;
     let pool = threads::pool(args.threads)?;
     let Evaluation { report, logits, took } = evaluate(&pool, |training, elapsed| {
         if stderr().is_terminal() {
@@ -95,24 +90,28 @@ fn write<R: Serialize>(
         }
     })?;
     if let Some(path) = &args.svg {
-        output::write(path, (views.svg)(&report))?;
+        output::write(path, svg(&report))?;
     }
     if let Some(path) = &args.logits {
         output::write(path, logits.into_bytes())?;
     }
-    if let Some(path) = json_file {
-        output::write(path, output::json(&report)?)?;
-    }
-    let prints_json = args.json.is_some() && json_file.is_none();
-    let mut out = Folded::new(BufWriter::new(stdout().lock()), !prints_json);
-    if prints_json {
-        out.write_all(&output::json(&report)?)?;
-    } else {
-        (views.table)(&mut out, &report)?;
+    output::report(args.json.as_deref(), &report, |out| {
+        table(out, &report)?;
         let (seconds, threads) = (took.as_secs_f64(), pool.current_num_threads());
-        writeln!(out, "\njudged in {seconds:.1} s on {threads} threads")?;
+        writeln!(out, "\njudged in {seconds:.1} s on {threads} threads")
+    })
+}
+
+/// Writes a line for each network with the source of its weights, and the `notes`.
+fn networks<'a>(
+    out: &mut dyn Write,
+    networks: impl Iterator<Item = (&'a ModelCard, String)>,
+    notes: &[String],
+) -> io::Result<()> {
+    for (title, (card, weights)) in std::iter::once("networks").chain(std::iter::repeat("")).zip(networks) {
+        writeln!(out, "{title:<12} {}: {weights}", card.network.name)?;
     }
-    Ok(out.flush()?)
+    notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))
 }
 
 /// Stands where there is no figure.
@@ -123,15 +122,17 @@ fn spread(figure: MeanStd) -> [String; 2] {
     [percent(figure.mean), figure.std.map_or_else(|| NONE.to_owned(), percent)]
 }
 
-/// Writes `confusion` of `classes`, a sum over `trainings` on the same data, in percent of each row. The last column has the
+/// Writes the `confusion` of `classes` by `name`, a sum over `trainings` on the same data, in percent of each row. The last column has the
 /// number of predictions of one training in the row, below the heading `counted`.
 fn confusion(
     out: &mut dyn Write,
+    name: &str,
     classes: &[&str],
     counted: &str,
     confusion: &Confusion,
     trainings: usize,
 ) -> io::Result<()> {
+    writeln!(out, "\n{name}: true class by row, predicted by column, percent of the row")?;
     let mut headings = vec![""];
     headings.extend(classes);
     headings.push(counted);
@@ -146,6 +147,30 @@ fn confusion(
         table.row(std::iter::once((*class).to_owned()).chain(cells));
     }
     table.write(out)
+}
+
+/// The panel of a confusion matrix.
+fn matrix(
+    title: String,
+    about: String,
+    classes: &'static [&'static str],
+    confusion: &Confusion,
+) -> Panel<'static> {
+    let counts = confusion.rows().map(<[u64]>::to_vec).collect();
+    Panel::Matrix(Matrix { title, about, classes, counts })
+}
+
+/// The line below the title of a matrix: the accuracy with its `interval`, and numbers with what they count.
+fn accuracy_of(
+    accuracy: MeanStd,
+    interval: &str,
+    (trainings, training): (usize, &str),
+    (count, counted): (u64, &str),
+) -> String {
+    let std = accuracy.std.map_or_else(String::new, |std| format!(" \u{b1} {:.2}", 100.0 * std));
+    let (mean, count) = (100.0 * accuracy.mean, grouped(count));
+    let s = if trainings == 1 { "" } else { "s" };
+    format!("{mean:.2}{std} %{interval}, {trainings} {training}{s}, {count} {counted}")
 }
 
 #[cfg(test)]
@@ -163,7 +188,7 @@ mod tests {
                     .for_each(|(truth, found)| matrix.add(truth, found));
             }
             let mut text = Vec::new();
-            confusion(&mut text, &["n", "s"], "windows", &matrix, trainings)
+            confusion(&mut text, "own", &["n", "s"], "windows", &matrix, trainings)
                 .expect("a vector takes everything");
             String::from_utf8(text).expect("text")
         };

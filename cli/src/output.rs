@@ -1,12 +1,14 @@
 //! Files that the program writes.
 
 use std::fs::{self, OpenOptions};
-use std::io;
-use std::path::Path;
+use std::io::{self, BufWriter, Write, stdout};
+use std::path::{Path, PathBuf};
 
+use meissner_pipeline::source::is_stdin;
 use serde::Serialize;
 
 use crate::error::CliError;
+use crate::text::Folded;
 
 /// Finds out before minutes of work, not after them, and leaves what is there as it is: a file, or none.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
@@ -18,6 +20,30 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
         }
         Err(error) => Err(failed(error)),
     }
+}
+
+/// [`check_writable`] for all of `paths` that are files.
+pub(crate) fn check_all_writable<const N: usize>(paths: [&Option<PathBuf>; N]) -> Result<(), CliError> {
+    paths.into_iter().flatten().filter(|path| !is_stdin(path)).try_for_each(|path| check_writable(path))
+}
+
+/// Writes `report` as JSON to the file at `json`, and `text` to standard output, where JSON takes its place for -.
+pub(crate) fn report(
+    json: Option<&Path>,
+    report: &impl Serialize,
+    text: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), CliError> {
+    let prints_json = json.is_some_and(is_stdin);
+    if let Some(path) = json.filter(|_| !prints_json) {
+        write(path, self::json(report)?)?;
+    }
+    let mut out = Folded::new(BufWriter::new(stdout().lock()), !prints_json);
+    if prints_json {
+        out.write_all(&self::json(report)?)?;
+    } else {
+        text(&mut out)?;
+    }
+    Ok(out.flush()?)
 }
 
 /// `report` as one line of JSON.

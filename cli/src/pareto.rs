@@ -9,14 +9,11 @@ mod args;
 mod plot;
 mod table;
 
-use std::io::{BufWriter, Write, stdout};
-
-use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, digits, slip};
-use meissner_pipeline::source::is_stdin;
+use meissner_evaluate::digits::Digits;
+use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
 
 use crate::error::CliError;
 use crate::progress::Tasks;
-use crate::text::Folded;
 use crate::{output, threads};
 pub(crate) use args::ParetoArgs;
 use args::{Common, StudyArgs};
@@ -27,7 +24,8 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
         StudyArgs::Digits(args) => {
             let (task, options) = (&args.task, args.common.options());
             let pool = threads::pool(args.common.threads)?;
-            write(digits(&task.data, task.request(), task.folds(), &options, &pool)?, &args.common)
+            let study = events::<Digits>(&task.data, task.request(), task.folds(), &options, &pool)?;
+            write(study, &args.common)
         }
         StudyArgs::Angle(args) => {
             let source = args.read.open(Some(&args.recording), args.sensor.is_some(), true)?;
@@ -50,10 +48,7 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
 
 /// Runs `study`, and writes its files and text.
 fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
-    let json_file = common.json.as_deref().filter(|path| !is_stdin(path));
-    for path in [json_file, common.csv.as_deref(), common.svg.as_deref()].into_iter().flatten() {
-        output::check_writable(path)?;
-    }
+    output::check_all_writable([&common.json, &common.csv, &common.svg])?;
     let mut state = State::open(common.state.as_deref())?;
     let mut bar = None;
     let report = study.run(&common.options(), &mut state, |progress| match (progress, &bar) {
@@ -71,14 +66,5 @@ fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
     if let Some(path) = &common.csv {
         output::write(path, table::csv(&report))?;
     }
-    if let Some(path) = json_file {
-        output::write(path, output::json(&report)?)?;
-    }
-    let mut out = Folded::new(BufWriter::new(stdout().lock()), !common.prints_json());
-    if common.prints_json() {
-        out.write_all(&output::json(&report)?)?;
-    } else {
-        table::write(&mut out, &report)?;
-    }
-    Ok(out.flush()?)
+    output::report(common.json.as_deref(), &report, |out| table::write(out, &report))
 }

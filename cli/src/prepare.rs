@@ -4,8 +4,9 @@ use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
-use meissner_evaluate::digits::DigitsData;
-use meissner_evaluate::prepare::{Prepared, digits_events, graphs, slip_windows};
+use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::EventTask;
+use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows};
 use meissner_evaluate::slip::SlipData;
 use meissner_pipeline::model::{describe, describe_frames};
 
@@ -178,8 +179,8 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
             write(&args.out, &data.notes, slip_windows(&data, &description)?)
         }
         InputArgs::Digits(args) => {
-            let data = DigitsData::read(&args.data)?;
-            write(&args.out, &data.notes, digits_events(&data, args.folds as usize)?)
+            let data = Digits::read(&args.data)?;
+            write(&args.out, &data.notes, labelled_events(&data, args.folds as usize)?)
         }
     }
 }

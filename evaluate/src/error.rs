@@ -1,4 +1,4 @@
-//! Errors of data sets, trainings and measurements.
+//! Errors of data sets, trainings and measurements. The messages explain the fields of the errors.
 
 use std::io;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use meissner_engine::EngineError;
 use meissner_io::datasets::DatasetError;
 use meissner_models::ModelError;
 use meissner_models::systems::digits::DigitsError;
-use meissner_models::systems::slip::{ObjectSet, SlipError};
+use meissner_models::systems::slip::SlipError;
 use meissner_pipeline::PipelineError;
 use meissner_simulator::SimulatorError;
 use safetensors::SafeTensorError;
@@ -16,6 +16,7 @@ use thiserror::Error;
 /// A network cannot be judged or measured, or an input for training cannot be made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum EvaluateError {
     /// A network or its weights cannot be read or cannot run.
     #[error(transparent)]
@@ -44,106 +45,65 @@ pub enum EvaluateError {
     Digits(#[from] DigitsError),
     /// A recording of a slip cannot be cut into windows.
     #[error("recording {recording}")]
-    SlipRecording {
-        /// Name of the recording.
-        recording: String,
-        /// The cause.
-        source: SlipError,
-    },
+    SlipRecording { recording: String, source: SlipError },
     /// The data set has no recordings for whole trainings.
     #[error("{}: expected recordings of the split test, which whole trainings are judged on, found none", folder.display())]
-    NoTestSplit {
-        /// Folder of the data set.
-        folder: PathBuf,
-    },
-    /// All recordings are of objects that the networks were trained on.
-    #[error("data set: expected recordings of unseen objects, found Basic alone")]
-    NoUnseenObjects,
-    /// The recording has no events in the part that is measured.
-    #[error("recording: expected events to measure, found none")]
-    NoEvents,
-    /// A network was named twice.
-    #[error("expected each network once, found {0} again")]
-    NetworkTwice(String),
+    NoTestSplit { folder: PathBuf },
+    /// A part of the request does not fit the other parts or the data.
+    #[error("expected {expected}, found {found}")]
+    Request { part: RequestPart, expected: String, found: String },
     /// Weights were given for several networks.
     #[error("weights: expected one network, found {found} networks")]
-    OneNetwork {
-        /// Number of networks.
-        found: usize,
-    },
+    OneNetwork { found: usize },
     /// The given weights are those of a fold.
     #[error("weights {}: expected a whole training, found a fold", .0.display())]
     WeightsOfFold(PathBuf),
-    /// The weights were trained on every this many events one; the study pushes all events.
-    #[error(
-        "network {network}: expected weights that were trained on every event, found \"stride\" {stride}"
-    )]
-    Stride {
-        /// The network.
-        network: String,
-        /// Its stride.
-        stride: usize,
-    },
     /// A training does not fit the task, the data set or the other trainings.
     #[error("training {}", path.display())]
-    Training {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: TrainingError,
-    },
+    Training { path: PathBuf, source: TrainingError },
     /// A folder has no training of the networks.
     #[error("{}: expected safetensors files with metadata \"network\" = {expected}, found {found}", folder.display())]
-    NoTrainings {
-        /// The folder.
-        folder: PathBuf,
-        /// The networks.
-        expected: String,
-        /// The networks that it has trainings of.
-        found: String,
-    },
-    /// A network has folds, and no whole training.
-    #[error("expected a whole training of {0}, found folds alone")]
-    NoWholeTraining(String),
+    NoTrainings { folder: PathBuf, expected: String, found: String },
     /// A description file has no shipped weights.
     #[error("network {0}: a description file comes without weights")]
     NeedsTrainings(String),
     /// A file of streams does not fit.
     #[error("{}", path.display())]
-    Streams {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: StreamsError,
-    },
-    /// No setting of any network has one of the names that were asked for.
-    #[error(
-        "settings: expected a part of \"NETWORK, SETTING\", with a setting such as {settings}, found {found}"
-    )]
-    NoSetting {
-        /// The settings of the first network.
-        settings: String,
-        /// The names that were asked for.
-        found: String,
-    },
-    /// A line of finished measurements cannot be read.
+    Streams { path: PathBuf, source: StreamsError },
+    /// A line of finished measurements, counted from 1, cannot be read.
     #[error("{}: line {line}: expected a finished measurement", path.display())]
-    State {
-        /// The file.
-        path: PathBuf,
-        /// Number of the line, from 1 on.
-        line: usize,
-        /// The cause.
-        source: serde_json::Error,
-    },
+    State { path: PathBuf, line: usize, source: serde_json::Error },
     /// A file cannot be written.
     #[error("cannot write {}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
+}
+
+/// A part of a request for an evaluation or a measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RequestPart {
+    /// The data set.
+    Data,
+    /// The recording.
+    Recording,
+    /// The networks.
+    Networks,
+    /// The folder of trainings.
+    Trainings,
+    /// The names of settings.
+    Settings,
+}
+
+impl EvaluateError {
+    /// `part` of a request does not fit.
+    pub(crate) fn request(part: RequestPart, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Request { part, expected: expected.into(), found: found.into() }
+    }
+
+    /// The network `name` was requested twice.
+    pub(crate) fn twice(name: &str) -> Self {
+        Self::request(RequestPart::Networks, "each network once", format!("{name} again"))
+    }
 }
 
 impl From<PipelineError> for EvaluateError {
@@ -166,159 +126,58 @@ pub(crate) fn weights_error(label: &str) -> impl Fn(ModelError) -> EvaluateError
 /// A file of streams of events cannot be read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum StreamsError {
     /// It is no safetensors file.
     #[error("expected a safetensors file")]
     Format(#[from] SafeTensorError),
     /// A tensor is missing or has another type or shape.
     #[error("tensor {tensor}: expected {expected}, found {found}")]
-    Tensor {
-        /// Name of the tensor.
-        tensor: &'static str,
-        /// Type and shape that fit.
-        expected: String,
-        /// Type and shape of the tensor.
-        found: String,
-    },
+    Tensor { tensor: &'static str, expected: String, found: String },
     /// The metadata have no size of the sensor.
     #[error("metadata sensor: expected JSON [width, height] of 1 to 65535 pixels, found {0}")]
     Sensor(String),
     /// A bound of a stream or an event is impossible.
     #[error("{list} {index}: expected {expected}, found {found}")]
-    Value {
-        /// Name of the list.
-        list: &'static str,
-        /// Index into the list.
-        index: usize,
-        /// Values that fit.
-        expected: String,
-        /// The value.
-        found: String,
-    },
+    Value { list: &'static str, index: usize, expected: String, found: String },
     /// Tracks of markers do not fit.
     #[error("stream {stream}")]
-    Tracks {
-        /// Number of the stream, from 0 on.
-        stream: usize,
-        /// Why.
-        source: SimulatorError,
-    },
+    Tracks { stream: usize, source: SimulatorError },
 }
 
 /// A training does not fit the task, the data set or the other trainings.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum TrainingError {
     /// Its metadata lack a key, or the value has another form.
     #[error("expected metadata {key:?} {expected}, found {found}")]
-    Metadata {
-        /// The key.
-        key: &'static str,
-        /// The form of the value.
-        expected: &'static str,
-        /// The value, or "none".
-        found: String,
-    },
-    /// It held out a recording that is not in the data set.
-    #[error("expected held-out recordings of the data set, found {found:?}")]
-    Recording {
-        /// The recording.
-        found: String,
-    },
-    /// It held out a recording of a set that it was not trained on.
+    Metadata { key: &'static str, expected: &'static str, found: String },
+    /// It held out something that is no case of the data set, or that it was trained on.
+    #[error("expected held-out {expected}, found {found}")]
+    HeldOut { expected: String, found: String },
+    /// A recording or a window was held out twice.
     #[error(
-        "expected held-out recordings of the set Basic, which it was trained on, found {found:?} of {set}"
-    )]
-    OtherSet {
-        /// The recording.
-        found: String,
-        /// The set that holds its object.
-        set: ObjectSet,
-    },
-    /// It held out a window beyond the end of its recording.
-    #[error("expected held-out windows of {recording:?} from 0 to below {windows}, found {found}")]
-    Window {
-        /// The recording.
-        recording: String,
-        /// Number of windows of the recording.
-        windows: usize,
-        /// The window.
-        found: usize,
-    },
-    /// A window was held out twice.
-    #[error(
-        "expected folds that hold out different windows, found window {window} of {recording:?} again, which {} holds out",
+        "expected folds that hold out different {parts}, found {again} again, which {} holds out",
         first.display()
     )]
-    Overlap {
-        /// The recording.
-        recording: String,
-        /// The window.
-        window: usize,
-        /// The fold that held it out first.
-        first: PathBuf,
-    },
-    /// A recording was held out twice.
-    #[error(
-        "expected folds that hold out different recordings, found {recording:?} again, which {} holds out",
-        first.display()
-    )]
-    Again {
-        /// The recording.
-        recording: String,
-        /// The fold that held it out first.
-        first: PathBuf,
-    },
+    Overlap { parts: &'static str, again: String, first: PathBuf },
     /// No fold of a seed held out a recording.
     #[error(
         "expected folds of network {network} and seed {seed} that hold out each of {recordings} recordings, found {found} \
          and not {missing:?}"
     )]
-    Incomplete {
-        /// The network.
-        network: String,
-        /// The seed.
-        seed: String,
-        /// Number of recordings.
-        recordings: usize,
-        /// Number of recordings that are held out.
-        found: usize,
-        /// The first recording that is not held out.
-        missing: String,
-    },
+    Incomplete { network: String, seed: String, recordings: usize, found: usize, missing: String },
     /// It did not hold out all recordings of one fold, and no others.
     #[error(
         "expected the {expected} recordings of one fold of {count}, as `prepare digits --folds {count}` writes them, found \
          {found} recordings of {folds} folds"
     )]
-    OtherFold {
-        /// Number of folds.
-        count: usize,
-        /// Recordings of the fold of the first one.
-        expected: usize,
-        /// Recordings that it held out.
-        found: usize,
-        /// Number of folds of these recordings.
-        folds: usize,
-    },
+    OtherFold { count: usize, expected: usize, found: usize, folds: usize },
     /// Trainings of one network have different strides.
     #[error("expected metadata \"stride\" {expected}, as {} has it, found {found}; or add --stride N", other.display())]
-    Stride {
-        /// Stride of the other training.
-        expected: usize,
-        /// The other file.
-        other: PathBuf,
-        /// Its own stride.
-        found: usize,
-    },
+    Stride { expected: usize, other: PathBuf, found: usize },
     /// Two files are the same training.
     #[error("expected one whole training of network {network} with seed {seed}, found {} too", other.display())]
-    Twice {
-        /// The network.
-        network: String,
-        /// The seed.
-        seed: String,
-        /// The other file.
-        other: PathBuf,
-    },
+    Twice { network: String, seed: String, other: PathBuf },
 }

@@ -3,8 +3,11 @@
 //! | module | contents |
 //! |---|---|
 //! | [`metrics`] | confusion matrices, accuracy, precision, recall, F1, and their uncertainty |
-//! | [`trainings`] | networks by name with their trainings; folds of cross-validations |
-//! | [`digits`] | N-MNIST: data set, accuracy event by event |
+//! | [`trainings`] | networks by name with their trainings |
+//! | [`trials`] | whole trainings and cross-validations, with the cases that they have not seen |
+//! | [`judged`] | figures of one training and of several |
+//! | [`events`] | labelled recordings of events: accuracy event by event |
+//! | [`digits`] | N-MNIST, a task of [`events`] |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
@@ -32,11 +35,14 @@
 
 pub mod digits;
 pub mod error;
+pub mod events;
+pub mod judged;
 pub mod metrics;
 pub mod pareto;
 pub mod prepare;
 pub mod slip;
 pub mod trainings;
+pub mod trials;
 mod workers;
 
-pub use error::{EvaluateError, StreamsError, TrainingError};
+pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};

@@ -62,6 +62,14 @@ impl Confusion {
         self.counts.iter_mut().zip(&other.counts).for_each(|(count, more)| *count += more);
     }
 
+    /// The sum of `all`, which have the same classes; `None` for none.
+    pub(crate) fn sum<'a>(all: impl IntoIterator<Item = &'a Self>) -> Option<Self> {
+        let mut all = all.into_iter();
+        let mut sum = all.next()?.clone();
+        all.for_each(|other| sum.merge(other));
+        Some(sum)
+    }
+
     /// How often `predicted` was predicted for `truth`.
     ///
     /// # Panics
@@ -120,15 +128,27 @@ impl Serialize for Confusion {
 /// is never predicted has precision 0. A class that is only ever predicted has recall 0. Both have F1 0, so a network gains
 /// nothing by ignoring a class. Classes that are neither true nor predicted are left out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Scores {
+pub struct Scores<T = f64> {
     /// Share of predictions that are right.
-    pub accuracy: f64,
+    pub accuracy: T,
     /// Mean precision of the classes.
-    pub precision: f64,
+    pub precision: T,
     /// Mean recall of the classes.
-    pub recall: f64,
+    pub recall: T,
     /// Mean F1 of the classes.
-    pub f1: f64,
+    pub f1: T,
+}
+
+impl Scores<MeanStd> {
+    /// Mean and deviation of the scores of `each` training; `None` for no trainings.
+    pub fn mean(each: &[Scores]) -> Option<Self> {
+        Some(Self {
+            accuracy: MeanStd::over(each, |scores| scores.accuracy)?,
+            precision: MeanStd::over(each, |scores| scores.precision)?,
+            recall: MeanStd::over(each, |scores| scores.recall)?,
+            f1: MeanStd::over(each, |scores| scores.f1)?,
+        })
+    }
 }
 
 impl Scores {
@@ -185,6 +205,17 @@ impl MeanStd {
         let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
         Some(Self { mean, std: (count > 1).then(|| (squares / (count - 1) as f64).sqrt()) })
     }
+
+    /// [`Self::of`] a `figure` of each of `items`.
+    pub fn over<I>(items: &[I], figure: impl Fn(&I) -> f64) -> Option<Self> {
+        Self::of(&items.iter().map(figure).collect::<Vec<_>>())
+    }
+}
+
+/// The means of the lower and of the upper bounds of `intervals`; `None` for no intervals.
+pub(crate) fn mean_interval(intervals: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let mean = |bound: fn(&(f64, f64)) -> f64| MeanStd::over(intervals, bound).map(|bounds| bounds.mean);
+    mean(|interval| interval.0).zip(mean(|interval| interval.1))
 }
 
 /// 97.5 % quantile of the normal distribution.

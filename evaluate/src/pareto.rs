@@ -1,11 +1,11 @@
 //! Run time against error: networks exactly, and with each approximation.
 //!
-//! Enters: networks with data ([`angle`], [`digits`], [`slip`]). Leaves: a [`Report`] with times, work and errors of every
+//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`]). Leaves: a [`Report`] with times, work and errors of every
 //! setting of every network, and the settings that no other one beats. Finished measurements are kept in a [`State`] and not
 //! repeated.
 
-mod events;
-mod frames;
+mod event_network;
+mod frame_network;
 mod measurement;
 mod report;
 mod settings;
@@ -14,11 +14,12 @@ mod studies;
 
 use meissner_kernels::Isa;
 
-use crate::error::EvaluateError;
+use crate::error::{EvaluateError, RequestPart};
 pub use measurement::{EXACT, Measurement, Numerical, TaskError, Time, Timing};
 pub use report::{Compared, DataReport, Fastest, NetworkReport, Report, SettingReport, pareto_front};
-pub use state::{Key, State};
-pub use studies::{AngleOptions, angle, digits, slip};
+use state::Key;
+pub use state::State;
+pub use studies::{AngleOptions, angle, events, slip};
 
 /// What is measured, and how often.
 #[derive(Clone, Debug)]
@@ -133,7 +134,8 @@ impl Study<'_> {
         let asked: Vec<_> = self.networks.iter().map(of_network).collect();
         if asked.iter().all(Vec::is_empty) {
             let settings = self.networks.first().map_or_else(String::new, |n| n.settings.join("; "));
-            return Err(EvaluateError::NoSetting { settings, found: options.only.join("; ") });
+            let expected = format!("a part of \"NETWORK, SETTING\", with a setting such as {settings}");
+            return Err(EvaluateError::request(RequestPart::Settings, expected, options.only.join("; ")));
         }
         Ok(asked)
     }

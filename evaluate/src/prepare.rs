@@ -15,18 +15,19 @@ use std::path::Path;
 
 use meissner_engine::representations::{ELECTRODES, Scaling};
 use meissner_engine::{Batch, Edges, Event, Graph, Search, Stream};
-use meissner_io::datasets::Split;
-use meissner_models::systems::slip::{ObjectSet, SlipWindows};
-use meissner_models::systems::{digits, slip};
+use meissner_io::Reading;
+use meissner_io::datasets::{SlipRecording, Split};
+use meissner_models::systems::slip;
+use meissner_models::systems::slip::ObjectSet;
 use meissner_models::{Description, FrameDescription, TensorFile, draw};
 use meissner_pipeline::text::grouped;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::digits::DigitsData;
 use crate::error::{EvaluateError, weights_error};
-use crate::slip::SlipData;
+use crate::events::EventData;
+use crate::slip::{SlipData, Windows};
 use streams::Streams;
 
 /// Tensors for training.
@@ -48,27 +49,28 @@ pub struct Prepared {
 /// # Errors
 /// The network does not read electrodes, or a reading cannot be scaled.
 pub fn slip_windows(data: &SlipData, description: &FrameDescription) -> Result<Prepared, EvaluateError> {
-    let mut windows = SlipWindows::new(description)?;
+    let windows = Windows::cut(data, description)?;
     let mut objects: Vec<&str> = data.objects.iter().map(|object| object.name).collect();
     objects.sort_unstable();
     objects.dedup();
-    let (mut frames, mut readings, mut ids) = (Vec::new(), Vec::new(), [const { Vec::new() }; 3]);
-    for (index, recording) in data.recordings.iter().enumerate() {
-        let count = data.cut(index, &mut windows, &mut frames, Some(&mut readings))?;
-        let object = objects.iter().position(|&object| object == data.objects[index].name);
-        for (list, id) in ids.iter_mut().zip([recording.class, index, object.unwrap_or_default()]) {
-            list.extend(std::iter::repeat_n(id as i64, count));
-        }
-    }
-    let count = ids[0].len();
+    let whole = |stretch: &[Reading]| stretch.len() / windows.steps * windows.steps;
+    let readings = data.recordings.iter().flat_map(SlipRecording::stretches);
+    let readings =
+        readings.flat_map(|stretch| stretch[..whole(stretch)].iter().flat_map(|reading| reading.values));
+    let readings: Vec<f32> = readings.collect();
+    let count = windows.cases.len();
+    let of_windows = |id: &dyn Fn(usize) -> usize| {
+        (0..count).map(|window| id(windows.cases.recording(window)) as i64).collect::<Vec<_>>()
+    };
+    let object = |recording: usize| objects.iter().position(|name| *name == data.objects[recording].name);
     let preparation = description.preparation().unwrap_or_default();
     let mut file = TensorFile::new(slip_metadata(data, &objects, preparation.clone()));
-    let shape = [&[count, windows.steps()], windows.frame_shape()].concat();
-    file.f32("frames", &shape, &frames);
-    file.f32("readings", &[count, windows.steps(), ELECTRODES], &readings);
-    for (name, values) in ["label", "recording", "object"].iter().zip(&ids) {
-        file.i64(name, &[count], values);
-    }
+    let shape = [&[count, windows.steps], windows.frame_shape].concat();
+    file.f32("frames", &shape, &windows.values);
+    file.f32("readings", &[count, windows.steps, ELECTRODES], &readings);
+    file.i64("label", &[count], &of_windows(&|recording| data.recordings[recording].class));
+    file.i64("recording", &[count], &of_windows(&|recording| recording));
+    file.i64("object", &[count], &of_windows(&|recording| object(recording).unwrap_or_default()));
     let (windows, recordings) = (grouped(count as u64), grouped(data.recordings.len() as u64));
     let contents = format!(
         "{windows} windows of {recordings} recordings, {preparation}, consecutive and without overlap"
@@ -110,7 +112,7 @@ fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, Str
 ///
 /// # Errors
 /// There cannot be so many folds.
-pub fn digits_events(data: &DigitsData, folds: usize) -> Result<Prepared, EvaluateError> {
+pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, EvaluateError> {
     let recordings = &data.recordings;
     let integers = |values: Vec<usize>| values.into_iter().map(|value| value as i64).collect::<Vec<_>>();
     let of_events = |value: fn(&Event) -> i64| {
@@ -122,12 +124,12 @@ pub fn digits_events(data: &DigitsData, folds: usize) -> Result<Prepared, Evalua
     });
     let start: Vec<usize> = std::iter::once(0).chain(ends).collect();
     let split = recordings.iter().map(|recording| usize::from(recording.split == Split::Test)).collect();
-    let fold = digits::folds(&data.classes(), folds)?;
+    let fold = data.folds(folds)?;
     let names: Vec<&str> = recordings.iter().map(|recording| recording.name.as_str()).collect();
     let mut file = TensorFile::new(metadata([
-        ("classes", json!(digits::CLASSES)),
+        ("classes", json!(data.set.classes)),
         ("recordings", json!(names)),
-        ("sensor", json!([digits::SENSOR.width, digits::SENSOR.height])),
+        ("sensor", json!([data.set.sensor.width, data.set.sensor.height])),
     ]));
     for (name, values) in [
         ("t_us", of_events(|event| event.t_us)),
@@ -135,7 +137,7 @@ pub fn digits_events(data: &DigitsData, folds: usize) -> Result<Prepared, Evalua
         ("y", of_events(|event| event.y.into())),
         ("on", of_events(|event| event.on.into())),
         ("start", integers(start)),
-        ("label", integers(data.classes())),
+        ("label", integers(recordings.iter().map(|recording| recording.class).collect())),
         ("split", integers(split)),
         ("fold", integers(fold)),
     ] {

@@ -8,60 +8,26 @@ use std::path::Path;
 
 use meissner_engine::EngineError;
 use meissner_engine::frames::FrameEngine;
-use meissner_io::Reading;
 use meissner_io::datasets::{BadRows, SlipDataset, SlipRecording};
 use meissner_models::FrameDescription;
 use meissner_models::systems::slip::{CLASSES, Object, ObjectSet, SlipWindows};
 use meissner_pipeline::model::describe_frames;
 use meissner_pipeline::text::grouped;
 use rayon::ThreadPool;
-use serde::Serialize;
 
 use crate::error::{EvaluateError, TrainingError};
+use crate::events::passed_over_note;
 use crate::trainings::{Metadata, Task};
+use crate::trials::{Cases, HeldOut, Scheme};
 use crate::workers;
 pub use judge::{
-    DataReport, Judged, JudgedSeed, NetworkReport, ReferenceReport, Report, SetReport, ValidationReport,
+    Classified, DataReport, Judged, NetworkReport, ReferenceReport, Report, SetReport, ValidationReport,
     evaluate,
 };
 
 /// The task of the direction of slip.
 #[derive(Clone, Copy, Debug)]
 pub struct Slip;
-
-/// A network that predicts the direction of slip, with its trainings.
-pub type Candidate = crate::trainings::Candidate<Slip>;
-/// A training of a network for the direction of slip.
-pub type Training = crate::trainings::Training<HeldOut>;
-
-/// How a cross-validation splits its windows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Scheme {
-    /// All windows of a recording are in one fold.
-    Recordings,
-    /// Windows of one recording are in different folds.
-    Windows,
-}
-
-/// The part of the set Basic that a fold held out.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum HeldOut {
-    /// Recordings.
-    Recordings(Vec<String>),
-    /// Windows, each with its recording.
-    Windows(Vec<(String, usize)>),
-}
-
-impl HeldOut {
-    /// The scheme of its cross-validation.
-    pub fn scheme(&self) -> Scheme {
-        match self {
-            Self::Recordings(_) => Scheme::Recordings,
-            Self::Windows(_) => Scheme::Windows,
-        }
-    }
-}
 
 /// Whether weights with these metadata were trained on the set Basic.
 pub(crate) fn trained_on_basic(metadata: Metadata<'_>) -> bool {
@@ -70,7 +36,6 @@ pub(crate) fn trained_on_basic(metadata: Metadata<'_>) -> bool {
 
 impl Task for Slip {
     type Description = FrameDescription;
-    type HeldOut = HeldOut;
     const PREFIX: &'static str = "slip-";
 
     fn describe(network: &str) -> Result<(FrameDescription, bool), EvaluateError> {
@@ -98,17 +63,17 @@ impl Task for Slip {
             None if !has("held_out_windows") => return Ok(None),
             _ => return Err(metadata.refused("scheme", "\"recordings\" or \"windows\"")),
         };
-        let held_out = match scheme {
+        Ok(Some(match scheme {
             Scheme::Recordings => {
-                let expected = "with a JSON list of recordings, such as [\"n/pen178\"]";
-                HeldOut::Recordings(metadata.list("held_out", expected)?)
+                metadata.recordings("with a JSON list of recordings, such as [\"n/pen178\"]")?
             }
             Scheme::Windows => {
                 let expected = "with a JSON list of windows, such as [[\"n/pen178\", 0]]";
-                HeldOut::Windows(metadata.list("held_out_windows", expected)?)
+                let windows: Vec<(String, usize)> = metadata.list("held_out_windows", expected)?;
+                let parts = windows.into_iter().map(|(recording, window)| (recording, Some(window)));
+                HeldOut { scheme, parts: parts.collect() }
             }
-        };
-        Ok(Some(held_out))
+        }))
     }
 }
 
@@ -143,117 +108,69 @@ impl SlipData {
         if outside > 0 {
             notes.push(format!("{} values beyond what the sensor gives (0 to 4095)", grouped(outside)));
         }
-        if let [first, ..] = &passed_over[..] {
-            let (count, first) = (grouped(passed_over.len() as u64), first.display());
-            notes.push(format!("{count} files are no recordings and are passed over, the first {first}"));
-        }
+        notes.extend(passed_over_note(&passed_over));
         Ok(Self { recordings, objects, notes })
-    }
-
-    /// Appends the windows of recording `index` to `frames`, (windows, steps, frame), and their readings to `readings`,
-    /// (windows, steps, 24). Returns the number of windows.
-    pub(crate) fn cut(
-        &self,
-        index: usize,
-        windows: &mut SlipWindows,
-        frames: &mut Vec<f32>,
-        mut readings: Option<&mut Vec<f32>>,
-    ) -> Result<usize, EvaluateError> {
-        let recording = &self.recordings[index];
-        let mut count = 0;
-        for stretch in recording.stretches() {
-            let cut = windows.cut(stretch.iter().map(|reading| &reading.values), frames);
-            count += cut.map_err(|source| {
-                let recording = recording.name.clone();
-                EvaluateError::SlipRecording { recording, source }
-            })?;
-            if let Some(readings) = readings.as_deref_mut() {
-                let whole = stretch.len() / windows.steps() * windows.steps();
-                stretch[..whole].iter().for_each(|Reading { values, .. }| readings.extend(values));
-            }
-        }
-        Ok(count)
     }
 }
 
 /// The windows of all recordings as one network reads them.
 #[derive(Clone, Debug)]
-pub struct Windows {
-    /// For each recording (windows, steps, frame).
-    frames: Vec<Vec<f32>>,
-    /// Number of windows of each recording.
-    pub counts: Vec<usize>,
-    /// Number of values of a window, and of a frame.
-    lengths: (usize, usize),
+pub(crate) struct Windows {
+    /// The windows of each recording.
+    pub(crate) cases: Cases,
+    /// (windows, steps, frame).
+    pub(crate) values: Vec<f32>,
+    /// Shape of a frame.
+    pub(crate) frame_shape: &'static [usize],
+    /// Number of frames of a window.
+    pub(crate) steps: usize,
 }
 
 impl Windows {
     /// The windows of `data` as `description` reads them.
-    ///
-    /// # Errors
-    /// The network does not read electrodes, or a reading cannot be scaled.
-    pub fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, EvaluateError> {
+    pub(crate) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, EvaluateError> {
         let mut windows = SlipWindows::new(description)?;
-        let lengths = (windows.steps() * windows.frame_len(), windows.frame_len());
-        let mut cut = Self { frames: Vec::new(), counts: Vec::new(), lengths };
-        for index in 0..data.recordings.len() {
-            let mut frames = Vec::new();
-            cut.counts.push(data.cut(index, &mut windows, &mut frames, None)?);
-            cut.frames.push(frames);
+        let (mut cases, mut values) = (Cases::default(), Vec::new());
+        for recording in &data.recordings {
+            let mut count = 0;
+            for stretch in recording.stretches() {
+                let cut = windows.cut(stretch.iter().map(|reading| &reading.values), &mut values);
+                count += cut.map_err(|source| {
+                    let recording = recording.name.clone();
+                    EvaluateError::SlipRecording { recording, source }
+                })?;
+            }
+            cases.push(&recording.name, count);
         }
-        Ok(cut)
-    }
-
-    /// Indices of all windows, by recording.
-    pub fn all(&self) -> Vec<Vec<usize>> {
-        self.counts.iter().map(|&count| (0..count).collect()).collect()
-    }
-
-    /// Number of frames of a window.
-    pub fn steps(&self) -> usize {
-        self.lengths.0 / self.lengths.1
+        Ok(Self { cases, values, frame_shape: windows.frame_shape(), steps: windows.steps() })
     }
 
     /// The last `steps` frames of a window.
-    ///
-    /// # Panics
-    /// Where there is no such recording or window, or it has fewer frames.
-    pub fn frames(&self, recording: usize, window: usize, steps: usize) -> impl Iterator<Item = &[f32]> {
-        let (window_len, frame_len) = self.lengths;
-        let frames = &self.frames[recording][window * window_len..][..window_len];
-        frames[window_len - steps * frame_len..].chunks_exact(frame_len)
+    pub(crate) fn frames(&self, window: usize, steps: usize) -> impl Iterator<Item = &[f32]> {
+        let (end, frame) = ((window + 1) * self.steps, self.frame_shape.iter().product::<usize>());
+        self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs of `engine` for the windows `chosen` of each recording, (windows, 7), each from its last `steps` frames.
-    /// Every window starts from a reset, so the number of threads of `pool` changes no bit.
-    ///
-    /// # Errors
-    /// The first error of the engine, in the order of the recordings.
-    pub fn logits(
+    /// The outputs of `engine` for the windows `chosen`, each from its last `steps` frames. Every window starts from a
+    /// reset, so the number of threads of `pool` changes no bit.
+    pub(crate) fn logits(
         &self,
         pool: &ThreadPool,
         engine: &FrameEngine,
-        chosen: &[Vec<usize>],
+        chosen: &[usize],
         steps: usize,
     ) -> Result<Vec<Vec<f32>>, EngineError> {
-        let recordings: Vec<_> = chosen.iter().enumerate().collect();
-        workers::for_each(pool, engine, &recordings, |engine, &(recording, chosen)| {
-            let mut logits = Vec::new();
-            for &window in chosen {
-                engine.reset();
-                for frame in self.frames(recording, window, steps) {
-                    engine.push(frame)?;
-                }
-                logits.extend_from_slice(engine.predict()?.values);
-            }
-            Ok(logits)
+        workers::for_each(pool, engine, chosen, |engine, &window| {
+            engine.reset();
+            self.frames(window, steps).try_for_each(|frame| engine.push(frame).map(drop))?;
+            Ok(engine.predict()?.values.to_vec())
         })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{HeldOut, Slip};
+    use super::{HeldOut, Scheme, Slip};
     use crate::trainings::{Metadata, Task};
 
     fn held_out(entries: &[(&str, &str)]) -> Result<Option<HeldOut>, String> {
@@ -265,10 +182,11 @@ mod tests {
     #[test]
     fn a_fold_states_the_part_that_it_held_out() {
         assert_eq!(held_out(&[("seed", "1")]), Ok(None));
-        let recordings = Ok(Some(HeldOut::Recordings(vec!["n/pen1".to_owned()])));
+        let part = |scheme, window| Ok(Some(HeldOut { scheme, parts: vec![("n/pen1".to_owned(), window)] }));
+        let recordings = part(Scheme::Recordings, None);
         assert_eq!(held_out(&[("held_out", "[\"n/pen1\"]")]), recordings);
         assert_eq!(held_out(&[("scheme", "recordings"), ("held_out", "[\"n/pen1\"]")]), recordings);
-        let windows = Ok(Some(HeldOut::Windows(vec![("n/pen1".to_owned(), 3)])));
+        let windows = part(Scheme::Windows, Some(3));
         assert_eq!(held_out(&[("scheme", "windows"), ("held_out_windows", "[[\"n/pen1\", 3]]")]), windows);
     }
 

@@ -10,17 +10,16 @@ use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile, Weights};
 use meissner_pipeline::PipelineError;
-use meissner_pipeline::model::labelled;
+use meissner_pipeline::model::{labelled, weights};
 use serde::de::DeserializeOwned;
 
 use crate::error::{EvaluateError, TrainingError, weights_error};
+use crate::trials::{HeldOut, Scheme};
 
 /// A task that networks are trained for, with a labelled data set.
 pub trait Task {
     /// Description of a network of this task.
     type Description;
-    /// The part of the data set that a fold of a cross-validation held out.
-    type HeldOut;
     /// Beginning of the names of its shipped networks.
     const PREFIX: &'static str;
 
@@ -42,7 +41,7 @@ pub trait Task {
     ///
     /// # Errors
     /// The metadata do not state which part of the data set is unseen.
-    fn held_out(metadata: Metadata<'_>) -> Result<Option<Self::HeldOut>, TrainingError>;
+    fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError>;
 }
 
 /// The networks and trainings that are asked for.
@@ -67,16 +66,19 @@ pub struct Evaluation<R> {
 }
 
 /// A network with its trainings, by seed and then by file.
-pub struct Candidate<T: Task> {
+pub struct Candidate<D> {
     /// The network.
-    pub description: T::Description,
+    pub description: D,
     /// Its trainings; at least one.
-    pub trainings: Vec<Arc<Training<T::HeldOut>>>,
+    pub trainings: Vec<Arc<Training>>,
 }
+
+/// The networks of a task, and notes about trainings that are left out.
+pub(crate) type Candidates<T> = (Vec<Candidate<<T as Task>::Description>>, Vec<String>);
 
 /// Weights with the data that they were trained on.
 #[derive(Clone, Debug)]
-pub struct Training<H> {
+pub struct Training {
     /// The file; empty for shipped weights.
     pub path: PathBuf,
     /// Source of the weights, with their own remark about themselves.
@@ -86,29 +88,22 @@ pub struct Training<H> {
     /// Seed of the training, where the weights state it.
     pub seed: Option<i64>,
     /// The part that a fold held out; `None` for a whole training.
-    pub held_out: Option<H>,
+    pub held_out: Option<HeldOut>,
     /// The weights.
     pub weights: Weights,
 }
 
 /// The networks of `request` in the order of their names, and notes about trainings that are left out.
-///
-/// # Errors
-/// A network is unknown or for another task, weights cannot be read, or a training does not state what it is.
-pub fn candidates<T: Task>(request: Request<'_>) -> Result<(Vec<Candidate<T>>, Vec<String>), EvaluateError> {
+pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>, EvaluateError> {
     let descriptions = descriptions::<T>(request.networks)?;
     if let Some(folder) = request.trainings {
-        return from_folder(folder, descriptions, !request.networks.is_empty());
+        return from_folder::<T>(folder, descriptions, !request.networks.is_empty());
     }
     if let (Some(_), 2..) = (request.weights, descriptions.len()) {
         return Err(EvaluateError::OneNetwork { found: descriptions.len() });
     }
     let candidate = |(description, shipped): (T::Description, bool)| {
-        let name = T::name(&description);
-        let training = match request.weights {
-            Some(path) => Training::given(path, name)?,
-            None => Training::shipped(name, shipped)?,
-        };
+        let training = Training::whole(T::name(&description), shipped, request.weights)?;
         Ok(Candidate { description, trainings: vec![Arc::new(training)] })
     };
     Ok((descriptions.into_iter().map(candidate).collect::<Result<_, EvaluateError>>()?, Vec::new()))
@@ -122,7 +117,7 @@ fn descriptions<T: Task>(names: &[String]) -> Result<Vec<(T::Description, bool)>
     for name in &names {
         let (description, shipped) = T::describe(name)?;
         if descriptions.iter().any(|(other, _)| T::name(other) == T::name(&description)) {
-            return Err(EvaluateError::NetworkTwice(name.clone()));
+            return Err(EvaluateError::twice(name));
         }
         descriptions.push((description, shipped));
     }
@@ -134,9 +129,9 @@ fn from_folder<T: Task>(
     folder: &Path,
     descriptions: Vec<(T::Description, bool)>,
     named: bool,
-) -> Result<(Vec<Candidate<T>>, Vec<String>), EvaluateError> {
+) -> Result<Candidates<T>, EvaluateError> {
     let trainings = files(folder)?.into_iter().map(|path| Ok(Arc::new(Training::load::<T>(&path)?)));
-    let trainings = trainings.collect::<Result<Vec<Arc<Training<T::HeldOut>>>, EvaluateError>>()?;
+    let trainings = trainings.collect::<Result<Vec<Arc<Training>>, EvaluateError>>()?;
     let none = |expected: String| {
         let mut found: Vec<&str> = trainings.iter().map(|training| training.network.as_str()).collect();
         found.sort_unstable();
@@ -169,7 +164,7 @@ fn from_folder<T: Task>(
 }
 
 /// `Ok` where no two whole trainings, in the order of their seeds, have the same seed.
-fn seeds_differ<H>(trainings: &[Arc<Training<H>>]) -> Result<(), EvaluateError> {
+fn seeds_differ(trainings: &[Arc<Training>]) -> Result<(), EvaluateError> {
     let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
     let Some(pair) = whole.windows(2).find(|pair| pair[0].seed == pair[1].seed) else { return Ok(()) };
     let (network, seed) = (pair[1].network.clone(), seed_name(pair[1].seed));
@@ -192,14 +187,9 @@ pub fn seed_name(seed: Option<i64>) -> String {
     seed.map_or_else(|| "shipped".to_owned(), |seed| seed.to_string())
 }
 
-impl<T: Task> Candidate<T> {
-    /// Name of the network.
-    pub fn name(&self) -> &str {
-        T::name(&self.description)
-    }
-
+impl<D> Candidate<D> {
     /// Source of the weights, in one line.
-    pub fn weights(&self) -> String {
+    pub(crate) fn weights(&self) -> String {
         let folds = self.trainings.iter().filter(|training| training.held_out.is_some()).count();
         match &self.trainings[..] {
             [training] => training.label.clone(),
@@ -208,10 +198,7 @@ impl<T: Task> Candidate<T> {
     }
 
     /// The trainings take every this many events one: their common stride.
-    ///
-    /// # Errors
-    /// A stride cannot be read, or two trainings have different ones.
-    pub fn stride(&self) -> Result<usize, EvaluateError> {
+    pub(crate) fn stride(&self) -> Result<usize, EvaluateError> {
         let first = &self.trainings[0];
         let expected = first.stride()?;
         for training in &self.trainings[1..] {
@@ -225,32 +212,24 @@ impl<T: Task> Candidate<T> {
     }
 }
 
-impl<H> Training<H> {
-    /// The weights shipped with `network`, if it is `shipped` itself.
-    fn shipped(network: &str, shipped: bool) -> Result<Self, EvaluateError> {
-        let weights = Weights::shipped(network).filter(|_| shipped);
-        let weights = weights.ok_or_else(|| EvaluateError::NeedsTrainings(network.to_owned()))?;
-        Ok(Self::whole(PathBuf::new(), "shipped with the network".to_owned(), network, weights))
-    }
-
-    /// The weights for `network` in the file at `path`, as a whole training.
-    fn given(path: &Path, network: &str) -> Result<Self, EvaluateError> {
-        let label = path.display().to_string();
-        let weights = Weights::load(path).map_err(weights_error(&label))?;
-        if weights.metadata().contains_key("held_out") {
-            return Err(EvaluateError::WeightsOfFold(path.to_owned()));
+impl Training {
+    /// The weights in the file at `path`, or those `shipped` with `network`, as a whole training.
+    fn whole(network: &str, shipped: bool, path: Option<&Path>) -> Result<Self, EvaluateError> {
+        let (weights, label) = weights(network, shipped, path).map_err(|error| match error {
+            PipelineError::NoWeights(network) => EvaluateError::NeedsTrainings(network),
+            error => error.into(),
+        })?;
+        let metadata = Metadata(weights.metadata());
+        let path = path.map(Path::to_owned).unwrap_or_default();
+        if metadata.0.contains_key("held_out") {
+            return Err(EvaluateError::WeightsOfFold(path));
         }
-        Ok(Self::whole(path.to_owned(), label, network, weights))
-    }
-
-    fn whole(path: PathBuf, label: String, network: &str, weights: Weights) -> Self {
-        let seed = Metadata(weights.metadata()).integer("seed").ok().flatten();
-        let label = labelled(label, &weights);
-        Self { path, label, network: network.to_owned(), seed, held_out: None, weights }
+        let (network, seed) = (network.to_owned(), metadata.integer("seed").ok().flatten());
+        Ok(Self { path, label: labelled(label, &weights), network, seed, held_out: None, weights })
     }
 
     /// The training in the file at `path`.
-    fn load<T: Task<HeldOut = H>>(path: &Path) -> Result<Self, EvaluateError> {
+    fn load<T: Task>(path: &Path) -> Result<Self, EvaluateError> {
         let label = path.display().to_string();
         let weights = Weights::load(path).map_err(weights_error(&label))?;
         let metadata = Metadata(weights.metadata());
@@ -268,16 +247,13 @@ impl<H> Training<H> {
     }
 
     /// The path as text; none for shipped weights.
-    pub fn files(&self) -> Vec<String> {
+    pub(crate) fn files(&self) -> Vec<String> {
         let path = Some(self.path.display().to_string()).filter(|path| !path.is_empty());
         path.into_iter().collect()
     }
 
     /// It was trained on every this many events one.
-    ///
-    /// # Errors
-    /// The weights state something else than a number.
-    pub fn stride(&self) -> Result<usize, EvaluateError> {
+    pub(crate) fn stride(&self) -> Result<usize, EvaluateError> {
         Ok(self.weights.card().map_err(weights_error(&self.label))?.stride)
     }
 
@@ -293,34 +269,36 @@ pub struct Metadata<'a>(pub &'a BTreeMap<String, String>);
 
 impl<'a> Metadata<'a> {
     /// The value of `key` is not as `expected`.
-    pub fn refused(self, key: &'static str, expected: &'static str) -> TrainingError {
+    pub(crate) fn refused(self, key: &'static str, expected: &'static str) -> TrainingError {
         let found = self.0.get(key).map_or_else(|| "none".to_owned(), |text| format!("{text:?}"));
         TrainingError::Metadata { key, expected, found }
     }
 
     /// The value of `key`.
-    ///
-    /// # Errors
-    /// It is missing or empty.
-    pub fn required(self, key: &'static str, expected: &'static str) -> Result<&'a str, TrainingError> {
+    pub(crate) fn required(
+        self,
+        key: &'static str,
+        expected: &'static str,
+    ) -> Result<&'a str, TrainingError> {
         let text = self.0.get(key).filter(|text| !text.is_empty());
         text.map(String::as_str).ok_or_else(|| self.refused(key, expected))
     }
 
     /// The whole number of `key`, where the key is there.
-    ///
-    /// # Errors
-    /// The value is something else.
-    pub fn integer(self, key: &'static str) -> Result<Option<i64>, TrainingError> {
+    pub(crate) fn integer(self, key: &'static str) -> Result<Option<i64>, TrainingError> {
         let number = self.0.get(key).map(|text| text.parse());
         number.transpose().map_err(|_| self.refused(key, "with a whole number"))
     }
 
+    /// The recordings that a fold held out: the JSON list of the key `held_out`.
+    pub(crate) fn recordings(self, expected: &'static str) -> Result<HeldOut, TrainingError> {
+        let names: Vec<String> = self.list("held_out", expected)?;
+        let parts = names.into_iter().map(|name| (name, None)).collect();
+        Ok(HeldOut { scheme: Scheme::Recordings, parts })
+    }
+
     /// The JSON list of `key`.
-    ///
-    /// # Errors
-    /// It is missing, or the value is something else.
-    pub fn list<T: DeserializeOwned>(
+    pub(crate) fn list<T: DeserializeOwned>(
         self,
         key: &'static str,
         expected: &'static str,

@@ -1,20 +1,13 @@
 //! `meissner eval digits`: accuracies of networks over events for digits, event by event.
 
-mod plot;
-
-use std::io::{self, Write};
-
-use meissner_evaluate::digits::{Judged, Options, Protocol, Report, evaluate};
-use meissner_evaluate::trainings::seed_name;
-use meissner_models::systems::digits::CLASSES;
+use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::{Options, evaluate};
 use meissner_pipeline::text;
-use meissner_pipeline::text::grouped;
 
-use super::{NONE, OutputArgs, Views, confusion, spread};
+use super::{OutputArgs, events, write};
 use crate::args::{Mode, NETWORK, PREDICTIONS, STATUS};
 use crate::error::CliError;
 use crate::tasks::DigitsTask;
-use crate::text::{Table, percent};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -89,130 +82,7 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
         every_us: args.every_us,
         mode: args.mode.into(),
     };
-    let views = Views { svg: plot::svg, table };
-    super::write(&args.output, &views, |pool, done| evaluate(&args.task.data, &options, pool, done))
-}
-
-/// Largest number of rows of the table of accuracies against time. JSON has all times.
-const MOST_TIMES: usize = 40;
-
-/// The report for people: shares in percent, times in milliseconds.
-fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let data = &report.data;
-    let [recordings, train, test] = [data.recordings, data.train, data.test].map(|n| grouped(n as u64));
-    writeln!(
-        out,
-        "data         {}: {recordings} recordings ({train} train, {test} test), {} events",
-        data.folder,
-        grouped(data.events)
-    )?;
-    let every = milliseconds(report.every_us);
-    writeln!(out, "predictions  {}, every {every} ms and at the end of a recording", report.mode)?;
-    for (i, network) in report.networks.iter().enumerate() {
-        let title = if i == 0 { "networks" } else { "" };
-        let stride = match network.stride {
-            1 => String::new(),
-            stride => format!("; one event of {stride}"),
-        };
-        writeln!(out, "{title:<12} {}: {}{stride}", network.network, network.weights)?;
-    }
-    data.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
-    let judged = judged(report);
-    accuracies(out, &judged)?;
-    seeds(out, &judged)?;
-    against_time(out, report, &judged)?;
-    for (name, judged) in &judged {
-        writeln!(out, "\n{name}: true class by row, predicted by column, percent of the row")?;
-        confusion(out, &CLASSES, "recordings", &judged.confusion, judged.trainings)?;
-    }
-    Ok(())
-}
-
-/// All figures, each with its network and protocol.
-fn judged(report: &Report) -> Vec<(String, &Judged)> {
-    let mut all = Vec::new();
-    for network in &report.networks {
-        for protocol in Protocol::ALL {
-            let judged = network.judged(protocol);
-            all.extend(judged.map(|judged| (format!("{}, {}", network.network, protocol.name()), judged)));
-        }
-    }
-    all
-}
-
-/// Microseconds as milliseconds, with all decimals.
-fn milliseconds(t_us: i64) -> String {
-    (t_us as f64 / 1000.0).to_string()
-}
-
-/// An interval in percent.
-fn interval((low, high): (f64, f64)) -> String {
-    format!("{} to {}", percent(low), percent(high))
-}
-
-fn settled(t_us: Option<i64>) -> String {
-    t_us.map_or_else(|| NONE.to_owned(), |t_us| format!("{:.1}", t_us as f64 / 1000.0))
-}
-
-fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
-    let mut table = Table::new(&[
-        "at the end of a recording",
-        "recordings",
-        "seeds",
-        "accuracy (%)",
-        "std",
-        "95 % interval",
-        "half right for good by (ms)",
-    ]);
-    for (name, judged) in all {
-        let [mean, std] = spread(judged.accuracy);
-        table.row([
-            name.clone(),
-            grouped(judged.recordings),
-            judged.trainings.to_string(),
-            mean,
-            std,
-            interval(judged.interval_95),
-            settled(judged.settled_us),
-        ]);
-    }
-    writeln!(out)?;
-    table.write(out)
-}
-
-/// Each seed, where there are several.
-fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
-    if all.iter().all(|(_, judged)| judged.trainings < 2) {
-        return Ok(());
-    }
-    let mut table =
-        Table::new(&["each seed", "files", "accuracy (%)", "95 % interval", "half right for good by (ms)"]);
-    for (name, judged) in all {
-        for one in &judged.each {
-            table.row([
-                format!("{name}, seed {}", seed_name(one.seed)),
-                one.files.len().to_string(),
-                percent(one.accuracy),
-                interval(one.interval_95),
-                settled(one.settled_us),
-            ]);
-        }
-    }
-    writeln!(out)?;
-    table.write(out)
-}
-
-/// Accuracies at the times of predictions, the last one always.
-fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)]) -> io::Result<()> {
-    let mut headings = vec!["accuracy (%) after (ms)"];
-    headings.extend(all.iter().map(|(name, _)| name.as_str()));
-    let mut table = Table::new(&headings);
-    let times = &report.times_us;
-    let step = times.len().div_ceil(MOST_TIMES).max(1);
-    for (i, &t_us) in times.iter().enumerate().filter(|(i, _)| (i + 1) % step == 0 || i + 1 == times.len()) {
-        let cells = all.iter().map(|(_, judged)| percent(judged.accuracy_at[i].mean));
-        table.row(std::iter::once(milliseconds(t_us)).chain(cells));
-    }
-    writeln!(out)?;
-    table.write(out)
+    let svg = |report: &_| events::svg(report, "Digits, event by event");
+    let judge = |pool: &_, done| evaluate::<Digits>(&args.task.data, &options, pool, done);
+    write(&args.output, svg, events::table, judge)
 }

@@ -1,18 +1,18 @@
 //! `meissner eval slip`: accuracies of networks for the direction of slip, on seen and unseen objects.
 
-mod plot;
-
 use std::io::{self, Write};
 
-use meissner_evaluate::slip::{Judged, NetworkReport, Report, Scheme, evaluate};
+use meissner_evaluate::slip::{Judged, NetworkReport, Report, SetReport, evaluate};
+use meissner_evaluate::trials::Scheme;
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use meissner_pipeline::text::grouped;
+use meissner_plot::{Bar, Bars, Panel, page};
 
-use super::{NONE, OutputArgs, Views, confusion, spread};
+use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread};
 use crate::args::STATUS;
 use crate::error::CliError;
 use crate::tasks::SlipTask;
-use crate::text::{Table, percent};
+use crate::text::{Table, file_name, percent};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -58,9 +58,9 @@ pub(super) struct SlipArgs {
 }
 
 pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
-    let views = Views { svg: plot::svg, table };
     let request = args.task.request();
-    super::write(&args.output, &views, |pool, done| evaluate(&args.task.data, request, pool, done))
+    let judge = |pool: &_, done| evaluate(&args.task.data, request, pool, done);
+    super::write(&args.output, svg, table, judge)
 }
 
 /// Why the two schemes of cross-validation differ.
@@ -76,11 +76,8 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let (recordings, readings) = (grouped(data.recordings as u64), grouped(data.readings as u64));
     writeln!(out, "data         {}: {recordings} recordings, {readings} readings", data.folder)?;
     writeln!(out, "windows      consecutive and without overlap, as the paper cuts them")?;
-    for (i, network) in report.networks.iter().enumerate() {
-        let (title, NetworkReport { network, weights, .. }) = (if i == 0 { "networks" } else { "" }, network);
-        writeln!(out, "{title:<12} {network}: {weights}")?;
-    }
-    data.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
+    let lines = report.networks.iter().map(|network| (&network.card, network.weights.clone()));
+    networks(out, lines, &data.notes)?;
     if report.networks.iter().any(|network| !network.sets.is_empty()) {
         accuracies(out, report)?;
         figures(out, report)?;
@@ -107,13 +104,13 @@ fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
             network.on(*set).map_or_else(String::new, |on| {
                 trained_on |= on.trained_on;
                 let mark = if on.trained_on { "*" } else { "" };
-                let accuracy = on.judged.accuracy;
+                let accuracy = on.judged.mean.scores.accuracy;
                 let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
                 format!("{}{std}{mark}", percent(accuracy.mean))
             })
         };
         let cells: Vec<_> = sets.iter().map(cell).collect();
-        table.row(std::iter::once(network.network.clone()).chain(cells));
+        table.row(std::iter::once(network.card.network.name.clone()).chain(cells));
     }
     for reference in &report.references {
         let cell = |set: &ObjectSet| {
@@ -135,8 +132,9 @@ const FIGURES: [&str; 10] =
     ["windows", "trainings", "accuracy (%)", "std", "precision", "std", "recall", "std", "F1", "std"];
 
 fn cells(judged: &Judged) -> impl Iterator<Item = String> {
-    let counts = [grouped(judged.windows), judged.trainings.to_string()];
-    let figures = [judged.accuracy, judged.precision, judged.recall, judged.f1].map(spread);
+    let (windows, scores) = (judged.mean.windows, &judged.mean.scores);
+    let counts = [grouped(windows), judged.trainings.to_string()];
+    let figures = [scores.accuracy, scores.precision, scores.recall, scores.f1].map(spread);
     counts.into_iter().chain(figures.into_iter().flatten())
 }
 
@@ -148,7 +146,7 @@ fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
         for on in &network.sets {
             let mark = if on.trained_on { " (trained on)" } else { "" };
-            let name = format!("{}, {}{mark}", network.network, on.set);
+            let name = format!("{}, {}{mark}", network.card.network.name, on.set);
             table.row(std::iter::once(name).chain(cells(&on.judged)));
         }
     }
@@ -160,12 +158,8 @@ fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
         for on in &network.sets {
-            writeln!(
-                out,
-                "\n{} on {}: true class by row, predicted by column, percent of the row",
-                network.network, on.set
-            )?;
-            confusion(out, &CLASSES, "windows", &on.judged.confusion, on.judged.trainings)?;
+            let (name, mean) = (format!("{} on {}", network.card.network.name, on.set), &on.judged.mean);
+            confusion(out, &name, &CLASSES, "windows", &mean.confusion, on.judged.trainings)?;
         }
     }
     Ok(())
@@ -193,12 +187,60 @@ fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
             let Some(validation) = network.validated(scheme) else { return vec![NONE.to_owned(); 4] };
             let judged = &validation.judged;
             let folds: usize = judged.each.iter().map(|one| one.files.len()).sum();
-            let [mean, std] = spread(judged.accuracy);
+            let [mean, std] = spread(judged.mean.scores.accuracy);
             vec![mean, std, judged.trainings.to_string(), folds.to_string()]
         });
-        table.row(std::iter::once(network.network.clone()).chain(cells));
+        table.row(std::iter::once(network.card.network.name.clone()).chain(cells));
     }
     writeln!(out)?;
     table.write(out)?;
     WHY.iter().try_for_each(|line| writeln!(out, "  {line}"))
+}
+
+/// The picture: accuracies of networks and references on each set as bars, then a confusion matrix for each network (row) and
+/// set (column).
+fn svg(report: &Report) -> String {
+    let about = format!(
+        "{}: {} recordings, {} readings; confusion matrices: percent of the true class",
+        file_name(&report.data.folder),
+        grouped(report.data.recordings as u64),
+        grouped(report.data.readings as u64)
+    );
+    let networks = || report.networks.iter().filter(|network| !network.sets.is_empty());
+    let sets = sets(report);
+    let group = |&set: &ObjectSet| {
+        let trained_on = networks().filter_map(|network| network.on(set)).any(|on| on.trained_on);
+        format!("{set}{}", mark(trained_on))
+    };
+    let series = |network: &NetworkReport| {
+        let accuracy = |on: &SetReport| on.judged.mean.scores.accuracy;
+        let bar = |on: &SetReport| Bar { mean: accuracy(on).mean, std: accuracy(on).std };
+        (network.card.network.name.clone(), sets.iter().map(|&set| network.on(set).map(bar)).collect())
+    };
+    let references = report.references.iter().map(|other| {
+        let name = format!("{} (reference)", other.name);
+        (name, sets.iter().map(|&set| other.reference.accuracy(set)).collect())
+    });
+    let bars = Bars {
+        groups: sets.iter().map(group).collect(),
+        series: networks().map(series).collect(),
+        references: references.collect(),
+        note: "error bars: one standard deviation over trainings".to_owned(),
+    };
+    let panel = |network: &NetworkReport, on: &SetReport| {
+        let title = format!("{}, {}{}", network.card.network.name, on.set, mark(on.trained_on));
+        let (mean, trainings) = (&on.judged.mean, on.judged.trainings);
+        let about = accuracy_of(mean.scores.accuracy, "", (trainings, "training"), (mean.windows, "windows"));
+        matrix(title, about, &CLASSES, &mean.confusion)
+    };
+    let matrices = |network: &NetworkReport| {
+        sets.iter().filter_map(|&set| network.on(set)).map(|on| panel(network, on)).collect()
+    };
+    let rows: Vec<Vec<Panel<'_>>> =
+        std::iter::once(vec![Panel::Bars(bars)]).chain(networks().map(matrices)).collect();
+    page("Direction of slip", &about, &rows)
+}
+
+fn mark(trained_on: bool) -> &'static str {
+    if trained_on { " (trained on)" } else { "" }
 }

@@ -8,7 +8,7 @@ use meissner_pipeline::text::grouped;
 use crate::text::{Table, percent};
 
 /// Writes everything.
-pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
+pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let (data, unit) = (&report.data, report.unit);
     let [recordings, size, timed] = [data.recordings, data.size, data.timed].map(grouped);
     writeln!(out, "data         {}: {recordings} recordings, {size} {unit}s", data.name)?;
@@ -33,7 +33,7 @@ pub(super) fn write(out: &mut impl Write, report: &Report) -> io::Result<()> {
 }
 
 /// What settings are compared by, as in the drawing; then everything as it was measured.
-fn settings(out: &mut impl Write, report: &Report, network: &NetworkReport) -> io::Result<()> {
+fn settings(out: &mut dyn Write, report: &Report, network: &NetworkReport) -> io::Result<()> {
     let (unit, time) = (report.unit, report.time_name());
     let mut headings = vec![network.network.as_str(), &time, "speed-up", report.error_name()];
     if report.compared == Compared::TaskError {
@@ -90,7 +90,7 @@ fn measured(setting: &SettingReport) -> [String; 9] {
 }
 
 /// Wrong answers of each part, where there are several.
-fn tasks(out: &mut impl Write, report: &Report) -> io::Result<()> {
+fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in report.networks.iter().filter(|network| network.exact().measurement.task.len() > 1) {
         let parts = &network.exact().measurement.task;
         let mut headings = vec![format!("{}, wrong %", network.network)];
@@ -110,7 +110,7 @@ fn tasks(out: &mut impl Write, report: &Report) -> io::Result<()> {
 }
 
 /// Errors over time: whether they grow.
-fn drift(out: &mut impl Write, report: &Report) -> io::Result<()> {
+fn drift(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
         let mut headings = vec![format!("{}, RMS error by tenth", network.network)];
         headings

@@ -17,7 +17,7 @@ use meissner_engine::EngineError;
 use meissner_pipeline::latency::{Latency, microseconds};
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::wilson_95;
+use crate::metrics::{MeanStd, mean_interval, wilson_95};
 
 /// Name of the setting without approximations.
 pub const EXACT: &str = "exact";
@@ -62,12 +62,10 @@ pub struct TaskError {
 
 /// Times in microseconds of an event or of a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Time {
-    /// Mean.
     pub mean: f64,
-    /// Median.
     pub p50: f64,
-    /// 99th percentile.
     pub p99: f64,
 }
 
@@ -119,94 +117,83 @@ impl Numerical {
 impl TaskError {
     /// The error of (wrong, all) answers of each training; `None` where a training has no answers, and for no trainings.
     pub(super) fn new(of: impl Into<String>, counts: &[(u64, u64)]) -> Option<Self> {
-        let intervals: Vec<(f64, f64)> =
-            counts.iter().filter_map(|&(wrong, all)| wilson_95(wrong, all)).collect();
-        let trainings = intervals.len();
-        if trainings == 0 || trainings != counts.len() {
-            return None;
-        }
-        let mean = |sum: f64| sum / trainings as f64;
+        let intervals = counts.iter().map(|&(wrong, all)| wilson_95(wrong, all));
+        let intervals = intervals.collect::<Option<Vec<_>>>()?;
         Some(Self {
             of: of.into(),
-            error: mean(counts.iter().map(|&(wrong, all)| wrong as f64 / all as f64).sum()),
-            interval_95: (
-                mean(intervals.iter().map(|bounds| bounds.0).sum()),
-                mean(intervals.iter().map(|bounds| bounds.1).sum()),
-            ),
+            error: MeanStd::over(counts, |&(wrong, all)| wrong as f64 / all as f64)?.mean,
+            interval_95: mean_interval(&intervals)?,
             trials: counts[0].1,
-            trainings,
+            trainings: counts.len(),
         })
     }
 }
 
-/// Times of one of two networks in a repeat.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Lap {
-    /// Filters and push of each event.
-    push: Vec<Duration>,
-    /// The same with the prediction.
-    push_predict: Vec<Duration>,
-}
+/// Times of the events of a repeat: those of filters and push, and the same with the prediction.
+pub(super) type Lap = Vec<(Duration, Duration)>;
 
-impl Lap {
-    /// Adds the next event.
-    pub(super) fn record(&mut self, push: Duration, push_predict: Duration) {
-        self.push.push(push);
-        self.push_predict.push(push_predict);
-    }
-}
-
-/// Runs two networks over `items` in turns of `turn` items each, so that a slower machine slows both; then calls `after` with
-/// the index of the first item of the turn. The order alternates: neither network always finds the caches of the other.
+/// Times two networks over `streams`, `repeats` times, in turns of `turn` items each, so that a slower machine slows both. The
+/// order alternates: neither network always finds the caches of the other. `begin` begins a stream, `run` pushes items. In the
+/// first repeat, `after` is called after each turn with the index of its first item and the number of items of the stream.
 pub(super) fn take_turns<N, I>(
     (exact, own): (&mut N, &mut N),
-    (items, turn): (&[I], usize),
-    run: impl Fn(&mut N, &[I]) -> Result<(), EngineError>,
-    mut after: impl FnMut(usize, &N, &N),
-) -> Result<(), EngineError> {
-    for (place, part) in items.chunks(turn).enumerate() {
-        if place % 2 == 0 {
-            run(exact, part)?;
-            run(own, part)?;
-        } else {
-            run(own, part)?;
-            run(exact, part)?;
+    (streams, repeats, turn): (&[Vec<I>], u32, usize),
+    begin: impl Fn(&mut N) -> Result<(), EngineError>,
+    run: impl Fn(&mut N, &[I], &mut Lap) -> Result<(), EngineError>,
+    mut after: impl FnMut((usize, usize), &N, &N),
+) -> Result<Timing, EngineError> {
+    let mut laps = Vec::new();
+    for repeat in 0..repeats {
+        let (mut own_lap, mut exact_lap) = (Lap::new(), Lap::new());
+        for items in streams {
+            begin(own)?;
+            begin(exact)?;
+            for (place, part) in items.chunks(turn).enumerate() {
+                if place % 2 == 0 {
+                    run(exact, part, &mut exact_lap)?;
+                    run(own, part, &mut own_lap)?;
+                } else {
+                    run(own, part, &mut own_lap)?;
+                    run(exact, part, &mut exact_lap)?;
+                }
+                if repeat == 0 {
+                    after((place * turn, items.len()), exact, own);
+                }
+            }
         }
-        after(place * turn, exact, own);
+        laps.push((own_lap, exact_lap));
     }
-    Ok(())
-}
-
-impl Time {
-    /// Times over the repeats `laps`, each with a time for each event.
-    fn of<'a>(laps: impl Iterator<Item = &'a Vec<Duration>>) -> Self {
-        let laps: Vec<&Vec<Duration>> = laps.collect();
-        let events = laps.iter().map(|lap| lap.len()).min().unwrap_or(0);
-        let mut latency = Latency::new();
-        for event in 0..events {
-            latency.record(median(laps.iter().map(|lap| lap[event]).collect()));
-        }
-        latency.quantiles().map_or_else(Self::default, |quantiles| Self {
-            mean: microseconds(latency.total()) / latency.count() as f64,
-            p50: quantiles.p50,
-            p99: quantiles.p99,
-        })
-    }
+    Ok(Timing::of(&laps))
 }
 
 impl Timing {
     /// Times over repeats (setting, exact).
-    pub(super) fn of(laps: &[(Lap, Lap)]) -> Self {
-        let push_predict_us = Time::of(laps.iter().map(|(own, _)| &own.push_predict));
-        let exact_us = Time::of(laps.iter().map(|(_, exact)| &exact.push_predict)).mean;
+    fn of(laps: &[(Lap, Lap)]) -> Self {
+        let own = || laps.iter().map(|(own, _)| own);
+        let push_predict_us = time(own(), |event| event.1);
+        let exact_us = time(laps.iter().map(|(_, exact)| exact), |event| event.1).mean;
         Self {
-            push_us: Time::of(laps.iter().map(|(own, _)| &own.push)),
+            push_us: time(own(), |event| event.0),
             push_predict_us,
             exact_us,
             // A clock may not resolve a short time.
             ratio: push_predict_us.mean.max(1e-6) / exact_us.max(1e-6),
         }
     }
+}
+
+/// The times of events, each the median over the repeats `laps`.
+fn time<'a>(laps: impl Iterator<Item = &'a Lap>, of: fn(&(Duration, Duration)) -> Duration) -> Time {
+    let laps: Vec<&Lap> = laps.collect();
+    let mut latency = Latency::new();
+    for event in 0..laps.iter().map(|lap| lap.len()).min().unwrap_or(0) {
+        latency.record(median(laps.iter().map(|lap| of(&lap[event])).collect()));
+    }
+    latency.quantiles().map_or_else(Time::default, |quantiles| Time {
+        mean: microseconds(latency.total()) / latency.count() as f64,
+        p50: quantiles.p50,
+        p99: quantiles.p99,
+    })
 }
 
 /// The median, for an even number the mean of both middle times; 0 for no times.

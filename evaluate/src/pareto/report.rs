@@ -12,14 +12,12 @@ use super::measurement::{EXACT, Measurement};
 
 /// Results of all networks.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Report {
-    /// Command and input.
     pub header: Header,
-    /// Name of the system.
     pub system: &'static str,
     /// Unit of the times: "event" or "window".
     pub unit: &'static str,
-    /// The data.
     pub data: DataReport,
     /// Repeats of each measurement of time.
     pub repeats: u32,
@@ -29,9 +27,7 @@ pub struct Report {
     pub notes: Vec<String>,
     /// The error that settings are compared by.
     pub compared: Compared,
-    /// The networks.
     pub networks: Vec<NetworkReport>,
-    /// The fastest settings of each network.
     pub fastest_within: Vec<Fastest>,
     /// The same in a paragraph.
     #[serde(rename = "words")]
@@ -40,16 +36,14 @@ pub struct Report {
 
 /// The data, and the part of it that is timed.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DataReport {
-    /// Its name.
     pub name: String,
-    /// Number of recordings.
     pub recordings: u64,
     /// Number of events or windows.
     pub size: u64,
     /// Number of these that are timed in each repeat.
     pub timed: u64,
-    /// Fingerprint of the data.
     pub fingerprint: String,
 }
 
@@ -65,12 +59,10 @@ pub enum Compared {
 
 /// Results of a network.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct NetworkReport {
-    /// Its name.
     pub network: String,
-    /// Source of its weights.
     pub weights: String,
-    /// Fingerprint of network and weights.
     pub fingerprint: String,
     /// The settings, the exact one first.
     pub settings: Vec<SettingReport>,
@@ -78,8 +70,8 @@ pub struct NetworkReport {
 
 /// Results of a setting.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SettingReport {
-    /// Its name.
     pub setting: String,
     /// Time as it is compared, in microseconds.
     pub us: f64,
@@ -91,23 +83,19 @@ pub struct SettingReport {
     pub interval_95: Option<(f64, f64)>,
     /// Whether no other setting beats it.
     pub on_front: bool,
-    /// The measurement.
     #[serde(flatten)]
     pub measurement: Measurement,
 }
 
 /// The fastest setting of a network within some error of the exact one.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Fastest {
-    /// Name of the network.
     pub network: String,
     /// Largest error above that of the exact setting.
     pub within: f64,
-    /// Name of the setting.
     pub setting: String,
-    /// Its speed-up.
     pub speed_up: f64,
-    /// Its error.
     pub error: f64,
 }
 

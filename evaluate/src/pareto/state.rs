@@ -19,21 +19,18 @@ use crate::error::EvaluateError;
 
 /// Identity of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Key {
-    /// Name of the system.
-    pub system: String,
-    /// Name of the network.
-    pub network: String,
+pub(super) struct Key {
+    pub(super) system: String,
+    pub(super) network: String,
     /// Fingerprint of network and weights.
-    pub weights: String,
-    /// Name of the setting.
-    pub setting: String,
+    pub(super) weights: String,
+    pub(super) setting: String,
     /// Fingerprint of the data.
-    pub data: String,
+    pub(super) data: String,
     /// Timed events or windows, repeats, instruction set.
-    pub options: String,
+    pub(super) options: String,
     /// Version of the program.
-    pub version: String,
+    pub(super) version: String,
 }
 
 /// A line of the file.
@@ -73,15 +70,12 @@ impl State {
     }
 
     /// The measurement of `key`.
-    pub fn find(&self, key: &Key) -> Option<&Measurement> {
+    pub(super) fn find(&self, key: &Key) -> Option<&Measurement> {
         self.lines.iter().find(|line| line.key == *key).map(|line| &line.measurement)
     }
 
     /// Appends `measurement`, and returns it as it will be read.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn add(&mut self, key: Key, measurement: Measurement) -> Result<Measurement, EvaluateError> {
+    pub(super) fn add(&mut self, key: Key, measurement: Measurement) -> Result<Measurement, EvaluateError> {
         let Some((path, file)) = &mut self.file else { return Ok(measurement) };
         let failed = |source| EvaluateError::Write { path: path.clone(), source };
         let mut text = serde_json::to_vec(&Line { key, measurement }).map_err(|e| failed(e.into()))?;

@@ -8,8 +8,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
-use meissner_io::datasets::Split;
-use meissner_models::systems::digits::SENSOR;
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::frame_predictor::LayerCost;
 use meissner_pipeline::losses::InputLosses;
@@ -17,15 +15,16 @@ use meissner_pipeline::model::{Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
 use rayon::ThreadPool;
 
-use super::events::{EventNetwork, Judge};
-use super::frames::{FramesNetwork, has_convolutions, has_pixels_to_keep};
+use super::event_network::{EventNetwork, Judge};
+use super::frame_network::{FramesNetwork, has_convolutions, has_pixels_to_keep};
 use super::report::DataReport;
 use super::state::Fingerprint;
 use super::{NetworkStudy, Options, Study};
-use crate::digits::{self, Digits, DigitsData, Fold, cross_validations};
-use crate::error::{EvaluateError, weights_error};
-use crate::slip::{self, Slip, SlipData, Windows};
-use crate::trainings::{Request, candidates};
+use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::events::EventTask;
+use crate::slip::{Slip, SlipData, Windows};
+use crate::trainings::{Candidate, Request, candidates};
+use crate::trials::Fold;
 
 /// Timed events without another number.
 const EVENTS: usize = 20_000;
@@ -66,7 +65,7 @@ pub fn angle(
     let taken = all.iter().filter(|event| i128::from(event.t_us) >= begin);
     let events: Vec<Event> = taken.copied().take(count).collect();
     if events.is_empty() {
-        return Err(EvaluateError::NoEvents);
+        return Err(EvaluateError::request(RequestPart::Recording, "events to measure", "none"));
     }
     let mut gate = Admission::new(sensor, LatePolicy::Drop);
     for &event in &events {
@@ -88,11 +87,13 @@ pub fn angle(
         let Model { network, card, .. } =
             Model::of(&description, (&weights, label.clone()), asked.ignore_preparation)?;
         if card.stride() > 1 {
-            return Err(EvaluateError::Stride { network: name.clone(), stride: card.stride() });
+            let found = format!("{name}, whose weights say \"stride\" {}", card.stride());
+            let expected = "weights of networks that take every event";
+            return Err(EvaluateError::request(RequestPart::Networks, expected, found));
         }
         notes.extend(card.warnings(Some([sensor.width, sensor.height])));
         if networks.iter().any(|other| other.name == network.name()) {
-            return Err(EvaluateError::NetworkTwice(name.clone()));
+            return Err(EvaluateError::twice(name));
         }
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{description:?}"));
@@ -109,44 +110,47 @@ pub fn angle(
     Ok(Study { system: "angle", unit: "event", asked: count, data, networks, notes })
 }
 
-/// The study of networks over events for digits, on the data set in `folder`. Errors are those on the split test, or of the
+/// The study of networks over events for a task, on the data set in `folder`. Errors are those on the split test, or of the
 /// cross-validation where a network has folds, of which there must be `folds`.
 ///
 /// # Errors
 /// The data set or a network cannot be read, or trainings do not fit.
-pub fn digits<'a>(
+pub fn events<'a, T: EventTask>(
     folder: &Path,
     request: Request<'_>,
     folds: Option<usize>,
     options: &Options,
     pool: &'a ThreadPool,
 ) -> Result<Study<'a>, EvaluateError> {
-    let (candidates, more_notes) = candidates::<Digits>(request)?;
-    let strides = candidates.iter().map(digits::Candidate::stride).collect::<Result<Vec<_>, _>>()?;
-    let data = Arc::new(DigitsData::read(folder)?);
+    let (candidates, more_notes) = candidates::<T>(request)?;
+    let strides = candidates.iter().map(Candidate::stride).collect::<Result<Vec<_>, _>>()?;
+    let data = Arc::new(T::read(folder)?);
     let asked = options.timed.unwrap_or(EVENTS);
     let (mut networks, mut timed) = (Vec::new(), 0);
-    for (candidate, stride) in candidates.iter().zip(strides) {
-        let (of, seeds) = seeds(folder, candidate, &data, folds)?;
+    for (Candidate { description, trainings }, stride) in candidates.into_iter().zip(strides) {
+        // Folds where there are any, else whole trainings.
+        let mut trials = data.trials(&trainings, folds)?;
+        let has_folds = trials.iter().any(|trial| trial.scheme.is_some());
+        trials.retain(|trial| trial.scheme.is_some() == has_folds);
+        data.has_test(&trials)?;
+        let of = if has_folds { "cross-validation" } else { "split test" };
         let taken = |place: usize| data.recordings[place].events.iter().copied().step_by(stride);
-        let events = |place: usize| taken(place).collect::<Vec<Event>>();
-        let (first, chosen) = &seeds[0][0];
-        let streams = spread(chosen, |place| taken(place).len(), asked);
-        let streams: Vec<Vec<Event>> = streams.into_iter().map(events).collect();
+        let Fold { training: first, cases } = &trials[0].folds[0];
+        let streams = spread(cases, |place| taken(place).len(), asked);
+        let streams: Vec<Vec<Event>> = streams.into_iter().map(|place| taken(place).collect()).collect();
         timed = timed.max(streams.iter().map(|events| events.len() as u64).sum());
-        let description = &candidate.description;
         let network = description.network(&first.weights).map_err(weights_error(&first.label))?;
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{description:?}, every {stride}"));
-        for (training, chosen) in seeds.iter().flatten() {
+        let all = || trials.iter().flat_map(|trial| &trial.folds);
+        for Fold { training, cases } in all() {
             fingerprint.weights(&training.weights);
-            chosen.iter().for_each(|&place| fingerprint.text(&data.recordings[place].name));
+            cases.iter().for_each(|&place| fingerprint.text(&data.recordings[place].name));
         }
-        let label = timed_label(seeds.iter().flatten().count(), &first.label);
-        let (data, description) = (Arc::clone(&data), description.clone());
-        let name = description.name().to_owned();
-        let judge = Some(Judge { of, data, stride, description, seeds, pool });
-        let network = EventNetwork { network, sensor: SENSOR, streams, repeats: options.repeats, judge };
+        let label = timed_label(all().count(), &first.label);
+        let (sensor, name) = (data.set.sensor, description.name().to_owned());
+        let judge = Some(Judge { of, data: Arc::clone(&data), stride, description, trials, pool });
+        let network = EventNetwork { network, sensor, streams, repeats: options.repeats, judge };
         networks.push(network.study(name, label, fingerprint.finish())?);
     }
     let mut fingerprint = Fingerprint::default();
@@ -163,31 +167,12 @@ pub fn digits<'a>(
         fingerprint: fingerprint.finish(),
     };
     let notes = data.notes.iter().cloned().chain(more_notes).collect();
-    Ok(Study { system: "digits", unit: "event", asked, data: report, networks, notes })
+    Ok(Study { system: data.set.task, unit: "event", asked, data: report, networks, notes })
 }
 
 /// Source of the weights of so many trainings.
 fn timed_label(trainings: usize, first: &str) -> String {
     if trainings == 1 { first.to_owned() } else { format!("{trainings} trainings, timed with {first}") }
-}
-
-/// The trainings of `candidate` by seed, each with its unseen recordings: folds where there are any, else whole trainings.
-fn seeds(
-    folder: &Path,
-    candidate: &digits::Candidate,
-    data: &DigitsData,
-    folds: Option<usize>,
-) -> Result<(&'static str, Vec<Vec<Fold>>), EvaluateError> {
-    let validations = cross_validations(&candidate.trainings, data, folds)?;
-    if !validations.is_empty() {
-        return Ok(("cross-validation", validations.into_iter().map(|seed| seed.folds).collect()));
-    }
-    let test = data.of(Split::Test);
-    if test.is_empty() {
-        return Err(EvaluateError::NoTestSplit { folder: folder.to_owned() });
-    }
-    let whole = candidate.trainings.iter().map(|training| vec![(Arc::clone(training), test.clone())]);
-    Ok(("split test", whole.collect()))
 }
 
 /// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count` events.
@@ -219,8 +204,7 @@ pub fn slip<'a>(
     notes.splice(0..0, data.notes.iter().cloned());
     let asked = options.timed.unwrap_or(WINDOWS);
     let (mut networks, mut size, mut timed) = (Vec::new(), 0, 0);
-    for candidate in candidates {
-        let slip::Candidate { description, trainings } = candidate;
+    for Candidate { description, trainings } in candidates {
         let name = description.name().to_owned();
         let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
         let folds = trainings.len() - whole.len();
@@ -229,21 +213,21 @@ pub fn slip<'a>(
                 "{name}: {folds} folds are passed over, unseen objects are for whole trainings"
             ));
         }
-        let Some(first) = whole.first() else { return Err(EvaluateError::NoWholeTraining(name)) };
+        let Some(first) = whole.first() else {
+            let expected = format!("a whole training of {name}");
+            return Err(EvaluateError::request(RequestPart::Trainings, expected, "folds alone"));
+        };
         let label = timed_label(whole.len(), &first.label);
         let windows = Windows::cut(&data, &description)?;
-        let all = windows.all().into_iter().zip(&data.objects);
-        let unseen = all.map(|(windows, object)| match object.set {
-            ObjectSet::Basic => Vec::new(),
-            _ => windows,
-        });
-        let unseen: Vec<Vec<usize>> = unseen.collect();
-        let of_recording = |(recording, windows): (usize, &Vec<usize>)| {
-            windows.iter().map(|&window| (recording, window)).collect::<Vec<_>>()
-        };
-        let places: Vec<(usize, usize)> = unseen.iter().enumerate().flat_map(of_recording).collect();
-        if places.is_empty() {
-            return Err(EvaluateError::NoUnseenObjects);
+        let set = |window: usize| data.objects[windows.cases.recording(window)].set;
+        let windows_of_unseen = (0..windows.cases.len()).filter(|&window| set(window) != ObjectSet::Basic);
+        let unseen: Vec<usize> = windows_of_unseen.collect();
+        if unseen.is_empty() {
+            return Err(EvaluateError::request(
+                RequestPart::Data,
+                "recordings of unseen objects",
+                "Basic alone",
+            ));
         }
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{description:?}"));
@@ -262,14 +246,14 @@ pub fn slip<'a>(
             trainings: parts,
             costs: description.layers().iter().map(LayerCost::new).collect(),
             data: Arc::clone(&data),
+            timed: evenly(&unseen, asked.min(unseen.len())),
             windows,
             unseen,
-            timed: evenly(&places, asked.min(places.len())),
             repeats: options.repeats,
             pool,
             exact: OnceCell::new(),
         };
-        (size, timed) = (network.windows.counts.iter().sum(), network.timed.len());
+        (size, timed) = (network.windows.cases.len(), network.timed.len());
         networks.push(network.study(name, label, fingerprint.finish()));
     }
     let mut fingerprint = Fingerprint::default();

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::frames::{Convolution, FrameEngine};
 use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
-use meissner_models::{AnyDescription, ModelError, TensorFile};
+use meissner_models::{AnyDescription, FrameDescription, ModelError, TensorFile};
 use meissner_pipeline::model::{card, frame_network};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
@@ -18,21 +18,20 @@ use rayon::ThreadPool;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Candidate, HeldOut, Scheme, Slip, SlipData, Training, Windows, trained_on_basic};
+use super::{Slip, SlipData, Windows, trained_on_basic};
 use crate::error::{EvaluateError, TrainingError, weights_error};
+use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
-use crate::trainings::{Evaluation, Metadata, Request, candidates, seed_name};
+use crate::trainings::{Candidate, Evaluation, Metadata, Request, Training, candidates};
+use crate::trials::Scheme;
 
 /// Figures of all networks, with the keys of the JSON report.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Report {
-    /// Command and input.
     pub header: Header,
-    /// The data set.
     pub data: DataReport,
-    /// Names of the classes.
     pub classes: [&'static str; CLASSES.len()],
-    /// The networks.
     pub networks: Vec<NetworkReport>,
     /// Accuracies of other methods.
     pub references: Vec<ReferenceReport>,
@@ -40,12 +39,10 @@ pub struct Report {
 
 /// The data set that networks are judged on.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DataReport {
-    /// Its folder.
     pub folder: String,
-    /// Number of recordings.
     pub recordings: usize,
-    /// Number of readings.
     pub readings: usize,
     /// Remarks about the data and the trainings, for people.
     pub notes: Vec<String>,
@@ -57,9 +54,6 @@ pub struct NetworkReport {
     /// Network and weights.
     #[serde(flatten)]
     pub card: ModelCard,
-    /// Name of the network.
-    #[serde(skip)]
-    pub network: String,
     /// How its frames are made.
     pub preparation: Value,
     /// Source of its weights.
@@ -73,63 +67,60 @@ pub struct NetworkReport {
 
 /// Figures of whole trainings on one set.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SetReport {
-    /// Name of the set.
     pub set: &'static str,
     /// Whether the networks were trained on it.
     pub trained_on: bool,
-    /// The figures.
     #[serde(flatten)]
     pub judged: Judged,
 }
 
 /// Figures of the folds of a scheme.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ValidationReport {
-    /// The scheme.
     pub scheme: Scheme,
     /// Number of windows of the set Basic.
     pub of_basic: u64,
-    /// The figures.
     #[serde(flatten)]
     pub judged: Judged,
 }
 
 /// Figures of several trainings.
-#[derive(Serialize)]
-pub struct Judged {
-    /// The smallest number of windows that a training is judged on. It differs only where folds are missing.
-    pub windows: u64,
-    /// Number of trainings.
-    pub trainings: usize,
-    /// Share of windows with the right class.
-    pub accuracy: MeanStd,
-    /// Mean precision of the classes.
-    pub precision: MeanStd,
-    /// Mean recall of the classes.
-    pub recall: MeanStd,
-    /// Mean F1 of the classes.
-    pub f1: MeanStd,
-    /// Sum over the trainings.
-    pub confusion: Confusion,
-    /// The trainings.
-    pub each: Vec<JudgedSeed>,
-}
+pub type Judged = judged::Judged<Classified>;
 
-/// Figures of one training, or of the folds of one seed together.
+/// Figures of a classification of windows; `T` is a number for one training and [`MeanStd`] for several.
 #[derive(Serialize)]
-pub struct JudgedSeed {
-    /// Seed of the training, where the weights state it.
-    pub seed: Option<i64>,
-    /// Files of the weights; none for shipped ones.
-    pub files: Vec<String>,
-    /// Number of windows.
+pub struct Classified<T = f64> {
+    /// Number of windows; for several trainings the smallest. It differs only where folds are missing.
     pub windows: u64,
     /// Accuracy, precision, recall and F1.
     #[serde(flatten)]
-    pub scores: Scores,
-    /// Counts of predictions.
+    pub scores: Scores<T>,
+    /// Counts of predictions, the sum over the trainings.
     pub confusion: Confusion,
+}
+
+impl Classified {
+    /// The figures of predictions (true class, outputs); `None` for no predictions.
+    fn new<'a>(predictions: impl Iterator<Item = (usize, &'a Vec<f32>)>) -> Option<Self> {
+        let mut confusion = Confusion::new(CLASSES.len());
+        predictions.for_each(|(truth, values)| confusion.add(truth, predicted(values)));
+        Some(Self { windows: confusion.total(), scores: Scores::of(&confusion)?, confusion })
+    }
+}
+
+impl Figures for Classified {
+    type Mean = Classified<MeanStd>;
+
+    fn mean(each: &[&Self]) -> Option<Classified<MeanStd>> {
+        Some(Classified {
+            windows: each.iter().map(|one| one.windows).min()?,
+            scores: Scores::mean(&each.iter().map(|one| one.scores).collect::<Vec<_>>())?,
+            confusion: Confusion::sum(each.iter().map(|one| &one.confusion))?,
+        })
+    }
 }
 
 /// Accuracies of another method.
@@ -195,53 +186,60 @@ struct Judge<'a> {
     notes: Vec<String>,
 }
 
-/// The folds of a scheme and a seed.
-struct Folds<'a> {
-    confusion: Confusion,
-    files: Vec<String>,
-    /// The fold that held out each window, by recording.
-    owners: Vec<Vec<Option<&'a Path>>>,
-}
-
 impl Judge<'_> {
     fn network(
         &mut self,
-        candidate: &Candidate,
+        candidate: &Candidate<FrameDescription>,
         mut done: impl FnMut(&Training),
     ) -> Result<NetworkReport, EvaluateError> {
         let Candidate { description, trainings } = candidate;
-        let windows = Windows::cut(self.data, description)?;
-        let mut sets: BTreeMap<ObjectSet, Vec<JudgedSeed>> = BTreeMap::new();
-        let mut folds: BTreeMap<(Scheme, Option<i64>), Folds<'_>> = BTreeMap::new();
-        for training in trainings {
-            let weights = (&training.weights, training.label.clone());
-            let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
-            let engine = FrameEngine::new(network)?;
-            let failed = weights_error(&training.label);
-            let outputs = |chosen: &[Vec<usize>]| {
-                let logits = windows.logits(self.pool, &engine, chosen, windows.steps());
-                logits.map_err(|source| failed(ModelError::Engine(source)))
-            };
-            if let Some(held_out) = &training.held_out {
-                let chosen = self.held_out(held_out, &windows).map_err(|source| training.refused(source))?;
-                let folds = folds.entry((held_out.scheme(), training.seed));
-                let folds = folds.or_insert_with(|| Folds::new(&windows));
-                let owned = folds.own(&training.path, &chosen, self.data);
-                owned.map_err(|source| training.refused(source))?;
-                folds.confusion.merge(&self.confusion(&outputs(&chosen)?, |_| true));
-                folds.files.extend(training.files());
-            } else {
-                let outputs = outputs(&windows.all())?;
-                for set in ObjectSet::ALL {
-                    let confusion = self.confusion(&outputs, |index| self.data.objects[index].set == set);
-                    let judged = JudgedSeed::new(training.seed, training.files(), confusion);
-                    sets.entry(set).or_default().extend(judged);
-                }
-                let (name, values) =
-                    (format!("{}.{}", training.network, seed_name(training.seed)), outputs.concat());
-                self.logits.f32(&name, &[values.len() / CLASSES.len(), CLASSES.len()], &values);
+        let (data, name) = (self.data, description.name());
+        let windows = Windows::cut(data, description)?;
+        let class = |window: usize| data.recordings[windows.cases.recording(window)].class;
+        let set = |window: usize| data.objects[windows.cases.recording(window)].set;
+        let all: Vec<usize> = (0..windows.cases.len()).collect();
+        let of_basic = all.iter().filter(|&&window| set(window) == ObjectSet::Basic).count();
+        let is_basic = |chosen: &[usize]| match chosen.iter().find(|&&window| set(window) != ObjectSet::Basic)
+        {
+            None => Ok(()),
+            Some(&window) => {
+                let recording = &data.recordings[windows.cases.recording(window)].name;
+                let expected = "recordings of the set Basic, which it was trained on".to_owned();
+                let found = format!("{recording:?} of {}", set(window));
+                Err(TrainingError::HeldOut { expected, found })
             }
-            done(training);
+        };
+        let trials = windows.cases.trials(trainings, &all, is_basic)?;
+        let mut sets: BTreeMap<ObjectSet, Vec<_>> = BTreeMap::new();
+        let mut schemes: BTreeMap<Scheme, Vec<_>> = BTreeMap::new();
+        for trial in &trials {
+            let outputs = trial.outcomes(|training, chosen| {
+                let outputs = self.outputs(description, training, &windows, chosen)?;
+                done(training);
+                Ok(outputs)
+            })?;
+            let of = |chosen: &dyn Fn(usize) -> bool| {
+                let outputs = outputs.iter().filter(|(window, _)| chosen(*window));
+                (trial, Classified::new(outputs.map(|(window, values)| (class(*window), values))))
+            };
+            let Some(scheme) = trial.scheme else {
+                for of_set in ObjectSet::ALL {
+                    sets.entry(of_set).or_default().push(of(&|window| set(window) == of_set));
+                }
+                let values =
+                    outputs.iter().flat_map(|(_, values)| values.iter().copied()).collect::<Vec<_>>();
+                trial.write(name, CLASSES.len(), &values, &mut self.logits);
+                continue;
+            };
+            if trial.cases() != of_basic {
+                let (folds, seed) = (trial.folds.len(), trial.seed.unwrap_or_default());
+                self.notes.push(format!(
+                    "{name}: the {folds} folds of seed {seed} hold out {} of the {} windows of Basic",
+                    grouped(trial.cases() as u64),
+                    grouped(of_basic as u64)
+                ));
+            }
+            schemes.entry(scheme).or_default().push(of(&|_| true));
         }
         let on_basic =
             trainings.iter().any(|training| trained_on_basic(Metadata(training.weights.metadata())));
@@ -249,112 +247,33 @@ impl Judge<'_> {
             let trained_on = set == ObjectSet::Basic && on_basic;
             Some(SetReport { set: set.name(), trained_on, judged: Judged::new(each)? })
         });
+        let validations = schemes.into_iter().filter_map(|(scheme, each)| {
+            Some(ValidationReport { scheme, of_basic: of_basic as u64, judged: Judged::new(each)? })
+        });
         let described = AnyDescription::Frames(description.clone());
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
         Ok(NetworkReport {
             card: card(&described, &trainings[0].weights, candidate.weights())?,
-            network: description.name().to_owned(),
             preparation: preparation.unwrap_or(Value::Null),
             weights: candidate.weights(),
             sets: sets.collect(),
-            cross_validation: self.validations(description.name(), folds, &windows),
+            cross_validation: validations.collect(),
         })
     }
 
-    /// The windows of each recording that a fold held out, in order.
-    fn held_out(&self, held_out: &HeldOut, windows: &Windows) -> Result<Vec<Vec<usize>>, TrainingError> {
-        let mut chosen = vec![Vec::new(); windows.counts.len()];
-        let find = |name: &str| {
-            let index = self.data.recordings.iter().position(|recording| recording.name == name);
-            let found = || name.to_owned();
-            let index = index.ok_or_else(|| TrainingError::Recording { found: found() })?;
-            match self.data.objects[index].set {
-                ObjectSet::Basic => Ok(index),
-                set => Err(TrainingError::OtherSet { found: found(), set }),
-            }
-        };
-        match held_out {
-            HeldOut::Recordings(names) => {
-                for name in names {
-                    let index = find(name)?;
-                    chosen[index].extend(0..windows.counts[index]);
-                }
-            }
-            HeldOut::Windows(list) => {
-                for (name, window) in list {
-                    let index = find(name)?;
-                    if *window >= windows.counts[index] {
-                        let (recording, windows) = (name.clone(), windows.counts[index]);
-                        return Err(TrainingError::Window { recording, windows, found: *window });
-                    }
-                    chosen[index].push(*window);
-                }
-            }
-        }
-        chosen.iter_mut().for_each(|windows| windows.sort_unstable());
-        Ok(chosen)
-    }
-
-    /// Predictions of the `outputs` for the recordings that `counts` is true for.
-    fn confusion(&self, outputs: &[Vec<f32>], counts: impl Fn(usize) -> bool) -> Confusion {
-        let mut confusion = Confusion::new(CLASSES.len());
-        for (index, outputs) in outputs.iter().enumerate().filter(|(index, _)| counts(*index)) {
-            for values in outputs.chunks_exact(CLASSES.len()) {
-                confusion.add(self.data.recordings[index].class, predicted(values));
-            }
-        }
-        confusion
-    }
-
-    /// The figures of each scheme over its seeds, and a note where the folds of a seed do not hold out all of Basic.
-    fn validations(
-        &mut self,
-        network: &str,
-        folds: BTreeMap<(Scheme, Option<i64>), Folds<'_>>,
+    /// The outputs for the windows `chosen` with the weights of `training`.
+    fn outputs(
+        &self,
+        description: &FrameDescription,
+        training: &Training,
         windows: &Windows,
-    ) -> Vec<ValidationReport> {
-        let counts = self.data.objects.iter().zip(&windows.counts);
-        let of_basic = counts.filter(|(object, _)| object.set == ObjectSet::Basic);
-        let of_basic = of_basic.map(|(_, &count)| count as u64).sum();
-        let mut schemes: BTreeMap<Scheme, Vec<JudgedSeed>> = BTreeMap::new();
-        for ((scheme, seed), Folds { confusion, files, .. }) in folds {
-            let found = confusion.total();
-            if found != of_basic {
-                let seed = seed.unwrap_or_default();
-                self.notes.push(format!(
-                    "{network}: the {} folds of seed {seed} hold out {} of the {} windows of Basic",
-                    files.len(),
-                    grouped(found),
-                    grouped(of_basic)
-                ));
-            }
-            schemes.entry(scheme).or_default().extend(JudgedSeed::new(seed, files, confusion));
-        }
-        let report = |(scheme, each)| Some(ValidationReport { scheme, of_basic, judged: Judged::new(each)? });
-        schemes.into_iter().filter_map(report).collect()
-    }
-}
-
-impl<'a> Folds<'a> {
-    fn new(windows: &Windows) -> Self {
-        Self {
-            confusion: Confusion::new(CLASSES.len()),
-            files: Vec::new(),
-            owners: windows.counts.iter().map(|&count| vec![None; count]).collect(),
-        }
-    }
-
-    /// Notes that the fold in the file at `path` held out the windows `chosen` of each recording.
-    fn own(&mut self, path: &'a Path, chosen: &[Vec<usize>], data: &SlipData) -> Result<(), TrainingError> {
-        for (index, windows) in chosen.iter().enumerate() {
-            for &window in windows {
-                if let Some(first) = self.owners[index][window].replace(path) {
-                    let (recording, first) = (data.recordings[index].name.clone(), first.to_owned());
-                    return Err(TrainingError::Overlap { recording, window, first });
-                }
-            }
-        }
-        Ok(())
+        chosen: &[usize],
+    ) -> Result<Vec<Vec<f32>>, EvaluateError> {
+        let weights = (&training.weights, training.label.clone());
+        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
+        let engine = FrameEngine::new(network)?;
+        let outputs = windows.logits(self.pool, &engine, chosen, windows.steps);
+        outputs.map_err(|source| weights_error(&training.label)(ModelError::Engine(source)))
     }
 }
 
@@ -366,35 +285,6 @@ impl ReferenceReport {
             Self { name: reference.name, about: reference.about, accuracy, reference }
         };
         REFERENCES.into_iter().map(report).collect()
-    }
-}
-
-impl JudgedSeed {
-    /// The figures of `confusion`; `None` where it has no counts.
-    fn new(seed: Option<i64>, files: Vec<String>, confusion: Confusion) -> Option<Self> {
-        let scores = Scores::of(&confusion)?;
-        Some(Self { seed, files, windows: confusion.total(), scores, confusion })
-    }
-}
-
-impl Judged {
-    /// The figures of `each` training together; `None` for no trainings.
-    fn new(each: Vec<JudgedSeed>) -> Option<Self> {
-        let spread = |figure: fn(&Scores) -> f64| {
-            MeanStd::of(&each.iter().map(|one| figure(&one.scores)).collect::<Vec<_>>())
-        };
-        let mut confusion = Confusion::new(CLASSES.len());
-        each.iter().for_each(|one| confusion.merge(&one.confusion));
-        Some(Self {
-            windows: each.iter().map(|one| one.windows).min()?,
-            trainings: each.len(),
-            accuracy: spread(|scores| scores.accuracy)?,
-            precision: spread(|scores| scores.precision)?,
-            recall: spread(|scores| scores.recall)?,
-            f1: spread(|scores| scores.f1)?,
-            confusion,
-            each,
-        })
     }
 }
 

@@ -1,14 +1,15 @@
 //! Figures of made-up answers.
 
-use super::{Judged, JudgedSeed, Outcome, lower_median};
+use super::{Outcome, OverTime, lower_median};
+use crate::judged::Figures;
 
 fn outcome(answers: &[usize], end_us: i64) -> Outcome {
     Outcome { answers: answers.to_vec(), logits: Vec::new(), end_us }
 }
 
-fn one(outcomes: &[(usize, Outcome)], times: usize) -> JudgedSeed {
+fn one(outcomes: &[(usize, Outcome)], times: usize) -> OverTime {
     let outcomes: Vec<_> = outcomes.iter().map(|(truth, outcome)| (*truth, outcome)).collect();
-    JudgedSeed::new(Some(1), Vec::new(), &outcomes, 10, times).unwrap()
+    OverTime::new(10, &outcomes, 10, times).unwrap()
 }
 
 #[test]
@@ -43,9 +44,9 @@ fn half_are_over_at_the_lower_median() {
 fn several_trainings_give_mean_and_deviation_and_the_mean_of_their_bounds() {
     let each = [&[1, 3][..], &[3, 3]].map(|answers| one(&[(3, outcome(answers, 15))], 2));
     let bounds = each[0].interval_95_at[0].0.midpoint(each[1].interval_95_at[0].0);
-    let judged = Judged::new(each.into()).unwrap();
+    let judged = OverTime::mean(&each.each_ref()).unwrap();
     assert_eq!((judged.accuracy_at[0].mean, judged.accuracy_at[0].std), (0.5, Some(0.5_f64.sqrt())));
-    assert_eq!((judged.accuracy.mean, judged.trainings, judged.recordings), (1.0, 2, 1));
+    assert_eq!((judged.accuracy.mean, judged.recordings), (1.0, 1));
     assert!((judged.interval_95_at[0].0 - bounds).abs() < 1e-15);
     assert_eq!((judged.settled_us, judged.confusion.count(3, 3)), (Some(10), 2));
 }

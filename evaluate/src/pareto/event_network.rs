@@ -17,11 +17,13 @@ use meissner_pipeline::approximations::FilteredEngine;
 use rayon::ThreadPool;
 
 use super::NetworkStudy;
-use super::measurement::{Differences, Lap, Measurement, TaskError, Timing, take_turns};
+use super::measurement::{Differences, Lap, Measurement, TaskError, take_turns};
 use super::settings::{Setting, mean_rate, row_costs, settings};
-use crate::digits::{DigitsData, Fold, Training};
 use crate::error::{EvaluateError, weights_error};
+use crate::events::EventData;
 use crate::metrics::predicted;
+use crate::trainings::Training;
+use crate::trials::Trial;
 use crate::workers;
 
 /// Events of a turn.
@@ -43,12 +45,11 @@ pub(super) struct EventNetwork<'a> {
 pub(super) struct Judge<'a> {
     /// The part of the data set, for reports.
     pub(super) of: &'static str,
-    pub(super) data: Arc<DigitsData>,
+    pub(super) data: Arc<EventData>,
     /// Every `stride`-th event of a recording is taken.
     pub(super) stride: usize,
     pub(super) description: Description,
-    /// Trainings of each seed that count together, such as the folds of a cross-validation.
-    pub(super) seeds: Vec<Vec<Fold>>,
+    pub(super) trials: Vec<Trial>,
     pub(super) pool: &'a ThreadPool,
 }
 
@@ -59,7 +60,6 @@ struct Run {
     last: Vec<f32>,
     /// Predictions after each event of the last turn.
     outputs: Vec<f32>,
-    lap: Lap,
 }
 
 impl<'a> EventNetwork<'a> {
@@ -84,53 +84,39 @@ impl<'a> EventNetwork<'a> {
         let mut own = Run::new(Arc::clone(&adapted), self.sensor, &setting.approximations)?;
         let mut exact = Run::new(exact, self.sensor, &Approximations::default())?;
         let mut differences = Differences::default();
-        let mut counters = None;
-        let mut laps = Vec::new();
-        for repeat in 0..self.repeats {
-            self.take_turns((&mut exact, &mut own), (repeat == 0).then_some(&mut differences))?;
-            counters.get_or_insert_with(|| own.engine.counters());
-            laps.push((std::mem::take(&mut own.lap), std::mem::take(&mut exact.lap)));
-        }
+        let (mut counters, outputs) = (own.engine.counters(), self.network.outputs());
+        let timing = take_turns(
+            (&mut exact, &mut own),
+            (&self.streams, self.repeats, TURN),
+            Run::reset,
+            Run::push,
+            |(first, count), exact, own| {
+                counters = own.engine.counters();
+                let pairs = exact.outputs.chunks_exact(outputs).zip(own.outputs.chunks_exact(outputs));
+                for (place, (exact, own)) in pairs.enumerate() {
+                    differences.add((first + place, count), exact, own);
+                }
+            },
+        )?;
         let timed = self.streams.iter().map(|events| events.len() as u64).sum();
         let per_event = |count: u64| count as f64 / timed as f64;
-        let Counters { layers, .. } = counters.expect("there is at least one repeat");
+        let Counters { layers, .. } = counters;
         let costs = row_costs(&adapted);
         let products = layers.iter().zip(&costs).map(|(layer, cost)| layer.recomputed * cost).sum();
         let passed = own.engine.passed() / u64::from(self.repeats);
         let task = match &self.judge {
-            Some(judge) => judge.error(setting, self.sensor)?.into_iter().collect(),
+            Some(judge) => judge.error(setting)?.into_iter().collect(),
             None => Vec::new(),
         };
         Ok(Measurement {
             timed,
             entered: per_event(passed),
-            timing: Timing::of(&laps),
+            timing,
             rows: per_event(layers.iter().map(|layer| layer.recomputed).sum()),
             multiply_adds: per_event(products),
             numerical: differences.finish(),
             task,
         })
-    }
-
-    /// Runs both over all streams, and adds the differences of their predictions.
-    fn take_turns(
-        &self,
-        (exact, own): (&mut Run, &mut Run),
-        mut differences: Option<&mut Differences>,
-    ) -> Result<(), EngineError> {
-        let outputs = self.network.outputs();
-        for events in &self.streams {
-            own.reset()?;
-            exact.reset()?;
-            take_turns((&mut *exact, &mut *own), (events, TURN), Run::push, |first, exact, own| {
-                let Some(differences) = differences.as_deref_mut() else { return };
-                let pairs = exact.outputs.chunks_exact(outputs).zip(own.outputs.chunks_exact(outputs));
-                for (place, (exact, own)) in pairs.enumerate() {
-                    differences.add((first + place, events.len()), exact, own);
-                }
-            })?;
-        }
-        Ok(())
     }
 }
 
@@ -141,7 +127,7 @@ impl Run {
         approximations: &Approximations,
     ) -> Result<Self, EngineError> {
         let engine = FilteredEngine::new(network, sensor, approximations, Options::default())?;
-        Ok(Self { engine, last: Vec::new(), outputs: Vec::new(), lap: Lap::default() })
+        Ok(Self { engine, last: Vec::new(), outputs: Vec::new() })
     }
 
     /// Forgets all events, and predicts from the empty window.
@@ -153,7 +139,7 @@ impl Run {
     }
 
     /// Pushes `events`, and stores the prediction after each of them.
-    fn push(&mut self, events: &[Event]) -> Result<(), EngineError> {
+    fn push(&mut self, events: &[Event], lap: &mut Lap) -> Result<(), EngineError> {
         self.outputs.clear();
         for &event in events {
             let (passes, filtering) = self.engine.admit(event);
@@ -167,7 +153,7 @@ impl Run {
                 predict = start.elapsed();
                 self.last.copy_from_slice(prediction?.values);
             }
-            self.lap.record(push, push + predict);
+            lap.push((push, push + predict));
             self.outputs.extend_from_slice(&self.last);
         }
         Ok(())
@@ -176,37 +162,32 @@ impl Run {
 
 impl Judge<'_> {
     /// The share of wrong answers with `setting`; `None` without answers.
-    fn error(&self, setting: &Setting, sensor: Sensor) -> Result<Option<TaskError>, EvaluateError> {
-        let mut counts = Vec::new();
-        for seed in &self.seeds {
-            let (mut wrong, mut all) = (0, 0);
-            for (training, chosen) in seed {
-                wrong += self.wrong(training, chosen, setting, sensor)?;
-                all += chosen.len() as u64;
-            }
-            counts.push((wrong, all));
-        }
+    fn error(&self, setting: &Setting) -> Result<Option<TaskError>, EvaluateError> {
+        let count = |trial: &Trial| {
+            let wrong = trial.outcomes(|training, chosen| self.wrong(training, chosen, setting))?;
+            Ok((wrong.iter().filter(|(_, wrong)| *wrong).count() as u64, wrong.len() as u64))
+        };
+        let counts = self.trials.iter().map(count).collect::<Result<Vec<_>, EvaluateError>>()?;
         Ok(TaskError::new(self.of, &counts))
     }
 
-    /// Number of wrong answers for the recordings `chosen`.
+    /// Whether the answer for each of the recordings `chosen` is wrong.
     fn wrong(
         &self,
         training: &Training,
         chosen: &[usize],
         setting: &Setting,
-        sensor: Sensor,
-    ) -> Result<u64, EvaluateError> {
+    ) -> Result<Vec<bool>, EvaluateError> {
         let network = self.description.network(&training.weights).map_err(weights_error(&training.label))?;
         let network = Arc::new(setting.network(&network)?);
-        let engine = FilteredEngine::new(network, sensor, &setting.approximations, Options::default())?;
+        let (sensor, options) = (self.data.set.sensor, Options::default());
+        let engine = FilteredEngine::new(network, sensor, &setting.approximations, options)?;
         let is_wrong = |engine: &mut FilteredEngine, &recording: &usize| {
             let recording = &self.data.recordings[recording];
             let events = recording.events.iter().copied().step_by(self.stride);
-            Ok::<_, EngineError>(answer(engine, events, setting.reads_matter())? != recording.class)
+            Ok(answer(engine, events, setting.reads_matter())? != recording.class)
         };
-        let answers = workers::for_each(self.pool, &engine, chosen, is_wrong)?;
-        Ok(answers.into_iter().map(u64::from).sum())
+        workers::for_each(self.pool, &engine, chosen, is_wrong)
     }
 }
 

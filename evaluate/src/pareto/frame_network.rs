@@ -13,12 +13,12 @@ use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
 };
 use meissner_kernels::WinogradTile;
-use meissner_models::systems::slip::{CLASSES, ObjectSet};
+use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::frame_predictor::LayerCost;
 use rayon::ThreadPool;
 
 use super::NetworkStudy;
-use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, Timing, take_turns};
+use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, take_turns};
 use crate::error::EvaluateError;
 use crate::metrics::predicted;
 use crate::slip::{SlipData, Windows};
@@ -26,7 +26,7 @@ use crate::slip::{SlipData, Windows};
 /// Windows of a turn.
 const TURN: usize = 10;
 
-/// Outputs of each training for the unseen windows of each recording.
+/// Outputs of each training for the unseen windows.
 type Outputs = Vec<Vec<Vec<f32>>>;
 
 /// A frame network with its trainings and its data.
@@ -36,10 +36,10 @@ pub(super) struct FramesNetwork<'a> {
     pub(super) costs: Vec<LayerCost>,
     pub(super) data: Arc<SlipData>,
     pub(super) windows: Windows,
-    /// Windows of each recording of an unseen object.
-    pub(super) unseen: Vec<Vec<usize>>,
-    /// The timed windows among them, each with its recording.
-    pub(super) timed: Vec<(usize, usize)>,
+    /// The windows of unseen objects.
+    pub(super) unseen: Vec<usize>,
+    /// The timed windows among them.
+    pub(super) timed: Vec<usize>,
     pub(super) repeats: u32,
     pub(super) pool: &'a ThreadPool,
     /// Outputs of the exact network, once they are computed.
@@ -118,13 +118,12 @@ impl Setting {
 struct Run {
     engine: FrameEngine,
     steps: usize,
-    lap: Lap,
 }
 
 impl<'a> FramesNetwork<'a> {
     /// The study of this network, which `name`, `weights` and `fingerprint` identify.
     pub(super) fn study(self, name: String, weights: String, fingerprint: String) -> NetworkStudy<'a> {
-        let steps = self.windows.steps();
+        let steps = self.windows.steps;
         let all = settings(&self.trainings[0], steps);
         let settings = all.iter().map(|setting| setting.name(steps)).collect();
         let measure = Box::new(move |setting: usize| self.measure(all[setting]));
@@ -132,21 +131,21 @@ impl<'a> FramesNetwork<'a> {
     }
 
     fn measure(&self, setting: Setting) -> Result<Measurement, EvaluateError> {
-        let whole = self.windows.steps();
+        let whole = self.windows.steps;
         let run = |setting: Setting| {
             let engine = setting.engine(&self.trainings[0])?;
-            Ok::<_, EngineError>(Run { engine, steps: whole - setting.left_out, lap: Lap::default() })
+            Ok::<_, EngineError>(Run { engine, steps: whole - setting.left_out })
         };
         let (mut own, mut exact) = (run(setting)?, run(Setting::default())?);
-        let mut counters = None;
-        let mut laps = Vec::new();
-        for _ in 0..self.repeats {
-            let push = |run: &mut Run, windows: &[(usize, usize)]| self.push(run, windows);
-            take_turns((&mut exact, &mut own), (&self.timed, TURN), push, |_, _, _| {})?;
-            counters.get_or_insert_with(|| own.engine.counters().clone());
-            laps.push((std::mem::take(&mut own.lap), std::mem::take(&mut exact.lap)));
-        }
-        let layers = counters.expect("there is at least one repeat").layers;
+        let mut counters = own.engine.counters().clone();
+        let timing = take_turns(
+            (&mut exact, &mut own),
+            (std::slice::from_ref(&self.timed), self.repeats, TURN),
+            |_| Ok(()),
+            |run, windows, lap| self.push(run, windows, lap),
+            |_, _, own| counters.clone_from(own.engine.counters()),
+        )?;
+        let layers = counters.layers;
         let per_window = |count: u64| count as f64 / self.timed.len() as f64;
         let products = self.costs.iter().zip(&layers).map(|(cost, layer)| cost.of(layer)).sum();
         let outputs = self.outputs(setting)?;
@@ -157,37 +156,37 @@ impl<'a> FramesNetwork<'a> {
         Ok(Measurement {
             timed: self.timed.len() as u64,
             entered: own.steps as f64 / whole as f64,
-            timing: Timing::of(&laps),
+            timing,
             rows: per_window(layers.iter().map(|layer| layer.computed).sum()),
             multiply_adds: per_window(products),
-            numerical: differences(self.exact.get().unwrap_or(&outputs), &outputs).finish(),
+            numerical: self.differences(self.exact.get().unwrap_or(&outputs), &outputs).finish(),
             task: self.errors(&outputs),
         })
     }
 
     /// Times `windows`, each from a reset on; the push of a window is that of all its frames.
-    fn push(&self, run: &mut Run, windows: &[(usize, usize)]) -> Result<(), EngineError> {
-        for &(recording, window) in windows {
+    fn push(&self, run: &mut Run, windows: &[usize], lap: &mut Lap) -> Result<(), EngineError> {
+        for &window in windows {
             let start = Instant::now();
             run.engine.reset();
-            for frame in self.windows.frames(recording, window, run.steps) {
+            for frame in self.windows.frames(window, run.steps) {
                 run.engine.push(frame)?;
             }
             let pushed = start.elapsed();
             run.engine.predict()?;
-            run.lap.record(pushed, start.elapsed());
+            lap.push((pushed, start.elapsed()));
         }
         Ok(())
     }
 
     fn outputs(&self, setting: Setting) -> Result<Outputs, EngineError> {
-        let steps = self.windows.steps() - setting.left_out;
+        let steps = self.windows.steps - setting.left_out;
         let of = |parts| self.windows.logits(self.pool, &setting.engine(parts)?, &self.unseen, steps);
         self.trainings.iter().map(of).collect()
     }
 
     /// Wrong answers for all unseen objects, then for each set.
-    fn errors(&self, outputs: &[Vec<Vec<f32>>]) -> Vec<TaskError> {
+    fn errors(&self, outputs: &Outputs) -> Vec<TaskError> {
         let unseen = ObjectSet::ALL.into_iter().filter(|set| *set != ObjectSet::Basic);
         let sets = std::iter::once(None).chain(unseen.map(Some));
         let error = |set: Option<ObjectSet>| {
@@ -200,30 +199,27 @@ impl<'a> FramesNetwork<'a> {
     /// Numbers of wrong and of all answers for the objects of `set`, or of all sets.
     fn wrong(&self, outputs: &[Vec<f32>], set: Option<ObjectSet>) -> (u64, u64) {
         let (mut wrong, mut all) = (0, 0);
-        for (recording, outputs) in outputs.iter().enumerate() {
-            if set.is_some_and(|set| self.data.objects[recording].set != set) {
-                continue;
-            }
-            for values in outputs.chunks_exact(CLASSES.len()) {
+        for (&window, values) in self.unseen.iter().zip(outputs) {
+            let recording = self.windows.cases.recording(window);
+            if set.is_none_or(|set| self.data.objects[recording].set == set) {
                 wrong += u64::from(predicted(values) != self.data.recordings[recording].class);
                 all += 1;
             }
         }
         (wrong, all)
     }
-}
 
-/// The differences of all trainings; a stream is a recording.
-fn differences(exact: &[Vec<Vec<f32>>], found: &[Vec<Vec<f32>>]) -> Differences {
-    let mut differences = Differences::default();
-    for (exact, found) in exact.iter().flatten().zip(found.iter().flatten()) {
-        let windows = exact.len() / CLASSES.len();
-        let pairs = exact.chunks_exact(CLASSES.len()).zip(found.chunks_exact(CLASSES.len()));
-        for (window, (exact, found)) in pairs.enumerate() {
-            differences.add((window, windows), exact, found);
+    /// The differences of all trainings; a stream is a recording.
+    fn differences(&self, exact: &Outputs, found: &Outputs) -> Differences {
+        let mut differences = Differences::default();
+        for (exact, found) in exact.iter().zip(found) {
+            for ((&window, exact), found) in self.unseen.iter().zip(exact).zip(found) {
+                let stream = self.windows.cases.of(self.windows.cases.recording(window));
+                differences.add((window - stream.start, stream.len()), exact, found);
+            }
         }
+        differences
     }
-    differences
 }
 
 #[cfg(test)]

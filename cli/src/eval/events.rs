@@ -1,0 +1,178 @@
+//! Accuracies of networks over events, event by event: the tables of a report, and its picture.
+//!
+//! The picture has a row for the split test and one for the cross-validation, with accuracies against time and a confusion
+//! matrix for each network.
+
+use std::io::{self, Write};
+
+use meissner_evaluate::events::{Judged, NetworkReport, Report};
+use meissner_evaluate::trainings::seed_name;
+use meissner_pipeline::text::grouped;
+use meissner_plot::{AccuracyCurve, Curves, Panel, page};
+
+use super::{NONE, accuracy_of, confusion, matrix, networks, spread};
+use crate::text::{Table, file_name, percent};
+
+/// Largest number of rows of the table of accuracies against time. JSON has all times.
+const MOST_TIMES: usize = 40;
+
+/// The report for people: shares in percent, times in milliseconds.
+pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let data = &report.data;
+    let [recordings, train, test] = [data.recordings, data.train, data.test].map(|n| grouped(n as u64));
+    writeln!(
+        out,
+        "data         {}: {recordings} recordings ({train} train, {test} test), {} events",
+        data.folder,
+        grouped(data.events)
+    )?;
+    let every = milliseconds(report.every_us);
+    writeln!(out, "predictions  {}, every {every} ms and at the end of a recording", report.mode)?;
+    let lines = report.networks.iter().map(|network| match network.stride {
+        1 => (&network.card, network.weights.clone()),
+        stride => (&network.card, format!("{}; one event of {stride}", network.weights)),
+    });
+    networks(out, lines, &data.notes)?;
+    let judged = judged(report);
+    accuracies(out, &judged)?;
+    seeds(out, &judged)?;
+    against_time(out, report, &judged)?;
+    judged.iter().try_for_each(|(name, judged)| {
+        confusion(out, name, report.classes, "recordings", &judged.mean.confusion, judged.trainings)
+    })
+}
+
+/// All figures, each with its network and protocol.
+fn judged(report: &Report) -> Vec<(String, &Judged)> {
+    let of_network = |network| {
+        NetworkReport::protocols(network).map(|(name, judged)| {
+            judged.map(|judged| (format!("{}, {name}", network.card.network.name), judged))
+        })
+    };
+    report.networks.iter().flat_map(of_network).flatten().collect()
+}
+
+/// Microseconds as milliseconds, with all decimals.
+fn milliseconds(t_us: i64) -> String {
+    (t_us as f64 / 1000.0).to_string()
+}
+
+/// An interval in percent.
+fn interval((low, high): (f64, f64)) -> String {
+    format!("{} to {}", percent(low), percent(high))
+}
+
+fn settled(t_us: Option<i64>) -> String {
+    t_us.map_or_else(|| NONE.to_owned(), |t_us| format!("{:.1}", t_us as f64 / 1000.0))
+}
+
+fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
+    let mut table = Table::new(&[
+        "at the end of a recording",
+        "recordings",
+        "seeds",
+        "accuracy (%)",
+        "std",
+        "95 % interval",
+        "half right for good by (ms)",
+    ]);
+    for (name, judged) in all {
+        let [mean, std] = spread(judged.mean.accuracy);
+        table.row([
+            name.clone(),
+            grouped(judged.mean.recordings),
+            judged.trainings.to_string(),
+            mean,
+            std,
+            interval(judged.mean.interval_95),
+            settled(judged.mean.settled_us),
+        ]);
+    }
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// Each seed, where there are several.
+fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
+    if all.iter().all(|(_, judged)| judged.trainings < 2) {
+        return Ok(());
+    }
+    let mut table =
+        Table::new(&["each seed", "files", "accuracy (%)", "95 % interval", "half right for good by (ms)"]);
+    for (name, judged) in all {
+        for one in &judged.each {
+            table.row([
+                format!("{name}, seed {}", seed_name(one.seed)),
+                one.files.len().to_string(),
+                percent(one.figures.accuracy),
+                interval(one.figures.interval_95),
+                settled(one.figures.settled_us),
+            ]);
+        }
+    }
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// Accuracies at the times of predictions, the last one always.
+fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)]) -> io::Result<()> {
+    let mut headings = vec!["accuracy (%) after (ms)"];
+    headings.extend(all.iter().map(|(name, _)| name.as_str()));
+    let mut table = Table::new(&headings);
+    let times = &report.times_us;
+    let step = times.len().div_ceil(MOST_TIMES).max(1);
+    for (i, &t_us) in times.iter().enumerate().filter(|(i, _)| (i + 1) % step == 0 || i + 1 == times.len()) {
+        let cells = all.iter().map(|(_, judged)| percent(judged.mean.accuracy_at[i].mean));
+        table.row(std::iter::once(milliseconds(t_us)).chain(cells));
+    }
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// The picture, as the text of a file.
+pub(super) fn svg(report: &Report, title: &str) -> String {
+    let about = format!(
+        "{}: {} recordings, {} events; confusion matrices at the end of a recording: percent of the true class",
+        file_name(&report.data.folder),
+        grouped(report.data.recordings as u64),
+        grouped(report.data.events)
+    );
+    let rows: Vec<Vec<Panel<'_>>> = (0..2).filter_map(|protocol| row(report, protocol)).collect();
+    page(title, &about, &rows)
+}
+
+/// The panels of one protocol; `None` where no network was judged by it.
+fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
+    let protocol_name = report.networks.first()?.protocols()[protocol].0;
+    let (mut curves, mut matrices) = (Vec::new(), Vec::new());
+    // The colour of a network is that of its place among all networks.
+    for (colour, network) in report.networks.iter().enumerate() {
+        let Some(judged) = network.protocols()[protocol].1 else { continue };
+        let (name, mean) = (&network.card.network.name, &judged.mean);
+        let (low, high) = mean.interval_95;
+        let interval = format!(" (95 %: {:.1} to {:.1})", 100.0 * low, 100.0 * high);
+        curves.push(AccuracyCurve {
+            name: format!("{name}, {:.1} %", 100.0 * mean.accuracy.mean),
+            colour,
+            accuracy: mean.accuracy_at.iter().map(|at| at.mean).collect(),
+            interval: mean.interval_95_at.clone(),
+        });
+        let about = accuracy_of(
+            mean.accuracy,
+            &interval,
+            (judged.trainings, "seed"),
+            (mean.recordings, "recordings"),
+        );
+        matrices.push(matrix(format!("{name}, {protocol_name}"), about, report.classes, &mean.confusion));
+    }
+    let is_empty = curves.is_empty();
+    let curves = Panel::Curves(Curves {
+        title: format!("Accuracy against time, {protocol_name}"),
+        about: "bands: 95 % intervals; after the end of a recording its last prediction stands".to_owned(),
+        time_title: "time since the first event (ms)".to_owned(),
+        times: report.times_us.iter().map(|&t_us| t_us as f64 / 1000.0).collect(),
+        chance: 1.0 / report.classes.len() as f64,
+        curves,
+    });
+    (!is_empty).then(|| std::iter::once(curves).chain(matrices).collect())
+}

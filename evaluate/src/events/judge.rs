@@ -1,0 +1,373 @@
+//! Networks over events on the labels, event by event.
+//!
+//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs at the end of each recording.
+//! Whole trainings are judged on the split test. Folds are judged on the recordings that they held out, all folds of a seed
+//! together. Counts are integers, and figures are computed from them in a fixed order. Every recording begins with a reset,
+//! so the number of threads changes no bit.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{EngineError, Event, LatePolicy};
+use meissner_io::datasets::Split;
+use meissner_models::systems::digits::correct_from;
+use meissner_models::{AnyDescription, Description, ModelError, TensorFile};
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::losses::LossWarning;
+use meissner_pipeline::model::card;
+use meissner_pipeline::predictor::{EventPredictor, Mode};
+use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use rayon::ThreadPool;
+use serde::Serialize;
+use serde_json::json;
+
+use super::{EventData, EventTask};
+use crate::error::{EvaluateError, weights_error};
+use crate::judged::Figures;
+use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
+use crate::trainings::{Candidate, Evaluation, Request, Training, candidates};
+use crate::trials::Trial;
+use crate::{judged, workers};
+
+/// The networks to be judged, and when predictions are read.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// Networks and trainings.
+    pub request: Request<'a>,
+    /// Every `stride`-th event of a recording is pushed; `None` for the stride of the trainings.
+    pub stride: Option<usize>,
+    /// Number of folds of a cross-validation; `None` for any.
+    pub folds: Option<usize>,
+    /// Microseconds from one prediction to the next.
+    pub every_us: i64,
+    /// How predictions are computed.
+    pub mode: Mode,
+}
+
+/// Figures of all networks, with the keys of the JSON report.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct Report {
+    pub header: Header,
+    pub data: DataReport,
+    pub classes: &'static [&'static str],
+    /// "incremental" or "batch".
+    pub mode: &'static str,
+    /// Microseconds from one prediction to the next.
+    pub every_us: i64,
+    /// Times of predictions from the first event of a recording on. The last one is at or after the end of every recording.
+    pub times_us: Vec<i64>,
+    pub networks: Vec<NetworkReport>,
+}
+
+/// The data set that networks are judged on.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct DataReport {
+    pub folder: String,
+    pub recordings: usize,
+    pub train: usize,
+    pub test: usize,
+    pub events: u64,
+    /// Remarks about the data and the trainings, for people.
+    pub notes: Vec<String>,
+    /// Warnings about events that networks drop.
+    pub warnings: Vec<LossWarning>,
+}
+
+/// Figures of a network.
+#[derive(Serialize)]
+pub struct NetworkReport {
+    /// Network and weights.
+    #[serde(flatten)]
+    pub card: ModelCard,
+    /// Source of its weights.
+    #[serde(skip)]
+    pub weights: String,
+    /// Every `stride`-th event was pushed.
+    pub stride: usize,
+    /// Whole trainings on the split test.
+    pub test: Option<Judged>,
+    /// Folds on the recordings that they held out.
+    pub cross_validation: Option<Judged>,
+}
+
+/// Figures of several trainings on the same recordings.
+pub type Judged = judged::Judged<OverTime>;
+
+/// Figures of answers that change over time; `T` is a number for one training and [`MeanStd`] for several.
+#[derive(Serialize)]
+pub struct OverTime<T = f64> {
+    /// Number of recordings that each training is judged on.
+    pub recordings: u64,
+    /// Share of recordings with the right class at their end.
+    pub accuracy: T,
+    /// 95 % interval; for several trainings the means of the bounds.
+    pub interval_95: (f64, f64),
+    /// Time by which half of the answers of all trainings are right and stay right, in microseconds.
+    pub settled_us: Option<i64>,
+    /// Counts of predictions at the end, the sum over the trainings.
+    pub confusion: Confusion,
+    /// Accuracy at each time.
+    pub accuracy_at: Vec<T>,
+    /// Interval at each time.
+    pub interval_95_at: Vec<(f64, f64)>,
+    /// Time from which on each answer is right, in microseconds.
+    #[serde(skip)]
+    pub settled: Vec<Option<i64>>,
+}
+
+impl NetworkReport {
+    /// Names and figures of the protocols: whole trainings on the split test, folds on the recordings that they held out.
+    pub fn protocols(&self) -> [(&'static str, Option<&Judged>); 2] {
+        [("test split", self.test.as_ref()), ("cross-validation", self.cross_validation.as_ref())]
+    }
+}
+
+/// Judges the networks of `options` on the data set in `folder`, with the threads of `pool`. `done` is called after each
+/// training with its label and the time since judging began.
+///
+/// # Errors
+/// The data set or a network cannot be read, or trainings do not fit. All of this is checked before a network runs.
+pub fn evaluate<T: EventTask>(
+    folder: &Path,
+    options: &Options<'_>,
+    pool: &ThreadPool,
+    mut done: impl FnMut(&str, Duration),
+) -> Result<Evaluation<Report>, EvaluateError> {
+    let (candidates, notes) = candidates::<T>(options.request)?;
+    let stride = |candidate: &Candidate<_>| {
+        let own = candidate.stride();
+        options.stride.map_or(own, Ok)
+    };
+    let strides = candidates.iter().map(stride).collect::<Result<Vec<_>, _>>()?;
+    let data = T::read(folder)?;
+    let trials = candidates.iter().map(|candidate| {
+        let trials = data.trials(&candidate.trainings, options.folds)?;
+        data.has_test(&trials)?;
+        Ok(trials)
+    });
+    let trials = trials.collect::<Result<Vec<_>, EvaluateError>>()?;
+
+    let start = Instant::now();
+    let test = data.of(Split::Test);
+    let names: Vec<&str> = data.recordings.iter().map(|recording| recording.name.as_str()).collect();
+    let names_of_test: Vec<&str> = test.iter().map(|&i| names[i]).collect();
+    let metadata = [("recordings", json!(names)), ("test", json!(names_of_test))];
+    let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_string()));
+    let mut logits = TensorFile::new(BTreeMap::from(metadata));
+    let times_us = data.times(options.every_us);
+    let judge = Judge { data: &data, pool, options, times: times_us.len() };
+    let mut done = |training: &Training| done(&training.label, start.elapsed());
+    let plans = candidates.iter().zip(strides).zip(&trials);
+    let networks = plans.map(|((candidate, stride), trials)| {
+        judge.network(candidate, stride, trials, &mut logits, &mut done)
+    });
+    let networks = networks.collect::<Result<_, _>>()?;
+    let took = start.elapsed();
+
+    let name = folder.display().to_string();
+    let input = InputCard::events(&name, &data.set.name, data.set.sensor, Some(data.events()));
+    let report = Report {
+        header: Header::of_many(data.set.command, input),
+        data: DataReport {
+            folder: name,
+            recordings: names.len(),
+            train: data.of(Split::Train).len(),
+            test: test.len(),
+            events: data.events(),
+            notes: data.notes.iter().cloned().chain(notes).collect(),
+            warnings: data.lost(options.stride.unwrap_or(1)),
+        },
+        classes: data.set.classes,
+        mode: match options.mode {
+            Mode::Incremental => "incremental",
+            Mode::Batch => "batch",
+        },
+        every_us: options.every_us,
+        times_us,
+        networks,
+    };
+    Ok(Evaluation { report, logits, took })
+}
+
+/// Judges networks on one data set.
+struct Judge<'a> {
+    data: &'a EventData,
+    pool: &'a ThreadPool,
+    options: &'a Options<'a>,
+    /// Number of times of predictions.
+    times: usize,
+}
+
+/// Predictions for a recording.
+#[derive(Debug, PartialEq)]
+struct Outcome {
+    /// The class at each time before the end, and the class at the end.
+    answers: Vec<usize>,
+    /// The outputs at the end.
+    logits: Vec<f32>,
+    /// Time of the newest event since the first one.
+    end_us: i64,
+}
+
+impl Judge<'_> {
+    fn network(
+        &self,
+        candidate: &Candidate<Description>,
+        stride: usize,
+        trials: &[Trial],
+        logits: &mut TensorFile,
+        mut done: impl FnMut(&Training),
+    ) -> Result<NetworkReport, EvaluateError> {
+        let Candidate { description, trainings } = candidate;
+        let classes = self.data.set.classes.len();
+        let (mut test, mut cross_validation) = (Vec::new(), Vec::new());
+        for trial in trials {
+            let outcomes = trial.outcomes(|training, chosen| {
+                let outcomes = self.outcomes(description, training, stride, chosen)?;
+                done(training);
+                Ok(outcomes)
+            })?;
+            let values: Vec<f32> =
+                outcomes.iter().flat_map(|(_, outcome)| outcome.logits.iter().copied()).collect();
+            trial.write(description.name(), classes, &values, logits);
+            let class = |recording: usize| self.data.recordings[recording].class;
+            let outcomes: Vec<_> = outcomes.iter().map(|(case, outcome)| (class(*case), outcome)).collect();
+            let figures = OverTime::new(classes, &outcomes, self.options.every_us, self.times);
+            if trial.scheme.is_some() { &mut cross_validation } else { &mut test }.push((trial, figures));
+        }
+        let weights = candidate.weights();
+        let described = AnyDescription::Events(description.clone());
+        Ok(NetworkReport {
+            card: card(&described, &trainings[0].weights, weights.clone())?.taking_every(stride),
+            weights,
+            stride,
+            test: Judged::new(test),
+            cross_validation: Judged::new(cross_validation),
+        })
+    }
+
+    /// The outcomes of the recordings `chosen` with the weights of `training`.
+    fn outcomes(
+        &self,
+        description: &Description,
+        training: &Training,
+        stride: usize,
+        chosen: &[usize],
+    ) -> Result<Vec<Outcome>, EvaluateError> {
+        let failed = weights_error(&training.label);
+        let Options { mode, every_us, .. } = *self.options;
+        let network = Arc::new(description.network(&training.weights).map_err(&failed)?);
+        let (sensor, exact) = (self.data.set.sensor, Approximations::default());
+        let predictor = EventPredictor::new(mode, network, sensor, LatePolicy::Drop, &exact);
+        let work = |predictor: &mut EventPredictor, &recording: &usize| {
+            outcome(predictor, &self.data.recordings[recording].events, stride, every_us)
+        };
+        let outcomes = predictor.and_then(|predictor| workers::for_each(self.pool, &predictor, chosen, work));
+        outcomes.map_err(|source| failed(ModelError::Engine(source)))
+    }
+}
+
+/// Pushes every `stride`-th of `events`, and reads a prediction every `every_us` and at the end.
+fn outcome(
+    predictor: &mut EventPredictor,
+    events: &[Event],
+    stride: usize,
+    every_us: i64,
+) -> Result<Outcome, EngineError> {
+    predictor.reset();
+    let epoch_us = events.first().map_or(0, |event| event.t_us);
+    let (mut due_us, mut end_us) = (every_us, 0);
+    let mut answers = Vec::new();
+    for &event in events.iter().step_by(stride) {
+        let t_us = event.t_us - epoch_us;
+        // An event at the due time belongs to its window.
+        while due_us < t_us {
+            predictor.advance(epoch_us + due_us);
+            answers.push(predicted(predictor.predict()?.values));
+            due_us += every_us;
+        }
+        predictor.push(event);
+        end_us = end_us.max(t_us);
+    }
+    let logits = predictor.predict()?.values.to_vec();
+    answers.push(predicted(&logits));
+    Ok(Outcome { answers, logits, end_us })
+}
+
+impl OverTime {
+    /// The figures of `outcomes`, each with its true one of so many `classes`, at so many `times`; `None` for no outcomes.
+    fn new(classes: usize, outcomes: &[(usize, &Outcome)], every_us: i64, times: usize) -> Option<Self> {
+        let recordings = outcomes.len() as u64;
+        let right_at =
+            |time| outcomes.iter().filter(|(truth, outcome)| outcome.at(time) == *truth).count() as u64;
+        let share = |hits: u64| hits as f64 / recordings as f64;
+        let interval = |hits: u64| wilson_95(hits, recordings);
+        let mut confusion = Confusion::new(classes);
+        outcomes.iter().for_each(|(truth, outcome)| confusion.add(*truth, outcome.at(usize::MAX)));
+        let hits: Vec<u64> = (0..times).map(right_at).collect();
+        let settled: Vec<_> =
+            outcomes.iter().map(|(truth, outcome)| outcome.settled_us(*truth, every_us)).collect();
+        Some(Self {
+            recordings,
+            accuracy: share(confusion.hits()),
+            interval_95: interval(confusion.hits())?,
+            settled_us: lower_median(settled.clone()),
+            confusion,
+            accuracy_at: hits.iter().map(|&hits| share(hits)).collect(),
+            interval_95_at: hits.iter().map(|&hits| interval(hits)).collect::<Option<_>>()?,
+            settled,
+        })
+    }
+}
+
+impl Figures for OverTime {
+    type Mean = OverTime<MeanStd>;
+
+    fn mean(each: &[&Self]) -> Option<OverTime<MeanStd>> {
+        let times = 0..each.first()?.accuracy_at.len();
+        let interval = |of: &dyn Fn(&Self) -> (f64, f64)| {
+            mean_interval(&each.iter().map(|one| of(one)).collect::<Vec<_>>())
+        };
+        let settled: Vec<_> = each.iter().flat_map(|one| one.settled.iter().copied()).collect();
+        Some(OverTime {
+            recordings: each.iter().map(|one| one.recordings).min()?,
+            accuracy: MeanStd::over(each, |one| one.accuracy)?,
+            interval_95: interval(&|one| one.interval_95)?,
+            settled_us: lower_median(settled.clone()),
+            confusion: Confusion::sum(each.iter().map(|one| &one.confusion))?,
+            accuracy_at: times
+                .clone()
+                .map(|t| MeanStd::over(each, |one| one.accuracy_at[t]))
+                .collect::<Option<_>>()?,
+            interval_95_at: times.map(|t| interval(&|one| one.interval_95_at[t])).collect::<Option<_>>()?,
+            settled,
+        })
+    }
+}
+
+impl Outcome {
+    /// The answer at the `time`-th time; after the end of the recording the last answer stands.
+    fn at(&self, time: usize) -> usize {
+        self.answers[time.min(self.answers.len() - 1)]
+    }
+
+    /// Time from which on the answer is right.
+    fn settled_us(&self, truth: usize, every_us: i64) -> Option<i64> {
+        let first = correct_from(&self.answers, truth)?;
+        let is_end = first + 1 == self.answers.len();
+        Some(if is_end { self.end_us } else { (first as i64 + 1) * every_us })
+    }
+}
+
+/// The lower median of `times`, where `None` is later than all times.
+fn lower_median(mut times: Vec<Option<i64>>) -> Option<i64> {
+    times.sort_unstable_by_key(|time| time.unwrap_or(i64::MAX));
+    times.get(times.len().checked_sub(1)? / 2).copied().flatten()
+}
+
+#[cfg(test)]
+mod tests;
