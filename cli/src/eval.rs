@@ -56,7 +56,7 @@ struct OutputArgs {
     threads: Option<u16>,
     /// Write one JSON object to this file; - for standard output.
     ///
-    /// It also has the figures of each training. On standard output it replaces the text.
+    /// It also contains the figures of each training. On standard output it replaces the text.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     json: Option<PathBuf>,
     /// Draw accuracies and confusion matrices into this file.
@@ -114,7 +114,7 @@ fn networks<'a>(
     notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))
 }
 
-/// Stands where there is no figure.
+/// The cell of a missing figure.
 const NONE: &str = "-";
 
 /// Mean and deviation in percent.
@@ -122,8 +122,8 @@ fn spread(figure: MeanStd) -> [String; 2] {
     [percent(figure.mean), figure.std.map_or_else(|| NONE.to_owned(), percent)]
 }
 
-/// Writes the `confusion` of `classes` by `name`, a sum over `trainings` on the same data, in percent of each row. The last column has the
-/// number of predictions of one training in the row, below the heading `counted`.
+/// Writes the `confusion` of `classes` with the title `name`, in percent of each row. It is a sum over `trainings` on the same
+/// data. The last column, `counted`, is the number of predictions of one training in the row.
 fn confusion(
     out: &mut dyn Write,
     name: &str,

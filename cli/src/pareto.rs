@@ -1,9 +1,9 @@
-//! `meissner pareto`: run time against error, of networks exactly and with each approximation.
+//! `meissner pareto`: run time against error of networks, exact and with each approximation.
 //!
 //! | file | job |
 //! |---|---|
 //! | `args` | arguments, and the help with the method |
-//! | `table`, `plot/` | the report as text, comma-separated values and a drawing |
+//! | `table`, `plot` | the report as text, comma-separated values and a picture |
 
 mod args;
 mod plot;

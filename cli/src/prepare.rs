@@ -27,13 +27,13 @@ pub(crate) struct PrepareArgs {
 enum InputArgs {
     /// Graphs of streams of events, as a network over events reads them.
     ///
-    /// The file has neighbourhoods, cells and edges. The graph of a stream is that after a reset and all of its events. It
-    /// does not depend on the weights of the network.
+    /// The file has neighbourhoods, cells and edges. The graph of a stream is the graph after a reset and all events of the
+    /// stream. It does not depend on the weights of the network.
     Graphs(GraphsArgs),
     /// Windows of electrode readings, with the direction of slip as label.
     ///
-    /// Windows are consecutive and do not overlap, as in the paper, whatever the `sampling` of the description. Readings
-    /// at the end of a recording that fill no window are left out. Equal data give equal bytes.
+    /// Windows are consecutive and do not overlap, as in the paper; the `sampling` of the description is ignored. Readings
+    /// at the end of a recording that do not fill a window are left out. Equal data give equal bytes.
     Slip(SlipArgs),
     /// Events of the recordings of digits (N-MNIST), with labels, splits and folds.
     ///
@@ -61,7 +61,7 @@ struct SlipArgs {
     /// Its table `input` has the kind of the frames, the number of readings in a window, and their scaling.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors); an existing file is replaced.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
 }
@@ -84,7 +84,7 @@ Metadata, each JSON:
                                  this file must have the same text in their
                                  metadata: otherwise they are refused
   range_basic                    [least, greatest] reading of the set Basic, null
-                                 without one";
+                                 without Basic";
 
 /// `meissner prepare graphs`.
 #[derive(Debug, clap::Args)]
@@ -96,23 +96,23 @@ struct GraphsArgs {
     /// Name of a shipped network over events, or a description file (.toml).
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors); an existing file is replaced.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
 }
 
 /// Tensors of the input and of the output.
 const GRAPHS: &str = "\
-Reads, of E events one stream after the other:
+Reads, for E events, one stream after the other:
   t_us, x, y, on  I64 (E): time, pixel, and 1 where the brightness rose; times of
                   a stream do not descend
-  start           I64 (streams + 1): where each stream begins in E, and the end
+  start           I64 (streams + 1): the first event of each stream, and E
   Metadata: sensor, JSON [width, height]. Everything else in the file is ignored.
 
-Writes, of N rows of a level one stream after the other, and of M in-edges one row after the other:
+Writes, for the N rows of a level, one stream after the other, and for their M in-edges, one row after the other:
   event           I32 (N0): the event of each row of level 0, an index into E
-  LEVEL.start     I32 (streams + 1): where each stream begins in N
-  LEVEL.edges     I32 (N + 1): where each row's in-edges begin in M, and the end;
+  LEVEL.start     I32 (streams + 1): the first row of each stream, and N
+  LEVEL.edges     I32 (N + 1): the first in-edge of each row, and M; in-edges are
                   in neighbourhood order
   LEVEL.source    I32 (M): the row that is read, an index into N
   LEVEL.attribute F32 (M, 3): edge attributes along x, y and t, 0 to 1
@@ -155,18 +155,18 @@ struct DigitsArgs {
     /// One of the two is enough. Recordings are files such as train/3/00123.bin.
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors); an existing file is replaced.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
     /// Number of folds of the cross-validation.
     ///
-    /// Every recording is held out by one fold, and each fold holds about as many of every class.
+    /// Every recording is held out by one fold, and each fold has about the same number of recordings of every class.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..),
           help_heading = OUTPUT)]
     folds: u32,
 }
 
-/// Writes the file that `args` ask for.
+/// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     match &args.input {
         InputArgs::Graphs(args) => {

@@ -1,4 +1,4 @@
-//! Data sets, networks and trainings on the command line, as `eval` and `pareto` take them.
+//! Arguments of `eval` and `pareto` for data sets, networks and trainings.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ pub(crate) struct DigitsTask {
     /// Network [default: every shipped network for digits].
     ///
     /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
-    /// several times. With --trainings, the default is every shipped network that the folder has trainings of.
+    /// several times. With --trainings, the default is every shipped network with trainings in the folder.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     networks: Vec<String>,
     /// Weights of the only network [default: those shipped with it].
@@ -50,12 +50,12 @@ pub(crate) struct SlipTask {
     /// Network [default: every shipped network for slip].
     ///
     /// The name of a shipped network, or a description file, which needs --trainings. It may be given several times.
-    /// With --trainings, the default is every shipped network that the folder has trainings of.
+    /// With --trainings, the default is every shipped network with trainings in the folder.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     networks: Vec<String>,
     /// Folder of safetensors files, each a training of a network.
     ///
-    /// `meissner eval slip --help` explains their metadata. Without this option, the shipped weights are taken.
+    /// `meissner eval slip --help` explains their metadata. Without this option, the shipped weights are used.
     #[arg(long, value_name = "DIR", help_heading = NETWORK)]
     trainings: Option<PathBuf>,
 }

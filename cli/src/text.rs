@@ -45,6 +45,18 @@ impl Table {
         Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()], left_aligned: false }
     }
 
+    /// Writes an empty line, then a table of `rows`.
+    pub(crate) fn section<R: IntoIterator<Item = String>>(
+        out: &mut dyn Write,
+        headings: &[impl AsRef<str>],
+        rows: impl IntoIterator<Item = R>,
+    ) -> io::Result<()> {
+        let mut table = Self::new(&headings.iter().map(AsRef::as_ref).collect::<Vec<_>>());
+        rows.into_iter().for_each(|row| table.row(row));
+        writeln!(out)?;
+        table.write(out)
+    }
+
     /// The same, with all columns to the left: for words.
     pub(crate) fn left_aligned(self) -> Self {
         Self { left_aligned: true, ..self }

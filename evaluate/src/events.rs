@@ -30,28 +30,23 @@ pub trait EventTask: Task<Description = Description> {
 
 /// The data set of a task.
 #[derive(Clone, Copy, Debug)]
-pub struct EventSet {
-    /// Name of the task.
-    pub task: &'static str,
-    /// Command that judges its networks.
-    pub command: &'static str,
-    /// Name of the data set.
-    pub name: &'static str,
-    /// Sensor of all recordings.
-    pub sensor: Sensor,
+pub(crate) struct EventSet {
+    pub(crate) task: &'static str,
+    /// The command that judges the networks of the task.
+    pub(crate) command: &'static str,
+    pub(crate) name: &'static str,
+    pub(crate) sensor: Sensor,
     /// Names of the classes, in the order of their indices.
-    pub classes: &'static [&'static str],
+    pub(crate) classes: &'static [&'static str],
 }
 
 /// The recordings of a data set.
 #[derive(Clone, Debug)]
 pub struct EventData {
-    /// The data set.
-    pub set: EventSet,
-    /// Its folder.
-    pub folder: PathBuf,
+    pub(crate) set: EventSet,
+    pub(crate) folder: PathBuf,
     /// The recordings by split, by class, and by file name in natural order.
-    pub recordings: Vec<NmnistRecording>,
+    pub(crate) recordings: Vec<NmnistRecording>,
     /// Remarks about the data, for people.
     pub notes: Vec<String>,
 }

@@ -1,10 +1,5 @@
 //! Figures of merit for predictions: of classes, over several trainings, and their uncertainty.
 //!
-//! - [`Confusion`]: how often each class was predicted for each true class, and the [`Scores`] of these counts,
-//! - [`largest`]: the class that the values of a network predict,
-//! - [`MeanStd`]: mean and standard deviation of figures, such as those of several trainings,
-//! - [`wilson_95`]: the confidence interval of an accuracy.
-//!
 //! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so they are equal on every
 //! machine.
 
@@ -33,11 +28,6 @@ impl Confusion {
         Self { classes, counts: vec![0; classes * classes] }
     }
 
-    /// Number of classes.
-    pub fn classes(&self) -> usize {
-        self.classes
-    }
-
     /// Counts a prediction.
     ///
     /// # Panics
@@ -54,10 +44,7 @@ impl Confusion {
     }
 
     /// Adds the counts of `other`.
-    ///
-    /// # Panics
-    /// Where it has another number of classes.
-    pub fn merge(&mut self, other: &Self) {
+    fn merge(&mut self, other: &Self) {
         assert_eq!(self.classes, other.classes, "classes of both");
         self.counts.iter_mut().zip(&other.counts).for_each(|(count, more)| *count += more);
     }
@@ -71,10 +58,7 @@ impl Confusion {
     }
 
     /// How often `predicted` was predicted for `truth`.
-    ///
-    /// # Panics
-    /// Where one of the two is not a class.
-    pub fn count(&self, truth: usize, predicted: usize) -> u64 {
+    pub(crate) fn count(&self, truth: usize, predicted: usize) -> u64 {
         self.counts[self.index(truth, predicted)]
     }
 
@@ -85,18 +69,12 @@ impl Confusion {
     }
 
     /// How often `class` was true.
-    ///
-    /// # Panics
-    /// Where `class` is not a class.
-    pub fn truths(&self, class: usize) -> u64 {
+    fn truths(&self, class: usize) -> u64 {
         (0..self.classes).map(|predicted| self.count(class, predicted)).sum()
     }
 
     /// How often `class` was predicted.
-    ///
-    /// # Panics
-    /// Where `class` is not a class.
-    pub fn predictions(&self, class: usize) -> u64 {
+    fn predictions(&self, class: usize) -> u64 {
         (0..self.classes).map(|truth| self.count(truth, class)).sum()
     }
 
@@ -159,7 +137,7 @@ impl Scores {
             return None;
         }
         let (mut present, mut precision, mut recall, mut f1) = (0_u64, 0.0, 0.0, 0.0);
-        for class in 0..confusion.classes() {
+        for class in 0..confusion.classes {
             let (truths, predictions) = (confusion.truths(class), confusion.predictions(class));
             if truths + predictions == 0 {
                 continue;

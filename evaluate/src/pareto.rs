@@ -46,13 +46,10 @@ pub struct Study<'a> {
 
 /// A network with its settings.
 struct NetworkStudy<'a> {
-    name: String,
-    /// Source of the weights.
-    weights: String,
-    /// Fingerprint of network and weights.
-    fingerprint: String,
-    /// Names of the settings; the first is [`EXACT`].
-    settings: Vec<String>,
+    /// The report, still without settings.
+    report: NetworkReport,
+    /// Names of the settings with their indices; the first is [`EXACT`].
+    settings: Vec<(usize, String)>,
     /// Measures the setting with this index.
     measure: Box<dyn Fn(usize) -> Result<Measurement, EvaluateError> + 'a>,
 }
@@ -79,64 +76,65 @@ impl Study<'_> {
     /// # Errors
     /// No setting has a name that was asked for, a network cannot run, or the state cannot be written.
     pub fn run(
-        self,
+        mut self,
         options: &Options,
         state: &mut State,
         mut progress: impl FnMut(Progress<'_>),
     ) -> Result<Report, EvaluateError> {
-        let asked = self.asked(options)?;
+        self.choose(&options.only)?;
         let conditions = format!("{} timed, {} repeats, {}", self.asked, options.repeats, Isa::best().name());
-        let key = |network: &NetworkStudy<'_>, setting: usize| Key {
+        let key = |network: &NetworkReport, setting: &str| Key {
             system: self.system.to_owned(),
-            network: network.name.clone(),
+            network: network.network.clone(),
             weights: network.fingerprint.clone(),
-            setting: network.settings[setting].clone(),
+            setting: setting.to_owned(),
             data: self.data.fingerprint.clone(),
             options: conditions.clone(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let all = || self.networks.iter().zip(&asked);
-        let keys = all().flat_map(|(network, asked)| asked.iter().map(|&setting| key(network, setting)));
+        let keys = self
+            .networks
+            .iter()
+            .flat_map(|network| network.settings.iter().map(|(_, setting)| key(&network.report, setting)));
         progress(Progress::Missing(keys.filter(|key| state.find(key).is_none()).count() as u64));
         let mut networks = Vec::new();
-        for (network, asked) in all().filter(|(_, asked)| !asked.is_empty()) {
+        for NetworkStudy { report, settings, measure } in self.networks {
             let mut measured = Vec::new();
-            for &setting in asked {
-                let (key, name) = (key(network, setting), &network.settings[setting]);
+            for (index, setting) in settings {
+                let key = key(&report, &setting);
                 let measurement = if let Some(found) = state.find(&key) {
                     found.clone()
                 } else {
-                    progress(Progress::Started { network: &network.name, setting: name });
-                    let measurement = state.add(key, (network.measure)(setting)?)?;
+                    progress(Progress::Started { network: &report.network, setting: &setting });
+                    let measurement = state.add(key, measure(index)?)?;
                     progress(Progress::Finished);
                     measurement
                 };
-                measured.push((name.clone(), measurement));
+                measured.push((setting, measurement));
             }
-            let (name, weights) = (network.name.clone(), network.weights.clone());
-            networks.push(NetworkReport::new(name, weights, network.fingerprint.clone(), measured));
+            networks.push(report.with_settings(measured));
         }
         Ok(Report::new((self.system, self.unit), self.data, options.repeats, self.notes, networks))
     }
 
-    /// Indices of the settings of each network that `options` ask for, with the exact one wherever there is any.
-    fn asked(&self, options: &Options) -> Result<Vec<Vec<usize>>, EvaluateError> {
-        let of_network = |network: &NetworkStudy<'_>| {
-            let is_asked = |setting: &String| {
-                let name = format!("{}, {setting}", network.name);
-                options.only.is_empty() || options.only.iter().any(|part| name.contains(part.as_str()))
+    /// Keeps the settings with one of the texts `only` in their name, and the exact ones of these networks.
+    fn choose(&mut self, only: &[String]) -> Result<(), EvaluateError> {
+        let settings =
+            self.networks.first().map(|network| network.settings.iter().map(|(_, name)| name.as_str()));
+        let settings = settings.into_iter().flatten().collect::<Vec<_>>().join("; ");
+        for NetworkStudy { report, settings, .. } in &mut self.networks {
+            let is_asked = |(_, setting): &(usize, String)| {
+                let name = format!("{}, {setting}", report.network);
+                only.is_empty() || only.iter().any(|part| name.contains(part.as_str()))
             };
-            let any = network.settings.iter().any(is_asked);
-            let settings = network.settings.iter().enumerate();
-            let asked = settings.filter(|(_, name)| is_asked(name) || (any && *name == EXACT));
-            asked.map(|(setting, _)| setting).collect::<Vec<_>>()
-        };
-        let asked: Vec<_> = self.networks.iter().map(of_network).collect();
-        if asked.iter().all(Vec::is_empty) {
-            let settings = self.networks.first().map_or_else(String::new, |n| n.settings.join("; "));
-            let expected = format!("a part of \"NETWORK, SETTING\", with a setting such as {settings}");
-            return Err(EvaluateError::request(RequestPart::Settings, expected, options.only.join("; ")));
+            let any = settings.iter().any(is_asked);
+            settings.retain(|setting| is_asked(setting) || (any && setting.1 == EXACT));
         }
-        Ok(asked)
+        self.networks.retain(|network| !network.settings.is_empty());
+        if self.networks.is_empty() {
+            let expected = format!("a part of \"NETWORK, SETTING\", with a setting such as {settings}");
+            return Err(EvaluateError::request(RequestPart::Settings, expected, only.join("; ")));
+        }
+        Ok(())
     }
 }

@@ -38,13 +38,8 @@ pub struct Prepared {
     pub contents: String,
 }
 
-/// The windows of all recordings of `data` as `description` reads them, with labels.
-///
-/// | tensor | type and shape | values |
-/// |---|---|---|
-/// | `frames` | F32 (windows, steps, 1, 12, 11), (windows, steps, 24) or (windows, steps, 48) | input of the network |
-/// | `readings` | F32 (windows, steps, 24) | the same readings in counts of the sensor |
-/// | `label`, `recording`, `object` | I64 (windows) | indices into the lists of the metadata |
+/// The windows of all recordings of `data` as `description` reads them, with labels. `meissner prepare slip --help` lists the
+/// tensors.
 ///
 /// # Errors
 /// The network does not read electrodes, or a reading cannot be scaled.
@@ -106,9 +101,7 @@ fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, Str
 }
 
 /// The events of all recordings of `data`, one recording after the other, with labels, splits and `folds` folds.
-///
-/// All tensors are I64: `t_us`, `x`, `y`, `on` (events); `start` (recordings + 1), the index of the first event of each
-/// recording; `label`, `split` (0 train, 1 test) and `fold` (recordings).
+/// `meissner prepare digits --help` lists the tensors.
 ///
 /// # Errors
 /// There cannot be so many folds.

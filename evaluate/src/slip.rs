@@ -21,8 +21,7 @@ use crate::trainings::{Metadata, Task};
 use crate::trials::{Cases, HeldOut, Scheme};
 use crate::workers;
 pub use judge::{
-    Classified, DataReport, Judged, NetworkReport, ReferenceReport, Report, SetReport, ValidationReport,
-    evaluate,
+    Classified, DataReport, Judged, NetworkReport, Report, SetReport, ValidationReport, evaluate,
 };
 
 /// The task of the direction of slip.
@@ -81,9 +80,9 @@ impl Task for Slip {
 #[derive(Debug)]
 pub struct SlipData {
     /// The recordings by class, and by file name in natural order.
-    pub recordings: Vec<SlipRecording>,
+    pub(crate) recordings: Vec<SlipRecording>,
     /// The object of each recording.
-    pub objects: Vec<Object>,
+    pub(crate) objects: Vec<Object>,
     /// Remarks about the data, for people.
     pub notes: Vec<String>,
 }

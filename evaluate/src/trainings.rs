@@ -1,7 +1,7 @@
 //! Networks that are judged, and their trainings.
 //!
 //! Enters: names of networks or description files; a file of weights, a folder of trainings, or the shipped weights. Leaves:
-//! each network with its [`Training`]s, which state what they were trained on and what they have not seen.
+//! each network with its trainings, which state what they were trained on and what they have not seen.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -65,12 +65,10 @@ pub struct Evaluation<R> {
     pub took: Duration,
 }
 
-/// A network with its trainings, by seed and then by file.
-pub struct Candidate<D> {
-    /// The network.
-    pub description: D,
-    /// Its trainings; at least one.
-    pub trainings: Vec<Arc<Training>>,
+/// A network with its trainings, of which there is at least one, by seed and then by file.
+pub(crate) struct Candidate<D> {
+    pub(crate) description: D,
+    pub(crate) trainings: Vec<Arc<Training>>,
 }
 
 /// The networks of a task, and notes about trainings that are left out.
@@ -78,19 +76,18 @@ pub(crate) type Candidates<T> = (Vec<Candidate<<T as Task>::Description>>, Vec<S
 
 /// Weights with the data that they were trained on.
 #[derive(Clone, Debug)]
-pub struct Training {
+pub(crate) struct Training {
     /// The file; empty for shipped weights.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Source of the weights, with their own remark about themselves.
-    pub label: String,
+    pub(crate) label: String,
     /// The network that they were trained as.
-    pub network: String,
+    pub(crate) network: String,
     /// Seed of the training, where the weights state it.
-    pub seed: Option<i64>,
+    pub(crate) seed: Option<i64>,
     /// The part that a fold held out; `None` for a whole training.
-    pub held_out: Option<HeldOut>,
-    /// The weights.
-    pub weights: Weights,
+    pub(crate) held_out: Option<HeldOut>,
+    pub(crate) weights: Weights,
 }
 
 /// The networks of `request` in the order of their names, and notes about trainings that are left out.

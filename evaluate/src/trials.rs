@@ -1,6 +1,6 @@
 //! Trainings with the labelled cases that they have not seen.
 //!
-//! Enters: the trainings of a network, and the cases of a data set: its recordings, or windows of them. Leaves: [`Trial`]s, each
+//! Enters: the trainings of a network, and the cases of a data set: its recordings, or windows of them. Leaves: trials, each
 //! a whole training or the folds of a cross-validation. No case is held out twice within a trial.
 
 use std::collections::BTreeMap;

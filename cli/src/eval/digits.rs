@@ -12,23 +12,23 @@ use crate::tasks::DigitsTask;
 /// At the end of the long help.
 const METHOD: &str = "\
 How it judges:
-  Every recording is a stream of its own. The engine is reset, events are pushed one by one, and a prediction is read every TIME (--every) and at the end. Times count from the first event of the recording. A prediction is the class with the largest output. After the end of a recording its last prediction stands: every recording counts at every time, and the last accuracy is that at the end. An answer has settled at the first of these moments from which on it is right. The median is the time by which half of all recordings have settled; some may never settle.
-  Whole trainings are judged on the split test, folds of a cross-validation on the recordings that they held out, of both splits.
+  Every recording is a separate stream. The engine is reset, the events are pushed one by one, and a prediction is read every TIME (--every) and at the end. Times count from the first event of the recording. A prediction is the class with the largest output. The last prediction of a recording stays valid after its end: every recording counts at every time, and the last accuracy is the accuracy at the end. An answer settles at the first of these times from which all predictions are right. The median is the time by which half of all recordings have settled; some may never settle.
+  Whole trainings are judged on the split test. Folds of a cross-validation are judged on the recordings of both splits that they held out.
   Intervals are 95 % Wilson intervals over the recordings, one for each seed. For several seeds, the bounds are means over the seeds, accuracies have a mean and a sample standard deviation (- for one seed), and confusion matrices are sums.
 
-Trainings (--trainings): every *.safetensors file of the folder is one, with metadata
-  network     name of the network; digits-frozen runs with those of digits-past
+Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
+  network     name of the network; digits-frozen uses those of digits-past
   seed        whole number
   trained_on  \"train\": the split test is unseen; folds need no trained_on
   held_out    JSON list of recordings, such as [\"train/3/00123\"]: the file is a
-              fold; or not there: a whole training
-  fold        whole number, or not there
-  stride      trained on every N-th event of a recording, from the first one
-              on; or not there: on all events
+              fold; without this key, it is a whole training
+  fold        whole number (optional)
+  stride      N if the network was trained on every N-th event of a recording,
+              starting with the first; without this key: on all events
   The folds of a network and seed must hold out every recording exactly once, and give one accuracy together.
 
 JSON (--json), shares from 0 to 1:
-  {\"header\": what was judged on what (docs/json.md), \"data\": {\"folder\", \"recordings\", \"train\", \"test\", \"events\", \"notes\"}, \"classes\", \"mode\", \"every_us\", \"times_us\": [the times at which predictions are read], \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"stride\", \"test\": JUDGED or null, \"cross_validation\": JUDGED or null}]}
+  {\"header\": the command and its input (docs/json.md), \"data\": {\"folder\", \"recordings\", \"train\", \"test\", \"events\", \"notes\"}, \"classes\", \"mode\", \"every_us\", \"times_us\": [the times at which predictions are read], \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"stride\", \"test\": JUDGED or null, \"cross_validation\": JUDGED or null}]}
   JUDGED: \"recordings\": judged per training, \"trainings\", \"accuracy\": {\"mean\", \"std\" (null for one training)}, \"interval_95\": [low, high], \"settled_us\": the median, null where half or more never settle, \"confusion\": rows true, columns predicted, summed over the trainings, \"accuracy_at\": [{\"mean\", \"std\"}], \"interval_95_at\": [[low, high]], both for each of times_us, \"each\": [{\"seed\" (null where the weights name none), \"files\", \"recordings\", \"accuracy\", \"interval_95\", \"settled_us\", \"confusion\", \"accuracy_at\": [share], \"interval_95_at\"}]
 
 Logits (--logits), at the end of each recording:
@@ -48,13 +48,11 @@ pub(super) struct DigitsArgs {
     task: DigitsTask,
     /// Take every Nth event of each recording [default: as the weights say].
     ///
-    /// The first event is taken. The metadata of weights have the stride of their training; without it, every event is
-    /// taken.
+    /// The first event is taken. The metadata of the weights state the stride of the training; if they state none, every
+    /// event is taken.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
     stride: Option<u32>,
-    /// Time from one prediction to the next.
-    ///
-    /// It is 100us to 10s.
+    /// Time between two predictions, from 100us to 10s.
     #[arg(long = "every", value_name = "TIME", default_value = "10ms", value_parser = every_us,
           help_heading = PREDICTIONS)]
     every_us: i64,
@@ -67,7 +65,7 @@ pub(super) struct DigitsArgs {
     output: OutputArgs,
 }
 
-/// Reads a time from one prediction to the next.
+/// Reads the time between two predictions.
 fn every_us(text: &str) -> Result<i64, String> {
     let us = text::span_us(text)?;
     let fits = (100..=10_000_000).contains(&us);

@@ -5,7 +5,8 @@
 
 use std::io::{self, Write};
 
-use meissner_evaluate::events::{Judged, NetworkReport, Report};
+use meissner_evaluate::events::{Judged, Report};
+use meissner_evaluate::judged::JudgedSeed;
 use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
@@ -44,12 +45,11 @@ pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// All figures, each with its network and protocol.
 fn judged(report: &Report) -> Vec<(String, &Judged)> {
-    let of_network = |network| {
-        NetworkReport::protocols(network).map(|(name, judged)| {
-            judged.map(|judged| (format!("{}, {name}", network.card.network.name), judged))
-        })
-    };
-    report.networks.iter().flat_map(of_network).flatten().collect()
+    let of_networks = report.networks.iter().flat_map(|network| {
+        let named = |name| format!("{}, {name}", network.card.network.name);
+        network.protocols().map(|(name, judged)| judged.map(|judged| (named(name), judged)))
+    });
+    of_networks.flatten().collect()
 }
 
 /// Microseconds as milliseconds, with all decimals.
@@ -67,7 +67,7 @@ fn settled(t_us: Option<i64>) -> String {
 }
 
 fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
-    let mut table = Table::new(&[
+    let headings = [
         "at the end of a recording",
         "recordings",
         "seeds",
@@ -75,21 +75,13 @@ fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> 
         "std",
         "95 % interval",
         "half right for good by (ms)",
-    ]);
-    for (name, judged) in all {
-        let [mean, std] = spread(judged.mean.accuracy);
-        table.row([
-            name.clone(),
-            grouped(judged.mean.recordings),
-            judged.trainings.to_string(),
-            mean,
-            std,
-            interval(judged.mean.interval_95),
-            settled(judged.mean.settled_us),
-        ]);
-    }
-    writeln!(out)?;
-    table.write(out)
+    ];
+    let row = |(name, Judged { trainings, mean: of, .. }): &(String, &Judged)| {
+        let (count, [mean, std]) = (grouped(of.recordings), spread(of.accuracy));
+        let (interval, settled) = (interval(of.interval_95), settled(of.settled_us));
+        [name.clone(), count, trainings.to_string(), mean, std, interval, settled]
+    };
+    Table::section(out, &headings, all.iter().map(row))
 }
 
 /// Each seed, where there are several.
@@ -97,36 +89,28 @@ fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
     if all.iter().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
-    let mut table =
-        Table::new(&["each seed", "files", "accuracy (%)", "95 % interval", "half right for good by (ms)"]);
-    for (name, judged) in all {
-        for one in &judged.each {
-            table.row([
-                format!("{name}, seed {}", seed_name(one.seed)),
-                one.files.len().to_string(),
-                percent(one.figures.accuracy),
-                interval(one.figures.interval_95),
-                settled(one.figures.settled_us),
-            ]);
-        }
-    }
-    writeln!(out)?;
-    table.write(out)
+    let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "half right for good by (ms)"];
+    let each = all.iter().flat_map(|(name, judged)| judged.each.iter().map(move |one| (name, one)));
+    let rows = each.map(|(name, JudgedSeed { seed, files, figures })| {
+        let (interval, settled) = (interval(figures.interval_95), settled(figures.settled_us));
+        let name = format!("{name}, seed {}", seed_name(*seed));
+        [name, files.len().to_string(), percent(figures.accuracy), interval, settled]
+    });
+    Table::section(out, &headings, rows)
 }
 
 /// Accuracies at the times of predictions, the last one always.
 fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)]) -> io::Result<()> {
-    let mut headings = vec!["accuracy (%) after (ms)"];
-    headings.extend(all.iter().map(|(name, _)| name.as_str()));
-    let mut table = Table::new(&headings);
+    let names = all.iter().map(|(name, _)| name.as_str());
+    let headings: Vec<&str> = std::iter::once("accuracy (%) after (ms)").chain(names).collect();
     let times = &report.times_us;
     let step = times.len().div_ceil(MOST_TIMES).max(1);
-    for (i, &t_us) in times.iter().enumerate().filter(|(i, _)| (i + 1) % step == 0 || i + 1 == times.len()) {
-        let cells = all.iter().map(|(_, judged)| percent(judged.mean.accuracy_at[i].mean));
-        table.row(std::iter::once(milliseconds(t_us)).chain(cells));
-    }
-    writeln!(out)?;
-    table.write(out)
+    let shown = (0..times.len()).filter(|i| (i + 1) % step == 0 || i + 1 == times.len());
+    let rows = shown.map(|i| {
+        let cells = all.iter().map(move |(_, judged)| percent(judged.mean.accuracy_at[i].mean));
+        std::iter::once(milliseconds(times[i])).chain(cells)
+    });
+    Table::section(out, &headings, rows)
 }
 
 /// The picture, as the text of a file.

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use meissner_evaluate::slip::{Judged, NetworkReport, Report, SetReport, evaluate};
+use meissner_evaluate::slip::{NetworkReport, Report, SetReport, evaluate};
 use meissner_evaluate::trials::Scheme;
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use meissner_pipeline::text::grouped;
@@ -17,25 +17,25 @@ use crate::text::{Table, file_name, percent};
 /// At the end of the long help.
 const METHOD: &str = "\
 How it judges:
-  Recordings are cut into consecutive windows that do not overlap, as in the paper and as `prepare slip` writes them, whatever the `sampling` of a description. The prediction for a window is the class with the largest output. Accuracy is the share of windows with the right class. Precision, recall and F1 are means over the classes that are true or predicted at least once, with equal weights. A class that is never predicted has precision and F1 0. Each figure has a mean and a sample standard deviation over the trainings (- for one). Confusion matrices are shares over all trainings. Numbers of windows are those of one training.
+  Recordings are cut into consecutive windows that do not overlap, as in the paper and in the files of `prepare slip`. The `sampling` of a description is ignored. The prediction for a window is the class with the largest output. Accuracy is the share of windows with the right class. Precision, recall and F1 are means over the classes that are true or predicted at least once, with equal weights. A class that is never predicted has precision and F1 0. Each figure has a mean and a sample standard deviation over the trainings (- for one training). Confusion matrices are shares over all trainings. The number of windows is that of one training.
 
-Trainings (--trainings): every *.safetensors file of the folder is one, with metadata
+Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
   network           name of the network
   seed              whole number
   trained_on        \"Basic\": the other sets are unseen
   preparation       how its frames were made, as `prepare slip` writes it; it must
-                    fit the description; or not there
+                    fit the description (optional)
   A file with no other key is a whole training. It is judged on the objects of all sets, and Basic is marked as trained on. A file with one of these keys is a fold of a cross-validation. It is judged only on the windows that it names:
-  scheme            recordings or windows, or not there
+  scheme            recordings or windows (optional)
   held_out          JSON list of recordings, such as [\"n/pen178\"]
                     (scheme recordings)
   held_out_windows  JSON list of [recording, window], counted from 0
                     (scheme windows)
-  fold              whole number, or not there
+  fold              whole number (optional)
   The folds of a network, seed and scheme give one accuracy together.
 
 JSON (--json), shares from 0 to 1:
-  {\"header\": what was judged on what (docs/json.md), \"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"preparation\", \"sets\": [{\"set\", \"trained_on\", JUDGED}], \"cross_validation\": [{\"scheme\", \"of_basic\": windows of Basic, JUDGED}]}], \"references\": [{\"name\", \"about\", \"accuracy\": {set: share}}]}
+  {\"header\": the command and its input (docs/json.md), \"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"preparation\", \"sets\": [{\"set\", \"trained_on\", JUDGED}], \"cross_validation\": [{\"scheme\", \"of_basic\": windows of Basic, JUDGED}]}], \"references\": [{\"name\", \"about\", \"accuracy\": {set: share}}]}
   JUDGED: \"windows\": judged per training, \"trainings\", \"accuracy\", \"precision\", \"recall\", \"f1\": each {\"mean\", \"std\" (null for one training)}, \"confusion\": rows true, columns predicted, summed over the trainings, \"each\": [{\"seed\" (null where the weights name none), \"files\", \"windows\", \"accuracy\", \"precision\", \"recall\", \"f1\", \"confusion\"}]
 
 Logits (--logits), for all windows, in the order of `prepare slip`:
@@ -92,86 +92,95 @@ fn sets(report: &Report) -> Vec<ObjectSet> {
     ObjectSet::ALL.into_iter().filter(judged).collect()
 }
 
+/// The figures of each network on each set, with the name of the network.
+fn judged(report: &Report) -> impl Iterator<Item = (&str, &SetReport)> {
+    report.networks.iter().flat_map(|network| {
+        let name = network.card.network.name.as_str();
+        network.sets.iter().map(move |on| (name, on))
+    })
+}
+
 /// Accuracies of networks on sets, with those of others.
 fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let sets = sets(report);
-    let mut headings = vec!["accuracy (%)"];
-    headings.extend(sets.iter().map(|set| set.name()));
-    let mut table = Table::new(&headings);
-    let mut trained_on = false;
-    for network in report.networks.iter().filter(|network| !network.sets.is_empty()) {
-        let cell = |set: &ObjectSet| {
-            network.on(*set).map_or_else(String::new, |on| {
-                trained_on |= on.trained_on;
-                let mark = if on.trained_on { "*" } else { "" };
-                let accuracy = on.judged.mean.scores.accuracy;
-                let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
-                format!("{}{std}{mark}", percent(accuracy.mean))
-            })
-        };
-        let cells: Vec<_> = sets.iter().map(cell).collect();
-        table.row(std::iter::once(network.card.network.name.clone()).chain(cells));
+    let names = sets.iter().map(|set| set.name());
+    let headings: Vec<&str> = std::iter::once("accuracy (%)").chain(names).collect();
+    let cell = |on: &SetReport| {
+        let (mark, accuracy) = (if on.trained_on { "*" } else { "" }, on.judged.mean.scores.accuracy);
+        let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
+        format!("{}{std}{mark}", percent(accuracy.mean))
+    };
+    let own = report.networks.iter().filter(|network| !network.sets.is_empty()).map(|network| {
+        let cells = sets.iter().map(|&set| network.on(set).map_or_else(String::new, cell));
+        std::iter::once(network.card.network.name.clone()).chain(cells).collect::<Vec<_>>()
+    });
+    let others = report.references.iter().map(|other| {
+        let cells = sets.iter().map(|&set| {
+            let share = other.accuracy(set).map(|share| format!("{:.*}", other.decimals, 100.0 * share));
+            share.unwrap_or_else(|| NONE.to_owned())
+        });
+        std::iter::once(other.name.to_owned()).chain(cells).collect()
+    });
+    Table::section(out, &headings, own.chain(others))?;
+    for other in &report.references {
+        writeln!(out, "  {}: {}", other.name, other.about)?;
     }
-    for reference in &report.references {
-        let cell = |set: &ObjectSet| {
-            let accuracy = reference.reference.accuracy(*set);
-            let decimals = reference.reference.decimals;
-            accuracy.map_or_else(|| NONE.to_owned(), |share| format!("{:.decimals$}", 100.0 * share))
-        };
-        table.row(std::iter::once(reference.name.to_owned()).chain(sets.iter().map(cell)));
-    }
-    writeln!(out)?;
-    table.write(out)?;
-    for reference in &report.references {
-        writeln!(out, "  {}: {}", reference.name, reference.about)?;
-    }
-    if trained_on { writeln!(out, "  *: trained on") } else { Ok(()) }
-}
-
-const FIGURES: [&str; 10] =
-    ["windows", "trainings", "accuracy (%)", "std", "precision", "std", "recall", "std", "F1", "std"];
-
-fn cells(judged: &Judged) -> impl Iterator<Item = String> {
-    let (windows, scores) = (judged.mean.windows, &judged.mean.scores);
-    let counts = [grouped(windows), judged.trainings.to_string()];
-    let figures = [scores.accuracy, scores.precision, scores.recall, scores.f1].map(spread);
-    counts.into_iter().chain(figures.into_iter().flatten())
+    if judged(report).any(|(_, on)| on.trained_on) { writeln!(out, "  *: trained on") } else { Ok(()) }
 }
 
 /// All figures of networks on sets.
 fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let mut headings = vec!["network, set"];
-    headings.extend(FIGURES);
-    let mut table = Table::new(&headings);
-    for network in &report.networks {
-        for on in &network.sets {
-            let mark = if on.trained_on { " (trained on)" } else { "" };
-            let name = format!("{}, {}{mark}", network.card.network.name, on.set);
-            table.row(std::iter::once(name).chain(cells(&on.judged)));
-        }
-    }
-    writeln!(out)?;
-    table.write(out)
+    let headings = [
+        "network, set",
+        "windows",
+        "trainings",
+        "accuracy (%)",
+        "std",
+        "precision",
+        "std",
+        "recall",
+        "std",
+        "F1",
+        "std",
+    ];
+    let rows = judged(report).map(|(network, on)| {
+        let name = format!("{network}, {}{}", on.set, mark(on.trained_on));
+        let (windows, scores) = (on.judged.mean.windows, &on.judged.mean.scores);
+        let scores = [scores.accuracy, scores.precision, scores.recall, scores.f1].map(spread);
+        [name, grouped(windows), on.judged.trainings.to_string()]
+            .into_iter()
+            .chain(scores.into_iter().flatten())
+    });
+    Table::section(out, &headings, rows)
 }
 
 /// A confusion matrix for each network and set.
 fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    for network in &report.networks {
-        for on in &network.sets {
-            let (name, mean) = (format!("{} on {}", network.card.network.name, on.set), &on.judged.mean);
-            confusion(out, &name, &CLASSES, "windows", &mean.confusion, on.judged.trainings)?;
-        }
-    }
-    Ok(())
+    judged(report).try_for_each(|(network, SetReport { set, judged, .. })| {
+        let name = format!("{network} on {set}");
+        confusion(out, &name, &CLASSES, "windows", &judged.mean.confusion, judged.trainings)
+    })
 }
 
 /// Cross-validation by recording beside that by window.
 fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let validated: Vec<_> = report.networks.iter().filter(|n| !n.cross_validation.is_empty()).collect();
-    if validated.is_empty() {
+    let validated = report.networks.iter().filter(|network| !network.cross_validation.is_empty());
+    let rows: Vec<Vec<String>> = validated
+        .map(|network| {
+            let cells = [Scheme::Recordings, Scheme::Windows].into_iter().flat_map(|scheme| {
+                let Some(validation) = network.validated(scheme) else { return vec![NONE.to_owned(); 4] };
+                let judged = &validation.judged;
+                let folds: usize = judged.each.iter().map(|one| one.files.len()).sum();
+                let [mean, std] = spread(judged.mean.scores.accuracy);
+                vec![mean, std, judged.trainings.to_string(), folds.to_string()]
+            });
+            std::iter::once(network.card.network.name.clone()).chain(cells).collect()
+        })
+        .collect();
+    if rows.is_empty() {
         return Ok(());
     }
-    let mut table = Table::new(&[
+    let headings = [
         "cross-validation, accuracy (%)",
         "by recording",
         "std",
@@ -181,19 +190,8 @@ fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         "std",
         "seeds",
         "folds",
-    ]);
-    for network in validated {
-        let cells = [Scheme::Recordings, Scheme::Windows].into_iter().flat_map(|scheme| {
-            let Some(validation) = network.validated(scheme) else { return vec![NONE.to_owned(); 4] };
-            let judged = &validation.judged;
-            let folds: usize = judged.each.iter().map(|one| one.files.len()).sum();
-            let [mean, std] = spread(judged.mean.scores.accuracy);
-            vec![mean, std, judged.trainings.to_string(), folds.to_string()]
-        });
-        table.row(std::iter::once(network.card.network.name.clone()).chain(cells));
-    }
-    writeln!(out)?;
-    table.write(out)?;
+    ];
+    Table::section(out, &headings, rows)?;
     WHY.iter().try_for_each(|line| writeln!(out, "  {line}"))
 }
 
@@ -219,7 +217,7 @@ fn svg(report: &Report) -> String {
     };
     let references = report.references.iter().map(|other| {
         let name = format!("{} (reference)", other.name);
-        (name, sets.iter().map(|&set| other.reference.accuracy(set)).collect())
+        (name, sets.iter().map(|&set| other.accuracy(set)).collect())
     });
     let bars = Bars {
         groups: sets.iter().map(group).collect(),

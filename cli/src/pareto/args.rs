@@ -1,4 +1,4 @@
-//! `meissner pareto`: what can be asked for.
+//! Arguments of `meissner pareto`.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::path::PathBuf;
@@ -12,31 +12,31 @@ use meissner_pipeline::text::length_us;
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
 use crate::tasks::{DigitsTask, SlipTask};
 
-/// How it measures, at the end of the long help.
+/// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
 How it measures:
-  Each network is run exactly, then with each approximation that changes anything about it, and with some approximations together. Errors of a setting are those against the exact form of the same network. The exact setting is measured like all others: its time ratio shows how well times can be told apart.
-  Time: on one thread, while nothing else runs. A setting and the exact network take turns (1,000 events, or 10 windows, each) over the same events, --repeat times. The time of an event is the median over the repeats. All repeats compute the same, so an interruption of one of them changes no figure. Mean, p50 and p99 are over the events. The ratio is the mean of the setting divided by that of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio times the time of the exact setting: a machine that is slower during one setting moves no point.
-  Networks over events: the time is that of an event of the input: filters, push and prediction. An event that a filter drops costs the filter, and the last prediction stands.
-  Frame networks: the time is that of a window of readings, from the reset on. Push is that of its frames.
-  Work: computed rows of events and cells (pixels of frame networks), and multiply-adds at full neighbourhoods, as `meissner inspect` lists them. Winograd's convolutions count like direct ones.
+  Each network is run exactly, then with each approximation that changes the network, and with some approximations together. The errors of a setting are differences from the exact form of the same network. The exact setting is measured like all others: its time ratio shows which differences in time are noise.
+  Time: on one thread, while nothing else runs. A setting and the exact network process the same events in turns of 1,000 events, or 10 windows, --repeat times. The time of an event is the median over the repeats. All repeats compute the same, so an interruption of one repeat changes no figure. Mean, p50 and p99 are over the events. The ratio is the mean of the setting divided by the mean of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio multiplied by the time of the exact setting: no point moves if the machine is slower during one setting.
+  Networks over events: the time of an event of the input, with filters, push and prediction. An event that a filter drops costs only the filter, and the last prediction stays valid.
+  Frame networks: the time of a window of readings, from the reset. The time of push is that of the frames of the window.
+  Work: computed rows of events and cells (pixels of frame networks), and multiply-adds at full neighbourhoods, as `meissner inspect` lists them. Winograd convolutions count like direct ones.
   Numerical error: over all predictions at the same moments, after each event, in the order of time, and for each tenth of the streams. The max and RMS error are in the units of the outputs. The relative RMS error is a share of the RMS of the exact outputs. A stale readout is compared with the exact prediction of that moment.
-  Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits are judged on the split test, or by cross-validation over all recordings where --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other: for them the intervals are too narrow. Where predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
-  Front: the settings that no other one beats in time and error; all of equal ones. With labels there is one front over all networks, otherwise one for each network, whose errors are of its own outputs. The last paragraph names the fastest setting within some error of the exact one. A setting that is less than 1.02 times as fast counts as no faster.
+  Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits are judged on the split test, or by cross-validation over all recordings if --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other, so the intervals for windows are too narrow. If predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
+  Front: the settings that no other setting beats in time and error; equal settings are all on the front. With labels there is one front over all networks. Without labels there is one for each network, because errors are in the units of its outputs. The last paragraph names the fastest settings whose error is at most a bound above the exact one. A setting that is less than 1.02 times as fast does not count as faster.
 
 Settings:
-  Networks over events: tolerance; neighbours below the network's; span as a share of the network's; every Nth event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250us; a stale readout.
-  Frame networks: Winograd's convolutions and a tolerance where there is any layer for them; only the last readings of a window.
+  Networks over events: tolerance; fewer neighbours than the network has; a shorter span, as a share of the network's; every Nth event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250us; a stale readout.
+  Frame networks: Winograd convolutions and a tolerance, if the network has layers for them; only the last readings of a window.
 
 State (--state):
-  One line of JSON for each measurement: {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement in the file is not repeated. A last line that was not finished is cut off. Any other line that cannot be read is an error. All times of a file should be of one machine.
+  One line of JSON for each measurement: {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement in the file is not repeated. An unfinished last line is cut off. Any other line that cannot be read is an error. All times in a file should be from one machine.
 
 JSON (--json):
-  {\"header\": what was measured on what (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\": the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}], \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
+  {\"header\": the command and its input (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\": the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}], \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
   SETTING: \"setting\", \"us\": time as compared, \"speed_up\", \"error\": as compared, \"interval_95\" (null without labels), \"on_front\", \"timed\", \"entered\": share that no filter dropped, \"push_us\" and \"push_predict_us\": {\"mean\", \"p50\", \"p99\"}, \"exact_us\": mean of the exact network in the same runs, \"ratio\", \"rows\", \"multiply_adds\", \"numerical\": {\"max\", \"rms\", \"relative_rms\", \"max_by_tenth\", \"rms_by_tenth\"}, \"task\": [{\"of\", \"error\", \"interval_95\", \"trials\", \"trainings\"}]
 
 CSV (--csv):
-  The same, a line for each setting, without the tenths.";
+  The same figures, with a line for each setting, without the tenths.";
 
 /// `meissner pareto`.
 #[derive(Debug, clap::Args)]
@@ -94,7 +94,7 @@ pub(super) struct AngleArgs {
     pub(super) weights: Option<PathBuf>,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// Errors are those against the same network without approximations, whatever the weights were trained for.
+    /// Errors are differences from the same network without approximations, so the training does not matter.
     #[arg(long, help_heading = NETWORK)]
     pub(super) ignore_preparation: bool,
     #[command(flatten)]
@@ -117,12 +117,12 @@ pub(super) struct Common {
     /// Keep finished measurements in this file, and do not repeat them.
     #[arg(long, value_name = "FILE.jsonl", help_heading = MEASUREMENT)]
     pub(super) state: Option<PathBuf>,
-    /// Measure only settings with TEXT in "NETWORK, SETTING", and the exact one.
+    /// Measure only settings with TEXT in "NETWORK, SETTING", and the exact setting.
     ///
     /// It may be given several times.
     #[arg(long, value_name = "TEXT", help_heading = MEASUREMENT)]
     only: Vec<String>,
-    /// About how many events are timed in each repeat [default: 20000].
+    /// Approximate number of events that are timed in each repeat [default: 20000].
     ///
     /// `pareto digits` takes whole recordings. For `pareto slip` it is the number of windows, 400 by default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
@@ -133,12 +133,12 @@ pub(super) struct Common {
     repeat: u32,
     /// Threads that count wrong answers [default: the machine's cores].
     ///
-    /// The counts are the same for any number. Times are always those of one thread.
+    /// The counts are the same for any number. Times are always measured on one thread.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
     pub(super) threads: Option<u16>,
     /// Write one JSON object to this file; - for standard output.
     ///
-    /// On standard output it takes the place of the text.
+    /// On standard output it replaces the text.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) json: Option<PathBuf>,
     /// Write a table to this file, a line for each setting.

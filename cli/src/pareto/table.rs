@@ -21,10 +21,7 @@ pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         writeln!(out, "network      {}: {}", network.network, network.weights)?;
     }
     report.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
-    for network in &report.networks {
-        writeln!(out)?;
-        settings(out, report, network)?;
-    }
+    report.networks.iter().try_for_each(|network| settings(out, report, network))?;
     if report.compared == Compared::TaskError {
         tasks(out, report)?;
     }
@@ -39,19 +36,14 @@ fn settings(out: &mut dyn Write, report: &Report, network: &NetworkReport) -> io
     if report.compared == Compared::TaskError {
         headings.push("95 % interval");
     }
-    let mut table = Table::new(&headings);
-    for setting in &network.settings {
+    let rows = network.settings.iter().map(|setting| {
         let mark = if setting.on_front { " *" } else { "" };
-        let mut cells = vec![
-            format!("{}{mark}", setting.setting),
-            setting.time_text(),
-            format!("{:.2}", setting.speed_up),
-            setting.error_text(report.compared),
-        ];
-        cells.extend(setting.interval_95.map(|(low, high)| format!("{} to {}", percent(low), percent(high))));
-        table.row(cells);
-    }
-    table.write(out)?;
+        let name = format!("{}{mark}", setting.setting);
+        let (speed_up, error) = (format!("{:.2}", setting.speed_up), setting.error_text(report.compared));
+        let interval = setting.interval_95.map(interval);
+        [name, setting.time_text(), speed_up, error].into_iter().chain(interval)
+    });
+    Table::section(out, &headings, rows)?;
 
     let (rows, products) = (format!("rows/{unit}"), format!("madds/{unit}"));
     let headings = [
@@ -65,12 +57,7 @@ fn settings(out: &mut dyn Write, report: &Report, network: &NetworkReport) -> io
         "max error",
         "RMS error",
     ];
-    let mut table = Table::new(&headings);
-    for setting in &network.settings {
-        table.row(measured(setting));
-    }
-    writeln!(out)?;
-    table.write(out)
+    Table::section(out, &headings, network.settings.iter().map(measured))
 }
 
 fn measured(setting: &SettingReport) -> [String; 9] {
@@ -89,22 +76,24 @@ fn measured(setting: &SettingReport) -> [String; 9] {
     ]
 }
 
+fn interval((low, high): (f64, f64)) -> String {
+    format!("{} to {}", percent(low), percent(high))
+}
+
 /// Wrong answers of each part, where there are several.
 fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in report.networks.iter().filter(|network| network.exact().measurement.task.len() > 1) {
-        let parts = &network.exact().measurement.task;
-        let mut headings = vec![format!("{}, wrong %", network.network)];
-        headings.extend(parts.iter().map(|task| format!("{} ({})", task.of, grouped(task.trials))));
-        let mut table = Table::new(&headings.iter().map(String::as_str).collect::<Vec<_>>());
-        for setting in &network.settings {
-            let shares = setting.measurement.task.iter().map(|task| {
-                let (low, high) = task.interval_95;
-                format!("{} ({} to {})", percent(task.error), percent(low), percent(high))
-            });
-            table.row(std::iter::once(setting.setting.clone()).chain(shares));
-        }
-        writeln!(out)?;
-        table.write(out)?;
+        let parts = network.exact().measurement.task.iter();
+        let parts = parts.map(|task| format!("{} ({})", task.of, grouped(task.trials)));
+        let headings: Vec<_> =
+            std::iter::once(format!("{}, wrong %", network.network)).chain(parts).collect();
+        let rows = network.settings.iter().map(|setting| {
+            let tasks = setting.measurement.task.iter();
+            let shares =
+                tasks.map(|task| format!("{} ({})", percent(task.error), interval(task.interval_95)));
+            std::iter::once(setting.setting.clone()).chain(shares)
+        });
+        Table::section(out, &headings, rows)?;
     }
     Ok(())
 }
@@ -112,17 +101,15 @@ fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 /// Errors over time: whether they grow.
 fn drift(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
-        let mut headings = vec![format!("{}, RMS error by tenth", network.network)];
-        headings
-            .extend((1..=network.exact().measurement.numerical.rms_by_tenth.len()).map(|i| i.to_string()));
-        let mut table = Table::new(&headings.iter().map(String::as_str).collect::<Vec<_>>());
-        for setting in &network.settings {
+        let tenths = 1..=network.exact().measurement.numerical.rms_by_tenth.len();
+        let name = format!("{}, RMS error by tenth", network.network);
+        let headings: Vec<_> = std::iter::once(name).chain(tenths.map(|i| i.to_string())).collect();
+        let rows = network.settings.iter().map(|setting| {
             let tenths = setting.measurement.numerical.rms_by_tenth.iter();
             let tenths = tenths.map(|rms| rms.map_or_else(|| "-".to_owned(), error));
-            table.row(std::iter::once(setting.setting.clone()).chain(tenths));
-        }
-        writeln!(out)?;
-        table.write(out)?;
+            std::iter::once(setting.setting.clone()).chain(tenths)
+        });
+        Table::section(out, &headings, rows)?;
     }
     Ok(())
 }
@@ -135,50 +122,47 @@ fn error(error: f64) -> String {
     if error == 0.0 { "0".to_owned() } else { format!("{error:.1e}") }
 }
 
+/// The field of a setting of a network.
+type Field = fn(&Report, &NetworkReport, &SettingReport) -> String;
+
+/// The columns of comma-separated values by name.
+const COLUMNS: &[(&str, Field)] = &[
+    ("system", |report, _, _| report.system.to_owned()),
+    ("network", |_, network, _| quoted(&network.network)),
+    ("setting", |_, _, of| quoted(&of.setting)),
+    ("on_front", |_, _, of| of.on_front.to_string()),
+    ("us", |_, _, of| of.us.to_string()),
+    ("speed_up", |_, _, of| of.speed_up.to_string()),
+    ("error", |_, _, of| of.error.to_string()),
+    ("low", |_, _, of| optional(of.interval_95.map(|bounds| bounds.0))),
+    ("high", |_, _, of| optional(of.interval_95.map(|bounds| bounds.1))),
+    ("timed", |_, _, of| of.measurement.timed.to_string()),
+    ("entered", |_, _, of| of.measurement.entered.to_string()),
+    ("push_us", |_, _, of| of.measurement.timing.push_us.mean.to_string()),
+    ("push_predict_us", |_, _, of| of.measurement.timing.push_predict_us.mean.to_string()),
+    ("push_predict_p50_us", |_, _, of| of.measurement.timing.push_predict_us.p50.to_string()),
+    ("push_predict_p99_us", |_, _, of| of.measurement.timing.push_predict_us.p99.to_string()),
+    ("exact_us", |_, _, of| of.measurement.timing.exact_us.to_string()),
+    ("ratio", |_, _, of| of.measurement.timing.ratio.to_string()),
+    ("rows", |_, _, of| of.measurement.rows.to_string()),
+    ("multiply_adds", |_, _, of| of.measurement.multiply_adds.to_string()),
+    ("max_error", |_, _, of| of.measurement.numerical.max.to_string()),
+    ("rms", |_, _, of| of.measurement.numerical.rms.to_string()),
+    ("relative_rms", |_, _, of| optional(of.measurement.numerical.relative_rms)),
+];
+
 /// A line for each setting.
 pub(super) fn csv(report: &Report) -> String {
-    let mut text =
-        "system,network,setting,on_front,us,speed_up,error,low,high,timed,entered,push_us,push_predict_us,\
-                    push_predict_p50_us,push_predict_p99_us,exact_us,ratio,rows,multiply_adds,max_error,rms,\
-                    relative_rms\n"
-            .to_owned();
+    let mut lines = vec![COLUMNS.iter().map(|(name, _)| (*name).to_owned()).collect::<Vec<_>>()];
     for network in &report.networks {
-        for setting in &network.settings {
-            let measurement = &setting.measurement;
-            let (timing, numerical) = (&measurement.timing, &measurement.numerical);
-            let bound = |bound: Option<f64>| bound.map_or_else(String::new, |bound| bound.to_string());
-            let numbers = [
-                timing.push_us.mean,
-                timing.push_predict_us.mean,
-                timing.push_predict_us.p50,
-                timing.push_predict_us.p99,
-                timing.exact_us,
-                timing.ratio,
-                measurement.rows,
-                measurement.multiply_adds,
-                numerical.max,
-                numerical.rms,
-            ];
-            let fields = [
-                report.system.to_owned(),
-                quoted(&network.network),
-                quoted(&setting.setting),
-                setting.on_front.to_string(),
-                setting.us.to_string(),
-                setting.speed_up.to_string(),
-                setting.error.to_string(),
-                bound(setting.interval_95.map(|bounds| bounds.0)),
-                bound(setting.interval_95.map(|bounds| bounds.1)),
-                measurement.timed.to_string(),
-                measurement.entered.to_string(),
-            ];
-            let numbers = numbers.iter().map(ToString::to_string);
-            let fields: Vec<String> =
-                fields.into_iter().chain(numbers).chain([bound(numerical.relative_rms)]).collect();
-            text += &(fields.join(",") + "\n");
-        }
+        let line = |of| COLUMNS.iter().map(|(_, field)| field(report, network, of)).collect();
+        lines.extend(network.settings.iter().map(line));
     }
-    text
+    lines.into_iter().map(|line| line.join(",") + "\n").collect()
+}
+
+fn optional(number: Option<f64>) -> String {
+    number.map_or_else(String::new, |number| number.to_string())
 }
 
 /// A field as RFC 4180 has it.

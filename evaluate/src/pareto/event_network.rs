@@ -16,9 +16,9 @@ use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::approximations::FilteredEngine;
 use rayon::ThreadPool;
 
-use super::NetworkStudy;
 use super::measurement::{Differences, Lap, Measurement, TaskError, take_turns};
 use super::settings::{Setting, mean_rate, row_costs, settings};
+use super::{NetworkReport, NetworkStudy};
 use crate::error::{EvaluateError, weights_error};
 use crate::events::EventData;
 use crate::metrics::predicted;
@@ -63,19 +63,14 @@ struct Run {
 }
 
 impl<'a> EventNetwork<'a> {
-    /// The study of this network, which `name`, `weights` and `fingerprint` identify.
-    pub(super) fn study(
-        self,
-        name: String,
-        weights: String,
-        fingerprint: String,
-    ) -> Result<NetworkStudy<'a>, EvaluateError> {
+    /// The study of this network, for a `report` without settings.
+    pub(super) fn study(self, report: NetworkReport) -> Result<NetworkStudy<'a>, EvaluateError> {
         let settings = settings(&self.network, mean_rate(&self.streams));
         // A network that a setting does not fit is refused before anything is measured.
         settings.iter().try_for_each(|setting| setting.network(&self.network).map(drop))?;
-        let names = settings.iter().map(|setting| setting.name.clone()).collect();
+        let names = settings.iter().map(|setting| setting.name.clone()).enumerate().collect();
         let measure = Box::new(move |setting: usize| self.measure(&settings[setting]));
-        Ok(NetworkStudy { name, weights, fingerprint, settings: names, measure })
+        Ok(NetworkStudy { report, settings: names, measure })
     }
 
     fn measure(&self, setting: &Setting) -> Result<Measurement, EvaluateError> {

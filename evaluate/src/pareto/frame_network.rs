@@ -17,8 +17,8 @@ use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::frame_predictor::LayerCost;
 use rayon::ThreadPool;
 
-use super::NetworkStudy;
 use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, take_turns};
+use super::{NetworkReport, NetworkStudy};
 use crate::error::EvaluateError;
 use crate::metrics::predicted;
 use crate::slip::{SlipData, Windows};
@@ -121,13 +121,13 @@ struct Run {
 }
 
 impl<'a> FramesNetwork<'a> {
-    /// The study of this network, which `name`, `weights` and `fingerprint` identify.
-    pub(super) fn study(self, name: String, weights: String, fingerprint: String) -> NetworkStudy<'a> {
+    /// The study of this network, for a `report` without settings.
+    pub(super) fn study(self, report: NetworkReport) -> NetworkStudy<'a> {
         let steps = self.windows.steps;
         let all = settings(&self.trainings[0], steps);
-        let settings = all.iter().map(|setting| setting.name(steps)).collect();
+        let settings = all.iter().map(|setting| setting.name(steps)).enumerate().collect();
         let measure = Box::new(move |setting: usize| self.measure(all[setting]));
-        NetworkStudy { name, weights, fingerprint, settings, measure }
+        NetworkStudy { report, settings, measure }
     }
 
     fn measure(&self, setting: Setting) -> Result<Measurement, EvaluateError> {

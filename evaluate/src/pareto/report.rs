@@ -9,6 +9,7 @@ use meissner_pipeline::provenance::{Header, InputCard};
 use serde::Serialize;
 
 use super::measurement::{EXACT, Measurement};
+use super::state::Fingerprint;
 
 /// Results of all networks.
 #[derive(Debug, Serialize)]
@@ -141,13 +142,13 @@ impl Report {
 }
 
 impl NetworkReport {
-    /// The report of a network with its `settings`, the exact one first; none is on the front yet.
-    pub(super) fn new(
-        network: String,
-        weights: String,
-        fingerprint: String,
-        settings: Vec<(String, Measurement)>,
-    ) -> Self {
+    /// The report of a network without settings.
+    pub(super) fn new(network: String, weights: String, fingerprint: Fingerprint) -> Self {
+        Self { network, weights, fingerprint: fingerprint.finish(), settings: Vec::new() }
+    }
+
+    /// The same with `settings`, the exact one first; none is on the front yet.
+    pub(super) fn with_settings(mut self, settings: Vec<(String, Measurement)>) -> Self {
         let exact_us = settings.first().map_or(0.0, |(_, exact)| exact.timing.push_predict_us.mean);
         let report = |(setting, measurement): (String, Measurement)| {
             // The exact setting is as fast as itself, whatever the clock says.
@@ -156,7 +157,8 @@ impl NetworkReport {
             let (us, speed_up, on_front) = (exact_us * ratio, 1.0 / ratio, false);
             SettingReport { setting, us, speed_up, error, interval_95, on_front, measurement }
         };
-        Self { network, weights, fingerprint, settings: settings.into_iter().map(report).collect() }
+        self.settings = settings.into_iter().map(report).collect();
+        self
     }
 
     /// The exact setting.

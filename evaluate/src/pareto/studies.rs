@@ -19,7 +19,7 @@ use super::event_network::{EventNetwork, Judge};
 use super::frame_network::{FramesNetwork, has_convolutions, has_pixels_to_keep};
 use super::report::DataReport;
 use super::state::Fingerprint;
-use super::{NetworkStudy, Options, Study};
+use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::events::EventTask;
 use crate::slip::{Slip, SlipData, Windows};
@@ -92,7 +92,7 @@ pub fn angle(
             return Err(EvaluateError::request(RequestPart::Networks, expected, found));
         }
         notes.extend(card.warnings(Some([sensor.width, sensor.height])));
-        if networks.iter().any(|other| other.name == network.name()) {
+        if networks.iter().any(|other| other.report.network == network.name()) {
             return Err(EvaluateError::twice(name));
         }
         let mut fingerprint = Fingerprint::default();
@@ -100,7 +100,7 @@ pub fn angle(
         fingerprint.weights(&weights);
         let (name, streams) = (network.name().to_owned(), vec![events.clone()]);
         let network = EventNetwork { network, sensor, streams, repeats: options.repeats, judge: None };
-        networks.push(network.study(name, labelled(label, &weights), fingerprint.finish())?);
+        networks.push(network.study(NetworkReport::new(name, labelled(label, &weights), fingerprint))?);
     }
     let mut fingerprint = Fingerprint::default();
     fingerprint.text(&sensor.to_string());
@@ -151,7 +151,7 @@ pub fn events<'a, T: EventTask>(
         let (sensor, name) = (data.set.sensor, description.name().to_owned());
         let judge = Some(Judge { of, data: Arc::clone(&data), stride, description, trials, pool });
         let network = EventNetwork { network, sensor, streams, repeats: options.repeats, judge };
-        networks.push(network.study(name, label, fingerprint.finish())?);
+        networks.push(network.study(NetworkReport::new(name, label, fingerprint))?);
     }
     let mut fingerprint = Fingerprint::default();
     for recording in &data.recordings {
@@ -254,7 +254,7 @@ pub fn slip<'a>(
             exact: OnceCell::new(),
         };
         (size, timed) = (network.windows.cases.len(), network.timed.len());
-        networks.push(network.study(name, label, fingerprint.finish()));
+        networks.push(network.study(NetworkReport::new(name, label, fingerprint)));
     }
     let mut fingerprint = Fingerprint::default();
     for (recording, object) in data.recordings.iter().zip(&data.objects) {

@@ -15,8 +15,8 @@ use meissner_pipeline::model::{card, frame_network};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 use rayon::ThreadPool;
-use serde::Serialize;
-use serde_json::Value;
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 
 use super::{Slip, SlipData, Windows, trained_on_basic};
 use crate::error::{EvaluateError, TrainingError, weights_error};
@@ -34,7 +34,8 @@ pub struct Report {
     pub classes: [&'static str; CLASSES.len()],
     pub networks: Vec<NetworkReport>,
     /// Accuracies of other methods.
-    pub references: Vec<ReferenceReport>,
+    #[serde(serialize_with = "named")]
+    pub references: [Reference; REFERENCES.len()],
 }
 
 /// The data set that networks are judged on.
@@ -123,18 +124,13 @@ impl Figures for Classified {
     }
 }
 
-/// Accuracies of another method.
-#[derive(Serialize)]
-pub struct ReferenceReport {
-    /// Its name.
-    pub name: &'static str,
-    /// The method.
-    pub about: &'static str,
-    /// Accuracy by set.
-    pub accuracy: BTreeMap<&'static str, f64>,
-    /// The same as numbers.
-    #[serde(skip)]
-    pub reference: Reference,
+/// Writes `references` as a list of objects, each with the accuracies by set.
+fn named<S: Serializer>(references: &[Reference], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_seq(references.iter().map(|reference| {
+        let of_set = |set: ObjectSet| reference.accuracy(set).map(|accuracy| (set.name(), accuracy));
+        let accuracy: BTreeMap<_, _> = ObjectSet::ALL.into_iter().filter_map(of_set).collect();
+        json!({ "name": reference.name, "about": reference.about, "accuracy": accuracy })
+    }))
 }
 
 /// Judges the networks of `request` on the data set in `folder`, with the threads of `pool`. `done` is called after each
@@ -172,7 +168,7 @@ pub fn evaluate(
         },
         classes: CLASSES,
         networks,
-        references: ReferenceReport::all(),
+        references: REFERENCES,
     };
     Ok(Evaluation { report, logits: judge.logits, took })
 }
@@ -274,17 +270,6 @@ impl Judge<'_> {
         let engine = FrameEngine::new(network)?;
         let outputs = windows.logits(self.pool, &engine, chosen, windows.steps);
         outputs.map_err(|source| weights_error(&training.label)(ModelError::Engine(source)))
-    }
-}
-
-impl ReferenceReport {
-    fn all() -> Vec<Self> {
-        let report = |reference: Reference| {
-            let of_set = |set: ObjectSet| reference.accuracy(set).map(|accuracy| (set.name(), accuracy));
-            let accuracy = ObjectSet::ALL.into_iter().filter_map(of_set).collect();
-            Self { name: reference.name, about: reference.about, accuracy, reference }
-        };
-        REFERENCES.into_iter().map(report).collect()
     }
 }
 
