@@ -94,20 +94,6 @@ impl EventData {
         (1..=count.max(1)).map(|i| i * every_us).collect()
     }
 
-    /// Logs and returns the warnings about events that networks drop, of every `stride`-th event of each recording.
-    fn lost(&self, stride: usize) -> Vec<LossWarning> {
-        let mut gate = Admission::new(self.set.sensor, LatePolicy::Drop);
-        for recording in &self.recordings {
-            gate.reset();
-            for &event in recording.events.iter().step_by(stride) {
-                // Accepted events are counted, too.
-                let _ = gate.admit(event);
-            }
-        }
-        let name = self.folder.display().to_string();
-        InputLosses::of_events(*gate.counters(), self.set.sensor).warn(&name)
-    }
-
     /// The trials of `trainings`: whole ones on the split test, and folds, which hold out every recording once. With `count`,
     /// these must be the folds that [`prepare`](crate::prepare) writes for that number.
     pub(crate) fn trials(
@@ -135,6 +121,23 @@ impl EventData {
             None => Ok(()),
         }
     }
+}
+
+/// Logs and returns the warnings about events of `streams` that networks drop. The data are called `name`.
+pub(crate) fn lost<'a, S: IntoIterator<Item = &'a Event>>(
+    name: &str,
+    sensor: Sensor,
+    streams: impl IntoIterator<Item = S>,
+) -> Vec<LossWarning> {
+    let mut gate = Admission::new(sensor, LatePolicy::Drop);
+    for events in streams {
+        gate.reset();
+        for &event in events {
+            // Accepted events are counted, too.
+            let _ = gate.admit(event);
+        }
+    }
+    InputLosses::of_events(*gate.counters(), sensor).warn(name)
 }
 
 /// A remark about files that are no recordings.

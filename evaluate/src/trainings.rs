@@ -231,11 +231,12 @@ impl Training {
         let weights = Weights::load(path).map_err(weights_error(&label))?;
         let metadata = Metadata(weights.metadata());
         let read = || {
-            let network = metadata.required("network", "with a network's name")?.to_owned();
+            let network = metadata.0.get("network").filter(|network| !network.is_empty());
+            let network = network.ok_or_else(|| metadata.refused("network", "with a network's name"))?;
             let seed = metadata.integer("seed")?;
             let seed = seed.ok_or_else(|| metadata.refused("seed", "with a whole number"))?;
             metadata.integer("fold")?;
-            Ok((network, seed, T::held_out(metadata)?))
+            Ok((network.clone(), seed, T::held_out(metadata)?))
         };
         let (network, seed, held_out) =
             read().map_err(|source| EvaluateError::Training { path: path.to_owned(), source })?;
@@ -264,21 +265,11 @@ impl Training {
 #[derive(Clone, Copy, Debug)]
 pub struct Metadata<'a>(pub &'a BTreeMap<String, String>);
 
-impl<'a> Metadata<'a> {
+impl Metadata<'_> {
     /// The value of `key` is not as `expected`.
     pub(crate) fn refused(self, key: &'static str, expected: &'static str) -> TrainingError {
         let found = self.0.get(key).map_or_else(|| "none".to_owned(), |text| format!("{text:?}"));
         TrainingError::Metadata { key, expected, found }
-    }
-
-    /// The value of `key`.
-    pub(crate) fn required(
-        self,
-        key: &'static str,
-        expected: &'static str,
-    ) -> Result<&'a str, TrainingError> {
-        let text = self.0.get(key).filter(|text| !text.is_empty());
-        text.map(String::as_str).ok_or_else(|| self.refused(key, expected))
     }
 
     /// The whole number of `key`, where the key is there.

@@ -187,17 +187,17 @@ impl Trial {
         self.folds.iter().flat_map(|fold| fold.training.files()).collect()
     }
 
-    /// The unseen cases with their outcomes, in the order of the cases. `outcomes` has those of a training on its cases.
-    ///
-    /// # Errors
-    /// The first error of `outcomes`.
+    /// The unseen cases with their outcomes, in the order of the cases. `outcomes` has those of a training on its cases;
+    /// `done` is called after each training.
     pub(crate) fn outcomes<O>(
         &self,
+        mut done: impl FnMut(&Training),
         mut outcomes: impl FnMut(&Training, &[usize]) -> Result<Vec<O>, EvaluateError>,
     ) -> Result<Vec<(usize, O)>, EvaluateError> {
         let mut all = Vec::new();
         for Fold { training, cases } in &self.folds {
             all.extend(cases.iter().copied().zip(outcomes(training, cases)?));
+            done(training);
         }
         all.sort_by_key(|(case, _)| *case);
         Ok(all)

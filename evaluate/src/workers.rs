@@ -1,12 +1,11 @@
 //! Recordings shared by threads.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use rayon::ThreadPool;
+use rayon::prelude::*;
 
-/// The results of `work` for each of `items`, in their order, each thread of `pool` with a clone of `engine`.
+/// The results of `work` for each of `items`, in their order, on the threads of `pool`, each with clones of `engine`.
 ///
-/// The number of threads and the order in which they take items cannot reach a result where `work` resets its engine.
+/// The number of threads and the order in which they take items cannot reach a result if `work` resets its engine.
 ///
 /// # Errors
 /// The first error in the order of the items.
@@ -14,19 +13,8 @@ pub(crate) fn for_each<E: Clone + Sync, I: Sync, T: Send, X: Send>(
     pool: &ThreadPool,
     engine: &E,
     items: &[I],
-    work: impl Fn(&mut E, &I) -> Result<T, X> + Sync,
+    work: impl Fn(&mut E, &I) -> Result<T, X> + Sync + Send,
 ) -> Result<Vec<T>, X> {
-    let next = AtomicUsize::new(0);
-    let worker = |_: rayon::BroadcastContext<'_>| {
-        let mut engine = engine.clone();
-        let mut done = Vec::new();
-        loop {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(place) else { return done };
-            done.push((place, work(&mut engine, item)));
-        }
-    };
-    let mut done: Vec<_> = pool.broadcast(worker).into_iter().flatten().collect();
-    done.sort_by_key(|(place, _)| *place);
-    done.into_iter().map(|(_, result)| result).collect()
+    let work = || items.par_iter().map_init(|| engine.clone(), work).collect::<Vec<_>>();
+    pool.install(work).into_iter().collect()
 }

@@ -23,7 +23,7 @@ use rayon::ThreadPool;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{EventData, EventTask};
+use super::{EventData, EventTask, lost};
 use crate::error::{EvaluateError, weights_error};
 use crate::judged::Figures;
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
@@ -170,16 +170,18 @@ pub fn evaluate<T: EventTask>(
 
     let name = folder.display().to_string();
     let input = InputCard::events(&name, &data.set.name, data.set.sensor, Some(data.events()));
+    let stride = options.stride.unwrap_or(1);
+    let streams = data.recordings.iter().map(|recording| recording.events.iter().step_by(stride));
     let report = Report {
         header: Header::of_many(data.set.command, input),
         data: DataReport {
-            folder: name,
             recordings: names.len(),
             train: data.of(Split::Train).len(),
             test: test.len(),
             events: data.events(),
             notes: data.notes.iter().cloned().chain(notes).collect(),
-            warnings: data.lost(options.stride.unwrap_or(1)),
+            warnings: lost(&name, data.set.sensor, streams),
+            folder: name,
         },
         classes: data.set.classes,
         mode: match options.mode {
@@ -226,10 +228,8 @@ impl Judge<'_> {
         let classes = self.data.set.classes.len();
         let (mut test, mut cross_validation) = (Vec::new(), Vec::new());
         for trial in trials {
-            let outcomes = trial.outcomes(|training, chosen| {
-                let outcomes = self.outcomes(description, training, stride, chosen)?;
-                done(training);
-                Ok(outcomes)
+            let outcomes = trial.outcomes(&mut done, |training, chosen| {
+                self.outcomes(description, training, stride, chosen)
             })?;
             let values: Vec<f32> =
                 outcomes.iter().flat_map(|(_, outcome)| outcome.logits.iter().copied()).collect();

@@ -159,7 +159,7 @@ impl Judge<'_> {
     /// The share of wrong answers with `setting`; `None` without answers.
     fn error(&self, setting: &Setting) -> Result<Option<TaskError>, EvaluateError> {
         let count = |trial: &Trial| {
-            let wrong = trial.outcomes(|training, chosen| self.wrong(training, chosen, setting))?;
+            let wrong = trial.outcomes(|_| (), |training, chosen| self.wrong(training, chosen, setting))?;
             Ok((wrong.iter().filter(|(_, wrong)| *wrong).count() as u64, wrong.len() as u64))
         };
         let counts = self.trials.iter().map(count).collect::<Result<Vec<_>, EvaluateError>>()?;

@@ -7,10 +7,9 @@ use std::cell::OnceCell;
 use std::path::Path;
 use std::sync::Arc;
 
-use meissner_engine::{Admission, Event, LatePolicy, Sensor};
+use meissner_engine::{Event, Sensor};
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::frame_predictor::LayerCost;
-use meissner_pipeline::losses::InputLosses;
 use meissner_pipeline::model::{Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
 use rayon::ThreadPool;
@@ -21,7 +20,7 @@ use super::report::DataReport;
 use super::state::Fingerprint;
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, weights_error};
-use crate::events::EventTask;
+use crate::events::{EventTask, lost};
 use crate::slip::{Slip, SlipData, Windows};
 use crate::trainings::{Candidate, Request, candidates};
 use crate::trials::Fold;
@@ -67,13 +66,8 @@ pub fn angle(
     if events.is_empty() {
         return Err(EvaluateError::request(RequestPart::Recording, "events to measure", "none"));
     }
-    let mut gate = Admission::new(sensor, LatePolicy::Drop);
-    for &event in &events {
-        // Accepted events are counted, too.
-        let _ = gate.admit(event);
-    }
-    let lost = InputLosses::of_events(*gate.counters(), sensor);
-    let mut notes: Vec<String> = lost.warn(&name).into_iter().map(|warning| warning.message).collect();
+    let mut notes: Vec<String> =
+        lost(&name, sensor, [&events]).into_iter().map(|lost| lost.message).collect();
 
     let default = [NETWORK.to_owned()];
     let names = if asked.networks.is_empty() { &default[..] } else { asked.networks };
@@ -223,11 +217,8 @@ pub fn slip<'a>(
         let windows_of_unseen = (0..windows.cases.len()).filter(|&window| set(window) != ObjectSet::Basic);
         let unseen: Vec<usize> = windows_of_unseen.collect();
         if unseen.is_empty() {
-            return Err(EvaluateError::request(
-                RequestPart::Data,
-                "recordings of unseen objects",
-                "Basic alone",
-            ));
+            let (expected, found) = ("recordings of unseen objects", "Basic alone");
+            return Err(EvaluateError::request(RequestPart::Data, expected, found));
         }
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{description:?}"));

@@ -209,10 +209,8 @@ impl Judge<'_> {
         let mut sets: BTreeMap<ObjectSet, Vec<_>> = BTreeMap::new();
         let mut schemes: BTreeMap<Scheme, Vec<_>> = BTreeMap::new();
         for trial in &trials {
-            let outputs = trial.outcomes(|training, chosen| {
-                let outputs = self.outputs(description, training, &windows, chosen)?;
-                done(training);
-                Ok(outputs)
+            let outputs = trial.outcomes(&mut done, |training, chosen| {
+                self.outputs(description, training, &windows, chosen)
             })?;
             let of = |chosen: &dyn Fn(usize) -> bool| {
                 let outputs = outputs.iter().filter(|(window, _)| chosen(*window));
