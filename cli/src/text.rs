@@ -26,6 +26,11 @@ pub(crate) fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
+/// An interval of shares in percent.
+pub(crate) fn interval((low, high): (f64, f64)) -> String {
+    format!("{} to {}", percent(low), percent(high))
+}
+
 /// The last part of a path, or the path itself where it has no parts.
 pub(crate) fn file_name(path: &str) -> &str {
     Path::new(path).file_name().and_then(OsStr::to_str).unwrap_or(path)

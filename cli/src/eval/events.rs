@@ -12,7 +12,7 @@ use meissner_pipeline::text::grouped;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
 
 use super::{NONE, accuracy_of, confusion, matrix, networks, spread};
-use crate::text::{Table, file_name, percent};
+use crate::text::{Table, file_name, interval, percent};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
 const MOST_TIMES: usize = 40;
@@ -55,11 +55,6 @@ fn judged(report: &Report) -> Vec<(String, &Judged)> {
 /// Microseconds as milliseconds, with all decimals.
 fn milliseconds(t_us: i64) -> String {
     (t_us as f64 / 1000.0).to_string()
-}
-
-/// An interval in percent.
-fn interval((low, high): (f64, f64)) -> String {
-    format!("{} to {}", percent(low), percent(high))
 }
 
 fn settled(t_us: Option<i64>) -> String {

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use meissner_evaluate::pareto::{Compared, NetworkReport, Report, SettingReport};
 use meissner_pipeline::text::grouped;
 
-use crate::text::{Table, percent};
+use crate::text::{Table, interval, percent};
 
 /// Writes everything.
 pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
@@ -74,10 +74,6 @@ fn measured(setting: &SettingReport) -> [String; 9] {
         error(numerical.max),
         error(numerical.rms),
     ]
-}
-
-fn interval((low, high): (f64, f64)) -> String {
-    format!("{} to {}", percent(low), percent(high))
 }
 
 /// Wrong answers of each part, where there are several.
