@@ -4,13 +4,13 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
 use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::predictor;
+use meissner_pipeline::predictor::Mode;
 pub(crate) use meissner_pipeline::schedule::Every;
 use meissner_pipeline::text::span_us;
 
@@ -108,8 +108,8 @@ pub(crate) struct Input {
     #[arg(long, help_heading = INPUT)]
     pub(crate) strict: bool,
     /// Policy for an event that is earlier than an event before it.
-    #[arg(long, value_enum, default_value_t = Late::Drop, help_heading = INPUT)]
-    pub(crate) late: Late,
+    #[arg(long, value_parser = choice(LATE_POLICIES), default_value = "drop", help_heading = INPUT)]
+    pub(crate) late: LatePolicy,
     /// How the recording is read.
     #[command(flatten)]
     pub(crate) read: ReadArgs,
@@ -188,6 +188,15 @@ pub(crate) struct ApproximationArgs {
 }
 
 impl ApproximationArgs {
+    /// The given option that makes a prediction depend on earlier predictions, if there is one.
+    pub(crate) fn reuses(&self) -> Option<&'static str> {
+        first_given([
+            ("--tolerance", self.tolerance.is_some()),
+            ("--stale-events", self.stale_events.is_some()),
+            ("--stale-time", self.stale_us.is_some()),
+        ])
+    }
+
     /// The options that apply only to networks over events, and whether each was given.
     pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
         [
@@ -203,9 +212,7 @@ impl ApproximationArgs {
 
     /// The first given option that keeps events or predictions outside the engine.
     pub(crate) fn remembers(&self) -> Option<&'static str> {
-        let [.., activity, refractory, rate, stride, stale_events, stale_us] = self.given();
-        let remembering = [activity, refractory, rate, stride, stale_events, stale_us];
-        remembering.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+        first_given(self.given().into_iter().filter(|&(option, _)| option != "--neighbours"))
     }
 
     /// The approximations that were asked for.
@@ -225,40 +232,32 @@ impl ApproximationArgs {
     }
 }
 
-/// How predictions are computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Mode {
-    /// Recompute only what an event changes.
-    Incremental,
-    /// Recompute every row, at every prediction.
-    Batch,
+/// The names of modes, with their help.
+pub(crate) const MODES: &[(&str, &str, Mode)] = &[
+    ("incremental", "Recompute only what an event changes", Mode::Incremental),
+    ("batch", "Recompute every row, at every prediction", Mode::Batch),
+];
+
+/// The names of policies for late events, with their help.
+const LATE_POLICIES: &[(&str, &str, LatePolicy)] = &[
+    ("drop", "Drop the event, and count it", LatePolicy::Drop),
+    ("clamp", "Accept the event at the newest time, and count it", LatePolicy::Clamp),
+];
+
+/// Reads the name of one of `choices`: (name, help, value).
+pub(crate) fn choice<T: Copy + Send + Sync>(
+    choices: &'static [(&'static str, &'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    let names = choices.iter().map(|&(name, help, _)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).map(|chosen| {
+        let choice = choices.iter().find(|&&(name, ..)| name == chosen);
+        choice.expect("clap accepts only these names").2
+    })
 }
 
-impl From<Mode> for predictor::Mode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Incremental => Self::Incremental,
-            Mode::Batch => Self::Batch,
-        }
-    }
-}
-
-/// Policy for late events.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Late {
-    /// Drop the event, and count it.
-    Drop,
-    /// Accept the event at the newest time, and count it.
-    Clamp,
-}
-
-impl From<Late> for LatePolicy {
-    fn from(late: Late) -> Self {
-        match late {
-            Late::Drop => Self::Drop,
-            Late::Clamp => Self::Clamp,
-        }
-    }
+/// The first of the options that was given.
+pub(crate) fn first_given(options: impl IntoIterator<Item = (&'static str, bool)>) -> Option<&'static str> {
+    options.into_iter().find(|&(_, given)| given).map(|(option, _)| option)
 }
 
 /// Reads columns x rows.

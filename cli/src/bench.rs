@@ -101,22 +101,18 @@ fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
         ("--compare", args.compare.is_some()),
     ];
     given.into_iter().chain(approximations.given()).find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
-        Err(CliError::Option {
-            option,
-            expected: "a network over events with it".to_owned(),
-            found: format!("the frame network {}", args.input.network),
-        })
+        let found = format!("the frame network {}", args.input.network);
+        Err(CliError::usage(option, "a network over events with it", &found))
     })
 }
 
 /// Rewrites `error` to name the option for the weights of the compared frame network.
 fn with_its_option(error: PipelineError) -> CliError {
     match error {
-        PipelineError::NoWeights(network) => CliError::Option {
-            option: "--compare-weights",
-            expected: format!("a file of weights: the description file {network} comes without"),
-            found: "none".to_owned(),
-        },
+        PipelineError::NoWeights(network) => {
+            let expected = format!("a file of weights: the description file {network} comes without");
+            CliError::usage("--compare-weights", &expected, "none")
+        }
         error => error.into(),
     }
 }

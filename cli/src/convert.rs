@@ -1,17 +1,12 @@
 //! `meissner convert`: writes a recording in another format.
-#![expect(
-    clippy::doc_markdown,
-    reason = "comments of arguments are the help text, which would show the backticks"
-)]
 
 use std::io::{BufWriter, Write, stdout};
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::{INPUT, OUTPUT, ReadArgs, STATUS, sensor};
+use crate::args::{INPUT, OUTPUT, ReadArgs, STATUS, choice, sensor};
 use crate::error::CliError;
 use crate::tell::tell;
 use meissner_pipeline::PipelineError;
@@ -41,39 +36,23 @@ pub(crate) struct ConvertArgs {
     /// Format to write [default: from the extension of OUT].
     ///
     /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
-    #[arg(long, value_name = "FORMAT", value_enum, help_heading = OUTPUT)]
-    to: Option<To>,
+    #[arg(long, value_name = "FORMAT", value_parser = choice(FORMATS), help_heading = OUTPUT)]
+    to: Option<Format>,
 }
 
-/// The formats that can be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum To {
-    /// Text, one event per line.
-    Csv,
-    /// NumPy structured array.
-    Npy,
-    /// Prophesee DAT, version 2.
-    Dat,
-    /// Prophesee EVT 3.0.
-    Evt3,
-}
-
-impl From<To> for Format {
-    fn from(to: To) -> Self {
-        match to {
-            To::Csv => Self::Csv,
-            To::Npy => Self::Npy,
-            To::Dat => Self::Dat,
-            To::Evt3 => Self::Evt3,
-        }
-    }
-}
+/// The names of the formats that can be written, with their help.
+const FORMATS: &[(&str, &str, Format)] = &[
+    ("csv", "Text, one event per line", Format::Csv),
+    ("npy", "NumPy structured array", Format::Npy),
+    ("dat", "Prophesee DAT, version 2", Format::Dat),
+    ("evt3", "Prophesee EVT 3.0", Format::Evt3),
+];
 
 /// Reads and writes the recording, and reports the parts that the new format does not have.
 pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     let to_stdout = args.output == Path::new("-");
     let format = match args.to {
-        Some(to) => to.into(),
+        Some(format) => format,
         None => Format::from_path(&args.output).map_err(|e| CliError::NotWritable(e.to_string()))?,
     };
     if !format.is_writable() {
@@ -81,7 +60,8 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     }
     // A path that is not a file, such as /dev/null, loses nothing when it is written to.
     if !to_stdout && !args.force && args.output.is_file() {
-        return Err(CliError::Exists { path: args.output.clone() });
+        let path = args.output.display().to_string();
+        return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));
     }
     let recording = args.read.read(&args.input)?;
     let sensor = args.sensor.or(recording.sensor);

@@ -41,7 +41,7 @@ pub(crate) fn draw(args: &DrawArgs) -> Result<(), CliError> {
     let bytes = drawn_file(&description, args.seed);
     // Training may have taken hours, so an existing file is never overwritten.
     let written = File::create_new(&args.out).and_then(|mut file| file.write_all(&bytes));
-    written.map_err(|source| CliError::Write { path: args.out.clone(), source })?;
+    written.map_err(|source| CliError::write(&args.out, source))?;
     let (name, out) = (description.name(), args.out.display());
     tell(format_args!("{out}: weights for {name} drawn from seed {}; nothing trained them", args.seed));
     Ok(())

@@ -1,7 +1,7 @@
-//! What can go wrong, in one message, and the exit status that says whose fault it is.
+//! Errors of the subcommands, hints that help against them, and the exit status.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use meissner_engine::EngineError;
@@ -16,87 +16,71 @@ use meissner_verify::VerifyError;
 
 use crate::kind::readers;
 
-/// A subcommand gives up.
+/// Why a subcommand ends without success.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// A source cannot be read, or a network cannot run.
     #[error(transparent)]
     Pipeline(Box<PipelineError>),
-    /// A format that cannot be written was asked for, by name or by extension.
+    /// The requested format, given by name or by extension, cannot be written.
     #[error("{0}; choose one with --to csv|npy|dat|evt3")]
     NotWritable(String),
-    /// An output is there already.
-    #[error("{}: expected no such file, found one: --force replaces it", path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
+    /// An argument does not fit the input, the network or other arguments.
+    #[error("{subject}: expected {expected}, found {found}")]
+    Usage {
+        /// The option, the file or the network.
+        subject: String,
+        /// The accepted alternative.
+        expected: String,
+        /// The actual value.
+        found: String,
     },
-    /// An option that means nothing to the kind of network.
+    /// The option does not apply to the kind of network.
     #[error("{option} is for {fits}: network {network} is {kind}")]
     Misfit {
         /// The option.
         option: &'static str,
-        /// What it is for.
+        /// The kinds of networks that it applies to.
         fits: String,
         /// The network.
         network: String,
-        /// What the network is.
+        /// The kind of the network.
         kind: &'static str,
-    },
-    /// The network needs an input that the program does not hold.
-    #[error("network {network}: expected {expected} as INPUT, found {found}")]
-    NoInput {
-        /// The network.
-        network: String,
-        /// What it reads.
-        expected: &'static str,
-        /// What there is.
-        found: &'static str,
     },
     /// The value of an option does not fit the network or the input.
     #[error("{option}")]
     OptionValue {
         /// The option.
         option: &'static str,
-        /// Why.
+        /// The reason.
         source: Box<PipelineError>,
     },
-    /// An option that does not go with the others.
-    #[error("{option}: expected {expected}, found {found}")]
-    Option {
-        /// The option.
-        option: &'static str,
-        /// What would do.
-        expected: String,
-        /// What was given.
-        found: String,
-    },
-    /// How a decision is to be held makes no sense.
+    /// The options for decisions contradict each other.
     #[error(transparent)]
     Decision(#[from] DecisionError),
-    /// A network cannot be judged or measured.
+    /// A network cannot be evaluated.
     #[error(transparent)]
     Evaluate(Box<EvaluateError>),
     /// Threads cannot be started.
     #[error("--threads {threads}")]
     Threads {
-        /// How many.
+        /// The requested number.
         threads: usize,
-        /// Why.
+        /// The reason.
         source: rayon::ThreadPoolBuildError,
     },
-    /// A prediction has other bits than the batch's.
+    /// A prediction differs in a bit from the prediction of the batch.
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
-    /// A state cannot be gone on from.
+    /// A state cannot be resumed from.
     #[error("--resume {}", path.display())]
     Resume {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: EngineError,
     },
-    /// The engine differs from the full recomputation.
+    /// The engine differs from full recomputation.
     #[error("{name}: {difference}")]
     Differs {
         /// The network.
@@ -105,23 +89,15 @@ pub(crate) enum CliError {
         name: String,
         /// The file with the minimal stream.
         file: String,
-        /// Where, and both values.
+        /// The place, and both values.
         difference: String,
     },
-    /// Nothing could be verified or soaked.
+    /// There is nothing to verify or soak, or its description cannot be read.
     #[error(transparent)]
     Verify(VerifyError),
-    /// Results are not what is promised; they say how.
+    /// Results break promises; the output names each.
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
-    /// A file cannot be written.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
     /// Standard output cannot be written.
     #[error("standard output")]
     Output(#[from] io::Error),
@@ -130,9 +106,7 @@ pub(crate) enum CliError {
 impl From<PipelineError> for CliError {
     fn from(error: PipelineError) -> Self {
         let option = match &error {
-            PipelineError::BetweenFrames { .. }
-            | PipelineError::FramePeriod { .. }
-            | PipelineError::ManyFrames { .. } => "--every",
+            PipelineError::FramePeriod { .. } | PipelineError::ManyFrames { .. } => "--every",
             PipelineError::OverlayTaken { .. } => "--overlay",
             _ => {
                 return match error {
@@ -152,12 +126,13 @@ impl From<EngineError> for CliError {
 }
 
 impl From<EvaluateError> for CliError {
-    /// Errors of what was asked for name the option.
+    /// Errors about arguments name the argument.
     fn from(error: EvaluateError) -> Self {
         use EvaluateError as Error;
-        let (option, expected, found) = match error {
-            Error::Pipeline(error) => return Self::Pipeline(error),
-            Error::Write { path, source } => return Self::Write { path, source },
+        let usage = Self::usage;
+        match error {
+            Error::Pipeline(error) => Self::Pipeline(error),
+            Error::Write { path, source } => Self::write(&path, source),
             Error::Request { part, expected, found } => {
                 let option = match part {
                     RequestPart::Recording => "RECORDING",
@@ -166,17 +141,14 @@ impl From<EvaluateError> for CliError {
                     RequestPart::Settings => "--only",
                     _ => "DATA",
                 };
-                (option, expected, found)
+                usage(option, &expected, &found)
             }
-            Error::OneNetwork { found } => {
-                ("--weights", "one --network".to_owned(), format!("{found} networks"))
-            }
+            Error::OneNetwork { found } => usage("--weights", "one --network", &format!("{found} networks")),
             Error::WeightsOfFold(_) => {
-                ("--weights", "a whole training".to_owned(), "a fold: judge it with --trainings".to_owned())
+                usage("--weights", "a whole training", "a fold: judge it with --trainings")
             }
-            error => return Self::Evaluate(Box::new(error)),
-        };
-        Self::Option { option, expected, found }
+            error => Self::Evaluate(Box::new(error)),
+        }
     }
 }
 
@@ -191,7 +163,18 @@ impl From<VerifyError> for CliError {
 }
 
 impl CliError {
-    /// The remedy, if there is one beyond the message.
+    /// The error that `subject`, an argument, is `found` and not `expected`.
+    pub(crate) fn usage(subject: &str, expected: &str, found: &str) -> Self {
+        let [subject, expected, found] = [subject, expected, found].map(str::to_owned);
+        Self::Usage { subject, expected, found }
+    }
+
+    /// The error `source` of writing the file at `path`.
+    pub(crate) fn write(path: &Path, source: io::Error) -> Self {
+        PipelineError::file("write", path, source).into()
+    }
+
+    /// Advice beyond the message, if there is any.
     pub(crate) fn hint(&self) -> Option<String> {
         match self {
             Self::Pipeline(error) | Self::OptionValue { source: error, .. } => hint(error),
@@ -205,56 +188,49 @@ impl CliError {
         }
     }
 
-    /// Whether the reader of standard output went away.
+    /// Whether the reader of standard output has closed the pipe.
     pub(crate) fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// 2 where other arguments would help, else 1.
+    /// 2 if other arguments would help, otherwise 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
-        match self {
+        let is_usage = match self {
             Self::Pipeline(error) => match error.as_ref() {
-                PipelineError::NoGeometry { .. } | PipelineError::NoWeights(_) => ExitCode::from(2),
-                PipelineError::Recording { source, .. } if matches!(**source, IoError::Undecided { .. }) => {
-                    ExitCode::from(2)
-                }
-                _ => ExitCode::from(1),
+                PipelineError::NoGeometry { .. } | PipelineError::NoWeights(_) => true,
+                PipelineError::Recording { source, .. } => matches!(**source, IoError::Undecided { .. }),
+                _ => false,
             },
-            Self::Evaluate(error) => match **error {
-                EvaluateError::NeedsTrainings(_) | EvaluateError::Digits(DigitsError::Folds { .. }) => {
-                    ExitCode::from(2)
-                }
-                _ => ExitCode::from(1),
-            },
+            Self::Evaluate(error) => matches!(
+                **error,
+                EvaluateError::NeedsTrainings(_) | EvaluateError::Digits(DigitsError::Folds { .. })
+            ),
+            Self::Verify(error) => matches!(error, VerifyError::Empty(_) | VerifyError::Line { .. }),
             Self::NotWritable(_)
-            | Self::Exists { .. }
+            | Self::Usage { .. }
             | Self::Misfit { .. }
-            | Self::Option { .. }
             | Self::OptionValue { .. }
-            | Self::NoInput { .. }
-            | Self::Decision(_)
-            | Self::Verify(VerifyError::Empty(_) | VerifyError::Line { .. }) => ExitCode::from(2),
-            _ => ExitCode::from(1),
-        }
+            | Self::Decision(_) => true,
+            _ => false,
+        };
+        ExitCode::from(if is_usage { 2 } else { 1 })
     }
 }
 
-/// The remedy for `error` in the program's options.
+/// Advice against `error` in terms of the program's options.
 fn hint(error: &PipelineError) -> Option<String> {
     let text = match error {
         PipelineError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
         PipelineError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
         PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
-        PipelineError::IsFrameNetwork(_) | PipelineError::FramesOfOther { .. } => {
-            "`meissner inspect` shows the network"
-        }
+        PipelineError::OtherNetwork { .. } => "`meissner inspect` shows the network",
         PipelineError::ManyFrames { .. } => "--for takes a part of the recording",
         PipelineError::Image(ImageError::OtherKind { found, .. }) => return readers(*found),
         PipelineError::IsRecording { .. } => "`meissner info` shows a recording",
-        PipelineError::Cut { salvaged, .. } => {
+        PipelineError::Recording { salvaged: Some(salvaged), .. } => {
             return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
         }
-        PipelineError::Recording { recording, source } => return hint_of_recording(recording, source),
+        PipelineError::Recording { recording, source, .. } => return hint_of_recording(recording, source),
         PipelineError::Weights { source, .. } => {
             let ModelError::Preparation { published, .. } = **source else { return None };
             let instead =
@@ -269,7 +245,7 @@ fn hint(error: &PipelineError) -> Option<String> {
     Some(text.to_owned())
 }
 
-/// The remedy for the error `source` of reading `recording`.
+/// Advice against the error `source` of reading `recording`.
 fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
     let text = match source {
         IoError::Undecided { .. } => {
@@ -314,7 +290,7 @@ mod tests {
         for error in [
             engine().into(),
             CliError::Resume { path: path.clone(), source: engine() },
-            CliError::Write { path, source: denied() },
+            CliError::write(&path, denied()),
             CliError::Output(denied()),
         ] {
             let mut outer: &dyn Error = &error;

@@ -10,7 +10,7 @@ use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::source::{self, STDIN_NAME, Source, is_stdin};
 
-use crate::args::{Input, ReadArgs};
+use crate::args::{Input, ReadArgs, first_given};
 use crate::error::CliError;
 
 impl ReadArgs {
@@ -44,19 +44,17 @@ impl ReadArgs {
     /// Refuses `--salvage` for standard input.
     fn check(self, path: &Path) -> Result<(), CliError> {
         if self.salvage && is_stdin(path) {
-            let (expected, found) = ("a file".to_owned(), STDIN_NAME.to_owned());
-            return Err(CliError::Option { option: "--salvage", expected, found });
+            return Err(CliError::usage("--salvage", "a file", STDIN_NAME));
         }
         Ok(())
     }
 
     /// Refuses options for texts if `name` has another `format`.
     fn fits(self, name: &str, format: Format) -> Result<(), CliError> {
-        let of_text = self.given().into_iter().find(|&(option, given)| given && option != "--salvage");
-        match of_text {
-            Some((option, _)) if format != Format::Csv => {
-                let (expected, found) = ("a text of events".to_owned(), format!("{name}, which is {format}"));
-                Err(CliError::Option { option, expected, found })
+        let [of_text @ .., _] = self.given();
+        match first_given(of_text) {
+            Some(option) if format != Format::Csv => {
+                Err(CliError::usage(option, "a text of events", &format!("{name}, which is {format}")))
             }
             _ => Ok(()),
         }
@@ -99,7 +97,7 @@ pub(crate) fn advice(reason: LossReason) -> Option<&'static str> {
 fn with_option(error: PipelineError) -> CliError {
     match error {
         PipelineError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {
-            CliError::Option { option: "--neighbours", expected, found }
+            CliError::usage("--neighbours", &expected, &found)
         }
         error => error.into(),
     }

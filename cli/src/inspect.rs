@@ -7,6 +7,7 @@ use meissner_pipeline::model::describe_any;
 
 use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::output;
 use crate::text::Folded;
 
 /// `meissner inspect`.
@@ -33,8 +34,7 @@ pub(crate) struct InspectArgs {
 pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     if let Some(path) = &args.svg {
-        std::fs::write(path, description.to_svg())
-            .map_err(|source| CliError::Write { path: path.clone(), source })?;
+        output::write(path, description.to_svg())?;
         let _ = writeln!(stderr(), "wrote {}", path.display());
     }
     let mut out = Folded::new(stdout().lock(), !args.json && !args.dot);

@@ -10,9 +10,10 @@ use serde::Serialize;
 use crate::error::CliError;
 use crate::text::Folded;
 
-/// Finds out before minutes of work, not after them, and leaves what is there as it is: a file, or none.
+/// Checks before minutes of work that the file at `path` can be written. An existing file is left as it is, and none is
+/// created.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
-    let failed = |source| CliError::Write { path: path.to_owned(), source };
+    let failed = |source| CliError::write(path, source);
     match OpenOptions::new().create_new(true).append(true).open(path) {
         Ok(_) => fs::remove_file(path).map_err(failed),
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -53,7 +54,7 @@ pub(crate) fn json(report: &impl Serialize) -> Result<Vec<u8>, io::Error> {
     Ok(text)
 }
 
-/// Writes `content` to the file at `path`, which is replaced where it exists.
+/// Writes `content` to the file at `path`, which is replaced if it exists.
 pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), CliError> {
-    fs::write(path, content).map_err(|source| CliError::Write { path: path.to_owned(), source })
+    fs::write(path, content).map_err(|source| CliError::write(path, source))
 }

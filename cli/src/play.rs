@@ -46,24 +46,15 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
 /// Refuses an input without real times, and approximations that `--verify` cannot check.
 fn check(args: &PlayArgs) -> Result<(), CliError> {
     if args.input.recording.as_deref().is_some_and(source::is_stdin) {
-        return Err(CliError::Option {
-            option: "INPUT",
-            expected: "a recording, whose times say when events are due".to_owned(),
-            found: "standard input".to_owned(),
-        });
+        let expected = "a recording, whose times say when events are due";
+        return Err(CliError::usage("INPUT", expected, "standard input"));
     }
-    let approximations = &args.input.approximations;
-    let given = [
-        ("--tolerance", approximations.tolerance.is_some()),
-        ("--stale-events", approximations.stale_events.is_some()),
-        ("--stale-time", approximations.stale_us.is_some()),
-    ];
-    match given.into_iter().find(|&(_, given)| given && args.verify) {
+    match args.input.approximations.reuses().filter(|_| args.verify) {
         None => Ok(()),
-        Some((option, _)) => Err(CliError::Option {
-            option: "--verify",
-            expected: "predictions that are exact over the accepted events".to_owned(),
-            found: format!("{option}, with which they are not"),
-        }),
+        Some(option) => Err(CliError::usage(
+            "--verify",
+            "predictions that are exact over the accepted events",
+            &format!("{option}, with which they are not"),
+        )),
     }
 }

@@ -6,6 +6,7 @@ use meissner_engine::Sensor;
 use meissner_models::systems::slip::DecisionFilter;
 use meissner_pipeline::interrupt;
 use meissner_pipeline::model::{FrameModel, describe_any};
+use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::run::{
     ElectrodeOptions, ElectrodeRun, EventRun, FrameRun, PictureOptions, PictureRun,
@@ -13,13 +14,12 @@ use meissner_pipeline::run::{
 use meissner_pipeline::source::{self, Source};
 use meissner_pipeline::text::grouped;
 
-use crate::args::Mode;
+use crate::args::first_given;
 use crate::error::CliError;
 use crate::header;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::report::{Report, TableKind};
-use args::ConvolutionArg;
 pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.
@@ -31,9 +31,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
         return run_events(args);
     }
     let input = &args.input;
-    let convolution = args.frames.convolution.unwrap_or(ConvolutionArg::Direct).into();
-    let model =
-        FrameModel::named(&input.network, input.weights.as_deref(), convolution, input.ignore_preparation)?;
+    let (weights, convolution) = (input.weights.as_deref(), args.frames.convolution());
+    let model = FrameModel::named(&input.network, weights, convolution, input.ignore_preparation)?;
     let model = match args.electrodes.sampling {
         Some(sampling) => model.with_sampling(sampling),
         None => model,
@@ -92,10 +91,10 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let asked = &args.electrodes;
     let given =
         [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
-    if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && model.card.classes.is_none()) {
+    if let Some(option) = first_given(given).filter(|_| model.card.classes.is_none()) {
         let expected = format!("network {} to predict classes, in logit", args.input.network);
         let found = format!("values in {}", model.description.outputs().1);
-        return Err(CliError::Option { option, expected, found });
+        return Err(CliError::usage(option, &expected, &found));
     }
     let decisions = DecisionFilter::new(asked.hold.unwrap_or(1), asked.least_probability.unwrap_or(0.0))?;
     let frame_options = args.frame_options(false);

@@ -43,8 +43,8 @@ pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
     let functions: Vec<Elementary> =
         Elementary::ALL.into_iter().filter(|function| asked(&[FUNCTIONS, function.name()])).collect();
     if cases.is_empty() && functions.is_empty() {
-        let expected = "a part of the name of a group or case (--list shows them)".to_owned();
-        return Err(CliError::Option { option: "--only", expected, found: args.only.join(", ") });
+        let expected = "a part of the name of a group or case (--list shows them)";
+        return Err(CliError::usage("--only", expected, &args.only.join(", ")));
     }
     let mut out = Folded::new(io::stdout().lock(), !args.json && !args.markdown);
     if args.list {

@@ -173,7 +173,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, EvaluateError> {
     let list = || -> std::io::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
     };
-    let mut files = list().map_err(|source| PipelineError::Open { path: folder.to_owned(), source })?;
+    let mut files = list().map_err(|source| PipelineError::file("open", folder, source))?;
     files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
     files.sort();
     Ok(files)

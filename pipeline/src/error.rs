@@ -13,7 +13,7 @@ use meissner_models::systems::contact_area::ContactError;
 
 use crate::losses::Salvaged;
 use crate::schedule::Every;
-use crate::text::{display_us, grouped};
+use crate::text::grouped;
 
 /// A source cannot be read, or a network cannot run.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +34,8 @@ pub enum PipelineError {
         recording: Box<str>,
         /// The reason.
         source: Box<IoError>,
+        /// The part that can be read, if the recording is truncated.
+        salvaged: Option<Box<Salvaged>>,
     },
     /// A line of a text is malformed, and the source is strict.
     #[error("{recording}: {problem}")]
@@ -51,27 +53,9 @@ pub enum PipelineError {
         /// The number of malformed lines and of all lines, the first malformed line, and the reason.
         problem: String,
     },
-    /// A recording is truncated.
-    #[error("{recording}")]
-    Cut {
-        /// The recording.
-        recording: Box<str>,
-        /// The place where it ends.
-        source: Box<IoError>,
-        /// The part that can still be read.
-        salvaged: Box<Salvaged>,
-    },
     /// A file cannot be read or written; the source names it.
     #[error(transparent)]
     File(IoError),
-    /// A file cannot be opened.
-    #[error("cannot open {}", path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
     /// A name that is neither a shipped network nor a file.
     #[error("network {name}: found no shipped network and no file of this name{}",
         nearest.map(|nearest| format!("; did you mean {nearest}?")).unwrap_or_default())]
@@ -84,12 +68,16 @@ pub enum PipelineError {
     /// A description file has no shipped weights.
     #[error("network {0}: a description file comes without weights")]
     NoWeights(String),
-    /// A frame network was given; a network over events was expected.
-    #[error("network {0}: expected a network over events, found a frame network")]
-    IsFrameNetwork(String),
-    /// A network over events was given; a frame network was expected.
-    #[error("network {0}: expected a frame network, found a network over events")]
-    IsEventNetwork(String),
+    /// A network of another kind was expected.
+    #[error("network {network}: expected {expected}, found {found}")]
+    OtherNetwork {
+        /// The network.
+        network: String,
+        /// The expected kind.
+        expected: String,
+        /// The actual kind.
+        found: String,
+    },
     /// A recording was given; a network was expected.
     #[error("network {network}: expected a description file, found a recording ({format})")]
     IsRecording {
@@ -125,34 +113,10 @@ pub enum PipelineError {
         /// The reason.
         source: RepresentationError,
     },
-    /// A frame network over another input was given; one over frames of events was expected.
-    #[error(
-        "network {network}: expected a frame network whose frames are made of events (event-counts, signed), found frames \
-         = {found:?}"
-    )]
-    FramesOfOther {
-        /// The network.
-        network: String,
-        /// The name of its kind of frames.
-        found: &'static str,
-    },
-    /// Predictions would be due between two frames.
-    #[error(
-        "expected `end` or a multiple of {every}, since network {network} reads a frame every {every}, found {found}",
-        every = display_us(*.period_us)
-    )]
-    BetweenFrames {
-        /// The network.
-        network: String,
-        /// Length of a frame.
-        period_us: i64,
-        /// The requested times of predictions.
-        found: Every,
-    },
-    /// The period of frames differs from the windows of the network, or there is no period.
+    /// Predictions would be due between two frames, or frames would have no period or another period than the network.
     #[error("expected {expected}, found {found}")]
     FramePeriod {
-        /// The accepted periods.
+        /// The accepted times of predictions.
         expected: String,
         /// The requested times of predictions.
         found: Every,
@@ -166,16 +130,6 @@ pub enum PipelineError {
         found: u64,
         /// Time from frame to frame.
         period_us: i64,
-    },
-    /// A network over pictures that does not predict a map of forces.
-    #[error("network {network}: expected a prediction of {expected}, a force for each pixel, found {found}")]
-    NoForceMap {
-        /// The network.
-        network: String,
-        /// The expected shape.
-        expected: String,
-        /// The actual shape.
-        found: String,
     },
     /// The size of a picture differs from the input of the network.
     #[error(
@@ -206,14 +160,6 @@ pub enum PipelineError {
     /// A setting of the contact measurement is refused.
     #[error(transparent)]
     Contact(#[from] ContactError),
-    /// A folder or a file cannot be written.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// The folder or the file.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
     /// A state cannot be resumed from.
     #[error("the state to resume from")]
     Resume(#[source] EngineError),
@@ -259,8 +205,26 @@ impl PipelineError {
         match source {
             // The error names the file itself.
             IoError::File { .. } => Self::File(source),
-            _ => Self::Recording { recording: recording.into(), source: Box::new(source) },
+            _ => Self::Recording { recording: recording.into(), source: Box::new(source), salvaged: None },
         }
+    }
+
+    /// The operating system refused to `action` the file at `path`: to open, read or write it.
+    pub fn file(action: &'static str, path: impl Into<PathBuf>, source: io::Error) -> Self {
+        Self::File(IoError::File { action, path: path.into(), source })
+    }
+
+    pub(crate) fn other_network(
+        network: &str,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::OtherNetwork { network: network.to_owned(), expected: expected.into(), found: found.into() }
+    }
+
+    /// `network` is a frame network; a network over events was expected.
+    pub(crate) fn is_frame_network(network: &str) -> Self {
+        Self::other_network(network, "a network over events", "a frame network")
     }
 
     /// The error `source` of the description of `network`.
@@ -304,15 +268,11 @@ mod tests {
         let format = IoError::UnknownFormat { length: 3, start: "abc".to_owned() };
         let engine = || EngineError::Sensor(Sensor::new(0, 1));
         for error in [
-            PipelineError::Recording { recording: "some.file".into(), source: Box::new(format) },
-            PipelineError::File(IoError::File { action: "open", path: path.clone(), source: denied() }),
+            PipelineError::recording("some.file", format),
+            PipelineError::file("open", &path, denied()),
             PipelineError::description("some".to_owned(), ModelError::Engine(engine())),
-            PipelineError::weights(
-                "some".to_owned(),
-                ModelError::Read { path: path.clone(), source: denied() },
-            ),
+            PipelineError::weights("some".to_owned(), ModelError::Read { path, source: denied() }),
             PipelineError::Engine(engine()),
-            PipelineError::Open { path, source: denied() },
         ] {
             let mut outer: &dyn Error = &error;
             while let Some(source) = outer.source() {

@@ -62,7 +62,7 @@ pub struct Model {
 pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Frames(_), _) => Err(PipelineError::IsFrameNetwork(network.to_owned())),
+        (AnyDescription::Frames(_), _) => Err(PipelineError::is_frame_network(network)),
     }
 }
 
@@ -73,7 +73,9 @@ pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
 pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), PipelineError> {
     match describe_any(network)? {
         (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Events(_), _) => Err(PipelineError::IsEventNetwork(network.to_owned())),
+        (AnyDescription::Events(_), _) => {
+            Err(PipelineError::other_network(network, "a frame network", "a network over events"))
+        }
     }
 }
 

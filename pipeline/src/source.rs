@@ -60,7 +60,7 @@ pub fn is_stdin(path: &Path) -> bool {
 /// # Errors
 /// Standard input cannot be duplicated.
 pub fn stdin() -> Result<interrupt::Input, PipelineError> {
-    interrupt::input().map_err(|source| PipelineError::Open { path: STDIN_NAME.into(), source })
+    interrupt::input().map_err(|source| PipelineError::file("open", STDIN_NAME, source))
 }
 
 /// The recording in the file at `path`, or all of standard input if it is `-`.
@@ -91,11 +91,8 @@ fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError
         && let Ok(recording) = meissner_io::read_with(path, &options.salvage(true))
         && let Some(salvaged) = Salvaged::of(&recording)
     {
-        return PipelineError::Cut {
-            recording: name.into(),
-            source: Box::new(source),
-            salvaged: Box::new(salvaged),
-        };
+        let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));
+        return PipelineError::Recording { recording: name.into(), source, salvaged };
     }
     PipelineError::recording(&name, source)
 }
@@ -286,9 +283,7 @@ fn next<R: BufRead>(
 
 /// Whether `error` is about one line of a text.
 fn is_of_a_line(error: &PipelineError) -> bool {
-    let (PipelineError::Recording { source, .. } | PipelineError::Cut { source, .. }) = error else {
-        return false;
-    };
+    let PipelineError::Recording { source, .. } = error else { return false };
     matches!(
         **source,
         IoError::Malformed { place: Place::Line(_), .. }
@@ -302,8 +297,7 @@ fn passing_over(
     options: &ReadOptions,
     refusals: &mut Refusals,
 ) -> Result<Recording, PipelineError> {
-    let file = |source| PipelineError::File(IoError::File { action: "read", path: path.to_owned(), source });
-    let bytes = fs::read(path).map_err(file)?;
+    let bytes = fs::read(path).map_err(|source| PipelineError::file("read", path, source))?;
     let lines = CsvEvents::of_text(&bytes, options.text);
     let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let mut events = Vec::new();

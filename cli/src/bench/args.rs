@@ -104,7 +104,7 @@ impl BenchArgs {
         BenchOptions {
             part: Part { from_us: self.from_us, for_us: self.for_us },
             limit: self.input.limit,
-            late: self.input.late.into(),
+            late: self.input.late,
             every: self.every,
             approximations: self.input.approximations.values(),
             repeat: self.repeat,

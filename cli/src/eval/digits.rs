@@ -2,10 +2,11 @@
 
 use meissner_evaluate::digits::Digits;
 use meissner_evaluate::events::{Options, evaluate};
+use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::text;
 
 use super::{OutputArgs, events, write};
-use crate::args::{Mode, NETWORK, PREDICTIONS, STATUS};
+use crate::args::{MODES, NETWORK, PREDICTIONS, STATUS, choice};
 use crate::error::CliError;
 use crate::tasks::DigitsTask;
 
@@ -59,7 +60,7 @@ pub(super) struct DigitsArgs {
     /// Recompute what an event changes, or every row at every prediction.
     ///
     /// Both give the same values, bit for bit.
-    #[arg(long, value_enum, default_value_t = Mode::Incremental, help_heading = PREDICTIONS)]
+    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
     mode: Mode,
     #[command(flatten)]
     output: OutputArgs,
@@ -78,7 +79,7 @@ pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
         stride: args.stride.map(|stride| stride as usize),
         folds: args.task.folds(),
         every_us: args.every_us,
-        mode: args.mode.into(),
+        mode: args.mode,
     };
     let svg = |report: &_| events::svg(report, "Digits, event by event");
     let judge = |pool: &_, done| evaluate::<Digits>(&args.task.data, &options, pool, done);

@@ -101,7 +101,7 @@ impl PlayArgs {
             overload: self.overload.overload(sensor)?,
             report_every: self.report_every,
             deadline: self.deadline,
-            late: self.input.late.into(),
+            late: self.input.late,
             approximations: self.input.approximations.values(),
             limit: self.input.limit,
             verify: self.verify.then_some(meissner_reference::PROPOSE),

@@ -3,16 +3,19 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
+use meissner_engine::LatePolicy;
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
 use meissner_pipeline::PipelineError;
+use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::provenance::{Header, ModelCard};
 use meissner_pipeline::run::{RunOptions, SaveState};
 use meissner_pipeline::text::span_us;
 
-use crate::args::{ELECTRODES, Every, FRAMES, Input, Late, Mode, OUTPUT, PREDICTIONS, STATE, STATUS, number};
+use crate::args::{
+    ELECTRODES, Every, FRAMES, Input, MODES, OUTPUT, PREDICTIONS, STATE, STATUS, choice, first_given, number,
+};
 use crate::error::CliError;
 use crate::kind::NetworkKind;
 use crate::progress::Progress;
@@ -49,7 +52,7 @@ pub(crate) struct RunArgs {
     /// Recompute only what an event changes, or every row at every prediction.
     ///
     /// Both modes give the same values, bit for bit.
-    #[arg(long, value_enum, default_value_t = Mode::Incremental, help_heading = PREDICTIONS)]
+    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
     pub(super) mode: Mode,
     /// When to predict [default: 10ms, or every frame].
     ///
@@ -90,8 +93,8 @@ pub(super) struct FrameArgs {
     /// Algorithm for 3 x 3 convolutions of many channels [default: direct].
     ///
     /// The Winograd algorithms round differently: they are an approximation.
-    #[arg(long, value_enum, value_name = "WAY", help_heading = FRAMES)]
-    pub(super) convolution: Option<ConvolutionArg>,
+    #[arg(long, value_parser = choice(CONVOLUTIONS), value_name = "WAY", help_heading = FRAMES)]
+    pub(super) convolution: Option<Convolution>,
     /// Threads that share the rows of large maps, 1 or 2 [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = FRAMES)]
     pub(super) threads: Option<u8>,
@@ -148,24 +151,17 @@ pub(super) struct ElectrodeArgs {
     pub(super) least_probability: Option<f32>,
 }
 
-/// The algorithm for 3 x 3 convolutions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum ConvolutionArg {
-    /// Multiply and add, pixel by pixel.
-    Direct,
-    /// Winograd's filtering of 2 x 2 pixels.
-    Winograd2,
-    /// Winograd's filtering of 4 x 4 pixels.
-    Winograd4,
-}
+/// The names of algorithms for 3 x 3 convolutions, with their help.
+const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
+    ("direct", "Multiply and add, pixel by pixel", Convolution::Direct),
+    ("winograd2", "Winograd's filtering of 2 x 2 pixels", Convolution::Winograd(WinogradTile::Two)),
+    ("winograd4", "Winograd's filtering of 4 x 4 pixels", Convolution::Winograd(WinogradTile::Four)),
+];
 
-impl From<ConvolutionArg> for Convolution {
-    fn from(way: ConvolutionArg) -> Self {
-        match way {
-            ConvolutionArg::Direct => Self::Direct,
-            ConvolutionArg::Winograd2 => Self::Winograd(WinogradTile::Two),
-            ConvolutionArg::Winograd4 => Self::Winograd(WinogradTile::Four),
-        }
+impl FrameArgs {
+    /// The algorithm for 3 x 3 convolutions.
+    pub(super) fn convolution(&self) -> Convolution {
+        self.convolution.unwrap_or(Convolution::Direct)
     }
 }
 
@@ -197,22 +193,19 @@ pub(super) struct StateArgs {
 impl StateArgs {
     /// The first of the options that was given.
     fn given(&self) -> Option<&'static str> {
-        let options = [("--save-state", self.save_state.is_some()), ("--resume", self.resume.is_some())];
-        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+        first_given([("--save-state", self.save_state.is_some()), ("--resume", self.resume.is_some())])
     }
 }
 
 impl RunArgs {
     /// The options of a run over events.
     pub(super) fn options(&self) -> Result<RunOptions, CliError> {
-        let read = |path: &PathBuf| {
-            fs::read(path).map_err(|source| PipelineError::Open { path: path.clone(), source })
-        };
+        let read = |path| fs::read(path).map_err(|source| PipelineError::file("open", path, source));
         let save = |path: PathBuf| SaveState { path, every_us: self.state.save_every_us };
         Ok(RunOptions {
-            mode: self.mode.into(),
+            mode: self.mode,
             every: self.every,
-            late: self.input.late.into(),
+            late: self.input.late,
             approximations: self.input.approximations.values(),
             limit: self.input.limit,
             resume: self.state.resume.as_ref().map(read).transpose()?,
@@ -249,10 +242,10 @@ impl RunArgs {
                 format!("computes what changes by more than {tolerance} (an approximation)")
             }
         };
-        let way = match self.frames.convolution.unwrap_or(ConvolutionArg::Direct) {
-            ConvolutionArg::Direct => "",
-            ConvolutionArg::Winograd2 => ", convolves by Winograd 2 x 2 (an approximation)",
-            ConvolutionArg::Winograd4 => ", convolves by Winograd 4 x 4 (an approximation)",
+        let way = match self.frames.convolution() {
+            Convolution::Direct => "",
+            Convolution::Winograd(WinogradTile::Two) => ", convolves by Winograd 2 x 2 (an approximation)",
+            Convolution::Winograd(WinogradTile::Four) => ", convolves by Winograd 4 x 4 (an approximation)",
         };
         let threads = if options.two_threads { ", two threads" } else { "" };
         format!("{skip}{way}{threads}")
@@ -271,12 +264,13 @@ impl RunArgs {
     }
 
     /// The path of the input, which must be `expected`.
-    pub(super) fn recording(&self, expected: &'static str) -> Result<&Path, CliError> {
+    pub(super) fn recording(&self, expected: &str) -> Result<&Path, CliError> {
         self.input.recording.as_deref().ok_or_else(|| self.no_input(expected, "no INPUT"))
     }
 
-    pub(super) fn no_input(&self, expected: &'static str, found: &'static str) -> CliError {
-        CliError::NoInput { network: self.input.network.clone(), expected, found }
+    pub(super) fn no_input(&self, expected: &str, found: &str) -> CliError {
+        let network = format!("network {}", self.input.network);
+        CliError::usage(&network, &format!("{expected} as INPUT"), found)
     }
 
     /// Refuses options that do not apply to a network of `kind`.
@@ -287,7 +281,7 @@ impl RunArgs {
         let events: &[NetworkKind] = &[EventGraph, EventFrames];
         let options: [(&str, bool, &[NetworkKind]); 19] = [
             ("--sensor", input.sensor.is_some(), events),
-            ("--late clamp", input.late == Late::Clamp, events),
+            ("--late clamp", input.late == LatePolicy::Clamp, events),
             ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
             ("--every", self.every.is_some(), events),
             ("--save-state", self.state.save_state.is_some(), events),
@@ -325,36 +319,30 @@ impl RunArgs {
     pub(super) fn check_state(&self) -> Result<(), CliError> {
         let approximations = &self.input.approximations;
         let batch = self.mode == Mode::Batch;
-        let given = [
-            ("--tolerance", approximations.tolerance.is_some()),
-            ("--stale-events", approximations.stale_events.is_some()),
-            ("--stale-time", approximations.stale_us.is_some()),
-        ];
-        if let Some((option, _)) = given.into_iter().find(|(_, given)| *given && batch) {
-            return Err(CliError::Option {
+        if let Some(option) = approximations.reuses().filter(|_| batch) {
+            return Err(CliError::usage(
                 option,
-                expected: "--mode incremental with it, since it says what may be kept".to_owned(),
-                found: "--mode batch, which computes every row at every prediction".to_owned(),
-            });
+                "--mode incremental with it, since it says what may be kept",
+                "--mode batch, which computes every row at every prediction",
+            ));
         }
         let Some(option) = self.state.given() else { return Ok(()) };
         let found = match approximations.remembers() {
-            _ if batch => "--mode batch, which keeps all events".to_owned(),
-            Some(other) => format!("{other}, which remembers what the state does not hold"),
+            _ if batch => "--mode batch, which keeps all events",
+            Some(other) => &format!("{other}, which remembers what the state does not hold"),
             None => return Ok(()),
         };
-        let expected = "neither --mode batch nor filters nor a stale readout with it".to_owned();
-        Err(CliError::Option { option, expected, found })
+        let expected = "neither --mode batch nor filters nor a stale readout with it";
+        Err(CliError::usage(option, expected, found))
     }
 
     /// Refuses a state of a run that skips events: the state does not say which event is next.
     pub(super) fn check_stride(&self, card: &ModelCard) -> Result<(), CliError> {
         match (self.state.given(), card.stride()) {
-            (Some(option), 2..) => Err(CliError::Option {
-                option,
-                expected: "weights of a network that takes every event".to_owned(),
-                found: format!("weights with metadata \"stride\" {}", card.stride()),
-            }),
+            (Some(option), stride @ 2..) => {
+                let found = format!("weights with metadata \"stride\" {stride}");
+                Err(CliError::usage(option, "weights of a network that takes every event", &found))
+            }
             _ => Ok(()),
         }
     }

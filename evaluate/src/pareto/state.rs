@@ -56,7 +56,7 @@ impl State {
         let Some(path) = path else { return Ok(Self::default()) };
         let failed = |source| EvaluateError::Write { path: path.to_owned(), source };
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-        let bytes = fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
+        let bytes = fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
         let (lines, keep) = parse(&bytes).map_err(|(line, source)| EvaluateError::State {
             path: path.to_owned(),
             line,

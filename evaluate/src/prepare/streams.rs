@@ -22,8 +22,7 @@ pub(super) struct Streams {
 impl Streams {
     /// The streams in the file at `path`.
     pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
+        let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
         Self::from_bytes(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 

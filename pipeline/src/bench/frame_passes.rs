@@ -116,7 +116,8 @@ impl EventFrameModel {
 }
 
 fn frames_of_other(network: &str, source: FrameSource) -> PipelineError {
-    PipelineError::FramesOfOther { network: network.to_owned(), found: source.word() }
+    let expected = "a frame network whose frames are made of events (event-counts, signed)";
+    PipelineError::other_network(network, expected, format!("frames = {:?}", source.word()))
 }
 
 impl Field {

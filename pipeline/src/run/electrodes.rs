@@ -89,7 +89,7 @@ impl ElectrodeRun {
         let (readings, form) = match model.source {
             FrameSource::TactileImage(readings) => (readings, TactileForm::Image),
             FrameSource::Electrodes(readings) => (readings, TactileForm::Reading),
-            _ => return Err(PipelineError::IsFrameNetwork(network.clone())),
+            _ => return Err(PipelineError::is_frame_network(network)),
         };
         let is_stdin = is_stdin(path);
         let name = if is_stdin { STDIN_NAME.to_owned() } else { path.display().to_string() };
@@ -256,7 +256,7 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
         let source = IoError::OtherKind { expected: "readings of electrodes", found };
         return Err(PipelineError::recording(&path.display().to_string(), source));
     }
-    let file = File::open(path).map_err(|source| PipelineError::Open { path: path.to_owned(), source })?;
+    let file = File::open(path).map_err(|source| PipelineError::file("open", path, source))?;
     Ok(Box::new(interrupt::awaited(file)))
 }
 

@@ -21,6 +21,7 @@ use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
 use crate::skips::dropped;
 use crate::source::Source;
+use crate::text::display_us;
 
 /// The default for the largest number of consecutive empty frames that are pushed.
 const LONGEST_SILENCE: u64 = 6000;
@@ -110,7 +111,7 @@ impl FrameRun {
         };
         let mut feed = feed
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
-            .ok_or_else(|| PipelineError::IsFrameNetwork(network.clone()))?;
+            .ok_or_else(|| PipelineError::is_frame_network(network))?;
         if save.is_some() {
             feed.keep();
         }
@@ -223,7 +224,11 @@ fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result
             Ok(Every::Events((us / period_us) as u64))
         }
         (Some(every), Some(period_us)) => {
-            Err(PipelineError::BetweenFrames { network: network.to_owned(), period_us, found: every })
+            let period = display_us(period_us);
+            let expected = format!(
+                "`end` or a multiple of {period}, since network {network} reads a frame every {period}"
+            );
+            Err(PipelineError::FramePeriod { expected, found: every })
         }
     }
 }

@@ -122,12 +122,12 @@ impl Measure {
         let network = model.name.clone();
         let (FrameSource::Picture(settings), FrameShape::Image { height, width, .. }) = (model.source, input)
         else {
-            return Err(PipelineError::IsFrameNetwork(network));
+            return Err(PipelineError::is_frame_network(&network));
         };
         let expected = FrameShape::Image { channels: 1, height, width };
         if output != expected {
-            let (expected, found) = (expected.to_string(), output.to_string());
-            return Err(PipelineError::NoForceMap { network, expected, found });
+            let expected = format!("a prediction of {expected}, a force for each pixel");
+            return Err(PipelineError::other_network(&network, expected, output.to_string()));
         }
         let (size, pixel) = (ImageSize { width, height }, settings.pixel_size()?);
         let (threshold_n, median_window) = (settings.threshold_n, settings.median_window);
@@ -232,8 +232,7 @@ impl Overlays {
         size: ImageSize,
         full_scale_n: Option<f32>,
     ) -> Result<Self, PipelineError> {
-        fs::create_dir_all(folder)
-            .map_err(|source| PipelineError::Write { path: folder.to_owned(), source })?;
+        fs::create_dir_all(folder).map_err(|source| PipelineError::file("write", folder, source))?;
         let drawn = vec![0; size.pixels()? * 3];
         let overlays = Self { folder: folder.to_owned(), size, full_scale_n, drawn };
         let pictures: Vec<PathBuf> = paths.iter().filter_map(|path| path.canonicalize().ok()).collect();
