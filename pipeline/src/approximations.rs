@@ -1,17 +1,14 @@
-//! Approximations, an engine that runs with them, and the report of their effects.
+//! Approximations, and the report of their effects.
 //!
 //! Filters drop events before the engine. Fewer neighbours change the network before it runs. The tolerance is an
 //! option of the engine. A stale readout repeats its last prediction. Without any of them, results are exact.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
 };
-use meissner_engine::{
-    Counters, Engine, EngineError, Event, Network, Options, Sensor, StaleReadout, Staleness,
-};
+use meissner_engine::{Counters, Engine, EngineError, Network, Options, Sensor, StaleReadout, Staleness};
 use serde::Serialize;
 
 /// Approximations that make results cheaper and less exact. `Default` has none.
@@ -73,8 +70,23 @@ impl Approximations {
         Ok(Chain::new(filters))
     }
 
+    /// An engine for `network` with the tolerance and the staleness. The number of neighbours is that of `network`, see
+    /// [`Self::adapt`].
+    ///
+    /// # Errors
+    /// The engine refuses the sensor, an option or an approximation.
+    pub fn readout(
+        &self,
+        network: Arc<Network>,
+        sensor: Sensor,
+        options: Options,
+    ) -> Result<StaleReadout, EngineError> {
+        let options = options.with_tolerance(self.tolerance.unwrap_or(0.0));
+        StaleReadout::new(Engine::with_options(network, sensor, options)?, self.staleness())
+    }
+
     /// The largest age of a prediction.
-    pub fn staleness(&self) -> Staleness {
+    fn staleness(&self) -> Staleness {
         Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
     }
 
@@ -131,81 +143,4 @@ pub struct FilteredEvents {
     pub passed: u64,
     /// Events that it dropped.
     pub dropped: u64,
-}
-
-/// An engine with event filters and a readout that may be stale.
-#[derive(Clone, Debug)]
-pub struct FilteredEngine {
-    /// Filters, in the order in which events pass them.
-    pub chain: Chain,
-    /// The engine with its readout.
-    pub readout: StaleReadout,
-}
-
-impl FilteredEngine {
-    /// An engine for `network` with the filters, the tolerance and the staleness of `approximations`. The number of
-    /// neighbours is that of `network`, see [`Approximations::adapt`].
-    ///
-    /// # Errors
-    /// The engine refuses the sensor, an option or an approximation.
-    pub fn new(
-        network: Arc<Network>,
-        sensor: Sensor,
-        approximations: &Approximations,
-        options: Options,
-    ) -> Result<Self, EngineError> {
-        let tolerance = approximations.tolerance.unwrap_or(0.0);
-        let engine = Engine::with_options(network, sensor, options.with_tolerance(tolerance))?;
-        let readout = StaleReadout::new(engine, approximations.staleness())?;
-        Ok(Self { chain: approximations.chain(sensor)?, readout })
-    }
-
-    /// Forgets all events. Counters continue.
-    pub fn reset(&mut self) {
-        self.chain.reset();
-        self.readout.reset();
-    }
-
-    /// Whether `event` passes the filters, and how long they took.
-    pub fn admit(&mut self, event: Event) -> (bool, Duration) {
-        admit(&mut self.chain, event)
-    }
-
-    /// Pushes those of `events` that pass the filters into the engine.
-    pub fn push_slice(&mut self, events: &[Event]) {
-        for &event in events {
-            if self.chain.admit(event) {
-                self.readout.push(event);
-            }
-        }
-    }
-
-    /// The engine.
-    pub fn engine(&self) -> &Engine {
-        self.readout.engine()
-    }
-
-    /// Events that no filter has dropped.
-    pub fn passed(&self) -> u64 {
-        self.engine().counters().events.pushed
-    }
-
-    /// The counters of the engine. Events that a filter dropped count as pushed, and repeated predictions count as
-    /// read.
-    pub fn counters(&self) -> Counters {
-        let mut counters = self.engine().counters();
-        counters.events.pushed += self.chain.counters().dropped;
-        counters.predictions.read += self.readout.stale();
-        counters
-    }
-}
-
-/// Whether `event` passes the filters of `chain`, and how long they took. The time is zero without filters.
-pub(crate) fn admit(chain: &mut Chain, event: Event) -> (bool, Duration) {
-    if chain.filters().is_empty() {
-        return (true, Duration::ZERO);
-    }
-    let start = Instant::now();
-    let passes = chain.admit(event);
-    (passes, start.elapsed())
 }

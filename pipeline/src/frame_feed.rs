@@ -22,11 +22,11 @@ use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
 use crate::schedule::{Every, Last, Schedule};
-pub use state::FeedState;
+pub(crate) use state::FeedState;
 use state::KeptEvents;
 
 /// Makes the frames of one stream of events.
-pub struct FrameFeed {
+pub(crate) struct FrameFeed {
     /// Admits events before they reach the frames. The gates of the frames only drop late events, so they accept every
     /// event that this gate accepts.
     gate: Admission,
@@ -46,7 +46,7 @@ enum Frames {
 
 /// An item that a feed delivers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum FeedOutput<'a> {
+pub(crate) enum FeedOutput<'a> {
     /// A frame with at least one event.
     Frame {
         /// (channels, rows, columns), row-major.
@@ -69,27 +69,16 @@ pub enum FeedOutput<'a> {
 
 impl FrameFeed {
     /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says
-    /// when a sliding window is read, and has no effect on consecutive windows.
-    ///
-    /// # Errors
-    /// The sensor lacks pixels that a frame covers.
-    pub fn new(
+    /// when a sliding window is read, and has no effect on consecutive windows. The feed continues from `state` if it
+    /// is given. The sensor must have the pixels that a frame covers.
+    pub(crate) fn new(
         description: &FrameDescription,
         sensor: Sensor,
         late: LatePolicy,
         every: Every,
+        state: Option<&FeedState>,
     ) -> Result<Option<Self>, RepresentationError> {
-        Self::beginning(description, sensor, late, every, None)
-    }
-
-    /// As [`Self::new`], but consecutive windows start at `start_us` if it is given.
-    fn beginning(
-        description: &FrameDescription,
-        sensor: Sensor,
-        late: LatePolicy,
-        every: Every,
-        start_us: Option<i64>,
-    ) -> Result<Option<Self>, RepresentationError> {
+        let start_us = state.and_then(|state| state.open_us);
         let FrameShape::Image { height, width, .. } = description.input() else { return Ok(None) };
         // The sides in a description are at most 4096.
         let (width, height) = (width as u16, height as u16);
@@ -115,11 +104,33 @@ impl FrameFeed {
             _ => return Ok(None),
         };
         let gate = Admission::new(sensor, late);
-        Ok(Some(Self { gate, frames, kept: None, before: 0, shown_before: [0; 2] }))
+        let mut feed = Self { gate, frames, kept: None, before: 0, shown_before: [0; 2] };
+        if let Some(state) = state {
+            feed.resume(state);
+        }
+        Ok(Some(feed))
+    }
+
+    /// Continues from `state`.
+    fn resume(&mut self, state: &FeedState) {
+        let events = state.events.iter().map(|&(t_us, x, y, on)| Event::new(t_us, x, y, on));
+        self.kept = Some(KeptEvents { events: events.clone().collect() });
+        for event in events {
+            match &mut self.frames {
+                Frames::Consecutive { windows, .. } => drop(windows.push(event, |_| {})),
+                Frames::Sliding(sliding) => drop(sliding.window.push(event)),
+            }
+        }
+        if let Frames::Sliding(sliding) = &mut self.frames {
+            sliding.schedule.resume(state.epoch_us, state.now_us, state.accepted);
+        }
+        self.gate.resume(state.epoch_us, state.now_us);
+        self.before = state.accepted;
+        self.shown_before = [self.outside_crop(), self.evicted()];
     }
 
     /// Length of the windows in microseconds, if they are consecutive.
-    pub fn period_us(&self) -> Option<i64> {
+    pub(crate) fn period_us(&self) -> Option<i64> {
         match self.frames {
             Frames::Consecutive { period_us, .. } => Some(period_us),
             Frames::Sliding(_) => None,
@@ -127,11 +138,8 @@ impl FrameFeed {
     }
 
     /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding frame that becomes
-    /// due with it goes to `sink` after it enters.
-    ///
-    /// # Errors
-    /// The first error of `sink`. `sink` is not called again after an error.
-    pub fn push<E>(
+    /// due with it goes to `sink` after it enters. `sink` is not called again after an error.
+    pub(crate) fn push<E>(
         &mut self,
         event: Event,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
@@ -163,10 +171,10 @@ impl FrameFeed {
 
     /// Delivers the last frame after the last event: the window that is still open, or the sliding window if it is due
     /// once more. Delivers nothing if no event has been accepted.
-    ///
-    /// # Errors
-    /// The errors of `sink`.
-    pub fn finish<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
+    pub(crate) fn finish<E>(
+        &mut self,
+        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let (open, period_us) = match &mut self.frames {
             Frames::Consecutive { windows, period_us } => (windows.open(), *period_us),
             Frames::Sliding(sliding) => return sliding.finish(self.gate.now_us(), &mut sink),
@@ -177,12 +185,12 @@ impl FrameFeed {
     }
 
     /// From now on, keeps the events that [`Self::state`] needs.
-    pub fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         self.kept.get_or_insert_default();
     }
 
     /// The state of the feed; `None` before the first event, and if the feed was not told to [keep](Self::keep) events.
-    pub fn state(&mut self) -> Option<FeedState> {
+    pub(crate) fn state(&mut self) -> Option<FeedState> {
         let kept = self.kept.as_ref()?;
         let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
         let open_us = match &mut self.frames {
@@ -198,52 +206,18 @@ impl FrameFeed {
         })
     }
 
-    /// As [`Self::new`], but continues from `state`.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn resume(
-        description: &FrameDescription,
-        sensor: Sensor,
-        late: LatePolicy,
-        every: Every,
-        state: &FeedState,
-    ) -> Result<Option<Self>, RepresentationError> {
-        let Some(mut feed) = Self::beginning(description, sensor, late, every, state.open_us)? else {
-            return Ok(None);
-        };
-        feed.keep();
-        for &(t_us, x, y, on) in &state.events {
-            let event = Event::new(t_us, x, y, on);
-            match &mut feed.frames {
-                Frames::Consecutive { windows, .. } => drop(windows.push(event, |_| {})),
-                Frames::Sliding(sliding) => drop(sliding.window.push(event)),
-            }
-            if let Some(kept) = &mut feed.kept {
-                kept.events.push_back(event);
-            }
-        }
-        if let Frames::Sliding(sliding) = &mut feed.frames {
-            sliding.schedule.resume(state.epoch_us, state.now_us, state.accepted);
-        }
-        feed.gate.resume(state.epoch_us, state.now_us);
-        feed.before = state.accepted;
-        feed.shown_before = [feed.outside_crop(), feed.evicted()];
-        Ok(Some(feed))
-    }
-
     /// The newest time; `None` before the first event.
-    pub fn now_us(&self) -> Option<i64> {
+    pub(crate) fn now_us(&self) -> Option<i64> {
         self.gate.now_us()
     }
 
     /// Counts of the events so far.
-    pub fn counters(&self) -> &EventCounters {
+    pub(crate) fn counters(&self) -> &EventCounters {
         self.gate.counters()
     }
 
     /// Accepted events outside the part of the sensor that frames cover.
-    pub fn outside_crop(&self) -> u64 {
+    pub(crate) fn outside_crop(&self) -> u64 {
         let outside_crop = match &self.frames {
             Frames::Consecutive { windows, .. } => windows.outside_crop(),
             Frames::Sliding(sliding) => sliding.window.outside_crop(),
@@ -252,7 +226,7 @@ impl FrameFeed {
     }
 
     /// Events that left a sliding window early because it was full.
-    pub fn evicted(&self) -> u64 {
+    pub(crate) fn evicted(&self) -> u64 {
         match &self.frames {
             Frames::Consecutive { .. } => 0,
             Frames::Sliding(sliding) => sliding.window.counters().evicted - self.shown_before[1],

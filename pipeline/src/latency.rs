@@ -50,6 +50,23 @@ pub struct Distribution {
     pub quantiles: Quantiles,
 }
 
+/// Quantiles by name, serialised as one object in this order; `None` if nothing was recorded.
+#[derive(Clone, Debug)]
+pub struct Latencies(pub Vec<(&'static str, Option<Quantiles>)>);
+
+impl Latencies {
+    /// The quantiles of each of `latencies`.
+    pub(crate) fn of<const N: usize>(latencies: [(&'static str, &Latency); N]) -> Self {
+        Self(latencies.map(|(name, latency)| (name, latency.quantiles())).into())
+    }
+}
+
+impl Serialize for Latencies {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().copied())
+    }
+}
+
 /// Overhead of the clock in microseconds, measured by timing nothing. It is the smallest mean of several runs, since an
 /// interruption can only increase a mean.
 pub fn clock_us() -> f64 {

@@ -28,14 +28,13 @@
 //! | module | contents |
 //! |---|---|
 //! | [`source`] | events of a file, of standard input, of the embedded recording |
-//! | [`refusals`], [`losses`] | malformed lines; lost input, and truncated recordings |
+//! | [`losses`] | lost input, and truncated recordings |
 //! | [`model`] | networks and weights by name or from files |
 //! | [`provenance`] | network, weights and input of a result, for reports |
 //! | [`answer`] | classes and probabilities of predictions |
-//! | [`approximations`] | approximations, and an engine that runs with them |
+//! | [`approximations`] | approximations, and the report of their effects |
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
-//! | [`frame_feed`], [`frame_predictor`] | frames made of events; a frame engine with its timings |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | a recording at real speed through a bounded queue |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
@@ -48,8 +47,7 @@ pub mod answer;
 pub mod approximations;
 pub mod bench;
 pub mod error;
-pub mod frame_feed;
-pub mod frame_predictor;
+mod frame_feed;
 pub mod interrupt;
 pub mod latency;
 pub mod losses;
@@ -58,7 +56,7 @@ pub mod model;
 pub mod play;
 pub mod predictor;
 pub mod provenance;
-pub mod refusals;
+mod refusals;
 pub mod run;
 pub mod schedule;
 pub mod skips;

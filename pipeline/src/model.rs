@@ -5,11 +5,13 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameNetwork};
+use meissner_engine::frames::{Convolution, FrameLayerCounters, FrameNetwork, FrameShape};
 use meissner_engine::representations::Sampling;
 use meissner_engine::{EngineError, Network};
 use meissner_io::Format;
-use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError, Weights};
+use meissner_models::{
+    AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, ModelError, Weights,
+};
 
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
@@ -271,6 +273,44 @@ impl FrameModel {
             readings.sampling = sampling;
         }
         self
+    }
+}
+
+/// Multiply-adds of the pixels of a layer. A layer over vectors has one pixel.
+#[derive(Clone, Debug)]
+pub struct LayerCost {
+    /// Name of the layer.
+    pub name: String,
+    /// Pixels of its output.
+    pub pixels: u64,
+    /// Multiply-adds of all its pixels.
+    multiply_adds: u64,
+    /// Multiply-adds of one absorbed pixel. A convolutional LSTM still reads its hidden state if the frame is empty.
+    absorbed: u64,
+}
+
+impl LayerCost {
+    /// The cost of `layer`.
+    pub fn new(layer: &FrameLayer) -> Self {
+        let pixels = match layer.output {
+            FrameShape::Image { height, width, .. } => (height * width) as u64,
+            FrameShape::Vector(_) => 1,
+        };
+        let absorbed = match layer.kind {
+            // Four gates of 3 x 3.
+            FrameKind::ConvLstm { hidden, .. } => (36 * hidden * hidden) as u64,
+            _ => 0,
+        };
+        let (name, multiply_adds) = (layer.name.clone(), layer.multiply_adds as u64);
+        Self { name, pixels, multiply_adds, absorbed }
+    }
+
+    /// Multiply-adds of the pixels that `counters` counted.
+    pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
+        // In u128, because the pixels of a recording times the products of a layer can exceed a u64.
+        let computed =
+            u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
+        u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)
     }
 }
 

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::filters::Chain;
 use meissner_engine::{
-    BatchEngine, Engine, Event, LatePolicy, Network, Options, Propose, Search, Sensor, StaleReadout,
+    BatchEngine, Event, LatePolicy, Network, Options, Propose, Search, Sensor, StaleReadout,
 };
 use meissner_live::{Live, Overload, Predictor, QueueCounters, QueueOptions, Recorded, Timely};
 use serde::Serialize;
@@ -24,7 +24,7 @@ use crate::answer::{Classes, Values, exact_digits};
 use crate::approximations::{ApproximationReport, Approximations};
 use crate::error::PipelineError;
 use crate::interrupt;
-use crate::latency::{Latency, Quantiles, microseconds};
+use crate::latency::{Latencies, Latency, microseconds};
 use crate::losses::LossWarning;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
@@ -124,11 +124,9 @@ impl Play {
     /// cannot show a report.
     pub fn run(mut self, observer: &mut dyn Observer) -> Result<PlaySummary, PipelineError> {
         let Self { sensor, .. } = self;
-        let (late, approximations) = (self.options.late, self.options.approximations.clone());
-        let tolerance = approximations.tolerance.unwrap_or(0.0);
-        let options = Options::new().with_late(late).with_tolerance(tolerance);
-        let engine = Engine::with_options(Arc::clone(&self.network), sensor, options)?;
-        let readout = StaleReadout::new(engine, approximations.staleness())?;
+        let late = self.options.late;
+        let options = Options::new().with_late(late);
+        let readout = self.options.approximations.readout(Arc::clone(&self.network), sensor, options)?;
         interrupt::listen();
         let Some(propose) = self.options.verify else {
             let (played, readout) = self.play(readout, observer)?;
@@ -227,11 +225,11 @@ impl Play {
                 blocked_us: microseconds(queue.blocked),
             },
             reports: tally.reports,
-            latency_us: PlayLatencies {
-                waited: tally.waited.quantiles(),
-                age: tally.age.quantiles(),
-                behind: tally.behind.quantiles(),
-            },
+            latency_us: Latencies::of([
+                ("waited", &tally.waited),
+                ("age", &tally.age),
+                ("behind", &tally.behind),
+            ]),
             reader_lag_max_us: microseconds(lag),
             drain_us: microseconds(drain),
             last,
@@ -319,8 +317,8 @@ pub struct PlaySummary {
     pub queue: QueueReport,
     /// Counts of reports.
     pub reports: ReportCounts,
-    /// Times in microseconds.
-    pub latency_us: PlayLatencies,
+    /// Times of reports: since the request, since the start of the prediction, and stream time that is not covered.
+    pub latency_us: Latencies,
     /// Longest time from the due time of an event until it was offered.
     pub reader_lag_max_us: f64,
     /// Time from the end of the recording until all waiting events were covered.
@@ -357,18 +355,6 @@ pub struct ReportCounts {
     pub past_deadline_max_us: f64,
     /// Longest time from the due time of a report until it was requested.
     pub asked_late_max_us: f64,
-}
-
-/// Times of reports in microseconds; `None` if there was no report.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct PlayLatencies {
-    /// Time since the request.
-    pub waited: Option<Quantiles>,
-    /// Time since the start of the prediction.
-    pub age: Option<Quantiles>,
-    /// Stream time that the report does not cover.
-    pub behind: Option<Quantiles>,
 }
 
 /// The queue between the reader and the engine.

@@ -1,19 +1,21 @@
-//! The engine of a run over events: incremental, or the same network from scratch at every prediction.
+//! The engine of a run over events, after its filters: incremental, or the same network from scratch at every
+//! prediction.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{
-    BatchEngine, Counters, Engine, EngineError, Event, EventCounters, LatePolicy, Network, Options, Outcome,
-    Prediction, Search, Sensor, StaleReadout, Staleness,
+    BatchEngine, Counters, Engine, EngineError, Event, EventCounters, Network, Options, Outcome, Prediction,
+    Predictor, Search, Sensor, StaleReadout, Staleness,
 };
 
-use crate::approximations::{ApproximationReport, Approximations, FilteredEngine, admit};
+use crate::approximations::{ApproximationReport, Approximations};
 
-/// A network over events behind filters, incremental or from scratch.
+/// A network over events after filters, incremental or from scratch.
 #[derive(Clone)]
 pub struct EventPredictor {
+    chain: Chain,
     backend: Backend,
     /// Counts before this run.
     before: Counters,
@@ -32,92 +34,107 @@ pub enum Mode {
 /// The engine of a mode.
 #[derive(Clone)]
 enum Backend {
-    Incremental(Box<FilteredEngine>),
-    Batch(Chain, Box<BatchEngine>),
+    Incremental(Box<StaleReadout>),
+    Batch(Box<BatchEngine>),
+}
+
+impl Backend {
+    fn predictor(&mut self) -> &mut dyn Predictor<Input = Event> {
+        match self {
+            Self::Incremental(readout) => &mut **readout,
+            Self::Batch(batch) => &mut **batch,
+        }
+    }
+
+    fn counters(&self) -> Counters {
+        match self {
+            Self::Incremental(readout) => readout.engine().counters(),
+            Self::Batch(batch) => batch.counters(),
+        }
+    }
 }
 
 impl EventPredictor {
-    /// A predictor over an empty window. [`Mode::Batch`] uses only the filters of `approximations`.
+    /// A predictor over an empty window, with the filters, the tolerance and the staleness of `approximations`. The
+    /// number of neighbours is that of `network`, see [`Approximations::adapt`]. [`Mode::Batch`] uses only the filters,
+    /// and only the policy for late events of `options`.
     ///
     /// # Errors
-    /// The engine refuses the sensor or an approximation.
+    /// The engine refuses the sensor, an option or an approximation.
     pub fn new(
         mode: Mode,
         network: Arc<Network>,
         sensor: Sensor,
-        late: LatePolicy,
         approximations: &Approximations,
+        options: Options,
     ) -> Result<Self, EngineError> {
         let backend = match mode {
             Mode::Incremental => {
-                let options = Options::new().with_late(late);
-                let engine = FilteredEngine::new(network, sensor, approximations, options)?;
-                Backend::Incremental(Box::new(engine))
+                Backend::Incremental(Box::new(approximations.readout(network, sensor, options)?))
             }
             Mode::Batch => {
-                let batch = BatchEngine::new(network, sensor)?.with_late(late).with_search(Search::Grid);
-                Backend::Batch(approximations.chain(sensor)?, Box::new(batch))
+                let batch = BatchEngine::new(network, sensor)?.with_late(options.late);
+                Backend::Batch(Box::new(batch.with_search(Search::Grid)))
             }
         };
         let before = Counters { layers: backend.counters().layers, ..Counters::default() };
-        Ok(Self { backend, before })
+        Ok(Self { chain: approximations.chain(sensor)?, backend, before })
     }
 
     /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is never stale.
     ///
     /// # Errors
     /// As [`Engine::restore_bytes`].
-    pub fn resume(self, bytes: &[u8]) -> Result<Self, EngineError> {
-        let Backend::Incremental(filtered) = self.backend else { return Ok(self) };
-        let mut engine = filtered.readout.into_engine();
+    pub fn resume(mut self, bytes: &[u8]) -> Result<Self, EngineError> {
+        let Backend::Incremental(readout) = self.backend else { return Ok(self) };
+        let mut engine = readout.into_engine();
         engine.restore_bytes(bytes)?;
-        let before = engine.counters();
-        let readout = StaleReadout::new(engine, Staleness::default())?;
-        let filtered = FilteredEngine { readout, ..*filtered };
-        Ok(Self { backend: Backend::Incremental(Box::new(filtered)), before })
+        self.before = engine.counters();
+        self.backend = Backend::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
+        Ok(self)
     }
 
     /// The engine, in [`Mode::Incremental`].
     pub fn engine(&self) -> Option<&Engine> {
         match &self.backend {
-            Backend::Incremental(filtered) => Some(filtered.engine()),
-            Backend::Batch(..) => None,
+            Backend::Incremental(readout) => Some(readout.engine()),
+            Backend::Batch(_) => None,
         }
     }
 
     /// Forgets all events; counters continue.
     pub fn reset(&mut self) {
-        match &mut self.backend {
-            Backend::Incremental(filtered) => filtered.reset(),
-            Backend::Batch(chain, batch) => {
-                chain.reset();
-                batch.reset();
-            }
-        }
+        self.chain.reset();
+        self.backend.predictor().reset();
     }
 
-    /// Whether `event` passes the filters, and how long they took.
+    /// Whether `event` passes the filters, and how long they took: zero without filters.
     pub fn admit(&mut self, event: Event) -> (bool, Duration) {
-        match &mut self.backend {
-            Backend::Incremental(filtered) => admit(&mut filtered.chain, event),
-            Backend::Batch(chain, _) => admit(chain, event),
+        if self.chain.filters().is_empty() {
+            return (true, Duration::ZERO);
         }
+        let start = Instant::now();
+        let passes = self.chain.admit(event);
+        (passes, start.elapsed())
     }
 
     /// Pushes `event`, which has passed the filters.
     pub fn push(&mut self, event: Event) -> Outcome {
-        match &mut self.backend {
-            Backend::Incremental(filtered) => filtered.readout.push(event),
-            Backend::Batch(_, batch) => batch.push(event),
+        self.backend.predictor().push(event)
+    }
+
+    /// Pushes those of `events` that pass the filters.
+    pub fn push_slice(&mut self, events: &[Event]) {
+        for &event in events {
+            if self.chain.admit(event) {
+                self.push(event);
+            }
         }
     }
 
     /// Advances the clock to `t_us`.
     pub fn advance(&mut self, t_us: i64) {
-        match &mut self.backend {
-            Backend::Incremental(filtered) => filtered.readout.advance(t_us),
-            Backend::Batch(_, batch) => batch.advance(t_us),
-        }
+        self.backend.predictor().advance(t_us);
     }
 
     /// Predicts from the window.
@@ -125,17 +142,14 @@ impl EventPredictor {
     /// # Errors
     /// As [`Engine::predict`].
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        match &mut self.backend {
-            Backend::Incremental(filtered) => filtered.readout.predict(),
-            Backend::Batch(_, batch) => batch.predict(),
-        }
+        self.backend.predictor().predict()
     }
 
     /// Events in the window.
     pub fn nodes(&self) -> usize {
         match &self.backend {
-            Backend::Incremental(filtered) => filtered.engine().nodes(),
-            Backend::Batch(_, batch) => batch.nodes(),
+            Backend::Incremental(readout) => readout.engine().nodes(),
+            Backend::Batch(batch) => batch.nodes(),
         }
     }
 
@@ -147,32 +161,21 @@ impl EventPredictor {
     /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions count as read.
     pub fn counters(&self) -> Counters {
         let mut counters = self.backend.counters().since(&self.before);
-        let (chain, stale) = self.beside();
-        counters.events.pushed += chain.counters().dropped;
-        counters.predictions.read += stale;
+        counters.events.pushed += self.chain.counters().dropped;
+        counters.predictions.read += self.stale();
         counters
     }
 
     /// The report of `approximations` after this run; `None` if results are exact.
     pub fn report(&self, approximations: &Approximations) -> Option<ApproximationReport> {
-        let (chain, stale) = self.beside();
-        approximations.report(chain, &self.counters(), stale)
+        approximations.report(&self.chain, &self.counters(), self.stale())
     }
 
-    /// The filters, and the number of repeated predictions.
-    fn beside(&self) -> (&Chain, u64) {
+    /// The number of repeated predictions.
+    fn stale(&self) -> u64 {
         match &self.backend {
-            Backend::Incremental(filtered) => (&filtered.chain, filtered.readout.stale()),
-            Backend::Batch(chain, _) => (chain, 0),
-        }
-    }
-}
-
-impl Backend {
-    fn counters(&self) -> Counters {
-        match self {
-            Self::Incremental(filtered) => filtered.engine().counters(),
-            Self::Batch(_, batch) => batch.counters(),
+            Backend::Incremental(readout) => readout.stale(),
+            Backend::Batch(_) => 0,
         }
     }
 }

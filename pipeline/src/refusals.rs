@@ -13,7 +13,7 @@ const FIRST: u64 = 100;
 
 /// Counts of the refused and the taken lines of a text.
 #[derive(Debug)]
-pub struct Refusals {
+pub(crate) struct Refusals {
     /// Name of the text, for messages.
     name: String,
     strict: bool,
@@ -27,27 +27,27 @@ pub struct Refusals {
 
 impl Refusals {
     /// Counts for the text called `name`. With `strict`, the first refused line is an error.
-    pub fn new(name: &str, strict: bool) -> Self {
+    pub(crate) fn new(name: &str, strict: bool) -> Self {
         Self { name: name.to_owned(), strict, taken: 0, count: 0, held: Vec::new(), first: String::new() }
     }
 
     /// The name of the text.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
     /// The number of refused lines.
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         self.count
     }
 
     /// The number of taken lines.
-    pub fn taken(&self) -> u64 {
+    pub(crate) fn taken(&self) -> u64 {
         self.taken
     }
 
     /// Counts a line that could be read.
-    pub fn take(&mut self) {
+    pub(crate) fn take(&mut self) {
         self.taken += 1;
         for held in std::mem::take(&mut self.held) {
             self.warn(&held);
@@ -58,7 +58,7 @@ impl Refusals {
     ///
     /// # Errors
     /// The source is strict, or most lines are refused.
-    pub fn refuse(&mut self, problem: String) -> Result<(), PipelineError> {
+    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), PipelineError> {
         if self.strict {
             return Err(PipelineError::Line { recording: self.name.clone(), problem });
         }
@@ -89,7 +89,7 @@ impl Refusals {
     ///
     /// # Errors
     /// Most lines were refused.
-    pub fn end(&self) -> Result<(), PipelineError> {
+    pub(crate) fn end(&self) -> Result<(), PipelineError> {
         let lines = self.taken + self.count;
         if self.count > self.taken && lines < FIRST { Err(self.most(lines)) } else { Ok(()) }
     }

@@ -22,10 +22,12 @@
 
 mod electrodes;
 mod events;
+mod frame_predictor;
 mod frames;
 mod pictures;
 mod prediction;
 mod state;
+mod stream;
 mod summary;
 
 pub use electrodes::{ElectrodeOptions, ElectrodeRun};
@@ -33,11 +35,12 @@ pub use events::EventRun;
 pub use frames::FrameRun;
 pub use pictures::{PictureOptions, PictureRun};
 pub use prediction::{
-    Baseline, ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Place,
-    Prediction, ReportPrediction, ReportState,
+    ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Prediction,
+    ReportPrediction, ReportState,
 };
 pub use state::{RunOptions, SaveState};
+pub use stream::StreamRun;
 pub use summary::{
-    ElectrodeCounts, Ended, EventCounts, EventLatencies, EventSummary, FrameLatencies, FrameSummary,
-    InputCounts, LayerPixels, Pixels, Summary,
+    ElectrodeCounts, Ended, EventCounts, EventSummary, FrameSummary, InputCounts, LayerPixels, Pixels,
+    Summary,
 };

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use meissner_models::systems::contact_area::{Centroid, ContactReport};
 use meissner_pipeline::answer::Answer;
 use meissner_pipeline::provenance::ModelCard;
-use meissner_pipeline::run::{Place, Prediction};
+use meissner_pipeline::run::Prediction;
 use meissner_pipeline::text::grouped;
 
 /// Most columns of values: a line of 80 characters has room for so many beside counts and times.
@@ -116,8 +117,10 @@ impl Columns {
                 let baseline = p.baseline.map_or_else(String::new, |baseline| {
                     format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
                 });
-                let (area, force, median) = (p.area_mm2, p.force_n, p.median_force_n);
-                let (centroid, update_us) = (place(p.centroid), p.update_us);
+                let ContactReport {
+                    area_mm2: area, force_n: force, median_force_n: median, centroid, ..
+                } = p.contact;
+                let (centroid, update_us) = (place(centroid), p.update_us);
                 let row = format!(
                     "{name:<16}  {area:>10.3}  {force:>10.4}  {median:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
                 );
@@ -162,7 +165,7 @@ fn row_of(cells: impl Iterator<Item = String>) -> String {
     cells.collect::<Vec<_>>().concat()
 }
 
-fn place(centroid: Option<Place>) -> String {
+fn place(centroid: Option<Centroid>) -> String {
     centroid.map_or_else(|| "-".to_owned(), |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
 }
 

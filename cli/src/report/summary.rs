@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use meissner_pipeline::latency::Quantiles;
+use meissner_pipeline::latency::{Latencies, Quantiles};
 use meissner_pipeline::play::PlaySummary;
 use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
 use meissner_pipeline::text::grouped;
@@ -36,7 +36,7 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
     if let Some(approximations) = &summary.approximations {
         crate::approximations::write(approximations, out)?;
     }
-    quantiles(out, &[("push", summary.latency_us.push), ("predict", summary.latency_us.predict)])?;
+    quantiles(out, &summary.latency_us)?;
     rate(out, summary.events_per_s)?;
     skips::write(skips, out)
 }
@@ -65,9 +65,9 @@ pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Resul
 }
 
 /// Writes a row for each of `latencies` that was measured.
-fn quantiles(out: &mut impl Write, latencies: &[(&str, Option<Quantiles>)]) -> io::Result<()> {
+fn quantiles(out: &mut impl Write, latencies: &Latencies) -> io::Result<()> {
     let mut table = Table::new(&["latency (us)", "p50", "p90", "p99", "p99.9", "max"]);
-    for &(name, quantiles) in latencies {
+    for &(name, quantiles) in &latencies.0 {
         if let Some(Quantiles { p50, p90, p99, p999, max }) = quantiles {
             let cells = [p50, p90, p99, p999, max].map(duration);
             table.row(std::iter::once(name.to_owned()).chain(cells));
@@ -88,14 +88,7 @@ pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result
     }
     writeln!(out, "frames       {} pushed", grouped(summary.frames))?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
-    let latency = &summary.latency_us;
-    let latencies = [
-        ("prepare", latency.prepare),
-        ("push", latency.push),
-        ("predict", latency.predict),
-        ("decision", latency.decision),
-    ];
-    quantiles(out, &latencies)?;
+    quantiles(out, &summary.latency_us)?;
     if let Some(rate) = summary.frames_per_s {
         writeln!(out, "  {rate:.1} frames/s, counting the time in preparing, pushing and predicting only")?;
     }
@@ -153,7 +146,7 @@ fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::
 
 /// Writes the summary of a play.
 pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()> {
-    let PlaySummary { queue, reports, latency_us, .. } = summary;
+    let PlaySummary { queue, reports, .. } = summary;
     let counts = [summary.events, summary.offered, summary.delivered, summary.accepted];
     let [events, offered, delivered, accepted] = counts.map(grouped);
     writeln!(
@@ -201,5 +194,5 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     if let Some(approximations) = &summary.approximations {
         crate::approximations::write(approximations, out)?;
     }
-    quantiles(out, &[("waited", latency_us.waited), ("age", latency_us.age), ("behind", latency_us.behind)])
+    quantiles(out, &summary.latency_us)
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{EngineError, Event, LatePolicy};
+use meissner_engine::{EngineError, Event};
 use meissner_io::datasets::Split;
 use meissner_models::systems::digits::correct_from;
 use meissner_models::{AnyDescription, Description, ModelError, TensorFile};
@@ -262,7 +262,7 @@ impl Judge<'_> {
         let Options { mode, every_us, .. } = *self.options;
         let network = Arc::new(description.network(&training.weights).map_err(&failed)?);
         let (sensor, exact) = (self.data.set.sensor, Approximations::default());
-        let predictor = EventPredictor::new(mode, network, sensor, LatePolicy::Drop, &exact);
+        let predictor = EventPredictor::new(mode, network, sensor, &exact, meissner_engine::Options::default());
         let work = |predictor: &mut EventPredictor, &recording: &usize| {
             outcome(predictor, &self.data.recordings[recording].events, stride, every_us)
         };

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::{Counters, EngineError, Event, Network, Options, Outcome, Sensor};
 use meissner_models::Description;
 use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::approximations::FilteredEngine;
+use meissner_pipeline::predictor::{EventPredictor, Mode};
 use rayon::ThreadPool;
 
 use super::measurement::{Differences, Lap, Measurement, TaskError, take_turns};
@@ -55,7 +55,7 @@ pub(super) struct Judge<'a> {
 
 /// An engine that is timed.
 struct Run {
-    engine: FilteredEngine,
+    engine: EventPredictor,
     /// The last prediction.
     last: Vec<f32>,
     /// Predictions after each event of the last turn.
@@ -98,7 +98,7 @@ impl<'a> EventNetwork<'a> {
         let Counters { layers, .. } = counters;
         let costs = row_costs(&adapted);
         let products = layers.iter().zip(&costs).map(|(layer, cost)| layer.recomputed * cost).sum();
-        let passed = own.engine.passed() / u64::from(self.repeats);
+        let passed = own.engine.events().pushed / u64::from(self.repeats);
         let task = match &self.judge {
             Some(judge) => judge.error(setting)?.into_iter().collect(),
             None => Vec::new(),
@@ -121,7 +121,8 @@ impl Run {
         sensor: Sensor,
         approximations: &Approximations,
     ) -> Result<Self, EngineError> {
-        let engine = FilteredEngine::new(network, sensor, approximations, Options::default())?;
+        let engine =
+            EventPredictor::new(Mode::Incremental, network, sensor, approximations, Options::default())?;
         Ok(Self { engine, last: Vec::new(), outputs: Vec::new() })
     }
 
@@ -129,7 +130,7 @@ impl Run {
     fn reset(&mut self) -> Result<(), EngineError> {
         self.engine.reset();
         self.last.clear();
-        self.last.extend_from_slice(self.engine.readout.predict()?.values);
+        self.last.extend_from_slice(self.engine.predict()?.values);
         Ok(())
     }
 
@@ -139,12 +140,12 @@ impl Run {
         for &event in events {
             let (passes, filtering) = self.engine.admit(event);
             let start = Instant::now();
-            let accepted = passes && self.engine.readout.push(event) == Outcome::Accepted;
+            let accepted = passes && self.engine.push(event) == Outcome::Accepted;
             let push = filtering + start.elapsed();
             let mut predict = Duration::ZERO;
             if accepted {
                 let start = Instant::now();
-                let prediction = self.engine.readout.predict();
+                let prediction = self.engine.predict();
                 predict = start.elapsed();
                 self.last.copy_from_slice(prediction?.values);
             }
@@ -175,9 +176,10 @@ impl Judge<'_> {
     ) -> Result<Vec<bool>, EvaluateError> {
         let network = self.description.network(&training.weights).map_err(weights_error(&training.label))?;
         let network = Arc::new(setting.network(&network)?);
-        let (sensor, options) = (self.data.set.sensor, Options::default());
-        let engine = FilteredEngine::new(network, sensor, &setting.approximations, options)?;
-        let is_wrong = |engine: &mut FilteredEngine, &recording: &usize| {
+        let (sensor, approximations) = (self.data.set.sensor, &setting.approximations);
+        let engine =
+            EventPredictor::new(Mode::Incremental, network, sensor, approximations, Options::default())?;
+        let is_wrong = |engine: &mut EventPredictor, &recording: &usize| {
             let recording = &self.data.recordings[recording];
             let events = recording.events.iter().copied().step_by(self.stride);
             Ok(answer(engine, events, setting.reads_matter())? != recording.class)
@@ -188,16 +190,16 @@ impl Judge<'_> {
 
 /// The class at the end of `events`; a prediction is read after `each` event, or only at the end.
 fn answer(
-    engine: &mut FilteredEngine,
+    engine: &mut EventPredictor,
     events: impl Iterator<Item = Event>,
     each: bool,
 ) -> Result<usize, EngineError> {
     engine.reset();
     for event in events {
         let (passes, _) = engine.admit(event);
-        if passes && engine.readout.push(event) == Outcome::Accepted && each {
-            engine.readout.predict()?;
+        if passes && engine.push(event) == Outcome::Accepted && each {
+            engine.predict()?;
         }
     }
-    Ok(predicted(engine.readout.predict()?.values))
+    Ok(predicted(engine.predict()?.values))
 }

@@ -14,7 +14,7 @@ use meissner_engine::frames::{
 };
 use meissner_kernels::WinogradTile;
 use meissner_models::systems::slip::ObjectSet;
-use meissner_pipeline::frame_predictor::LayerCost;
+use meissner_pipeline::model::LayerCost;
 use rayon::ThreadPool;
 
 use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, take_turns};

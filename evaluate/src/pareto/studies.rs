@@ -9,8 +9,7 @@ use std::sync::Arc;
 
 use meissner_engine::{Event, Sensor};
 use meissner_models::systems::slip::ObjectSet;
-use meissner_pipeline::frame_predictor::LayerCost;
-use meissner_pipeline::model::{Model, describe, labelled, weights};
+use meissner_pipeline::model::{LayerCost, Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
 use rayon::ThreadPool;
 

@@ -17,6 +17,7 @@ mod normalisation;
 mod overlay;
 mod report;
 
+use serde::Serialize;
 use thiserror::Error;
 
 pub use difference::{DifferenceBaseline, DifferenceReport, DifferenceSettings};
@@ -133,7 +134,7 @@ impl PixelSize {
 /// The middle of a contact.
 ///
 /// The origin of both units is the centre of the image's top-left pixel; x runs along a row, y down a column.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Centroid {
     /// Column, in pixels.
     pub x_px: f64,

@@ -13,11 +13,12 @@ use serde::Serialize;
 use super::deadline::{Deadline, DeadlineReport};
 use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
-use crate::approximations::{ApproximationReport, FilteredEngine};
+use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
 use crate::latency::{Distribution, Latency, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
+use crate::predictor::{EventPredictor, Mode};
 use crate::schedule::{Every, Last, Schedule};
 use crate::skips::Skips;
 
@@ -233,12 +234,15 @@ impl<'a> EventBench<'a> {
         let staged = passes.latency(events, &phases, true, &mut Measured::default())?;
         let deadline = passes.deadline(events, options.period_us.unwrap_or(PERIOD_US))?;
 
+        let [Some(run), Some(staged)] = [engine.engine(), staged.engine()] else {
+            unreachable!("the predictors are incremental");
+        };
         let counters = engine.counters();
         let [push, predict, push_predict] = whole(&measured);
         let seconds = push_predict.total().as_secs_f64();
         let skips = Skips::new(&counters, &model.network.layers());
         let count = counters.events.pushed;
-        let losses = input.losses(engine.engine().counters().events);
+        let losses = input.losses(engine.events());
         let report = EventReport {
             input: input.report(&counters.events, &losses, repeat),
             warmup_events: warmup as u64,
@@ -254,16 +258,12 @@ impl<'a> EventBench<'a> {
                 idle: PhaseReport::new(phases.count(Phase::Idle), &measured.idle, repeat),
                 burst: PhaseReport::new(phases.count(Phase::Burst), &measured.burst, repeat),
             },
-            work: Work::new(&skips, &model.multiply_adds, count, staged.engine()),
+            work: Work::new(&skips, &model.multiply_adds, count, staged),
             skips,
-            approximations: options.approximations.report(
-                &engine.chain,
-                &engine.engine().counters(),
-                engine.readout.stale(),
-            ),
-            stages: stages(staged.engine(), count),
+            approximations: engine.report(&options.approximations),
+            stages: stages(staged, count),
             memory: MemoryReport {
-                state_bytes: u64::try_from(engine.engine().state_bytes()).unwrap_or(u64::MAX),
+                state_bytes: u64::try_from(run.state_bytes()).unwrap_or(u64::MAX),
                 peak_resident_bytes,
             },
             deadline: deadline.report(),
@@ -283,10 +283,11 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    fn engine(&self, stage_times: bool) -> Result<FilteredEngine, PipelineError> {
+    fn engine(&self, stage_times: bool) -> Result<EventPredictor, PipelineError> {
         let options = Options::new().with_late(self.options.late).with_stage_times(stage_times);
         let network = Arc::clone(&self.network);
-        Ok(FilteredEngine::new(network, self.sensor, &self.options.approximations, options)?)
+        let approximations = &self.options.approximations;
+        Ok(EventPredictor::new(Mode::Incremental, network, self.sensor, approximations, options)?)
     }
 
     /// Counts the next event.
@@ -302,7 +303,7 @@ impl Passes<'_> {
         phases: &Phases,
         stage_times: bool,
         into: &mut Measured,
-    ) -> Result<FilteredEngine, PipelineError> {
+    ) -> Result<EventPredictor, PipelineError> {
         let mut engine = self.engine(stage_times)?;
         let mut gate = Admission::new(self.sensor, self.options.late);
         let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
@@ -319,7 +320,7 @@ impl Passes<'_> {
                     .each_due_before(t_us, |due_us| latencies.read(&mut engine, Some(due_us), &mut both))?;
             }
             let start = Instant::now();
-            let accepted = passes && engine.readout.push(event) == Outcome::Accepted;
+            let accepted = passes && engine.push(event) == Outcome::Accepted;
             let spent = filtering + start.elapsed();
             latencies.push.record(spent);
             both += spent;
@@ -332,7 +333,7 @@ impl Passes<'_> {
                 latencies.read(&mut engine, Some(due_us), &mut both)?;
             }
             latencies.push_predict.record(both);
-            into.nodes_max = into.nodes_max.max(engine.engine().nodes());
+            into.nodes_max = into.nodes_max.max(engine.nodes());
             self.count();
         }
         Ok(engine)
@@ -364,38 +365,38 @@ impl Passes<'_> {
 /// Does the work of the period that ends at `end_us`, and returns the number of events in the window.
 fn period(
     deadline: &mut Deadline,
-    engine: &mut FilteredEngine,
+    engine: &mut EventPredictor,
     waiting: &mut Vec<Event>,
     end_us: i64,
 ) -> Result<usize, PipelineError> {
-    let before = engine.engine().counters().events;
+    let before = engine.events();
     let start = Instant::now();
     engine.push_slice(waiting);
-    engine.readout.advance(end_us);
-    let prediction = engine.readout.predict().map(drop);
+    engine.advance(end_us);
+    let prediction = engine.predict().map(drop);
     let work = start.elapsed();
     prediction?;
-    let after = engine.engine().counters().events;
+    let after = engine.events();
     let entered = after.accepted - before.accepted;
     let left = (after.expired + after.evicted) - (before.expired + before.evicted);
     deadline.record(entered.max(left), end_us, work);
     waiting.clear();
-    Ok(engine.engine().nodes())
+    Ok(engine.nodes())
 }
 
 impl PhaseLatencies {
     /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
     fn read(
         &mut self,
-        engine: &mut FilteredEngine,
+        engine: &mut EventPredictor,
         due_us: Option<i64>,
         both: &mut Duration,
     ) -> Result<usize, PipelineError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
-            engine.readout.advance(due_us);
+            engine.advance(due_us);
         }
-        let prediction = engine.readout.predict();
+        let prediction = engine.predict();
         let spent = start.elapsed();
         let prediction = prediction?;
         self.predict.record(spent);

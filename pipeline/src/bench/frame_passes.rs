@@ -15,9 +15,8 @@ use meissner_models::description::frames::{CropPlace, SignedTiming};
 use super::moments::{End, Moments};
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
-use crate::frame_predictor::LayerCost;
 use crate::latency::Latency;
-use crate::model::FrameModel;
+use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
 use crate::text::display_us;
 
@@ -104,7 +103,7 @@ impl EventFrameModel {
     fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, PipelineError> {
         let every = Every::StreamUs(period_us);
         let name = self.model.network.name();
-        let feed = FrameFeed::new(&self.model.description, field.around(), LatePolicy::Drop, every)
+        let feed = FrameFeed::new(&self.model.description, field.around(), LatePolicy::Drop, every, None)
             .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
         feed.ok_or_else(|| frames_of_other(name, self.model.source))
     }

@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 /// The state of a feed between two inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FeedState {
+pub(crate) struct FeedState {
     /// Time of the first accepted event.
-    pub epoch_us: i64,
+    pub(crate) epoch_us: i64,
     /// The newest time.
-    pub now_us: i64,
+    pub(crate) now_us: i64,
     /// Accepted events so far.
     pub(super) accepted: u64,
     /// Start of the open window, if windows are consecutive.
@@ -23,7 +23,7 @@ pub struct FeedState {
 impl FeedState {
     /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the expected value and
     /// the actual value.
-    pub fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
+    pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
             let expected = format!("from {epoch_us} to 2^63 after it");

@@ -15,7 +15,7 @@ fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
         ["a", "b"].get(..channels).expect("at most two")
     );
     let description = FrameDescription::parse(&text).expect("consistent");
-    let feed = FrameFeed::new(&description, Sensor::new(4, 1), LatePolicy::Clamp, every);
+    let feed = FrameFeed::new(&description, Sensor::new(4, 1), LatePolicy::Clamp, every, None);
     feed.expect("the crop fits").expect("frames of events")
 }
 

@@ -24,11 +24,11 @@ use meissner_io::{ElectrodeSettings, Electrodes, IoError, Kind, Reading};
 use meissner_models::FrameSource;
 use meissner_models::systems::slip::DecisionFilter;
 
+use super::frame_predictor::FramePredictor;
 use super::prediction::{ElectrodePrediction, Observer, Prediction};
 use super::summary::{ElectrodeCounts, Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
 use crate::error::{PipelineError, chain};
-use crate::frame_predictor::FramePredictor;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::losses::{Advice, InputLosses};

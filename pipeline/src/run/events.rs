@@ -3,48 +3,42 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{Admission, Engine, Event, Outcome, Sensor};
+use meissner_engine::{Admission, Engine, Event, Options, Outcome, Sensor};
 
 use super::prediction::{EventPrediction, Observer, Prediction};
 use super::state::{EVERY, RunOptions, Saver};
-use super::summary::{Ended, Ending, EventSummary, Summary};
+use super::stream::{Steps, StreamRun};
+use super::summary::{EventSummary, Summary};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
-use crate::interrupt;
 use crate::latency::{Latency, microseconds};
-use crate::losses::LossWatch;
+use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
 use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
 use crate::source::Source;
 
 /// A network over events with its source, before the run.
-pub struct EventRun {
-    source: Source,
-    sensor: Sensor,
-    limit: u64,
-    approximations: Approximations,
-    layers: Vec<String>,
+pub type EventRun = StreamRun<EventSteps>;
+
+/// Pushes events into a network over events, and reads its predictions.
+pub struct EventSteps {
+    pub(super) predictor: EventPredictor,
+    pub(super) approximations: Approximations,
+    pub(super) layers: Vec<String>,
     schedule: Schedule,
     /// Predicts for the schedule which events will be accepted, and at what time.
     gate: Admission,
-    saver: Option<Saver>,
-    steps: Steps,
-}
-
-/// Pushes events and reads predictions.
-struct Steps {
-    predictor: EventPredictor,
     classes: Classes,
-    push: Latency,
-    predict: Latency,
+    pub(super) push: Latency,
+    pub(super) predict: Latency,
     /// Time spent since the last prediction.
     update: Duration,
     /// Time of the first accepted event.
     epoch_us: Option<i64>,
     taken: u64,
-    nodes_max: usize,
+    pub(super) nodes_max: usize,
 }
 
 impl EventRun {
@@ -61,7 +55,8 @@ impl EventRun {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
         let RunOptions { mode, every, late, approximations, limit, resume, save, .. } = options;
-        let mut predictor = EventPredictor::new(mode, network, sensor, late, &approximations)?;
+        let engine_options = Options::new().with_late(late);
+        let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
         let mut gate = Admission::new(sensor, late);
         if let Some(bytes) = resume {
@@ -73,9 +68,13 @@ impl EventRun {
                 schedule.resume(first_us, now_us, engine.counters().events.accepted);
             }
         }
-        let steps = Steps {
+        let steps = EventSteps {
             epoch_us: predictor.engine().and_then(Engine::epoch_us),
             predictor,
+            approximations,
+            layers,
+            schedule,
+            gate,
             classes: Classes::new(model.card.classes.clone()),
             push: Latency::new(),
             predict: Latency::new(),
@@ -83,102 +82,68 @@ impl EventRun {
             taken: 0,
             nodes_max: 0,
         };
-        let limit = limit.unwrap_or(u64::MAX);
-        Ok(Self {
-            source,
-            sensor,
-            limit,
-            approximations,
-            layers,
-            schedule,
-            gate,
-            saver: save.map(Saver::new),
-            steps,
-        })
-    }
-
-    /// The source.
-    pub fn source(&self) -> &Source {
-        &self.source
-    }
-
-    /// The number of events that the run will take, if it is known.
-    pub fn total(&self) -> Option<u64> {
-        self.source.remaining().map(|remaining| remaining.min(self.limit))
-    }
-
-    /// Takes all events, or the events up to a [requested](interrupt::requested) end.
-    pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
-        let mut watch = LossWatch::new(self.source.is_live());
-        let mut result = Ok(());
-        while result.is_ok() && self.steps.taken < self.limit && !interrupt::requested() {
-            let Some(event) = self.source.next() else { break };
-            result = event.and_then(|event| self.take(event, observer));
-            let Self { source, sensor, steps, .. } = &self;
-            observer.progress(steps.taken);
-            watch.look(steps.taken, &source.name, || source.losses(steps.predictor.events(), *sensor));
-        }
-        let mut ending = Ending(result);
-        if ending.saves() {
-            ending.then(self.save());
-        }
-        if ending.predicts() {
-            let due = match self.schedule.last() {
-                // Not due yet: another run will resume from the state.
-                Last::At(_) if self.saver.is_some() => Ok(0),
-                Last::Nothing => Ok(0),
-                Last::Now => self.steps.read(None, observer),
-                Last::At(due_us) => self.steps.read(Some(due_us), observer),
-            };
-            ending.then(due.map(drop));
-        }
-        let Self { source, sensor, steps, .. } = self;
-        let counters = steps.predictor.counters();
-        let mut summary =
-            EventSummary::new(&counters, &self.layers, steps.nodes_max, &steps.push, &steps.predict);
-        summary.lines_refused = source.lines_refused();
-        summary.warnings = watch.end(&source.name, &source.losses(steps.predictor.events(), sensor));
-        summary.approximations = steps.predictor.report(&self.approximations);
-        summary.salvaged = source.salvaged;
-        Ended { summary: Summary::Events(Box::new(summary)), result: ending.0 }
-    }
-
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        let Self { schedule, gate, steps, .. } = self;
-        let (passes, filtering) = steps.predictor.admit(event);
-        if !passes {
-            steps.pushed(filtering);
-            return Ok(());
-        }
-        if let Some(t_us) = schedule.arrival_us(gate, event) {
-            schedule.each_due_before(t_us, |due_us| steps.read(Some(due_us), observer))?;
-        }
-        let start = Instant::now();
-        let outcome = steps.predictor.push(event);
-        steps.pushed(filtering + start.elapsed());
-        steps.nodes_max = steps.nodes_max.max(steps.predictor.nodes());
-        if outcome != Outcome::Accepted {
-            return Ok(());
-        }
-        steps.epoch_us = steps.epoch_us.or(Some(event.t_us));
-        if schedule.is_due_after_event() {
-            steps.read(None, observer)?;
-        }
-        // An accepted late event counts at the newest time.
-        let now_us = steps.predictor.engine().and_then(Engine::now_us).unwrap_or(event.t_us);
-        if self.saver.as_mut().is_some_and(|saver| saver.is_due(now_us)) { self.save() } else { Ok(()) }
-    }
-
-    /// Writes the state, if requested.
-    fn save(&self) -> Result<(), PipelineError> {
-        let Some((saver, engine)) = self.saver.as_ref().zip(self.steps.predictor.engine()) else {
-            return Ok(());
-        };
-        saver.write(&engine.to_bytes())
+        Ok(Self { source, sensor, limit: limit.unwrap_or(u64::MAX), saver: save.map(Saver::new), steps })
     }
 }
 
-impl Steps {
+impl Steps for EventSteps {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let (passes, filtering) = self.predictor.admit(event);
+        if !passes {
+            self.pushed(filtering);
+            return Ok(());
+        }
+        if let Some(t_us) = self.schedule.arrival_us(&mut self.gate, event) {
+            while let Some(due_us) = self.schedule.due_before(t_us) {
+                if self.read(Some(due_us), observer)? == 0 {
+                    self.schedule.skip_to(t_us);
+                }
+            }
+        }
+        let start = Instant::now();
+        let outcome = self.predictor.push(event);
+        self.pushed(filtering + start.elapsed());
+        self.nodes_max = self.nodes_max.max(self.predictor.nodes());
+        if outcome == Outcome::Accepted {
+            self.epoch_us = self.epoch_us.or(Some(event.t_us));
+            if self.schedule.is_due_after_event() {
+                self.read(None, observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    fn now_us(&self) -> Option<i64> {
+        self.predictor.engine().and_then(Engine::now_us)
+    }
+
+    fn state(&mut self) -> Option<Vec<u8>> {
+        self.predictor.engine().map(Engine::to_bytes)
+    }
+
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        match self.schedule.last() {
+            Last::Now => self.read(None, observer)?,
+            Last::At(due_us) if !resumes => self.read(Some(due_us), observer)?,
+            Last::Nothing | Last::At(_) => 0,
+        };
+        Ok(())
+    }
+
+    fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses {
+        source.losses(self.predictor.events(), sensor)
+    }
+
+    fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
+        Summary::Events(Box::new(EventSummary::new(&self, source, warnings)))
+    }
+}
+
+impl EventSteps {
     /// Notes that an event was taken.
     fn pushed(&mut self, spent: Duration) {
         self.push.record(spent);

@@ -7,16 +7,16 @@ use meissner_engine::frames::FrameOptions;
 use meissner_engine::{EngineError, Event, Outcome, Sensor};
 use serde::{Deserialize, Serialize};
 
+use super::frame_predictor::FramePredictor;
 use super::prediction::{FramePrediction, Observer, Prediction};
 use super::state::{EVERY, RunOptions, Saver};
-use super::summary::{Ended, Ending, EventCounts, FrameSummary, InputCounts, Summary};
+use super::stream::{Steps, StreamRun};
+use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
-use crate::frame_predictor::FramePredictor;
-use crate::interrupt;
 use crate::latency::microseconds;
-use crate::losses::{InputLosses, LossWatch};
+use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
 use crate::skips::dropped;
@@ -27,19 +27,18 @@ use crate::text::display_us;
 const LONGEST_SILENCE: u64 = 6000;
 
 /// A network over frames of events with its source, before the run.
-pub struct FrameRun {
-    source: Source,
-    sensor: Sensor,
-    limit: u64,
+pub type FrameRun = StreamRun<FrameSteps>;
+
+/// Makes frames of events.
+pub struct FrameSteps {
     feed: FrameFeed,
-    saver: Option<Saver>,
     /// The preparation of frames and their sensor. States of other frames are refused.
     made: String,
-    steps: Steps,
+    frames: Frames,
 }
 
 /// Pushes frames and reads predictions.
-struct Steps {
+struct Frames {
     predictor: FramePredictor,
     /// Decides after which frames a prediction is due.
     schedule: Schedule,
@@ -62,7 +61,7 @@ struct Steps {
 }
 
 /// Counts of empty frames.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct FrameCounts {
     empty: u64,
     left_out: u64,
@@ -104,11 +103,8 @@ impl FrameRun {
             }
             None => None,
         };
-        let of_feed = every.unwrap_or(EVERY);
-        let feed = match note.as_ref().and_then(|note| note.feed.as_ref()) {
-            Some(state) => FrameFeed::resume(&model.description, sensor, late, of_feed, state),
-            None => FrameFeed::new(&model.description, sensor, late, of_feed),
-        };
+        let state = note.as_ref().and_then(|note| note.feed.as_ref());
+        let feed = FrameFeed::new(&model.description, sensor, late, every.unwrap_or(EVERY), state);
         let mut feed = feed
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
             .ok_or_else(|| PipelineError::is_frame_network(network))?;
@@ -119,13 +115,13 @@ impl FrameRun {
         if let Some(note) = &note {
             schedule.resume(0, 0, note.since);
         }
-        let steps = Steps {
+        let frames = Frames {
             predictor,
             schedule,
             classes: Classes::new(model.card.classes.clone()),
             longest_silence: longest_silence.unwrap_or(LONGEST_SILENCE),
             zeros: vec![0.0; model.description.input().values()],
-            epoch_us: note.as_ref().and_then(|note| Some(note.feed.as_ref()?.epoch_us)),
+            epoch_us: state.map(|state| state.epoch_us),
             newest: None,
             silence: note.as_ref().map_or(0, |note| note.silence),
             counts: FrameCounts::default(),
@@ -134,83 +130,86 @@ impl FrameRun {
             values: Vec::with_capacity(model.description.output().values()),
         };
         let (limit, saver) = (limit.unwrap_or(u64::MAX), save.map(Saver::new));
-        Ok(Self { source, sensor, limit, feed, saver, made, steps })
+        Ok(Self { source, sensor, limit, saver, steps: FrameSteps { feed, made, frames } })
     }
+}
 
-    /// The source.
-    pub fn source(&self) -> &Source {
-        &self.source
-    }
-
-    /// The number of events that the run will take, if it is known.
-    pub fn total(&self) -> Option<u64> {
-        self.source.remaining().map(|remaining| remaining.min(self.limit))
-    }
-
-    /// Takes all events, or the events up to a [requested](interrupt::requested) end.
-    pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
-        let mut watch = LossWatch::new(self.source.is_live());
-        let mut result = Ok(());
-        while result.is_ok() && self.steps.taken < self.limit && !interrupt::requested() {
-            let Some(event) = self.source.next() else { break };
-            result = event.and_then(|event| self.steps.event(&mut self.feed, event, observer));
-            observer.progress(self.steps.taken);
-            if let Some((saver, now_us)) = self.saver.as_mut().zip(self.feed.now_us())
-                && result.is_ok()
-                && saver.is_due(now_us)
-            {
-                result = self.save();
-            }
-            watch.look(self.steps.taken, &self.source.name, || self.losses());
+impl Steps for FrameSteps {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let frames = &mut self.frames;
+        frames.taken += 1;
+        let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
+        let outcome = self.feed.push(event, |output| {
+            let spent = start.elapsed();
+            frames.predictor.spent(spent);
+            prepare += spent;
+            // The first frame may already come with the first event.
+            frames.epoch_us.get_or_insert(event.t_us);
+            let taken = frames.take(output, observer);
+            start = Instant::now();
+            taken
+        })?;
+        let spent = start.elapsed();
+        frames.predictor.spent(spent);
+        frames.predictor.prepare.record(prepare + spent);
+        if outcome == Outcome::Accepted {
+            frames.epoch_us.get_or_insert(event.t_us);
         }
-        let mut ending = Ending(result);
-        if ending.saves() {
-            ending.then(self.save());
-        }
-        let ends_now = self.steps.schedule.last() == Last::Now;
-        // The open window, and predictions that are due later, are left to the resumed run.
-        if ending.predicts() && (self.saver.is_none() || ends_now) {
-            let Self { feed, steps, .. } = &mut self;
-            let finished = feed.finish(|output| steps.take(output, observer));
-            ending.then(finished.and_then(|()| steps.end(ends_now, observer)));
-        }
-        let warnings = watch.end(&self.source.name, &self.losses());
-        let counts = InputCounts::Events(self.counts());
-        let summary = FrameSummary::new(&self.steps.predictor, counts, warnings);
-        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+        frames.shown()
     }
 
-    fn losses(&self) -> InputLosses {
-        let losses = self.source.losses(*self.feed.counters(), self.sensor);
-        losses.with_outside_crop(self.feed.outside_crop())
+    fn taken(&self) -> u64 {
+        self.frames.taken
     }
 
-    /// Writes the state, if requested.
-    fn save(&mut self) -> Result<(), PipelineError> {
-        let Some(saver) = &self.saver else { return Ok(()) };
-        let (made, steps) = (self.made.clone(), &self.steps);
-        let (silence, since) = (steps.silence, steps.schedule.since());
-        let note = Note { made, feed: self.feed.state(), silence, since };
+    fn now_us(&self) -> Option<i64> {
+        self.feed.now_us()
+    }
+
+    fn state(&mut self) -> Option<Vec<u8>> {
+        let Self { feed, made, frames } = self;
+        let (silence, since) = (frames.silence, frames.schedule.since());
+        let note = Note { made: made.clone(), feed: feed.state(), silence, since };
         let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
-        saver.write(&steps.predictor.to_bytes_with(&note))
+        Some(frames.predictor.engine.to_bytes_with(&note))
     }
 
-    fn counts(&self) -> EventCounts {
-        let counters = self.feed.counters();
-        let FrameCounts { empty, left_out, resets } = self.steps.counts;
-        EventCounts {
-            salvaged: self.source.salvaged.clone(),
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let Self { feed, frames, .. } = self;
+        let ends_now = frames.schedule.last() == Last::Now;
+        // The open window, and predictions that are due later, are left to the resumed run.
+        if resumes && !ends_now {
+            return Ok(());
+        }
+        feed.finish(|output| frames.take(output, observer))?;
+        if ends_now {
+            frames.predict(observer)?;
+        }
+        frames.shown()
+    }
+
+    fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses {
+        source.losses(*self.feed.counters(), sensor).with_outside_crop(self.feed.outside_crop())
+    }
+
+    fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
+        let Self { feed, frames, .. } = &self;
+        let (counters, FrameCounts { empty, left_out, resets }) = (feed.counters(), frames.counts);
+        let counts = EventCounts {
+            lines_refused: source.lines_refused(),
+            salvaged: source.salvaged,
             events: counters.pushed,
-            lines_refused: self.source.lines_refused(),
             accepted: counters.accepted,
             dropped: dropped(counters),
             clamped: counters.clamped,
-            outside_crop: self.feed.outside_crop(),
-            evicted: self.feed.evicted(),
+            outside_crop: feed.outside_crop(),
+            evicted: feed.evicted(),
             empty_frames: empty,
             empty_frames_left_out: left_out,
             resets,
-        }
+        };
+        let counts = InputCounts::Events(counts);
+        Summary::Frames(Box::new(FrameSummary::new(&frames.predictor, counts, warnings)))
     }
 }
 
@@ -250,34 +249,7 @@ impl Note {
     }
 }
 
-impl Steps {
-    fn event(
-        &mut self,
-        feed: &mut FrameFeed,
-        event: Event,
-        observer: &mut dyn Observer,
-    ) -> Result<(), PipelineError> {
-        self.taken += 1;
-        let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
-        let outcome = feed.push(event, |output| {
-            let spent = start.elapsed();
-            self.predictor.spent(spent);
-            prepare += spent;
-            // The first frame may already come with the first event.
-            self.epoch_us.get_or_insert(event.t_us);
-            let taken = self.take(output, observer);
-            start = Instant::now();
-            taken
-        })?;
-        let spent = start.elapsed();
-        self.predictor.spent(spent);
-        self.predictor.prepare.record(prepare + spent);
-        if outcome == Outcome::Accepted {
-            self.epoch_us.get_or_insert(event.t_us);
-        }
-        self.shown()
-    }
-
+impl Frames {
     /// Whether all predictions could be shown so far.
     fn shown(&mut self) -> Result<(), PipelineError> {
         self.unshown.take().map_or(Ok(()), |error| Err(PipelineError::Output(error)))
@@ -355,13 +327,5 @@ impl Steps {
         };
         self.unshown = observer.prediction(&Prediction::Frames(prediction)).err();
         Ok(())
-    }
-
-    /// Reads the prediction that is due at the end.
-    fn end(&mut self, ends_now: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        if ends_now {
-            self.predict(observer)?;
-        }
-        self.shown()
     }
 }

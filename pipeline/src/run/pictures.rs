@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::prediction::{Baseline, Observer, PicturePrediction, Place, Prediction};
+use super::frame_predictor::FramePredictor;
+use super::prediction::{Observer, PicturePrediction, Prediction};
 use super::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::error::PipelineError;
-use crate::frame_predictor::FramePredictor;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::FrameModel;
@@ -200,11 +200,8 @@ impl Measure {
         let overlay = overlays.map(|overlays| overlays.write(path, image, &picture)).transpose()?;
         let prediction = PicturePrediction {
             image: &path.display().to_string(),
-            area_mm2: contact.area_mm2,
-            force_n: contact.force_n,
-            median_force_n: contact.median_force_n,
-            centroid: contact.centroid.map(Place::from),
-            baseline: baseline.map(Baseline::from),
+            contact,
+            baseline,
             overlay: overlay.as_deref(),
             update_us,
             taken,

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use meissner_models::systems::contact_area::{Centroid, DifferenceReport};
+use meissner_models::systems::contact_area::{ContactReport, DifferenceReport};
 use serde::Serialize;
 
 use crate::answer::{Answer, Values};
@@ -114,16 +114,11 @@ pub struct ElectrodePrediction<'a> {
 pub struct PicturePrediction<'a> {
     /// Path of the picture.
     pub image: &'a str,
-    /// Area of the contact.
-    pub area_mm2: f64,
-    /// Total force.
-    pub force_n: f64,
-    /// Median of the newest total forces.
-    pub median_force_n: f64,
-    /// Centroid of the contact; `None` without one.
-    pub centroid: Option<Place>,
+    /// The contact.
+    #[serde(flatten)]
+    pub contact: ContactReport,
     /// The contact by plain differences to a reference picture, if there is one.
-    pub baseline: Option<Baseline>,
+    pub baseline: Option<DifferenceReport>,
     /// Path of the overlay, if one is drawn.
     pub overlay: Option<&'a str>,
     /// Microseconds spent since the last prediction.
@@ -164,42 +159,6 @@ pub struct ReportPrediction<'a> {
     /// Stream time from the first event to the due time of the report, in microseconds.
     #[serde(skip)]
     pub elapsed_us: i128,
-}
-
-/// The contact by plain differences to a reference picture.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct Baseline {
-    /// Area of the contact.
-    pub area_mm2: f64,
-    /// Centroid of the contact.
-    pub centroid: Option<Place>,
-}
-
-/// A place in a picture, in pixels and on the sensor.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct Place {
-    /// Column.
-    pub x_px: f64,
-    /// Row.
-    pub y_px: f64,
-    /// To the right.
-    pub x_mm: f64,
-    /// Down.
-    pub y_mm: f64,
-}
-
-impl From<Centroid> for Place {
-    fn from(Centroid { x_px, y_px, x_mm, y_mm }: Centroid) -> Self {
-        Self { x_px, y_px, x_mm, y_mm }
-    }
-}
-
-impl From<DifferenceReport> for Baseline {
-    fn from(report: DifferenceReport) -> Self {
-        Self { area_mm2: report.area_mm2, centroid: report.centroid.map(Place::from) }
-    }
 }
 
 /// How current the prediction of a report is.

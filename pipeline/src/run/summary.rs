@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use meissner_engine::Counters;
 use meissner_engine::frames::FrameLayerCounters;
 use serde::Serialize;
 
+use super::events::EventSteps;
+use super::frame_predictor::FramePredictor;
 use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
-use crate::frame_predictor::FramePredictor;
-use crate::latency::{Latency, Quantiles};
+use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
 use crate::skips::{Skips, dropped};
+use crate::source::Source;
 
 /// A run that has ended.
 #[derive(Debug)]
@@ -72,8 +73,8 @@ pub struct EventSummary {
     pub predictions: u64,
     /// Largest number of events in the window after any push.
     pub nodes_max: usize,
-    /// Times in microseconds.
-    pub latency_us: EventLatencies,
+    /// Times of pushes, and of predictions with advancing the clock to those that are due between events.
+    pub latency_us: Latencies,
     /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
     /// Counts of computed and skipped values.
@@ -88,39 +89,25 @@ pub struct EventSummary {
     pub salvaged: Option<Salvaged>,
 }
 
-/// Latencies of calls in microseconds; `None` if there was no call.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct EventLatencies {
-    /// Pushes.
-    pub push: Option<Quantiles>,
-    /// Predictions, with advancing the clock to predictions that are due between events.
-    pub predict: Option<Quantiles>,
-}
-
 impl EventSummary {
-    pub(super) fn new(
-        counters: &Counters,
-        layers: &[String],
-        nodes_max: usize,
-        push: &Latency,
-        predict: &Latency,
-    ) -> Self {
+    pub(super) fn new(steps: &EventSteps, source: Source, warnings: Vec<LossWarning>) -> Self {
+        let EventSteps { predictor, push, predict, .. } = steps;
+        let counters = predictor.counters();
         let seconds = (push.total() + predict.total()).as_secs_f64();
         let events = counters.events.pushed;
         Self {
             events,
-            lines_refused: 0,
+            lines_refused: source.lines_refused(),
             accepted: counters.events.accepted,
             dropped: dropped(&counters.events),
             predictions: counters.predictions.read,
-            nodes_max,
-            latency_us: EventLatencies { push: push.quantiles(), predict: predict.quantiles() },
+            nodes_max: steps.nodes_max,
+            latency_us: Latencies::of([("push", push), ("predict", predict)]),
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
-            skips: Skips::new(counters, layers),
-            warnings: Vec::new(),
-            approximations: None,
-            salvaged: None,
+            skips: Skips::new(&counters, &steps.layers),
+            warnings,
+            approximations: predictor.report(&steps.approximations),
+            salvaged: source.salvaged,
         }
     }
 }
@@ -138,29 +125,15 @@ pub struct FrameSummary {
     pub frames: u64,
     /// Predictions read.
     pub predictions: u64,
-    /// Times in microseconds.
-    pub latency_us: FrameLatencies,
+    /// Times of making a frame (for each event, reading or picture), of pushes, of predictions and, over electrodes,
+    /// from a reading to the decision after it.
+    pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
     /// Sums over all layers.
     pub pixels: Pixels,
     /// Each layer.
     pub layers: Vec<LayerPixels>,
-}
-
-/// Latencies of steps in microseconds; `None` if there was no step.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct FrameLatencies {
-    /// Making of a frame, for each event, reading or picture.
-    pub prepare: Option<Quantiles>,
-    /// Pushes of frames.
-    pub push: Option<Quantiles>,
-    /// Predictions.
-    pub predict: Option<Quantiles>,
-    /// Over electrodes: from a reading to the decision after it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub decision: Option<Quantiles>,
 }
 
 /// Counts of an input.
@@ -261,6 +234,8 @@ impl FrameSummary {
         let pixels =
             |&FrameLayerCounters { computed, skipped, absorbed }| Pixels { computed, skipped, absorbed };
         let layers: Vec<LayerPixels> = predictor
+            .engine
+            .network()
             .layers()
             .zip(&counters.layers)
             .map(|(name, counters)| LayerPixels { name: name.to_owned(), pixels: pixels(counters) })
@@ -268,17 +243,14 @@ impl FrameSummary {
         let FramePredictor { prepare, push, predict, decision, .. } = predictor;
         let seconds = (prepare.total() + push.total() + predict.total()).as_secs_f64();
         let frames = counters.frames;
+        let mut latency_us = Latencies::of([("prepare", prepare), ("push", push), ("predict", predict)]);
+        latency_us.0.extend(decision.quantiles().map(|quantiles| ("decision", Some(quantiles))));
         Self {
             input,
             warnings,
             frames,
             predictions: counters.predictions,
-            latency_us: FrameLatencies {
-                prepare: prepare.quantiles(),
-                push: push.quantiles(),
-                predict: predict.quantiles(),
-                decision: decision.quantiles(),
-            },
+            latency_us,
             frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
             pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
                 computed: sum.computed + layer.pixels.computed,

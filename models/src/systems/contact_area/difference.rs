@@ -3,6 +3,8 @@
 //! d(p) = mean over a box around p (cut at the border) and over the channels of |image - reference|, in levels of 0 to
 //! 255; contact where d > threshold. Boxes are summed in integers, so d is rounded once.
 
+use serde::Serialize;
+
 use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
 
 /// How images are compared.
@@ -19,9 +21,10 @@ pub struct DifferenceSettings {
 }
 
 /// The contact in one image.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DifferenceReport {
-    /// Pixels in contact.
+    /// Pixels in contact; not serialised.
+    #[serde(skip)]
     pub pixels: usize,
     /// Area of these pixels in mm^2.
     pub area_mm2: f64,

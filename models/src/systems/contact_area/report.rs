@@ -3,6 +3,8 @@
 //! C is the set of pixels whose force f exceeds the threshold: area = |C| times the area of a pixel, total force = sum of f
 //! over C, centroid = sum of f (x, y) over C / total force. Sums are in f64, in row-major order.
 
+use serde::Serialize;
+
 use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
 
 /// How a map of forces is read.
@@ -31,9 +33,10 @@ impl ContactSettings {
 }
 
 /// The contact in one map of forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ContactReport {
-    /// Pixels in contact.
+    /// Pixels in contact; not serialised.
+    #[serde(skip)]
     pub pixels: usize,
     /// Area of these pixels in mm^2.
     pub area_mm2: f64,
