@@ -6,20 +6,16 @@ mod frame_table;
 mod plot;
 mod table;
 
-use std::io::{self, Write};
-
 use meissner_models::AnyDescription;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::bench::{BenchInput, Comparison, EventBench, EventFrameModel, FrameBench};
 use meissner_pipeline::model::describe_any;
 use meissner_pipeline::provenance::ModelCard;
-use serde::Serialize;
 
 use crate::args::Input;
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
-use crate::report::{Out, out};
 pub(crate) use args::BenchArgs;
 
 /// Runs the benchmark that `args` describe, and writes the report to standard output.
@@ -44,7 +40,7 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     if let Some(path) = &args.svg {
         output::write(path, plot::svg(&report, &measured))?;
     }
-    write(args, &report, |out| table::write(out, &report))
+    output::print(args.json, &report, |out| table::write(out, &report))
 }
 
 /// Measures a frame network over events.
@@ -53,7 +49,7 @@ fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
     let Input { network, weights, ignore_preparation, .. } = &args.input;
     let model = EventFrameModel::named(network, weights.as_deref(), *ignore_preparation)?;
     let report = FrameBench::new(&model, input(args, &model.model.card)?, args.options()).run()?;
-    write(args, &report, |out| frame_table::write(out, &report))
+    output::print(args.json, &report, |out| frame_table::write(out, &report))
 }
 
 /// Compares the network over events with the frame network called `name`.
@@ -63,7 +59,7 @@ fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let against = EventFrameModel::named(name, weights, args.input.ignore_preparation);
     let against = against.map_err(with_its_option)?;
     let report = Comparison::new(&model, &against, input(args, &model.card)?, args.options()).run()?;
-    write(args, &report, |out| compare_table::write(out, &report))
+    output::print(args.json, &report, |out| compare_table::write(out, &report))
 }
 
 /// The events that `args` select, for a benchmark of the network of `card`.
@@ -71,21 +67,6 @@ fn input(args: &BenchArgs, card: &ModelCard) -> Result<BenchInput, CliError> {
     let source = args.input.source(card)?;
     let sensor = source.sensor(args.input.sensor)?;
     Ok(BenchInput::take(source, sensor, card, &args.options())?)
-}
-
-/// Writes `report` as JSON, or as text with `table`.
-fn write(
-    args: &BenchArgs,
-    report: &impl Serialize,
-    table: impl FnOnce(&mut Out) -> io::Result<()>,
-) -> Result<(), CliError> {
-    let mut out = out(args.json);
-    if args.json {
-        out.write_all(&output::json(report)?)?;
-    } else {
-        table(&mut out)?;
-    }
-    Ok(out.flush()?)
 }
 
 /// Refuses options that apply only to networks over events.

@@ -32,29 +32,20 @@ pub(crate) enum CliError {
         subject: String,
         /// The accepted alternative.
         expected: String,
-        /// The actual value.
         found: String,
     },
     /// The option does not apply to the kind of network.
     #[error("{option} is for {fits}: network {network} is {kind}")]
     Misfit {
-        /// The option.
         option: &'static str,
         /// The kinds of networks that it applies to.
         fits: String,
-        /// The network.
         network: String,
-        /// The kind of the network.
         kind: &'static str,
     },
     /// The value of an option does not fit the network or the input.
     #[error("{option}")]
-    OptionValue {
-        /// The option.
-        option: &'static str,
-        /// The reason.
-        source: Box<PipelineError>,
-    },
+    OptionValue { option: &'static str, source: Box<PipelineError> },
     /// The options for decisions contradict each other.
     #[error(transparent)]
     Decision(#[from] DecisionError),
@@ -63,27 +54,16 @@ pub(crate) enum CliError {
     Evaluate(Box<EvaluateError>),
     /// Threads cannot be started.
     #[error("--threads {threads}")]
-    Threads {
-        /// The requested number.
-        threads: usize,
-        /// The reason.
-        source: rayon::ThreadPoolBuildError,
-    },
+    Threads { threads: usize, source: rayon::ThreadPoolBuildError },
     /// A prediction differs in a bit from the prediction of the batch.
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
     /// A state cannot be resumed from.
     #[error("--resume {}", path.display())]
-    Resume {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: EngineError,
-    },
+    Resume { path: PathBuf, source: EngineError },
     /// The engine differs from full recomputation.
     #[error("{name}: {difference}")]
     Differs {
-        /// The network.
         network: String,
         /// The streams or the recording.
         name: String,

@@ -1,43 +1,30 @@
-//! The first lines of a report for people: input, network and weights.
+//! The first lines of a text report: input, network and weights.
 
 use std::io::{self, Write};
 
-use meissner_engine::Sensor;
 use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::provenance::ModelCard;
-use meissner_pipeline::source::Source;
+use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 
-/// Writes recording, network with its `mode`, weights and window.
+/// Writes the input, the network with its `mode`, the weights, and the window or the frames. `frames` is given for a
+/// frame network.
 pub(crate) fn header(
     out: &mut impl Write,
+    input: &InputCard,
     card: &ModelCard,
     mode: &str,
-    source: &Source,
-    sensor: Sensor,
+    frames: Option<&FrameModel>,
 ) -> io::Result<()> {
-    writeln!(out, "recording    {}", source.name)?;
-    writeln!(out, "             {}", about(source, sensor))?;
-    write_model(out, card, mode, Some([sensor.width, sensor.height]))?;
+    let sensor = input.sensor.map(|[width, height]| format!(", {width}x{height} pixels"));
+    let events = input.events.map(|events| format!(", {} events", grouped(events)));
+    let about = [Some(input.format.clone()), sensor, events].into_iter().flatten().collect::<String>();
+    let key = if frames.is_some() { "input" } else { "recording" };
+    writeln!(out, "{key:<12} {}\n             {about}", input.name)?;
+    write_model(out, card, mode, input.sensor.filter(|_| frames.is_none()))?;
+    if let Some(model) = frames {
+        writeln!(out, "frames       {}: {}", model.description.input(), model.source)?;
+    }
     writeln!(out)
-}
-
-/// Format, sensor and events of `source`.
-pub(crate) fn about(source: &Source, sensor: Sensor) -> String {
-    let events = source.recorded().map_or_else(String::new, |n| format!(", {} events", grouped(n)));
-    format!("{}, {sensor} pixels{events}", source.format)
-}
-
-/// Writes input, network with its `mode`, weights and frames of a frame network.
-pub(crate) fn frame_header(
-    out: &mut impl Write,
-    model: &FrameModel,
-    mode: &str,
-    [name, about]: [&str; 2],
-) -> io::Result<()> {
-    writeln!(out, "input        {name}\n             {about}")?;
-    write_model(out, &model.card, mode, None)?;
-    writeln!(out, "frames       {}: {}\n", model.description.input(), model.source)
 }
 
 /// Writes the lines of network and weights: the first says what runs on which sensor and whether the weights are trained.

@@ -1,6 +1,6 @@
 //! `meissner info`: the contents of a recording in numbers.
 
-use std::io::{self, Write, stdout};
+use std::io::{self, Write};
 use std::path::PathBuf;
 
 use meissner_engine::Event;
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::args::{OUTPUT, ReadArgs, STATUS};
 use crate::error::CliError;
-use crate::text::Folded;
+use crate::output;
 use meissner_pipeline::losses::Salvaged;
 use meissner_pipeline::text::grouped;
 
@@ -66,14 +66,7 @@ struct OtherStream {
 /// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
     let info = Info::of(&args.read.read(&args.recording)?);
-    let mut out = Folded::new(stdout().lock(), !args.json);
-    if args.json {
-        serde_json::to_writer(&mut out, &info).map_err(io::Error::from)?;
-        writeln!(out)?;
-    } else {
-        info.write(&mut out)?;
-    }
-    Ok(out.flush()?)
+    output::print(args.json, &info, |out| info.write(out))
 }
 
 impl Info {

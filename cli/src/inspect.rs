@@ -1,6 +1,6 @@
 //! `meissner inspect`: shows a network as a table, as JSON or as a drawing.
 
-use std::io::{Write, stderr, stdout};
+use std::io::{Write, stdout};
 use std::path::PathBuf;
 
 use meissner_pipeline::model::describe_any;
@@ -8,7 +8,7 @@ use meissner_pipeline::model::describe_any;
 use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
-use crate::text::Folded;
+use crate::tell::tell;
 
 /// `meissner inspect`.
 #[derive(Debug, clap::Args)]
@@ -35,16 +35,13 @@ pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     if let Some(path) = &args.svg {
         output::write(path, description.to_svg())?;
-        let _ = writeln!(stderr(), "wrote {}", path.display());
+        tell(format_args!("wrote {}", path.display()));
     }
-    let mut out = Folded::new(stdout().lock(), !args.json && !args.dot);
-    if args.json {
-        serde_json::to_writer(&mut out, &description.summary()).map_err(std::io::Error::from)?;
-        writeln!(out)?;
-    } else if args.dot {
-        write!(out, "{}", description.to_dot())?;
-    } else if args.svg.is_none() {
-        writeln!(out, "{}", description.to_table().trim_end())?;
+    if args.dot {
+        return Ok(stdout().lock().write_all(description.to_dot().as_bytes())?);
     }
-    Ok(out.flush()?)
+    output::print(args.json, &description.summary(), |out| match args.svg {
+        None => writeln!(out, "{}", description.to_table().trim_end()),
+        Some(_) => Ok(()),
+    })
 }

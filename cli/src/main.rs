@@ -5,9 +5,9 @@
 //! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
 //! | `args`, `input` | arguments that several subcommands share; the source and the network that they select |
 //! | `kind` | the kinds of input of networks |
-//! | `report`, `header`, `skips`, `approximations`, `text`, `progress` | results as text and as JSON |
+//! | `report`, `header`, `text`, `progress` | results as text and as JSON |
 //! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
-//! | `output`, `tell` | files that are written; messages on standard error |
+//! | `output`, `tell` | standard output and files; messages on standard error |
 //! | `error` | errors, hints, and the exit status |
 //!
 //! Results go to standard output, messages and progress to standard error.
@@ -16,7 +16,6 @@
 // which reports its errors.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-mod approximations;
 mod args;
 mod bench;
 mod convert;
@@ -37,7 +36,6 @@ mod progress;
 mod report;
 mod run;
 mod simulate;
-mod skips;
 mod soak;
 mod stress;
 mod tasks;

@@ -1,6 +1,6 @@
 //! `meissner networks`: the shipped networks.
 
-use std::io::{self, Write, stdout};
+use std::io::{self, Write};
 
 use meissner_engine::frames::FrameShape;
 use meissner_models::systems::digits;
@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::output;
 use crate::text::Table;
 
 /// `meissner networks`.
@@ -72,14 +73,7 @@ struct Entry {
 /// Lists the networks.
 pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
     let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
-    let mut out = stdout().lock();
-    if args.json {
-        serde_json::to_writer(&mut out, &entries).map_err(io::Error::from)?;
-        writeln!(out)?;
-    } else {
-        write(&mut out, &entries)?;
-    }
-    Ok(out.flush()?)
+    output::print(args.json, &entries, |out| write(out, &entries))
 }
 
 impl Entry {

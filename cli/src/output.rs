@@ -1,7 +1,7 @@
-//! Files that the program writes.
+//! Standard output, and files that the program writes.
 
 use std::fs::{self, OpenOptions};
-use std::io::{self, BufWriter, Write, stdout};
+use std::io::{self, BufWriter, StdoutLock, Write, stdout};
 use std::path::{Path, PathBuf};
 
 use meissner_pipeline::source::is_stdin;
@@ -9,6 +9,29 @@ use serde::Serialize;
 
 use crate::error::CliError;
 use crate::text::Folded;
+
+/// Standard output.
+pub(crate) type Out = Folded<BufWriter<StdoutLock<'static>>>;
+
+/// Standard output, with long lines folded for people.
+pub(crate) fn out(json: bool) -> Out {
+    Folded::new(BufWriter::new(stdout().lock()), !json)
+}
+
+/// Writes `report` to standard output: as one line of JSON, or as `text`.
+pub(crate) fn print(
+    as_json: bool,
+    report: &impl Serialize,
+    text: impl FnOnce(&mut Out) -> io::Result<()>,
+) -> Result<(), CliError> {
+    let mut out = out(as_json);
+    if as_json {
+        out.write_all(&json(report)?)?;
+    } else {
+        text(&mut out)?;
+    }
+    Ok(out.flush()?)
+}
 
 /// Checks before minutes of work that the file at `path` can be written. An existing file is left as it is, and none is
 /// created.
@@ -38,13 +61,7 @@ pub(crate) fn report(
     if let Some(path) = json.filter(|_| !prints_json) {
         write(path, self::json(report)?)?;
     }
-    let mut out = Folded::new(BufWriter::new(stdout().lock()), !prints_json);
-    if prints_json {
-        out.write_all(&self::json(report)?)?;
-    } else {
-        text(&mut out)?;
-    }
-    Ok(out.flush()?)
+    print(prints_json, report, |out| text(out))
 }
 
 /// `report` as one line of JSON.

@@ -13,7 +13,7 @@ use meissner_evaluate::digits::Digits;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
 
 use crate::error::CliError;
-use crate::progress::Tasks;
+use crate::progress;
 use crate::{output, threads};
 pub(crate) use args::ParetoArgs;
 use args::{Common, StudyArgs};
@@ -52,7 +52,7 @@ fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
     let mut state = State::open(common.state.as_deref())?;
     let mut bar = None;
     let report = study.run(&common.options(), &mut state, |progress| match (progress, &bar) {
-        (Progress::Missing(count), _) => bar = Some(Tasks::new(count, common.prints_json())),
+        (Progress::Missing(count), _) => bar = Some(progress::Progress::tasks(count, common.prints_json())),
         (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
         (Progress::Finished, Some(bar)) => bar.done(),
         (Progress::Started { .. } | Progress::Finished, None) => {}

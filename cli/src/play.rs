@@ -3,11 +3,10 @@
 mod args;
 
 use meissner_pipeline::play::Play;
-use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_pipeline::provenance::InputCard;
 use meissner_pipeline::source;
 
 use crate::error::CliError;
-use crate::header::header;
 use crate::progress::Progress;
 use crate::report::{About, Report, TableKind};
 pub(crate) use args::PlayArgs;
@@ -15,29 +14,26 @@ pub(crate) use args::PlayArgs;
 /// Plays the recording as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
-    let input = &args.input;
-    let model = input.model()?;
-    let source = input.source(&model.card)?;
-    let sensor = source.sensor(input.sensor)?;
-    let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
-    let provenance = Header::new("play", described, model.card.clone());
-    provenance.warn();
+    let model = args.input.model()?;
+    let source = args.input.source(&model.card)?;
+    let sensor = source.sensor(args.input.sensor)?;
+    let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     let options = args.options(sensor)?;
     let policy = options.overload.name().replace('_', " ");
     let play = Play::new(&model, source, sensor, options)?;
     let about = About {
+        command: "play",
         json: args.json,
         live: true,
-        header: &provenance,
+        input,
         card: &model.card,
+        mode: format!("live, {} s of stream time a second, queue: {policy}", args.speed),
+        frames: None,
         table: TableKind::Reports,
         total: Some(play.reports()),
         progress: Progress::new(None, false),
     };
-    let mut report = Report::begin(about, |out| {
-        let mode = format!("live, {} s of stream time a second, queue: {policy}", args.speed);
-        header(out, &model.card, &mode, play.source(), sensor)
-    })?;
+    let mut report = Report::begin(about)?;
     let summary = play.run(&mut report)?;
     report.end_play(&summary)?;
     if summary.verified.is_some_and(|verified| !verified.equal) { Err(CliError::NotEqual) } else { Ok(()) }

@@ -1,40 +1,35 @@
 //! The output of `run` and `play`: JSON lines for programs, or a table with a summary for people.
 //!
-//! People see some of the predictions of a file, all of those of a live stream, and always the last one.
+//! The table shows some of the predictions of a file, all predictions of a live stream, and always the last one.
 
 mod rows;
 pub(crate) mod summary;
 
-use std::io::{self, BufWriter, StdoutLock, Write, stdout};
+use std::collections::BTreeMap;
+use std::io::{self, Write};
 
+use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::play::PlaySummary;
-use meissner_pipeline::provenance::{Header, ModelCard};
+use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::run::{Ended, Observer, Prediction, Summary};
 use meissner_pipeline::text::grouped;
 use serde::Serialize;
 
 use crate::error::CliError;
+use crate::header;
+use crate::output::{Out, out};
 use crate::progress::Progress;
-use crate::text::Folded;
 use rows::Columns;
 pub(crate) use rows::TableKind;
 
-/// About so many predictions of a file are shown to people.
+/// Approximate number of predictions of a file that the table shows.
 const SHOWN: u64 = 40;
-
-/// Standard output.
-pub(crate) type Out = Folded<BufWriter<StdoutLock<'static>>>;
-
-/// Standard output, with long lines folded for people.
-pub(crate) fn out(json: bool) -> Out {
-    Folded::new(BufWriter::new(stdout().lock()), !json)
-}
 
 /// Writes the predictions of a run and its summary.
 pub(crate) struct Report {
     out: Out,
     progress: Progress,
-    /// The input that there is to take, if that is known.
+    /// The size of the input, if it is known.
     total: Option<u64>,
     form: Form,
 }
@@ -57,46 +52,41 @@ struct Rows {
     held: Option<String>,
 }
 
-#[derive(Serialize)]
-struct HeaderLine<'a> {
-    header: &'a Header,
-}
-
-#[derive(Serialize)]
-struct SummaryLine<'a, S> {
-    summary: &'a S,
-}
-
-/// What a report is about.
+/// The subject of a report.
 pub(crate) struct About<'a> {
+    /// The subcommand.
+    pub(crate) command: &'static str,
     pub(crate) json: bool,
-    /// Whether each prediction is to be seen at once.
+    /// Whether each prediction is written at once.
     pub(crate) live: bool,
-    pub(crate) header: &'a Header,
+    pub(crate) input: InputCard,
     pub(crate) card: &'a ModelCard,
+    /// How the network runs.
+    pub(crate) mode: String,
+    /// The network, if it is a frame network.
+    pub(crate) frames: Option<&'a FrameModel>,
     pub(crate) table: TableKind,
-    /// The input that there is to take, if that is known and not all of it is shown.
+    /// The size of the input, if it is known and not every prediction is shown.
     pub(crate) total: Option<u64>,
     pub(crate) progress: Progress,
 }
 
 impl Report {
-    /// Begins a report. `heading` writes the lines above the predictions for people.
-    pub(crate) fn begin(
-        about: About<'_>,
-        heading: impl FnOnce(&mut Out) -> io::Result<()>,
-    ) -> Result<Self, CliError> {
-        let About { json, live, header, card, table, total, progress } = about;
+    /// Begins a report, and logs warnings about the network and its input.
+    pub(crate) fn begin(about: About<'_>) -> Result<Self, CliError> {
+        let About { command, json, live, input, card, mode, frames, table, total, progress } = about;
+        let header = Header::new(command, input.clone(), card.clone());
+        header.warn();
         let mut out = out(json);
         let form = if json {
-            line(&mut out, &HeaderLine { header })?;
+            line(&mut out, &BTreeMap::from([("header", &header)]))?;
             if live {
                 out.flush()?;
             }
             Form::Json { live }
         } else {
             let columns = Columns::new(table, card);
-            heading(&mut out)?;
+            header::header(&mut out, &input, card, &mode, frames)?;
             writeln!(out, "{}", columns.headings())?;
             out.flush()?;
             Form::People(Rows { columns, part: None, shown: 0, held: None })
@@ -136,7 +126,7 @@ impl Report {
     ) -> io::Result<()> {
         let Self { out, progress, form, .. } = self;
         match form {
-            Form::Json { .. } => line(out, &SummaryLine { summary })?,
+            Form::Json { .. } => line(out, &BTreeMap::from([("summary", summary)]))?,
             Form::People(rows) => {
                 if let Some(row) = rows.held.take() {
                     rows.show(out, progress, &row)?;

@@ -7,19 +7,18 @@ use meissner_models::systems::slip::DecisionFilter;
 use meissner_pipeline::interrupt;
 use meissner_pipeline::model::{FrameModel, describe_any};
 use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::run::{
-    ElectrodeOptions, ElectrodeRun, EventRun, FrameRun, PictureOptions, PictureRun,
+    ElectrodeOptions, ElectrodeRun, Ended, EventRun, FrameRun, PictureOptions, PictureRun,
 };
 use meissner_pipeline::source::{self, Source};
 use meissner_pipeline::text::grouped;
 
 use crate::args::first_given;
 use crate::error::CliError;
-use crate::header;
 use crate::input::advice;
 use crate::kind::NetworkKind;
-use crate::report::{Report, TableKind};
+use crate::report::{About, Report, TableKind};
 pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.
@@ -46,43 +45,28 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
 
 /// Runs a network over events.
 fn run_events(args: &RunArgs) -> Result<(), CliError> {
-    let input = &args.input;
     args.check_state()?;
-    let model = input.model()?;
+    let model = args.input.model()?;
     args.check_stride(&model.card)?;
-    let source = input.source(&model.card)?;
-    interrupt::listen();
-    let sensor = source.sensor(input.sensor)?;
-    let header = provenance(&source, sensor, &model.card);
+    let (source, sensor, input) = open(args, &model.card)?;
     let run = EventRun::new(&model, source, sensor, args.options()?).map_err(|error| args.refused(error))?;
     let mode = match args.mode {
         Mode::Incremental => "incremental",
         Mode::Batch => "batch: every row at every prediction",
     };
-    let about = args.about(&header, &model.card, TableKind::Events, run.source().is_live(), run.total());
-    let mut report =
-        Report::begin(about, |out| header::header(out, &model.card, mode, run.source(), sensor))?;
-    let ended = run.run(&mut report);
-    report.end(ended)
+    let stream = (run.source().is_live(), run.total());
+    let about = args.about(TableKind::Events, input, (&model.card, mode.to_owned()), stream);
+    report(about, |report| run.run(report))
 }
 
 /// Runs a network over frames of events.
 fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
-    let source = args.input.source(&model.card)?;
-    interrupt::listen();
-    let sensor = source.sensor(args.input.sensor)?;
+    let (source, sensor, input) = open(args, &model.card)?;
     let options = args.frame_options(true);
     let run = FrameRun::new(model, options, source, sensor, args.options()?);
     let run = run.map_err(|error| args.refused(error))?;
-    let header = provenance(run.source(), sensor, &model.card);
-    let about = args.about(&header, &model.card, TableKind::Frames, run.source().is_live(), run.total());
-    let mut report = Report::begin(about, |out| {
-        let source = run.source();
-        let input = [source.name.as_str(), &header::about(source, sensor)];
-        header::frame_header(out, model, &args.mode_of(options), input)
-    })?;
-    let ended = run.run(&mut report);
-    report.end(ended)
+    let stream = (run.source().is_live(), run.total());
+    report(args.about_frames(TableKind::Frames, input, (model, options), stream), |report| run.run(report))
 }
 
 /// Runs a network over electrodes.
@@ -101,15 +85,10 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let (strict, limit) = (args.input.strict, args.input.limit);
     let options = ElectrodeOptions { strict, limit, decisions, advice };
     let run = ElectrodeRun::open(model, frame_options, path, options)?;
-    let text = "CSV of 24 electrodes, 100 readings a second";
-    let header = Header::new("run", InputCard::other(run.name(), text), model.card.clone());
-    header.warn();
-    let about = args.about(&header, &model.card, TableKind::Electrodes, run.is_live(), None);
-    let mut report = Report::begin(about, |out| {
-        header::frame_header(out, model, &args.mode_of(frame_options), [run.name(), text])
-    })?;
-    let ended = run.run(&mut report);
-    report.end(ended)
+    let input = InputCard::other(run.name(), "CSV of 24 electrodes, 100 readings a second");
+    let stream = (run.is_live(), None);
+    let about = args.about_frames(TableKind::Electrodes, input, (model, frame_options), stream);
+    report(about, |report| run.run(report))
 }
 
 /// Runs a network over pictures.
@@ -127,23 +106,26 @@ fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
         full_scale_n: args.frames.full_scale,
     };
     let run = PictureRun::open(model, frame_options, path, &options)?;
-    let (name, text) = (path.display().to_string(), format!("{} pictures", grouped(run.count())));
-    let header = Header::new("run", InputCard::other(&name, &text), model.card.clone());
-    header.warn();
+    let pictures = format!("{} pictures", grouped(run.count()));
+    let input = InputCard::other(&path.display().to_string(), &pictures);
     let table = TableKind::Pictures(options.reference.is_some());
     // Each picture is shown as soon as it is measured, even if there are thousands.
-    let about = args.about(&header, &model.card, table, true, None);
-    let mut report = Report::begin(about, |out| {
-        header::frame_header(out, model, &args.mode_of(frame_options), [&name, &text])
-    })?;
-    let ended = run.run(&mut report);
-    report.end(ended)
+    let about = args.about_frames(table, input, (model, frame_options), (true, None));
+    report(about, |report| run.run(report))
 }
 
-/// The network, weights and input of a run over events. Logs the warnings.
-fn provenance(source: &Source, sensor: Sensor, card: &ModelCard) -> Header {
+/// Opens the events of the input.
+fn open(args: &RunArgs, card: &ModelCard) -> Result<(Source, Sensor, InputCard), CliError> {
+    let source = args.input.source(card)?;
+    interrupt::listen();
+    let sensor = source.sensor(args.input.sensor)?;
     let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
-    let header = Header::new("run", input, card.clone());
-    header.warn();
-    header
+    Ok((source, sensor, input))
+}
+
+/// Runs, and writes the predictions and the summary.
+fn report(about: About<'_>, run: impl FnOnce(&mut Report) -> Ended) -> Result<(), CliError> {
+    let mut report = Report::begin(about)?;
+    let ended = run(&mut report);
+    report.end(ended)
 }

@@ -15,7 +15,7 @@ pub(crate) use args::StressArgs;
 
 use crate::error::CliError;
 use crate::output;
-use crate::progress::Tasks;
+use crate::progress::Progress;
 use crate::text::Folded;
 use crate::threads;
 
@@ -56,7 +56,7 @@ pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
         }
         return Ok(());
     }
-    let tasks = Tasks::new(cases.len() as u64, args.json);
+    let tasks = Progress::tasks(cases.len() as u64, args.json);
     let mut rows = Vec::with_capacity(cases.len());
     for case in &cases {
         tasks.start(label(case));
@@ -91,7 +91,7 @@ fn sweeps(args: &StressArgs, functions: &[Elementary]) -> Result<Vec<FunctionRes
         return Ok(Vec::new());
     }
     let pool = threads::pool(args.threads)?;
-    let tasks = Tasks::new(if args.quick { 0 } else { 256 * functions.len() as u64 }, args.json);
+    let tasks = Progress::tasks(if args.quick { 0 } else { 256 * functions.len() as u64 }, args.json);
     let rows = functions.iter().map(|&function| {
         tasks.start(format!("{FUNCTIONS}: {}", function.name()));
         pool.install(|| sweep(function, args.quick, || tasks.done()))

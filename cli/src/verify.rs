@@ -29,7 +29,7 @@ pub(crate) use args::VerifyArgs;
 use crate::error::CliError;
 use crate::header;
 use crate::output;
-use crate::progress::Tasks;
+use crate::progress::Progress;
 use crate::text::Folded;
 
 /// Name of the random streams.
@@ -172,7 +172,7 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
         recordings.push((name, sensor, source.collect::<Result<Vec<Event>, _>>()?));
     }
     let sensor = args.sensor.or(recordings.first().map(|(_, sensor, _)| *sensor));
-    let tasks = Tasks::new(args.cases + recordings.len() as u64, args.json);
+    let tasks = Progress::tasks(args.cases + recordings.len() as u64, args.json);
     tasks.start(RANDOM.to_owned());
     let random = verify_with(Arc::clone(&network), sensor, args.settings(), poisoned, |_| tasks.done());
     verified.note(args, RANDOM, random)?;
@@ -198,7 +198,7 @@ fn verify_frame_network(args: &VerifyArgs, network: Arc<FrameNetwork>) -> Result
         verified.note(args, &path.display().to_string(), again)?;
         return Ok(verified);
     }
-    let tasks = Tasks::new(args.cases, args.json);
+    let tasks = Progress::tasks(args.cases, args.json);
     tasks.start(RANDOM.to_owned());
     let random = verify_frames(network, args.settings(), |_| tasks.done());
     tasks.finish();

@@ -163,7 +163,9 @@ impl Play {
             let (events, end_us) = (std::mem::take(&mut self.events), self.due_us(self.reports));
             let reader = threads.spawn(move || reader.read(&events, end_us));
 
-            let mut tally = Tally::new(self.reports, deadline);
+            let reports = ReportCounts { due: self.reports, ..ReportCounts::default() };
+            let [waited, age, behind] = std::array::from_fn(|_| Latency::new());
+            let mut tally = Tally { reports, waited, age, behind };
             for number in 1..=self.reports {
                 let at_us = self.due_us(number);
                 clock.wait(at_us);
@@ -172,7 +174,7 @@ impl Play {
                 }
                 let late = Instant::now().saturating_duration_since(clock.at(at_us));
                 let timely = live.predict(deadline)?;
-                tally.count(&timely, late);
+                tally.count(&timely, deadline, late);
                 self.classes.update(timely.values);
                 let report = ReportPrediction {
                     at_us,
@@ -267,17 +269,11 @@ struct Tally {
     waited: Latency,
     age: Latency,
     behind: Latency,
-    deadline: Duration,
 }
 
 impl Tally {
-    fn new(due: u64, deadline: Duration) -> Self {
-        let reports = ReportCounts { due, ..ReportCounts::default() };
-        Self { reports, waited: Latency::new(), age: Latency::new(), behind: Latency::new(), deadline }
-    }
-
-    /// Counts a report. It was requested `late` after it was due.
-    fn count(&mut self, timely: &Timely<'_>, late: Duration) {
+    /// Counts a report with this `deadline`. It was requested `late` after it was due.
+    fn count(&mut self, timely: &Timely<'_>, deadline: Duration, late: Duration) {
         let reports = &mut self.reports;
         reports.made += 1;
         match state(timely) {
@@ -285,7 +281,7 @@ impl Tally {
             ReportState::Behind => reports.behind += 1,
             ReportState::Old => reports.old += 1,
         }
-        let past = timely.waited.saturating_sub(self.deadline);
+        let past = timely.waited.saturating_sub(deadline);
         reports.past_deadline += u64::from(!past.is_zero());
         reports.past_deadline_max_us = reports.past_deadline_max_us.max(microseconds(past));
         reports.asked_late_max_us = reports.asked_late_max_us.max(microseconds(late));

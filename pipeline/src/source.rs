@@ -126,20 +126,10 @@ impl Source {
             Some(path) if is_stdin(path) => {
                 let mut refusals = Refusals::new(STDIN_NAME, strict);
                 let mut lines = arriving(options)?;
-                let first = if sensor_known { None } else { next(&mut lines, &mut refusals) };
-                let first = first.transpose()?;
-                Ok(Self {
-                    name: STDIN_NAME.to_owned(),
-                    format: Format::Csv,
-                    salvaged: None,
-                    sensor: lines.sensor(),
-                    recorded: None,
-                    events: Events::Arriving { first, lines: Box::new(lines) },
-                    refusals,
-                    stride: 1,
-                    pass_over: 0,
-                    advice: |_| None,
-                })
+                let first = if sensor_known { None } else { next(&mut lines, &mut refusals).transpose()? };
+                let sensor = lines.sensor();
+                let events = Events::Arriving { first, lines: Box::new(lines) };
+                Ok(Self::new(Format::Csv, sensor, events, refusals))
             }
             Some(path) => {
                 let mut refusals = Refusals::new(&path.display().to_string(), strict);
@@ -157,13 +147,18 @@ impl Source {
     fn of(recording: Recording, refusals: Refusals) -> Self {
         let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, .. } = recording;
-        let recorded = Some(events.len() as u64);
-        let events = Events::Read(events.into_iter());
-        let name = refusals.name().to_owned();
+        Self { salvaged, ..Self::new(format, sensor, Events::Read(events.into_iter()), refusals) }
+    }
+
+    fn new(format: Format, sensor: Option<Sensor>, events: Events, refusals: Refusals) -> Self {
+        let recorded = match &events {
+            Events::Read(events) => Some(events.len() as u64),
+            Events::Arriving { .. } => None,
+        };
         Self {
-            name,
+            name: refusals.name().to_owned(),
             format,
-            salvaged,
+            salvaged: None,
             sensor,
             recorded,
             events,
@@ -228,10 +223,7 @@ impl Source {
         match &mut self.events {
             Events::Read(events) => events.next().map(Ok),
             Events::Arriving { first, lines } => {
-                if let Some(event) = first.take() {
-                    return Some(Ok(event));
-                }
-                next(lines, &mut self.refusals)
+                first.take().map(Ok).or_else(|| next(lines, &mut self.refusals))
             }
         }
     }
@@ -243,9 +235,8 @@ impl Iterator for Source {
     fn next(&mut self) -> Option<Self::Item> {
         while self.pass_over > 0 {
             self.pass_over -= 1;
-            match self.next_recorded()? {
-                Ok(_) => {}
-                Err(error) => return Some(Err(error)),
+            if let Err(error) = self.next_recorded()? {
+                return Some(Err(error));
             }
         }
         self.pass_over = self.stride - 1;

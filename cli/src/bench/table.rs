@@ -8,7 +8,6 @@ use meissner_pipeline::text::grouped;
 
 use crate::header::write_model;
 use crate::report::summary;
-use crate::skips;
 use crate::text::{Table, duration};
 
 /// Writes the report of a network over events.
@@ -22,7 +21,7 @@ pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()
     counts(out, report)?;
     latencies(out, report)?;
     phases(out, &report.phases)?;
-    skips::write(&report.skips, out)?;
+    summary::skips(out, &report.skips)?;
     work(out, &report.work)?;
     stages(out, report)?;
     memory(out, report)?;
@@ -67,7 +66,7 @@ fn counts(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     let (predictions, nodes_max) = (grouped(report.predictions), grouped(report.nodes_max as u64));
     writeln!(out, "predictions  {predictions}, windows of at most {nodes_max} events")?;
     if let Some(approximations) = &report.approximations {
-        crate::approximations::write(approximations, out)?;
+        summary::approximations(out, approximations)?;
     }
     writeln!(
         out,

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
+use meissner_pipeline::approximations::{ApproximationReport, FilteredEvents};
 use meissner_pipeline::latency::{Latencies, Quantiles};
 use meissner_pipeline::play::PlaySummary;
 use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
+use meissner_pipeline::skips::Skips;
 use meissner_pipeline::text::grouped;
 
-use crate::skips;
 use crate::text::{Table, duration};
 
 /// Reasons for which the queue drops events; all others are the engine's.
@@ -34,11 +35,11 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
     )?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
     if let Some(approximations) = &summary.approximations {
-        crate::approximations::write(approximations, out)?;
+        self::approximations(out, approximations)?;
     }
     quantiles(out, &summary.latency_us)?;
     rate(out, summary.events_per_s)?;
-    skips::write(skips, out)
+    self::skips(out, skips)
 }
 
 /// Writes dropped events, a line for each reason.
@@ -62,6 +63,52 @@ pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Resul
     let Some(rate) = events_per_s else { return Ok(()) };
     let rate = grouped(rate.round() as u64);
     writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")
+}
+
+/// Writes a line for each approximation of `report`.
+pub(crate) fn approximations(out: &mut impl Write, report: &ApproximationReport) -> io::Result<()> {
+    let mut lines = Vec::new();
+    for FilteredEvents { name, passed, dropped } in &report.filters {
+        let all = passed + dropped;
+        let (name, dropped, all) = (name.replace('_', " "), grouped(*dropped), grouped(all));
+        lines.push(format!("{name} dropped {dropped} of {all} events"));
+    }
+    if let Some(neighbours) = report.neighbours {
+        lines.push(format!("at most {neighbours} neighbours an event"));
+    }
+    if let Some((tolerance, rows)) = report.tolerance.zip(report.rows_within_tolerance) {
+        lines.push(format!("{} recomputed rows within {tolerance} kept their values", grouped(rows)));
+    }
+    if let Some(stale) = report.stale_predictions {
+        lines.push(format!("{} predictions stood and were not computed", grouped(stale)));
+    }
+    lines.iter().try_for_each(|line| writeln!(out, "approximate  {line}"))
+}
+
+/// Writes what the engine computed and skipped: a row for each layer, and the other counters.
+pub(crate) fn skips(out: &mut impl Write, skips: &Skips) -> io::Result<()> {
+    let mut table =
+        Table::new(&["layer (rows)", "recomputed", "of these unchanged", "kept from before", "kept (%)"]);
+    let mut row = |name: &str, recomputed: u64, unchanged: u64, kept: u64| {
+        let all = recomputed + kept;
+        let share = if all > 0 { format!("{:.2}", kept as f64 / all as f64 * 100.0) } else { "-".to_owned() };
+        table.row([name.to_owned(), grouped(recomputed), grouped(unchanged), grouped(kept), share]);
+    };
+    for layer in &skips.layers {
+        row(&layer.name, layer.recomputed, layer.unchanged, layer.kept);
+    }
+    row("all", skips.rows_recomputed, skips.rows_unchanged, skips.rows_kept);
+    writeln!(out)?;
+    table.write(out)?;
+    writeln!(
+        out,
+        "\n  {} predictions reused; {} of {} readout cells and {} of {} pooled neighbourhoods came out unchanged",
+        grouped(skips.predictions_reused),
+        grouped(skips.readout_cells_unchanged),
+        grouped(skips.readout_cells_recomputed),
+        grouped(skips.neighbourhoods_unchanged),
+        grouped(skips.neighbourhoods_checked)
+    )
 }
 
 /// Writes a row for each of `latencies` that was measured.
@@ -192,7 +239,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
         )?;
     }
     if let Some(approximations) = &summary.approximations {
-        crate::approximations::write(approximations, out)?;
+        self::approximations(out, approximations)?;
     }
     quantiles(out, &summary.latency_us)
 }

@@ -8,8 +8,9 @@ use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
 use meissner_pipeline::PipelineError;
+use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::provenance::{Header, ModelCard};
+use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::run::{RunOptions, SaveState};
 use meissner_pipeline::text::span_us;
 
@@ -234,7 +235,7 @@ impl RunArgs {
     }
 
     /// A description of how a frame network runs, for the text report.
-    pub(super) fn mode_of(&self, options: FrameOptions) -> String {
+    fn mode_of(&self, options: FrameOptions) -> String {
         let skip = match options.skip {
             Skip::Nothing => "computes everything".to_owned(),
             Skip::Exact => "computes what changes".to_owned(),
@@ -251,16 +252,28 @@ impl RunArgs {
         format!("{skip}{way}{threads}")
     }
 
+    /// The subject of a report about the network of `card`. `live` and `total` are those of [`About`].
     pub(super) fn about<'a>(
         &self,
-        header: &'a Header,
-        card: &'a ModelCard,
         table: TableKind,
-        live: bool,
-        total: Option<u64>,
+        input: InputCard,
+        (card, mode): (&'a ModelCard, String),
+        (live, total): (bool, Option<u64>),
     ) -> About<'a> {
-        let progress = Progress::new(total, self.json);
-        About { json: self.json, live, header, card, table, total, progress }
+        let (json, progress) = (self.json, Progress::new(total, self.json));
+        About { command: "run", json, live, input, card, mode, frames: None, table, total, progress }
+    }
+
+    /// As [`Self::about`], for a frame network that runs with `options`.
+    pub(super) fn about_frames<'a>(
+        &self,
+        table: TableKind,
+        input: InputCard,
+        (model, options): (&'a FrameModel, FrameOptions),
+        stream: (bool, Option<u64>),
+    ) -> About<'a> {
+        let about = self.about(table, input, (&model.card, self.mode_of(options)), stream);
+        About { frames: Some(model), ..about }
     }
 
     /// The path of the input, which must be `expected`.
