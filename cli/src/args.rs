@@ -34,7 +34,7 @@ Exit status:
   1    bad input: a file that cannot be read or does not fit, or a broken promise
   2    bad usage: an unknown option, a wrong value, options that do not fit
   130  a signal (SIGINT from Ctrl-C, or SIGTERM) ended the program
-  At the first signal run, play and soak end their stream with summary and state; the others, and any at the second signal, end at once. pareto --state keeps the measurements that are finished.";
+  run, play and soak end their stream at the first signal, and write the summary and the state. The other subcommands end at once, and these three at the second signal. pareto --state keeps finished measurements.";
 
 /// How a recording is read.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -110,7 +110,6 @@ pub(crate) struct Input {
     /// Policy for an event that is earlier than an event before it.
     #[arg(long, value_parser = choice(LATE_POLICIES), default_value = "drop", help_heading = INPUT)]
     pub(crate) late: LatePolicy,
-    /// How the recording is read.
     #[command(flatten)]
     pub(crate) read: ReadArgs,
     /// Name of a shipped network, or a description file (.toml).
@@ -137,7 +136,6 @@ pub(crate) struct Input {
     #[arg(long, value_name = "N", help_heading = NETWORK,
           value_parser = clap::value_parser!(u32).range(1..=Network::LARGEST_CAPACITY as i64))]
     pub(crate) capacity: Option<u32>,
-    /// Approximations, which make results cheaper and less exact.
     #[command(flatten)]
     pub(crate) approximations: ApproximationArgs,
 }
@@ -217,17 +215,15 @@ impl ApproximationArgs {
 
     /// The approximations that were asked for.
     pub(crate) fn values(&self) -> Approximations {
-        let Self { tolerance, neighbours, activity_filter_us, refractory_us, .. } = *self;
-        let Self { rate_limit, stride, stale_events, stale_us, .. } = *self;
         Approximations {
-            tolerance,
-            neighbours,
-            activity_filter_us,
-            refractory_us,
-            rate_limit,
-            stride,
-            stale_events,
-            stale_us,
+            tolerance: self.tolerance,
+            neighbours: self.neighbours,
+            activity_filter_us: self.activity_filter_us,
+            refractory_us: self.refractory_us,
+            rate_limit: self.rate_limit,
+            stride: self.stride,
+            stale_events: self.stale_events,
+            stale_us: self.stale_us,
         }
     }
 }

@@ -27,7 +27,6 @@ pub(crate) struct ConvertArgs {
     /// Replace OUT if it exists.
     #[arg(long, short, help_heading = OUTPUT)]
     force: bool,
-    /// How IN is read.
     #[command(flatten)]
     read: ReadArgs,
     /// Size of the sensor in pixels for the header, in place of the recording's.

@@ -21,7 +21,6 @@ const PEAK_US: i64 = 1_000;
 pub(crate) struct InfoArgs {
     /// Recording, or - for text on standard input.
     recording: PathBuf,
-    /// How the recording is read.
     #[command(flatten)]
     read: ReadArgs,
     /// Print one JSON object.

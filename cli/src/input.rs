@@ -1,4 +1,4 @@
-//! The source and the network that the arguments ask for.
+//! Opens the source and loads the network that the arguments select.
 
 use std::path::Path;
 
@@ -78,7 +78,7 @@ impl Input {
     /// The source, of which every `stride`-th event is taken if the weights of `card` say so.
     pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
         let source = self.read.open(self.recording.as_deref(), self.sensor.is_some(), self.strict)?;
-        Ok(source.every(card.stride()).with_advice(advice))
+        Ok(source.every(card.network.stride).with_advice(advice))
     }
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn advice(reason: LossReason) -> Option<&'static str> {
     }
 }
 
-/// `error` with the option that it is about.
+/// Names the option that caused `error`, if one did.
 fn with_option(error: PipelineError) -> CliError {
     match error {
         PipelineError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {

@@ -1,8 +1,8 @@
-//! What a network reads, and the shipped networks that read an input.
+//! Kinds of input of networks, and the shipped networks for an input.
 
 use meissner_models::{AnyDescription, FrameDescription, FrameSource};
 
-/// What a network reads.
+/// The input of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum NetworkKind {
     /// Events, one by one.
@@ -18,7 +18,7 @@ pub(crate) enum NetworkKind {
 use NetworkKind::{Electrodes, EventFrames, EventGraph, Pictures};
 
 impl NetworkKind {
-    /// What the network of `description` reads.
+    /// The input of the network of `description`.
     pub(crate) fn of(description: &AnyDescription) -> Self {
         match description {
             AnyDescription::Events(_) => EventGraph,
@@ -34,7 +34,17 @@ impl NetworkKind {
         }
     }
 
-    /// Such a network, in messages.
+    /// The input, in the list of networks.
+    pub(crate) fn input(self) -> &'static str {
+        match self {
+            EventGraph => "events",
+            EventFrames => "frames of events",
+            Electrodes => "24 electrodes",
+            Pictures => "pictures",
+        }
+    }
+
+    /// A network with this input, in messages.
     pub(crate) fn name(self) -> &'static str {
         match self {
             EventGraph => "a network over events",

@@ -52,29 +52,13 @@ use clap::{Parser, Subcommand};
 use meissner_pipeline::interrupt;
 
 use crate::args::STATUS;
-use crate::bench::BenchArgs;
-use crate::convert::ConvertArgs;
-use crate::draw::DrawArgs;
 use crate::error::CliError;
-use crate::eval::EvalArgs;
-use crate::info::InfoArgs;
-use crate::inspect::InspectArgs;
-use crate::networks::NetworksArgs;
-use crate::pareto::ParetoArgs;
-use crate::play::PlayArgs;
-use crate::prepare::PrepareArgs;
-use crate::run::RunArgs;
-use crate::simulate::SimulateArgs;
-use crate::soak::SoakArgs;
-use crate::stress::StressArgs;
 use crate::tell::{tell, tell_warnings};
-use crate::verify::VerifyArgs;
 
 /// Incremental inference for event cameras and event-based touch.
 #[derive(Debug, Parser)]
 #[command(name = "meissner", version, max_term_width = 80, after_help = STATUS)]
 struct Args {
-    /// The subcommand.
     #[command(subcommand)]
     command: Command,
 }
@@ -83,35 +67,35 @@ struct Args {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a network over a recording or a live stream.
-    Run(RunArgs),
+    Run(run::RunArgs),
     /// Play a recording at real speed through a bounded queue.
-    Play(PlayArgs),
+    Play(play::PlayArgs),
     /// Measure latencies, work, memory and missed deadlines.
-    Bench(BenchArgs),
+    Bench(bench::BenchArgs),
     /// List the shipped networks.
-    Networks(NetworksArgs),
+    Networks(networks::NetworksArgs),
     /// Show the layers, shapes and costs of a network.
-    Inspect(InspectArgs),
+    Inspect(inspect::InspectArgs),
     /// Draw weights for a network from a seed.
-    Draw(DrawArgs),
+    Draw(draw::DrawArgs),
     /// Show the contents of a recording in numbers.
-    Info(InfoArgs),
+    Info(info::InfoArgs),
     /// Write a recording in another format.
-    Convert(ConvertArgs),
+    Convert(convert::ConvertArgs),
     /// Evaluate networks on a labelled data set.
-    Eval(EvalArgs),
+    Eval(eval::EvalArgs),
     /// Measure run time against error, exactly and with approximations.
-    Pareto(ParetoArgs),
+    Pareto(pareto::ParetoArgs),
     /// Write the inputs of a network with labels, for training.
-    Prepare(PrepareArgs),
+    Prepare(prepare::PrepareArgs),
     /// Simulate an event camera.
-    Simulate(SimulateArgs),
+    Simulate(simulate::SimulateArgs),
     /// Check every promise on streams, weights and states designed to break it.
-    Stress(StressArgs),
+    Stress(stress::StressArgs),
     /// Run for a very long time, and check bits, memory and latencies.
-    Soak(SoakArgs),
+    Soak(soak::SoakArgs),
     /// Check that a network's incremental results equal full recomputation.
-    Verify(VerifyArgs),
+    Verify(verify::VerifyArgs),
 }
 
 /// The warning of a debug build, whose timings are meaningless.

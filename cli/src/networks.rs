@@ -4,11 +4,12 @@ use std::io::{self, Write};
 
 use meissner_engine::frames::FrameShape;
 use meissner_models::systems::digits;
-use meissner_models::{AnyDescription, Card, FrameSource};
+use meissner_models::{AnyDescription, Card};
 use serde::Serialize;
 
 use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::kind::NetworkKind;
 use crate::output;
 use crate::text::Table;
 
@@ -82,25 +83,18 @@ impl Entry {
         let &(_, system, purpose) = PURPOSES.iter().find(|(known, ..)| *known == name)?;
         let card = Card::shipped(name)?;
         let (outputs, unit) = description.outputs();
-        let (input, sensor) = match &description {
+        let kind = NetworkKind::of(&description);
+        let sensor = match &description {
             AnyDescription::Events(_) => {
                 let of_digits = [digits::SENSOR.width, digits::SENSOR.height].map(usize::from);
-                ("events", (system == DIGITS).then_some(of_digits))
+                (system == DIGITS).then_some(of_digits)
             }
-            AnyDescription::Frames(frames) => {
-                let size = match frames.input() {
-                    FrameShape::Image { width, height, .. } => Some([width, height]),
-                    FrameShape::Vector(_) => None,
-                };
-                match frames.source() {
-                    FrameSource::EventCounts { .. } | FrameSource::Signed { .. } => {
-                        ("frames of events", size)
-                    }
-                    FrameSource::TactileImage(_) | FrameSource::Electrodes(_) => ("24 electrodes", None),
-                    FrameSource::Picture(_) => ("pictures", size),
-                    _ => ("frames", size),
+            AnyDescription::Frames(frames) => match frames.input() {
+                FrameShape::Image { width, height, .. } if kind != NetworkKind::Electrodes => {
+                    Some([width, height])
                 }
-            }
+                _ => None,
+            },
         };
         Some(Self {
             name,
@@ -108,7 +102,7 @@ impl Entry {
             purpose,
             trained: card.trained == Some(true),
             sensor,
-            input,
+            input: kind.input(),
             outputs: outputs.to_vec(),
             unit: unit.to_owned(),
         })

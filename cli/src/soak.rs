@@ -37,7 +37,7 @@ struct Document {
 /// Runs the subcommand.
 pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
     let model = Model::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
-    let (recordings, sensor) = recordings(args, model.card.stride())?;
+    let (recordings, sensor) = recordings(args, model.card.network.stride)?;
     if let Some(path) = &args.json {
         output::check_writable(path)?;
     }

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::io::{Write, stderr};
 
-/// Writes `line` to standard error. Where that is closed or full, the program goes on without it: a message is no result.
+/// Writes `line` to standard error. Failures are ignored, since a message is not a result.
 pub(crate) fn tell(line: impl Display) {
     let _ = stderr().write_all(format!("{line}\n").as_bytes());
 }
@@ -25,9 +25,9 @@ impl log::Log for Warnings {
     fn flush(&self) {}
 }
 
-/// From now on, warnings of libraries are written to standard error.
+/// Writes warnings of libraries to standard error from now on.
 pub(crate) fn tell_warnings() {
-    // Fails only where another logger is installed, which gets them then.
+    // Fails only if another logger is installed. That logger then gets the warnings.
     if log::set_logger(&Warnings).is_ok() {
         log::set_max_level(log::LevelFilter::Warn);
     }

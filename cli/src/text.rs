@@ -1,4 +1,4 @@
-//! Numbers and tables for people.
+//! Numbers and tables of text reports.
 
 mod folded;
 
@@ -8,10 +8,10 @@ use std::path::Path;
 
 pub(crate) use folded::Folded;
 
-/// Columns of a terminal that people can count on.
+/// Largest width of a line: the columns of a small terminal.
 pub(crate) const WIDTH: usize = 80;
 
-/// Microseconds with the decimals that tell: none from 1,000 on, two below 100.
+/// Microseconds with few decimals: none from 1,000 on, one from 100 on, otherwise two.
 pub(crate) fn duration(us: f64) -> String {
     let decimals = match us {
         1000.0.. => 0,
@@ -31,16 +31,16 @@ pub(crate) fn interval((low, high): (f64, f64)) -> String {
     format!("{} to {}", percent(low), percent(high))
 }
 
-/// The last part of a path, or the path itself where it has no parts.
+/// The last part of a path, or the path itself if it has no parts.
 pub(crate) fn file_name(path: &str) -> &str {
     Path::new(path).file_name().and_then(OsStr::to_str).unwrap_or(path)
 }
 
-/// A table: the first column to the left, the others to the right, columns two spaces apart, every line indented.
+/// A table with indented lines. The first column is aligned to the left, the others to the right, two spaces apart.
 #[derive(Default)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
-    /// Whether all columns are to the left.
+    /// Whether all columns are aligned to the left.
     left_aligned: bool,
 }
 
@@ -62,7 +62,7 @@ impl Table {
         table.write(out)
     }
 
-    /// The same, with all columns to the left: for words.
+    /// Aligns all columns to the left.
     pub(crate) fn left_aligned(self) -> Self {
         Self { left_aligned: true, ..self }
     }
@@ -72,8 +72,8 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// All rows, without ends of lines; where they are wider than [`WIDTH`], the columns stand in several tables, each
-    /// with the first column, and with an empty line between them.
+    /// All lines. A table wider than [`WIDTH`] is split into several tables with an empty line between them, each with
+    /// the first column.
     pub(crate) fn lines(&self) -> Vec<String> {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();

@@ -167,7 +167,8 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
     }
     let mut recordings = Vec::with_capacity(args.recordings.len());
     for path in &args.recordings {
-        let source = args.read.open(Some(path), args.sensor.is_some(), true)?.every(model.card.stride());
+        let source =
+            args.read.open(Some(path), args.sensor.is_some(), true)?.every(model.card.network.stride);
         let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
         recordings.push((name, sensor, source.collect::<Result<Vec<Event>, _>>()?));
     }

@@ -13,6 +13,8 @@
 
 mod state;
 
+use std::collections::VecDeque;
+
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
     Completed, Consecutive, ConsecutiveFrames, EventFrame, RepresentationError, SlidingSigned,
@@ -23,7 +25,6 @@ use meissner_models::{FrameDescription, FrameSource};
 
 use crate::schedule::{Every, Last, Schedule};
 pub(crate) use state::FeedState;
-use state::KeptEvents;
 
 /// Makes the frames of one stream of events.
 pub(crate) struct FrameFeed {
@@ -32,7 +33,7 @@ pub(crate) struct FrameFeed {
     gate: Admission,
     frames: Frames,
     /// Events that later frames will cover, if the state will be needed.
-    kept: Option<KeptEvents>,
+    kept: Option<VecDeque<Event>>,
     /// Events that were accepted before this input.
     before: u64,
     /// Events outside the crop, and evicted events, before this input.
@@ -114,7 +115,7 @@ impl FrameFeed {
     /// Continues from `state`.
     fn resume(&mut self, state: &FeedState) {
         let events = state.events.iter().map(|&(t_us, x, y, on)| Event::new(t_us, x, y, on));
-        self.kept = Some(KeptEvents { events: events.clone().collect() });
+        self.kept = Some(events.clone().collect());
         for event in events {
             match &mut self.frames {
                 Frames::Consecutive { windows, .. } => drop(windows.push(event, |_| {})),
@@ -162,9 +163,15 @@ impl FrameFeed {
         }
         if let Some(kept) = &mut self.kept {
             match &self.frames {
-                Frames::Sliding(sliding) => kept.note(event, false, Some(sliding.span_us)),
-                Frames::Consecutive { .. } => kept.note(event, completed, None),
+                Frames::Sliding(sliding) => {
+                    let first = event.t_us.saturating_sub(sliding.span_us);
+                    let old = kept.partition_point(|kept| kept.t_us < first);
+                    kept.drain(..old);
+                }
+                Frames::Consecutive { .. } if completed => kept.clear(),
+                Frames::Consecutive { .. } => {}
             }
+            kept.push_back(event);
         }
         done.map(|()| Outcome::Accepted)
     }
@@ -191,8 +198,7 @@ impl FrameFeed {
 
     /// The state of the feed; `None` before the first event, and if the feed was not told to [keep](Self::keep) events.
     pub(crate) fn state(&mut self) -> Option<FeedState> {
-        let kept = self.kept.as_ref()?;
-        let events = kept.events.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
+        let events = self.kept.as_ref()?.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
         let open_us = match &mut self.frames {
             Frames::Consecutive { windows, .. } => windows.open().map(|frame| frame.start_us),
             Frames::Sliding(_) => None,

@@ -1,14 +1,12 @@
 //! Loads networks by name or from files, with their weights and with options that change them.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameLayerCounters, FrameNetwork, FrameShape};
 use meissner_engine::representations::Sampling;
 use meissner_engine::{EngineError, Network};
-use meissner_io::Format;
+use meissner_io::{Format, Kind};
 use meissner_models::{
     AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, ModelError, Weights,
 };
@@ -173,11 +171,10 @@ pub fn labelled(label: String, weights: &Weights) -> String {
 
 /// The format of the file at `path` if its content identifies it as a recording. CSV and N-MNIST have no signature.
 fn recording_format(path: &str) -> Option<Format> {
-    // A signature is at the start. A file that is not a description may be endless, so only the start is read.
-    let mut start = Vec::new();
-    File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
-    let format = meissner_io::detect(&start)?;
-    (!matches!(format, Format::Csv | Format::Nmnist)).then_some(format)
+    match Kind::of_file(Path::new(path)) {
+        Ok(Some(Kind::Events(format))) if !matches!(format, Format::Csv | Format::Nmnist) => Some(format),
+        _ => None,
+    }
 }
 
 impl Model {
@@ -188,8 +185,10 @@ impl Model {
     pub fn load(options: &ModelOptions) -> Result<Self, PipelineError> {
         let model = Self::named(&options.network, options.weights.as_deref(), options.ignore_preparation)?;
         let network = options.adapt(model.network)?;
-        let card = model.card.running(network.fingerprint(), Some(window(&network)));
-        let card = if options.approximations.stride.is_some() { card.taking_every(1) } else { card };
+        let mut card = model.card.running(network.fingerprint(), Some(window(&network)));
+        if options.approximations.stride.is_some() {
+            card.network.stride = 1;
+        }
         Ok(Self { network, card, ..model })
     }
 

@@ -66,7 +66,7 @@ pub struct NetworkCard {
     /// Largest number of events in the window in this run.
     pub capacity: Option<usize>,
     /// The network takes every `stride`-th event.
-    stride: usize,
+    pub stride: usize,
     /// The preparation of the input, from the description.
     preparation: Value,
 }
@@ -118,28 +118,22 @@ impl ModelCard {
     /// The card of the network of `description` with `weights` from `source`. `card` is the metadata of the weights.
     pub fn new(description: &AnyDescription, weights: &Weights, card: &Card, source: String) -> Self {
         let (names, unit) = description.outputs();
-        let (kind, agreement) = match description {
-            AnyDescription::Events(description) => ("events", description.agreement(weights)),
-            AnyDescription::Frames(description) => ("frames", description.agreement(weights)),
-        };
-        let (span_us, capacity) = match description {
-            AnyDescription::Events(description) => {
-                (Some(description.span_us()), Some(description.capacity()))
+        let (kind, agreement, window) = match description {
+            AnyDescription::Events(events) => {
+                ("events", events.agreement(weights), Some((events.span_us(), events.capacity())))
             }
-            AnyDescription::Frames(_) => (None, None),
+            AnyDescription::Frames(frames) => ("frames", frames.agreement(weights), None),
         };
-        let preparation = description.preparation();
+        let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
         Self {
             network: NetworkCard {
                 name: description.name().to_owned(),
                 kind,
                 fingerprint: None,
-                span_us,
-                capacity,
+                span_us: window.map(|(span_us, _)| span_us),
+                capacity: window.map(|(_, capacity)| capacity),
                 stride: card.stride,
-                preparation: preparation
-                    .and_then(|text| serde_json::from_str(&text).ok())
-                    .unwrap_or(Value::Null),
+                preparation: preparation.unwrap_or(Value::Null),
             },
             weights: WeightsCard {
                 source,
@@ -152,18 +146,6 @@ impl ModelCard {
             outputs: names.iter().map(|name| Output { name: name.clone(), unit: unit.to_owned() }).collect(),
             classes: description.classes().map(<[String]>::to_vec),
         }
-    }
-
-    /// Replaces the stride of the weights with the stride of this run.
-    #[must_use]
-    pub fn taking_every(mut self, stride: usize) -> Self {
-        self.network.stride = stride;
-        self
-    }
-
-    /// The stride of the network.
-    pub fn stride(&self) -> usize {
-        self.network.stride
     }
 
     /// Adds the data of the running network: its `fingerprint` and, over events, the length and capacity of its window.

@@ -52,7 +52,7 @@ impl fmt::Display for Every {
 
 /// Decides when a prediction is read.
 #[derive(Clone, Debug)]
-pub struct Schedule {
+pub(crate) struct Schedule {
     every: Every,
     /// Accepted events since the last prediction, for [`Every::Events`].
     since: u64,
@@ -64,13 +64,13 @@ pub struct Schedule {
 
 impl Schedule {
     /// A schedule before the first event.
-    pub fn new(every: Every) -> Self {
+    pub(crate) fn new(every: Every) -> Self {
         Self { every, since: 0, has_begun: false, due_us: None }
     }
 
     /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from
     /// the first event, even if the other schedule had another period.
-    pub fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
+    pub(crate) fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
         self.begin(first_us);
         self.skip_to(now_us);
         if let Every::Events(events) = self.every {
@@ -79,7 +79,7 @@ impl Schedule {
     }
 
     /// Starts at the first event, accepted at `t_us`. Later calls have no effect.
-    pub fn begin(&mut self, t_us: i64) {
+    pub(crate) fn begin(&mut self, t_us: i64) {
         if let (Every::StreamUs(period), false) = (self.every, self.has_begun) {
             self.due_us = t_us.checked_add(period);
         }
@@ -88,7 +88,7 @@ impl Schedule {
 
     /// The time at which `event` will enter when it is pushed, if stream time matters and `gate` accepts it.
     /// Dropped events do not advance the clock.
-    pub fn arrival_us(&mut self, gate: &mut Admission, event: Event) -> Option<i64> {
+    pub(crate) fn arrival_us(&mut self, gate: &mut Admission, event: Event) -> Option<i64> {
         let Every::StreamUs(_) = self.every else { return None };
         let t_us = gate.admit(event).ok()?.t_us;
         self.begin(t_us);
@@ -96,7 +96,7 @@ impl Schedule {
     }
 
     /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window of that time.
-    pub fn due_before(&mut self, t_us: i64) -> Option<i64> {
+    pub(crate) fn due_before(&mut self, t_us: i64) -> Option<i64> {
         let due = self.due_us.filter(|&due| due < t_us)?;
         self.due_us = due.checked_add(self.period_us()?);
         Some(due)
@@ -104,10 +104,7 @@ impl Schedule {
 
     /// Calls `read` with each time due before `t_us`. `read` returns the number of events in the window. If it returns
     /// 0, the window stays empty, and the other times are skipped.
-    ///
-    /// # Errors
-    /// The errors of `read`.
-    pub fn each_due_before<E>(
+    pub(crate) fn each_due_before<E>(
         &mut self,
         t_us: i64,
         mut read: impl FnMut(i64) -> Result<usize, E>,
@@ -121,7 +118,7 @@ impl Schedule {
     }
 
     /// Skips the times before `t_us`, and returns their number.
-    pub fn skip_to(&mut self, t_us: i64) -> u64 {
+    pub(crate) fn skip_to(&mut self, t_us: i64) -> u64 {
         let Some((due, period)) = self.due_us.zip(self.period_us()) else { return 0 };
         let count = times_before(due, t_us, period);
         self.due_us = i64::try_from(i128::from(due) + i128::from(count) * i128::from(period)).ok();
@@ -129,7 +126,7 @@ impl Schedule {
     }
 
     /// Counts an accepted event, and returns whether a prediction is due.
-    pub fn is_due_after_event(&mut self) -> bool {
+    pub(crate) fn is_due_after_event(&mut self) -> bool {
         let Every::Events(events) = self.every else { return false };
         self.since += 1;
         if self.since == events {
@@ -139,17 +136,17 @@ impl Schedule {
     }
 
     /// Accepted events since the last prediction, for [`Every::Events`].
-    pub fn since(&self) -> u64 {
+    pub(crate) fn since(&self) -> u64 {
         self.since
     }
 
     /// The period of [`Every::StreamUs`].
-    pub fn period_us(&self) -> Option<i64> {
+    pub(crate) fn period_us(&self) -> Option<i64> {
         if let Every::StreamUs(period) = self.every { Some(period) } else { None }
     }
 
     /// The prediction that is due after the last event.
-    pub fn last(&self) -> Last {
+    pub(crate) fn last(&self) -> Last {
         match self.every {
             Every::End => Last::Now,
             Every::Events(_) => Last::Nothing,
@@ -160,7 +157,7 @@ impl Schedule {
 }
 
 /// The number of the times `first`, `first + period`, ... before `end`.
-pub fn times_before(first: i64, end: i64, period: i64) -> u64 {
+pub(crate) fn times_before(first: i64, end: i64, period: i64) -> u64 {
     // The difference can exceed an i64 if times span its whole range.
     let (span, period) = (i128::from(end) - i128::from(first), i128::from(period));
     u64::try_from((span + period - 1).div_euclid(period)).unwrap_or(0)
@@ -168,7 +165,7 @@ pub fn times_before(first: i64, end: i64, period: i64) -> u64 {
 
 /// The prediction that is due after the last event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Last {
+pub(crate) enum Last {
     /// No prediction.
     Nothing,
     /// A prediction for the window as it is.

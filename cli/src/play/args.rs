@@ -28,7 +28,6 @@ JSON (--json): one object per line: a header with network and input, reports, th
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{JSON}\n\n{EXAMPLES}\n\n{STATUS}"))]
 pub(crate) struct PlayArgs {
-    /// Events and network.
     #[command(flatten)]
     pub(crate) input: Input,
     /// Speed of the recording: 1 is real time, 0.5 is half as fast.

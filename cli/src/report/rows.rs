@@ -8,14 +8,14 @@ use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::run::Prediction;
 use meissner_pipeline::text::grouped;
 
-/// Most columns of values: a line of 80 characters has room for so many beside counts and times.
+/// Largest number of columns of values: a line of 80 characters has room for so many beside counts and times.
 const MOST_COLUMNS: usize = 2;
-/// Most columns of values over electrodes.
+/// Largest number of columns of values over electrodes.
 const MOST_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
 
-/// Which table is written.
+/// The table of a kind of input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TableKind {
     Events,
@@ -81,7 +81,7 @@ impl Columns {
         }
     }
 
-    /// How much of the input had been taken at `prediction`, and the row. `total` is how much there is to take.
+    /// The part of the input that had been taken at `prediction`, and the row. `total` is the size of the input.
     pub(super) fn row(&self, prediction: &Prediction<'_>, total: Option<u64>) -> (u64, String) {
         let done =
             |taken: u64| total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
@@ -169,7 +169,7 @@ fn place(centroid: Option<Centroid>) -> String {
     centroid.map_or_else(|| "-".to_owned(), |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
 }
 
-/// Of each of `outputs` its value, or for an image the mean of its channel.
+/// The value of each of `outputs`, or for an image the mean of its channel.
 fn means(values: &[f32], outputs: usize) -> Vec<f32> {
     let each = values.len() / outputs.max(1);
     let mean = |channel: &[f32]| channel.iter().map(|&v| f64::from(v)).sum::<f64>() / each as f64;

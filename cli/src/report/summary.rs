@@ -1,4 +1,4 @@
-//! Summaries for people: counts, and tables with units.
+//! Summaries as text: counts, and tables with units.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ use meissner_pipeline::text::grouped;
 
 use crate::text::{Table, duration};
 
-/// Reasons for which the queue drops events; all others are the engine's.
+/// Reasons for which the queue drops events. All other reasons are those of the engine.
 const QUEUE_REASONS: [&str; 4] = ["oldest", "newest", "thinned", "filtered"];
 
 /// Writes the summary of a network over events.
@@ -58,7 +58,7 @@ pub(crate) fn refused(out: &mut impl Write, lines: u64) -> io::Result<()> {
     writeln!(out, "refused      {} lines that are no events", grouped(lines))
 }
 
-/// Writes how many events the pushes and predictions of a second took.
+/// Writes the number of events per second of pushes and predictions.
 pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Result<()> {
     let Some(rate) = events_per_s else { return Ok(()) };
     let rate = grouped(rate.round() as u64);

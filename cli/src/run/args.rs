@@ -47,7 +47,6 @@ JSON (--json): one object per line: a header with network and input, predictions
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{JSON}\n\n{EXAMPLES}\n\n{STATUS}"))]
 pub(crate) struct RunArgs {
-    /// Input and network.
     #[command(flatten)]
     pub(super) input: Input,
     /// Recompute only what an event changes, or every row at every prediction.
@@ -72,13 +71,10 @@ pub(crate) struct RunArgs {
     /// The keys are explained below.
     #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
-    /// States to write and to resume from.
     #[command(flatten)]
     pub(super) state: StateArgs,
-    /// How a frame network runs.
     #[command(flatten)]
     pub(super) frames: FrameArgs,
-    /// Windows of readings, and decisions.
     #[command(flatten)]
     pub(super) electrodes: ElectrodeArgs,
 }
@@ -351,7 +347,7 @@ impl RunArgs {
 
     /// Refuses a state of a run that skips events: the state does not say which event is next.
     pub(super) fn check_stride(&self, card: &ModelCard) -> Result<(), CliError> {
-        match (self.state.given(), card.stride()) {
+        match (self.state.given(), card.network.stride) {
             (Some(option), stride @ 2..) => {
                 let found = format!("weights with metadata \"stride\" {stride}");
                 Err(CliError::usage(option, "weights of a network that takes every event", &found))

@@ -1,21 +1,21 @@
-//! Text for people, no line of it wider than a terminal.
+//! Breaks long lines of text reports.
 
 use std::io::{self, Write};
 
 use super::WIDTH;
 
-/// Folds lines of more than [`WIDTH`] characters between words. What follows stands below the text after the line's key,
-/// where it has one.
+/// Breaks lines of more than [`WIDTH`] characters between words. If a line begins with a key, the rest is indented to the
+/// text after the key.
 pub(crate) struct Folded<W: Write> {
     out: W,
-    /// Of text for programs nothing is folded.
+    /// Whether lines are broken. Lines for programs are not.
     folds: bool,
-    /// What has come of the line.
+    /// The line so far.
     line: Vec<u8>,
 }
 
 impl<W: Write> Folded<W> {
-    /// Folds what is written to `out`, where it is `for_people`.
+    /// Writes to `out`, and breaks long lines if the text is `for_people`.
     pub(crate) fn new(out: W, for_people: bool) -> Self {
         Self { out, folds: for_people, line: Vec::new() }
     }
@@ -52,14 +52,14 @@ impl<W: Write> Write for Folded<W> {
     }
 }
 
-/// `line` in lines of at most [`WIDTH`] characters where its words allow, each with its end.
+/// `line` in lines of at most [`WIDTH`] characters, if no word is longer. Each line has its end.
 fn folded(line: &str) -> String {
     let start = line.len() - line.trim_start().len();
     let key = line[start..].find("  ").map(|end| start + end);
     let text = key.map(|end| end + line[end..].len() - line[end..].trim_start().len());
     let indent = text.map(|at| line[..at].chars().count()).filter(|&at| at <= WIDTH / 3).unwrap_or(start + 2);
     let (mut all, mut width) = (String::new(), 0);
-    // Blanks between words are kept but where a line ends.
+    // Blanks between words are kept, except at the end of a line.
     for word in line.split_inclusive(' ') {
         let length = word.trim_end().chars().count();
         if width + length > WIDTH && width > indent && length > 0 {

@@ -241,8 +241,10 @@ impl Judge<'_> {
         }
         let weights = candidate.weights();
         let described = AnyDescription::Events(description.clone());
+        let mut card = card(&described, &trainings[0].weights, weights.clone())?;
+        card.network.stride = stride;
         Ok(NetworkReport {
-            card: card(&described, &trainings[0].weights, weights.clone())?.taking_every(stride),
+            card,
             weights,
             stride,
             test: Judged::new(test),

@@ -79,8 +79,9 @@ pub fn angle(
         let (weights, label) = weights(name, shipped, asked.weights)?;
         let Model { network, card, .. } =
             Model::of(&description, (&weights, label.clone()), asked.ignore_preparation)?;
-        if card.stride() > 1 {
-            let found = format!("{name}, whose weights say \"stride\" {}", card.stride());
+        let stride = card.network.stride;
+        if stride > 1 {
+            let found = format!("{name}, whose weights say \"stride\" {stride}");
             let expected = "weights of networks that take every event";
             return Err(EvaluateError::request(RequestPart::Networks, expected, found));
         }

@@ -1,8 +1,6 @@
 //! The state of a feed between two inputs: its clock, and the events that later frames will cover.
 
-use std::collections::VecDeque;
-
-use meissner_engine::{Event, Sensor};
+use meissner_engine::Sensor;
 use serde::{Deserialize, Serialize};
 
 /// The state of a feed between two inputs.
@@ -46,26 +44,5 @@ impl FeedState {
             least_us = t_us;
         }
         None
-    }
-}
-
-/// Events that later frames will cover.
-#[derive(Debug, Default)]
-pub(super) struct KeptEvents {
-    pub(super) events: VecDeque<Event>,
-}
-
-impl KeptEvents {
-    /// Records an accepted event. `completed` says whether it has completed the window before it.
-    pub(super) fn note(&mut self, event: Event, completed: bool, span_us: Option<i64>) {
-        if completed {
-            self.events.clear();
-        }
-        self.events.push_back(event);
-        let Some(span_us) = span_us else { return };
-        let too_old = |first: &Event| event.t_us.saturating_sub(first.t_us) > span_us;
-        while self.events.front().is_some_and(too_old) {
-            self.events.pop_front();
-        }
     }
 }

@@ -152,7 +152,7 @@ impl ElectrodeRun {
                 "{name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
             );
         }
-        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+        Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
     fn lines(&self) -> u64 {

@@ -51,21 +51,17 @@ struct Frames {
     newest: Option<(i64, u64)>,
     /// Empty frames since the last one with events.
     silence: u64,
-    counts: FrameCounts,
+    /// Empty frames that were pushed.
+    empty: u64,
+    /// Empty frames that were skipped.
+    left_out: u64,
+    resets: u64,
     taken: u64,
     /// The reason why predictions are no longer shown. All frames that an event completes are taken before the run
     /// ends, so that the state is always the one after an event.
     unshown: Option<io::Error>,
     /// The newest prediction.
     values: Vec<f32>,
-}
-
-/// Counts of empty frames.
-#[derive(Clone, Copy, Default)]
-struct FrameCounts {
-    empty: u64,
-    left_out: u64,
-    resets: u64,
 }
 
 /// The note of a state: the progress in making frames.
@@ -124,7 +120,9 @@ impl FrameRun {
             epoch_us: state.map(|state| state.epoch_us),
             newest: None,
             silence: note.as_ref().map_or(0, |note| note.silence),
-            counts: FrameCounts::default(),
+            empty: 0,
+            left_out: 0,
+            resets: 0,
             taken: 0,
             unshown: None,
             values: Vec::with_capacity(model.description.output().values()),
@@ -194,7 +192,7 @@ impl Steps for FrameSteps {
 
     fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
         let Self { feed, frames, .. } = &self;
-        let (counters, FrameCounts { empty, left_out, resets }) = (feed.counters(), frames.counts);
+        let counters = feed.counters();
         let counts = EventCounts {
             lines_refused: source.lines_refused(),
             salvaged: source.salvaged,
@@ -204,12 +202,12 @@ impl Steps for FrameSteps {
             clamped: counters.clamped,
             outside_crop: feed.outside_crop(),
             evicted: feed.evicted(),
-            empty_frames: empty,
-            empty_frames_left_out: left_out,
-            resets,
+            empty_frames: frames.empty,
+            empty_frames_left_out: frames.left_out,
+            resets: frames.resets,
         };
         let counts = InputCounts::Events(counts);
-        Summary::Frames(Box::new(FrameSummary::new(&frames.predictor, counts, warnings)))
+        Summary::Frames(FrameSummary::new(&frames.predictor, counts, warnings))
     }
 }
 
@@ -280,7 +278,7 @@ impl Frames {
         let zeros = std::mem::take(&mut self.zeros);
         for i in 0..pushed {
             self.predictor.push(&zeros)?;
-            self.counts.empty += 1;
+            self.empty += 1;
             self.pushed(t_us.saturating_add(period_us.saturating_mul(i as i64)), 0, observer)?;
         }
         self.zeros = zeros;
@@ -288,9 +286,9 @@ impl Frames {
             // Once per silence, even if it consists of several runs of empty frames.
             if self.silence <= self.longest_silence {
                 self.predictor.reset();
-                self.counts.resets += 1;
+                self.resets += 1;
             }
-            self.counts.left_out += count - pushed;
+            self.left_out += count - pushed;
         }
         self.silence = self.silence.saturating_add(count);
         Ok(())

@@ -98,7 +98,7 @@ impl PictureRun {
         let ending = Ending(self.take_all(observer));
         let counts = InputCounts::Pictures { pictures: self.taken };
         let summary = FrameSummary::new(&self.predictor, counts, Vec::new());
-        Ended { summary: Summary::Frames(Box::new(summary)), result: ending.0 }
+        Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
     fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {

@@ -229,7 +229,11 @@ pub struct LayerPixels {
 }
 
 impl FrameSummary {
-    pub(super) fn new(predictor: &FramePredictor, input: InputCounts, warnings: Vec<LossWarning>) -> Self {
+    pub(super) fn new(
+        predictor: &FramePredictor,
+        input: InputCounts,
+        warnings: Vec<LossWarning>,
+    ) -> Box<Self> {
         let counters = predictor.counters();
         let pixels =
             |&FrameLayerCounters { computed, skipped, absorbed }| Pixels { computed, skipped, absorbed };
@@ -245,7 +249,7 @@ impl FrameSummary {
         let frames = counters.frames;
         let mut latency_us = Latencies::of([("prepare", prepare), ("push", push), ("predict", predict)]);
         latency_us.0.extend(decision.quantiles().map(|quantiles| ("decision", Some(quantiles))));
-        Self {
+        Box::new(Self {
             input,
             warnings,
             frames,
@@ -258,6 +262,6 @@ impl FrameSummary {
                 absorbed: sum.absorbed + layer.pixels.absorbed,
             }),
             layers,
-        }
+        })
     }
 }
