@@ -85,15 +85,11 @@ pub(crate) enum CliError {
 
 impl From<PipelineError> for CliError {
     fn from(error: PipelineError) -> Self {
-        let option = match &error {
+        let option = match error {
+            PipelineError::Output(error) => return Self::Output(error),
             PipelineError::FramePeriod { .. } | PipelineError::ManyFrames { .. } => "--every",
             PipelineError::OverlayTaken { .. } => "--overlay",
-            _ => {
-                return match error {
-                    PipelineError::Output(error) => Self::Output(error),
-                    error => Self::Pipeline(Box::new(error)),
-                };
-            }
+            error => return Self::Pipeline(Box::new(error)),
         };
         Self::OptionValue { option, source: Box::new(error) }
     }

@@ -7,7 +7,6 @@ use meissner_pipeline::provenance::InputCard;
 use meissner_pipeline::source;
 
 use crate::error::CliError;
-use crate::progress::Progress;
 use crate::report::{About, Report, TableKind};
 pub(crate) use args::PlayArgs;
 
@@ -31,7 +30,6 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
         frames: None,
         table: TableKind::Reports,
         total: Some(play.reports()),
-        progress: Progress::new(None, false),
     };
     let mut report = Report::begin(about)?;
     let summary = play.run(&mut report)?;

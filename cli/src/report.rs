@@ -68,13 +68,12 @@ pub(crate) struct About<'a> {
     pub(crate) table: TableKind,
     /// The size of the input, if it is known and not every prediction is shown.
     pub(crate) total: Option<u64>,
-    pub(crate) progress: Progress,
 }
 
 impl Report {
     /// Begins a report, and logs warnings about the network and its input.
     pub(crate) fn begin(about: About<'_>) -> Result<Self, CliError> {
-        let About { command, json, live, input, card, mode, frames, table, total, progress } = about;
+        let About { command, json, live, input, card, mode, frames, table, total } = about;
         let header = Header::new(command, input.clone(), card.clone());
         header.warn();
         let mut out = out(json);
@@ -91,6 +90,7 @@ impl Report {
             out.flush()?;
             Form::People(Rows { columns, part: None, shown: 0, held: None })
         };
+        let progress = Progress::new(total.filter(|_| !live), json);
         Ok(Self { out, progress, total, form })
     }
 

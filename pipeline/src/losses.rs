@@ -135,6 +135,7 @@ impl InputLosses {
         LossWatch::new(false).end(name, self)
     }
 
+    /// A warning for each reason that lost more than [`PERCENT`] percent of the input.
     fn warnings(&self) -> Vec<LossWarning> {
         let Self { events, outside_crop, lines_refused, .. } = *self;
         let sensor = self.sensor.map_or_else(String::new, |sensor| format!(" of {sensor} pixels"));
@@ -155,19 +156,17 @@ impl InputLosses {
             (LossReason::OutsideCrop, outside_crop, events.accepted, crop),
             (LossReason::LinesRefused, lines_refused, events.pushed + lines_refused, lines),
         ];
+        let is_large = |count, of| u128::from(count) * 100 > u128::from(of) * u128::from(PERCENT);
+        let counts = counts.into_iter().filter(|&(_, count, of, _)| is_large(count, of));
         counts
-            .into_iter()
-            .filter_map(|(reason, count, of, why)| self.warning(reason, count, of, why))
+            .map(|(reason, count, of, why)| {
+                let percent = count as f64 / of as f64 * 100.0;
+                let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
+                let (lost, all) = (grouped(count), grouped(of));
+                let message = format!("{lost} of {all} ({percent:.1} %) {why}{advice}");
+                LossWarning { reason, count, of, message }
+            })
             .collect()
-    }
-
-    fn warning(&self, reason: LossReason, count: u64, of: u64, why: &str) -> Option<LossWarning> {
-        (u128::from(count) * 100 > u128::from(of) * u128::from(PERCENT)).then(|| {
-            let percent = count as f64 / of as f64 * 100.0;
-            let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
-            let message = format!("{} of {} ({percent:.1} %) {why}{advice}", grouped(count), grouped(of));
-            LossWarning { reason, count, of, message }
-        })
     }
 }
 

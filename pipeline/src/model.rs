@@ -8,7 +8,7 @@ use meissner_engine::representations::Sampling;
 use meissner_engine::{EngineError, Network};
 use meissner_io::{Format, Kind};
 use meissner_models::{
-    AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, ModelError, Weights,
+    AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, Weights,
 };
 
 use crate::approximations::Approximations;
@@ -95,29 +95,11 @@ pub fn frame_network(
     } else {
         description.network_parts(weights)
     };
-    let parts = parts.map_err(|source| refused(&label, source))?;
+    let parts = parts.map_err(|source| PipelineError::weights(label.clone(), source))?;
     let network = FrameNetwork::new(parts, convolution)?;
-    let card = card(&AnyDescription::Frames(description.clone()), weights, label)?;
+    let card = ModelCard::new(&AnyDescription::Frames(description.clone()), weights, label)?;
     let card = card.running(network.fingerprint(), None);
     Ok((Arc::new(network), card))
-}
-
-/// The card of a network of `description` with `weights` from `label`.
-///
-/// # Errors
-/// The card cannot be read.
-pub fn card(
-    description: &AnyDescription,
-    weights: &Weights,
-    label: String,
-) -> Result<ModelCard, PipelineError> {
-    let card = weights.card().map_err(|source| refused(&label, source))?;
-    Ok(ModelCard::new(description, weights, &card, label))
-}
-
-/// The error for weights that do not fit.
-fn refused(weights: &str, source: ModelError) -> PipelineError {
-    PipelineError::Weights { weights: weights.into(), source: Box::new(source) }
 }
 
 /// The description of a network of either kind, shipped or from a file, and whether it is shipped.
@@ -217,7 +199,7 @@ impl Model {
         } else {
             description.network(weights)
         };
-        let network = network.map_err(|source| refused(&label, source))?;
+        let network = network.map_err(|source| PipelineError::weights(label.clone(), source))?;
         // The layers of levels compute rows; readout and dense layers are evaluated once per prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
@@ -225,7 +207,7 @@ impl Model {
             layer.map_or(0, |layer| layer.cost.multiply_adds as u64)
         };
         let multiply_adds = network.layers().into_iter().map(of_row).collect();
-        let card = card(&AnyDescription::Events(description.clone()), weights, label)?;
+        let card = ModelCard::new(&AnyDescription::Events(description.clone()), weights, label)?;
         let card = card.running(network.fingerprint(), Some(window(&network)));
         Ok(Self { network, card, multiply_adds })
     }

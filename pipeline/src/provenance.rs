@@ -4,9 +4,11 @@
 //! several lines, and the field `header` of a single object.
 
 use meissner_engine::Sensor;
-use meissner_models::{Agreement, AnyDescription, Card, Weights};
+use meissner_models::{Agreement, AnyDescription, Weights};
 use serde::Serialize;
 use serde_json::Value;
+
+use crate::error::PipelineError;
 
 /// Version of the JSON format. It increases when a key is removed or changes its meaning.
 const SCHEMA: u32 = 1;
@@ -115,8 +117,16 @@ impl Header {
 }
 
 impl ModelCard {
-    /// The card of the network of `description` with `weights` from `source`. `card` is the metadata of the weights.
-    pub fn new(description: &AnyDescription, weights: &Weights, card: &Card, source: String) -> Self {
+    /// The card of the network of `description` with `weights` from `source`.
+    ///
+    /// # Errors
+    /// The metadata of the weights cannot be read.
+    pub fn new(
+        description: &AnyDescription,
+        weights: &Weights,
+        source: String,
+    ) -> Result<Self, PipelineError> {
+        let card = weights.card().map_err(|error| PipelineError::weights(source.clone(), error))?;
         let (names, unit) = description.outputs();
         let (kind, agreement, window) = match description {
             AnyDescription::Events(events) => {
@@ -125,7 +135,7 @@ impl ModelCard {
             AnyDescription::Frames(frames) => ("frames", frames.agreement(weights), None),
         };
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
-        Self {
+        Ok(Self {
             network: NetworkCard {
                 name: description.name().to_owned(),
                 kind,
@@ -137,7 +147,7 @@ impl ModelCard {
             },
             weights: WeightsCard {
                 source,
-                about: card.about.clone(),
+                about: card.about,
                 trained: card.trained,
                 preparation: agreement.word(),
                 stride: card.stride,
@@ -145,7 +155,7 @@ impl ModelCard {
             },
             outputs: names.iter().map(|name| Output { name: name.clone(), unit: unit.to_owned() }).collect(),
             classes: description.classes().map(<[String]>::to_vec),
-        }
+        })
     }
 
     /// Adds the data of the running network: its `fingerprint` and, over events, the length and capacity of its window.

@@ -19,7 +19,6 @@ use crate::args::{
 };
 use crate::error::CliError;
 use crate::kind::NetworkKind;
-use crate::progress::Progress;
 use crate::report::{About, TableKind};
 
 /// Examples, at the end of the long help.
@@ -256,8 +255,7 @@ impl RunArgs {
         (card, mode): (&'a ModelCard, String),
         (live, total): (bool, Option<u64>),
     ) -> About<'a> {
-        let (json, progress) = (self.json, Progress::new(total, self.json));
-        About { command: "run", json, live, input, card, mode, frames: None, table, total, progress }
+        About { command: "run", json: self.json, live, input, card, mode, frames: None, table, total }
     }
 
     /// As [`Self::about`], for a frame network that runs with `options`.

@@ -16,7 +16,6 @@ use meissner_models::systems::digits::correct_from;
 use meissner_models::{AnyDescription, Description, ModelError, TensorFile};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::losses::LossWarning;
-use meissner_pipeline::model::card;
 use meissner_pipeline::predictor::{EventPredictor, Mode};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use rayon::ThreadPool;
@@ -241,7 +240,7 @@ impl Judge<'_> {
         }
         let weights = candidate.weights();
         let described = AnyDescription::Events(description.clone());
-        let mut card = card(&described, &trainings[0].weights, weights.clone())?;
+        let mut card = ModelCard::new(&described, &trainings[0].weights, weights.clone())?;
         card.network.stride = stride;
         Ok(NetworkReport {
             card,

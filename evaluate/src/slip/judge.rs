@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::frames::{Convolution, FrameEngine};
 use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
 use meissner_models::{AnyDescription, FrameDescription, ModelError, TensorFile};
-use meissner_pipeline::model::{card, frame_network};
+use meissner_pipeline::model::frame_network;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 use rayon::ThreadPool;
@@ -247,7 +247,7 @@ impl Judge<'_> {
         let described = AnyDescription::Frames(description.clone());
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
         Ok(NetworkReport {
-            card: card(&described, &trainings[0].weights, candidate.weights())?,
+            card: ModelCard::new(&described, &trainings[0].weights, candidate.weights())?,
             preparation: preparation.unwrap_or(Value::Null),
             weights: candidate.weights(),
             sets: sets.collect(),

@@ -51,7 +51,6 @@ pub struct ElectrodeOptions {
 
 /// A network over electrodes with its readings, before the run.
 pub struct ElectrodeRun {
-    name: String,
     live: bool,
     rows: Electrodes<Box<dyn BufRead>>,
     /// The next row. It is read before anything is shown, so that a header that does not fit is found early.
@@ -106,7 +105,6 @@ impl ElectrodeRun {
         let windows = Windows { predictor, classes, window, filter, values: Vec::new(), decisions: 0 };
         Ok(Self {
             refusals: Refusals::new(&name, strict),
-            name,
             live,
             rows,
             next,
@@ -119,7 +117,7 @@ impl ElectrodeRun {
 
     /// Name of the input.
     pub fn name(&self) -> &str {
-        &self.name
+        self.refusals.name()
     }
 
     /// Whether readings are taken as they arrive.
@@ -144,10 +142,10 @@ impl ElectrodeRun {
             decisions: self.windows.classes.are_known().then_some(self.windows.decisions),
         };
         let losses = InputLosses::of_lines(taken).with_lines_refused(refused).with_advice(self.advice);
-        let warnings = losses.warn(&self.name);
+        let warnings = losses.warn(self.name());
         let summary = FrameSummary::new(&self.windows.predictor, InputCounts::Electrodes(counts), warnings);
         if summary.predictions == 0 {
-            let (name, steps) = (&self.name, self.steps);
+            let (name, steps) = (self.name(), self.steps);
             log::warn!(
                 "{name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
             );
@@ -182,7 +180,7 @@ impl ElectrodeRun {
                 break;
             }
             if self.lines() < self.limit {
-                self.next = next(&mut self.rows, &self.name)?;
+                self.next = next(&mut self.rows, self.refusals.name())?;
             }
         }
         Ok(())
