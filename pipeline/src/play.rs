@@ -107,11 +107,6 @@ impl Play {
         Ok(Self { network, classes, source, sensor, events, options, first_us, period_us, reports })
     }
 
-    /// The source.
-    pub fn source(&self) -> &Source {
-        &self.source
-    }
-
     /// The number of reports that will be due.
     pub fn reports(&self) -> u64 {
         self.reports

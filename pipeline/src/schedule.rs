@@ -1,7 +1,7 @@
 //! When predictions are read: at every event, every N events, every period of stream time, or once at the end.
 //!
 //! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and
-//! whether one is due after it. All readers of predictions follow a [`Schedule`], so that all modes and all passes of a
+//! whether one is due after it. All readers of predictions follow a `Schedule`, so that all modes and all passes of a
 //! benchmark predict at the same times. For frames, each frame counts as an event.
 
 use std::fmt;

@@ -20,7 +20,7 @@ pub const STDIN_NAME: &str = "standard input";
 
 /// A stream of events with its name, format and geometry.
 ///
-/// Lines of a text that cannot be read are skipped ([`Refusals`]), unless the source is strict.
+/// Lines of a text that cannot be read are skipped and counted, unless the source is strict.
 pub struct Source {
     /// Name for messages and reports.
     pub name: String,
