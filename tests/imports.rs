@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-const CRATES: [&str; 12] = [
+const CRATES: [&str; 13] = [
     "kernels",
     "engine",
     "live",

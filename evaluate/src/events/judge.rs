@@ -263,7 +263,8 @@ impl Judge<'_> {
         let Options { mode, every_us, .. } = *self.options;
         let network = Arc::new(description.network(&training.weights).map_err(&failed)?);
         let (sensor, exact) = (self.data.set.sensor, Approximations::default());
-        let predictor = EventPredictor::new(mode, network, sensor, &exact, meissner_engine::Options::default());
+        let predictor =
+            EventPredictor::new(mode, network, sensor, &exact, meissner_engine::Options::default());
         let work = |predictor: &mut EventPredictor, &recording: &usize| {
             outcome(predictor, &self.data.recordings[recording].events, stride, every_us)
         };

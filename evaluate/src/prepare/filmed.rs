@@ -43,8 +43,7 @@ pub fn film_markers(
     seed: u64,
     pool: &ThreadPool,
 ) -> Result<Prepared, EvaluateError> {
-    let bytes =
-        std::fs::read(tracks).map_err(|source| PipelineError::Open { path: tracks.to_owned(), source })?;
+    let bytes = std::fs::read(tracks).map_err(|source| PipelineError::file("open", tracks, source))?;
     let tracks = read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
     let film = |(i, tracks): (usize, MarkerTracks)| -> Result<Vec<SimulatedEvent>, SimulatorError> {
         let mut camera = Camera::new(sensor, settings, seed.wrapping_add(i as u64))?;
