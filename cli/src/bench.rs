@@ -8,7 +8,7 @@ mod table;
 
 use meissner_models::AnyDescription;
 use meissner_pipeline::PipelineError;
-use meissner_pipeline::bench::{BenchInput, Comparison, EventBench, EventFrameModel, FrameBench};
+use meissner_pipeline::bench::{self, BenchInput, EventBench, EventFrameModel};
 use meissner_pipeline::model::describe_any;
 use meissner_pipeline::provenance::ModelCard;
 
@@ -35,10 +35,10 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     }
     let bench = EventBench::new(&model, input(args, &model.card)?, args.options());
     let progress = Progress::new(Some(bench.total()), args.json);
-    let (report, measured) = bench.run(&mut |taken| progress.set(taken))?;
+    let report = bench.run(&mut |taken| progress.set(taken))?;
     progress.finish();
     if let Some(path) = &args.svg {
-        output::write(path, plot::svg(&report, &measured))?;
+        output::write(path, plot::svg(&report))?;
     }
     output::print(args.json, &report, |out| table::write(out, &report))
 }
@@ -48,7 +48,7 @@ fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
     check_frames(args)?;
     let Input { network, weights, ignore_preparation, .. } = &args.input;
     let model = EventFrameModel::named(network, weights.as_deref(), *ignore_preparation)?;
-    let report = FrameBench::new(&model, input(args, &model.model.card)?, args.options()).run()?;
+    let report = bench::bench_frames(&model, &input(args, &model.model.card)?, &args.options())?;
     output::print(args.json, &report, |out| frame_table::write(out, &report))
 }
 
@@ -58,7 +58,7 @@ fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let weights = args.compare_weights.as_deref();
     let against = EventFrameModel::named(name, weights, args.input.ignore_preparation);
     let against = against.map_err(with_its_option)?;
-    let report = Comparison::new(&model, &against, input(args, &model.card)?, args.options()).run()?;
+    let report = bench::compare(&model, &against, &input(args, &model.card)?, &args.options())?;
     output::print(args.json, &report, |out| compare_table::write(out, &report))
 }
 

@@ -3,8 +3,8 @@
 //! | benchmark | measures |
 //! |---|---|
 //! | [`EventBench`] | a network over events: latencies by phase, work, stages, deadlines |
-//! | [`FrameBench`] | a frame network over events: latencies with skipping and without, deadlines |
-//! | [`Comparison`] | a network over events against a frame network, over the same stream |
+//! | [`bench_frames`] | a frame network over events: latencies with skipping and without, deadlines |
+//! | [`compare`] | a network over events against a frame network, over the same stream |
 //!
 //! All events are read before the first pass. Every pass begins with a new engine.
 
@@ -17,12 +17,12 @@ mod input;
 mod moments;
 mod phases;
 
-pub use compare::{CompareReport, Comparison, Ratios, SideReport, SidesReport};
+pub use compare::{CompareReport, Ratios, SideReport, SidesReport, compare};
 pub use deadline::{DeadlineBin, DeadlineReport, Sustained};
 pub use events::{
-    EventBench, EventReport, LatencyReport, LayerWork, Measured, MemoryReport, PhaseLatencies, PhaseReport,
-    PhasesReport, StageReport, Work, whole,
+    CallLatencies, EventBench, EventReport, LayerWork, MemoryReport, PhaseReport, PhasesReport, StageReport,
+    Work,
 };
-pub use frame_passes::{EventFrameModel, Field};
-pub use frames::{FrameBench, FrameLatencyReport, FrameModeReport, FrameReport, PixelReport};
+pub use frame_passes::{EventFrameModel, Field, FrameLatencies};
+pub use frames::{FrameModeReport, FrameReport, PixelReport, bench_frames};
 pub use input::{BenchInput, BenchOptions, FrameInputReport, InputReport, Part};

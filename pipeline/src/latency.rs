@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// Longest time that the histogram distinguishes: an hour, in nanoseconds.
 const LONGEST_NS: u64 = 3_600_000_000_000;
@@ -13,7 +13,8 @@ const DIGITS: u8 = 3;
 const CLOCK_READS: u32 = 2000;
 const CLOCK_RUNS: usize = 50;
 
-/// A histogram of durations, with a resolution of a nanosecond or three digits.
+/// A histogram of durations, with a resolution of a nanosecond or three digits. It is written as its
+/// [distribution](Self::distribution).
 #[derive(Debug)]
 pub struct Latency {
     histogram: Histogram<u64>,
@@ -84,6 +85,12 @@ pub fn clock_us() -> f64 {
 /// `duration` in microseconds.
 pub fn microseconds(duration: Duration) -> f64 {
     duration.as_nanos() as f64 / 1e3
+}
+
+impl Serialize for Latency {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.distribution().serialize(serializer)
+    }
 }
 
 impl Default for Latency {

@@ -20,7 +20,8 @@ pub struct Header {
     meissner: &'static str,
     schema: u32,
     command: &'static str,
-    input: InputCard,
+    /// The input.
+    pub input: InputCard,
     /// The network; missing if there are several, each listed with its results.
     #[serde(flatten)]
     model: Option<ModelCard>,

@@ -5,15 +5,15 @@ use std::io::{self, Write};
 use meissner_pipeline::bench::{CompareReport, Ratios, SideReport};
 use meissner_pipeline::text::grouped;
 
-use super::table::{cells, headings, mebibytes, peak, recording};
-use crate::report::summary;
+use super::table::{framed, mebibytes, peak, recording, write_apart, write_latencies};
 use crate::text::Table;
 
 /// Writes the report of a comparison.
 pub(super) fn write(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
     heading(out, report)?;
     compute(out, report)?;
-    moments(out, report)?;
+    let moments = ways(report).map(|(name, way)| (name.to_owned(), &way.moment_us));
+    write_latencies(out, "compute of a moment (us)", moments)?;
     let peak = peak(report.peak_resident_bytes);
     let state = ways(report).map(|(name, way)| format!("{} ({name})", mebibytes(way.state_bytes)));
     writeln!(out, "\nmemory       {} of state{peak}", state.join(", "))
@@ -35,10 +35,7 @@ fn heading(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
     writeln!(out, "             {}", against.source())?;
     writeln!(out, "             {}", made.frames_of)?;
     writeln!(out, "             {}\n", made.field)?;
-    let counts = [input.events, input.accepted, made.outside_frames];
-    let [events, accepted, outside] = counts.map(grouped);
-    writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;
-    summary::dropped(out, &input.dropped)?;
+    framed(out, input, made)?;
     if report.evicted_from_frames > 0 {
         writeln!(out, "evicted      {} from full frames", grouped(report.evicted_from_frames))?;
     }
@@ -79,8 +76,7 @@ fn compute(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
             format!("{:.1}", way.multiply_adds as f64 / 1e6),
         ]);
     }
-    writeln!(out)?;
-    table.write(out)?;
+    write_apart(out, &table)?;
     writeln!(
         out,
         "  multiply-adds of the network over events are at full neighbourhoods: an upper bound there\n"
@@ -100,15 +96,4 @@ fn compute(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
         grouped(differ),
         grouped(predictions)
     )
-}
-
-fn moments(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
-    let mut table = Table::new(&headings(&["compute of a moment (us)"]));
-    for (name, way) in ways(report) {
-        if let Some(distribution) = &way.moment_us {
-            table.row(std::iter::once(name.to_owned()).chain(cells(distribution)));
-        }
-    }
-    writeln!(out)?;
-    table.write(out)
 }

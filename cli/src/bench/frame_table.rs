@@ -2,11 +2,10 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{FrameModeReport, FrameReport};
+use meissner_pipeline::bench::{FrameLatencies, FrameModeReport, FrameReport};
 use meissner_pipeline::text::grouped;
 
-use super::table::{cells, deadline, headings, mebibytes, passes, peak, recording};
-use crate::report::summary;
+use super::table::{deadline, framed, mebibytes, passes, peak, recording, write_apart, write_latencies};
 use crate::text::Table;
 
 /// Writes the report of a frame network.
@@ -37,10 +36,7 @@ fn heading(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
     writeln!(out, "frames       {}", made.frames_of)?;
     let period_us = grouped(made.period_us.unsigned_abs());
     writeln!(out, "             {}, one every {period_us} us\n", made.field)?;
-    let counts = [input.events, input.accepted, made.outside_frames];
-    let [events, accepted, outside] = counts.map(grouped);
-    writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;
-    summary::dropped(out, &input.dropped)?;
+    framed(out, input, made)?;
     if report.evicted > 0 {
         writeln!(out, "evicted      {} because the window was full", grouped(report.evicted))?;
     }
@@ -56,22 +52,17 @@ fn heading(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
 }
 
 fn latencies(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {
-    let mut table = Table::new(&headings(&["latency of a frame (us)"]));
-    for (name, way) in ways(report) {
-        let latency = &way.latency_us;
-        for (part, distribution) in [
-            ("events in", &latency.frame),
-            ("push", &latency.push),
-            ("predict", &latency.predict),
-            ("push + predict", &latency.push_predict),
-        ] {
-            if let Some(distribution) = distribution {
-                table.row(std::iter::once(format!("{part}, {name}")).chain(cells(distribution)));
-            }
-        }
-    }
-    writeln!(out)?;
-    table.write(out)?;
+    let rows = ways(report).into_iter().flat_map(|(way, report)| {
+        let FrameLatencies { frame, calls, .. } = &report.latency_us;
+        let parts = [
+            ("events in", frame),
+            ("push", &calls.push),
+            ("predict", &calls.predict),
+            ("push + predict", &calls.push_predict),
+        ];
+        parts.map(|(part, latency)| (format!("{part}, {way}"), latency))
+    });
+    write_latencies(out, "latency of a frame (us)", rows)?;
     for (name, way) in ways(report) {
         if let Some(rate) = way.frames_per_s {
             writeln!(
@@ -110,8 +101,7 @@ fn pixels(out: &mut impl Write, name: &str, way: &FrameModeReport) -> io::Result
     let millions = format!("{:.1}", way.multiply_adds as f64 / 1e6);
     let blank = std::iter::repeat_n(String::new(), 6);
     table.row(std::iter::once("all".to_owned()).chain(blank).chain([millions]));
-    writeln!(out)?;
-    table.write(out)?;
+    write_apart(out, &table)?;
     if way.layers.iter().any(|layer| layer.skipped + layer.absorbed > 0) {
         writeln!(
             out,

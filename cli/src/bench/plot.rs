@@ -1,6 +1,6 @@
 //! The plot of `bench --svg`: the latencies of all events, and of the events in each phase.
 
-use meissner_pipeline::bench::{EventReport, Measured, whole};
+use meissner_pipeline::bench::EventReport;
 use meissner_pipeline::latency::Latency;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Distribution, LatencyCurve, Panel, page};
@@ -8,10 +8,11 @@ use meissner_plot::{Distribution, LatencyCurve, Panel, page};
 use crate::text::file_name;
 
 /// The plot as SVG text.
-pub(super) fn svg(report: &EventReport, measured: &Measured) -> String {
-    let [push, predict, push_predict] = whole(measured);
-    let (idle, burst) = (&measured.idle.push_predict, &measured.burst.push_predict);
-    let mut curves = vec![("push", &push), ("predict", &predict), ("push + predict", &push_predict)];
+pub(super) fn svg(report: &EventReport) -> String {
+    let (all, phases) = (&report.latency_us, &report.phases);
+    let [idle, burst] = [&phases.idle, &phases.burst].map(|phase| &phase.latency_us.push_predict);
+    let mut curves =
+        vec![("push", &all.push), ("predict", &all.predict), ("push + predict", &all.push_predict)];
     // If all events are in one phase, its curve is that of all events.
     if idle.count() > 0 && burst.count() > 0 {
         curves.extend([("push + predict, idle", idle), ("push + predict, burst", burst)]);
@@ -26,7 +27,7 @@ pub(super) fn svg(report: &EventReport, measured: &Measured) -> String {
     let passes = if input.passes > 1 { format!(" x {} passes", input.passes) } else { String::new() };
     let about = format!(
         "{}: {} events{passes}\n{} predictions, {} kernels",
-        file_name(&input.recording),
+        file_name(&input.header.input.name),
         grouped(input.events),
         grouped(report.predictions),
         input.isa

@@ -2,8 +2,11 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{DeadlineReport, EventReport, InputReport, PhaseReport, PhasesReport, Work};
-use meissner_pipeline::latency::{Distribution, Quantiles};
+use meissner_pipeline::bench::{
+    DeadlineReport, EventReport, FrameInputReport, InputReport, PhaseReport, PhasesReport, Work,
+};
+use meissner_pipeline::latency::{Distribution, Latency, Quantiles};
+use meissner_pipeline::provenance::InputCard;
 use meissner_pipeline::text::grouped;
 
 use crate::header::write_model;
@@ -13,7 +16,7 @@ use crate::text::{Table, duration};
 /// Writes the report of a network over events.
 pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     let input = &report.input;
-    recording(out, input, input.recorded, None, "incremental")?;
+    recording(out, input, input.header.input.events, None, "incremental")?;
     writeln!(out)?;
     if input.part.is_some() {
         writeln!(out, "part         {}", input.part)?;
@@ -38,12 +41,14 @@ pub(super) fn recording(
     mode: &str,
 ) -> io::Result<()> {
     let events = events.map_or_else(String::new, |events| format!(", {} events", grouped(events)));
-    writeln!(out, "recording    {}", input.recording)?;
-    writeln!(out, "             {}, {} pixels{events}", input.format, input.sensor)?;
+    let InputCard { name, format, sensor, .. } = &input.header.input;
+    let [width, height] = sensor.unwrap_or_default();
+    writeln!(out, "recording    {name}")?;
+    writeln!(out, "             {format}, {width}x{height} pixels{events}")?;
     if let Some(part) = part {
         writeln!(out, "             {part}")?;
     }
-    write_model(out, &input.card, mode, Some([input.sensor.width, input.sensor.height]))
+    write_model(out, &input.card, mode, *sensor)
 }
 
 /// Resident memory of the process, for the end of a line.
@@ -80,35 +85,52 @@ fn counts(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
 
 const QUANTILES: [&str; 7] = ["count", "mean", "p50", "p90", "p99", "p99.9", "max"];
 
-/// The quantiles of a row.
-pub(super) fn cells(distribution: &Distribution) -> impl Iterator<Item = String> {
-    let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max }, .. } = *distribution;
-    let times = [mean, p50, p90, p99, p999, max].map(duration);
-    std::iter::once(grouped(count)).chain(times)
+/// The quantiles of a row; none if nothing was recorded.
+fn cells(latency: &Latency) -> impl Iterator<Item = String> {
+    latency.distribution().into_iter().flat_map(|distribution| {
+        let Distribution { count, mean, quantiles: Quantiles { p50, p90, p99, p999, max }, .. } =
+            distribution;
+        let times = [mean, p50, p90, p99, p999, max].map(duration);
+        std::iter::once(grouped(count)).chain(times)
+    })
 }
 
-/// `first`, followed by the names of [`cells`].
-pub(super) fn headings<'a>(first: &'a [&'a str]) -> Vec<&'a str> {
-    first.iter().copied().chain(QUANTILES).collect()
+/// Writes a table of latencies, of those that were recorded.
+pub(super) fn write_latencies<'a>(
+    out: &mut impl Write,
+    heading: &str,
+    rows: impl IntoIterator<Item = (String, &'a Latency)>,
+) -> io::Result<()> {
+    let mut table = Table::new(&[&[heading], &QUANTILES[..]].concat());
+    for (name, latency) in rows.into_iter().filter(|(_, latency)| latency.count() > 0) {
+        table.row(std::iter::once(name).chain(cells(latency)));
+    }
+    write_apart(out, &table)
+}
+
+/// Writes a table after an empty line.
+pub(super) fn write_apart(out: &mut impl Write, table: &Table) -> io::Result<()> {
+    writeln!(out)?;
+    table.write(out)
+}
+
+/// Writes the events that frames were made of.
+pub(super) fn framed(out: &mut impl Write, input: &InputReport, made: &FrameInputReport) -> io::Result<()> {
+    let [events, accepted, outside] = [input.events, input.accepted, made.outside_frames].map(grouped);
+    writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;
+    summary::dropped(out, &input.dropped)
 }
 
 fn latencies(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
-    let (all, PhasesReport { idle, burst, .. }) = (&report.latency_us, &report.phases);
-    let (idle, burst) = (&idle.latency_us, &burst.latency_us);
-    let mut table = Table::new(&headings(&["latency (us)"]));
-    for (name, distributions) in [
-        ("push", [&all.push, &idle.push, &burst.push]),
-        ("predict", [&all.predict, &idle.predict, &burst.predict]),
-        ("push + predict", [&all.push_predict, &idle.push_predict, &burst.push_predict]),
-    ] {
-        for (phase, distribution) in ["", ", idle", ", burst"].iter().zip(distributions) {
-            if let Some(distribution) = distribution {
-                table.row(std::iter::once(format!("{name}{phase}")).chain(cells(distribution)));
-            }
-        }
-    }
-    writeln!(out)?;
-    table.write(out)?;
+    let phases = [
+        ("", &report.latency_us),
+        (", idle", &report.phases.idle.latency_us),
+        (", burst", &report.phases.burst.latency_us),
+    ];
+    let rows = ["push", "predict", "push + predict"].into_iter().enumerate().flat_map(|(i, name)| {
+        phases.map(|(phase, of)| (format!("{name}{phase}"), [&of.push, &of.predict, &of.push_predict][i]))
+    });
+    write_latencies(out, "latency (us)", rows)?;
     summary::rate(out, report.events_per_s)
 }
 
@@ -120,8 +142,7 @@ fn phases(out: &mut impl Write, phases: &PhasesReport) -> io::Result<()> {
         let rows = rows_per_event.map_or_else(|| "-".to_owned(), |rows| format!("{rows:.2}"));
         table.row([name.to_owned(), grouped(*events), rows]);
     }
-    writeln!(out)?;
-    table.write(out)?;
+    write_apart(out, &table)?;
     let rate = |rate: Option<f64>| rate.map_or_else(|| "no".to_owned(), |rate| grouped(rate.round() as u64));
     writeln!(
         out,
@@ -142,8 +163,7 @@ fn work(out: &mut impl Write, work: &Work) -> io::Result<()> {
     }
     let all = grouped(work.multiply_adds_per_event.round() as u64);
     table.row(["all".to_owned(), format!("{:.2}", work.rows_per_event), String::new(), all]);
-    writeln!(out)?;
-    table.write(out)?;
+    write_apart(out, &table)?;
     if let Some(rate) = work.multiply_adds_per_s {
         writeln!(
             out,
@@ -163,8 +183,7 @@ fn stages(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
             format!("{:.2}", stage.share * 100.0),
         ]);
     }
-    writeln!(out)?;
-    table.write(out)?;
+    write_apart(out, &table)?;
     writeln!(out, "  in a pass of its own, with a clock around each stage")
 }
 
@@ -223,7 +242,7 @@ pub(super) fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::R
             writeln!(out, "sustained    no rate: the p99.9 exceeds the period even with the fewest events")?;
         }
     }
-    let mut table = Table::new(&headings(&["events, work (us)", "missed"]));
+    let mut table = Table::new(&[&["events, work (us)", "missed"], &QUANTILES[..]].concat());
     for bin in &deadline.bins {
         let name = match bin.events_most - bin.events_least {
             0 => grouped(bin.events_least),
@@ -231,9 +250,8 @@ pub(super) fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::R
         };
         table.row([name, grouped(bin.missed)].into_iter().chain(cells(&bin.work_us)));
     }
-    if let Some(work) = &deadline.work_us {
-        table.row(["all".to_owned(), grouped(missed)].into_iter().chain(cells(work)));
+    if deadline.work_us.count() > 0 {
+        table.row(["all".to_owned(), grouped(missed)].into_iter().chain(cells(&deadline.work_us)));
     }
-    writeln!(out)?;
-    table.write(out)
+    write_apart(out, &table)
 }

@@ -10,26 +10,18 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::Engine;
 use meissner_engine::frames::Skip;
+use meissner_engine::{Engine, Sensor};
 use serde::Serialize;
 
-use super::frame_passes::{EventFrameModel, FramePasses, FrameTimes, Pass, Predicted, WARMUP_FRAMES};
+use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use super::moments::Moments;
 use crate::error::PipelineError;
-use crate::latency::{Distribution, Latency};
+use crate::latency::Latency;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::provenance::ModelCard;
-
-/// A comparison of a network over events with a frame network.
-pub struct Comparison<'a> {
-    model: &'a Model,
-    against: &'a EventFrameModel,
-    input: BenchInput,
-    options: BenchOptions,
-}
 
 /// The report of a comparison.
 #[derive(Debug, Serialize)]
@@ -74,7 +66,7 @@ pub struct SidesReport {
 }
 
 /// One of the compared passes.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct SideReport {
     /// Seconds of compute.
@@ -97,7 +89,7 @@ pub struct SideReport {
     /// Activations, graph and state.
     pub state_bytes: u64,
     /// Compute of a moment: its events, its frame, its prediction.
-    pub moment_us: Option<Distribution>,
+    pub moment_us: Latency,
 }
 
 /// The network over events in percent of the frame network.
@@ -120,80 +112,78 @@ impl Ratios {
     }
 }
 
-impl<'a> Comparison<'a> {
-    /// A comparison of `model` with the frame network `against` over `input`.
-    pub fn new(
-        model: &'a Model,
-        against: &'a EventFrameModel,
-        input: BenchInput,
-        options: BenchOptions,
-    ) -> Self {
-        Self { model, against, input, options }
-    }
-
-    /// Runs all passes, and returns the report.
-    ///
-    /// # Errors
-    /// The period differs from that of the frame network, there are too many frames, or an engine refuses an option.
-    pub fn run(self) -> Result<CompareReport, PipelineError> {
-        let Self { against, input, options, .. } = &self;
-        let period_us = against.period_us(options.every)?;
-        let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
-        let field = against.field(input.sensor);
-        let frames = FramePasses { model: against, field, moments: &moments };
-
-        let [mut whole, mut skipping] = [Predictions::default(), Predictions::default()];
-        self.warm_up(&frames)?;
-        let mut fastest = self.round(&frames, [&mut whole, &mut skipping])?;
-        for _ in 1..options.repeat {
-            let [mut whole, mut skipping] = [Predictions::default(), Predictions::default()];
-            fastest = fastest.faster(self.round(&frames, [&mut whole, &mut skipping])?);
+impl SideReport {
+    /// The times of a pass over `stream_s` seconds of stream.
+    fn new(stream_s: f64, events: Duration, push: Option<Duration>, predict: Duration) -> Self {
+        let compute_s = (events + push.unwrap_or_default() + predict).as_secs_f64();
+        Self {
+            compute_s,
+            compute_s_per_s: (stream_s > 0.0).then(|| compute_s / stream_s),
+            events_s: events.as_secs_f64(),
+            push_s: push.map(|push| push.as_secs_f64()),
+            predict_s: predict.as_secs_f64(),
+            ..Self::default()
         }
-        let ways = fastest.report(moments.stream_s());
-        let losses = input.losses(moments.counters).with_outside_crop(fastest.outside);
-        Ok(CompareReport {
-            made: FrameInputReport::new(input, against, field, &moments, fastest.outside),
-            input: input.report(&moments.counters, &losses, options.repeat.max(1)),
-            against: against.model.card.clone(),
-            padded: field.is_padded(),
-            evicted_from_frames: fastest.evicted,
-            moments: moments.count() as u64,
-            ratio_percent: Ratios::of(&ways, |way| way.compute_s),
-            multiply_adds_ratio_percent: Ratios::of(&ways, |way| way.multiply_adds as f64),
-            ways,
-            predictions_that_differ: whole.that_differ(&skipping),
-            peak_resident_bytes: peak_resident_bytes(),
-        })
     }
 }
 
-/// One pass.
-#[derive(Debug, Default)]
-struct Side {
-    /// Events entering the window, or the frame.
-    events: Duration,
-    /// Taking frames.
-    push: Option<Duration>,
-    predict: Duration,
-    /// All work of a moment.
-    moments: Latency,
-    /// The number of frames, for a frame network.
-    frames: Option<u64>,
-    predictions: u64,
-    multiply_adds: u64,
-    state_bytes: u64,
+/// Compares `model` with the frame network `against` over `input`.
+///
+/// # Errors
+/// The period differs from that of the frame network, there are too many frames, or an engine refuses an option.
+pub fn compare(
+    model: &Model,
+    against: &EventFrameModel,
+    input: &BenchInput,
+    options: &BenchOptions,
+) -> Result<CompareReport, PipelineError> {
+    let period_us = against.period_us(options.every)?;
+    let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
+    let field = against.field(input.sensor);
+    let frames = FramePasses { model: against, field, moments: &moments };
+    if options.warmup > 0 {
+        over_events(model, input.sensor, &moments, usize::try_from(options.warmup).unwrap_or(usize::MAX))?;
+        for skip in [Skip::Nothing, Skip::Exact] {
+            frames.pass(skip, WARMUP_FRAMES, &mut FrameLatencies::default(), &mut |_| ())?;
+        }
+    }
+    let round = || {
+        let events = over_events(model, input.sensor, &moments, usize::MAX)?;
+        let (frames_everything, whole, _) = over_frames(&frames, Skip::Nothing)?;
+        let (frames_skipping, skipping, Pass { outside, evicted, .. }) = over_frames(&frames, Skip::Exact)?;
+        let sides = SidesReport { events, frames_everything, frames_skipping };
+        Ok::<_, PipelineError>((sides, whole.that_differ(&skipping), outside, evicted))
+    };
+    let (mut ways, predictions_that_differ, outside, evicted_from_frames) = round()?;
+    for _ in 1..options.repeat {
+        ways = ways.faster(round()?.0);
+    }
+    let losses = input.losses(moments.counters).with_outside_crop(outside);
+    Ok(CompareReport {
+        made: FrameInputReport::new(input, against, field, &moments, outside),
+        input: input.report(&moments.counters, &losses, options.repeat.max(1)),
+        against: against.model.card.clone(),
+        padded: field.is_padded(),
+        evicted_from_frames,
+        moments: moments.count() as u64,
+        ratio_percent: Ratios::of(&ways, |way| way.compute_s),
+        multiply_adds_ratio_percent: Ratios::of(&ways, |way| way.multiply_adds as f64),
+        ways,
+        predictions_that_differ,
+        peak_resident_bytes: peak_resident_bytes(),
+    })
 }
 
-/// One pass of each of the three.
-#[derive(Debug)]
-struct Round {
-    events: Side,
-    frames_everything: Side,
-    frames_skipping: Side,
-    /// Accepted events that no frame covers.
-    outside: u64,
-    /// Events that left a sliding frame early because it was full.
-    evicted: u64,
+impl SidesReport {
+    /// The faster pass of each.
+    fn faster(self, other: Self) -> Self {
+        let faster = |a: SideReport, b: SideReport| if b.compute_s < a.compute_s { b } else { a };
+        Self {
+            events: faster(self.events, other.events),
+            frames_everything: faster(self.frames_everything, other.frames_everything),
+            frames_skipping: faster(self.frames_skipping, other.frames_skipping),
+        }
+    }
 }
 
 /// The bits of consecutive predictions.
@@ -219,127 +209,64 @@ impl Predictions {
     }
 }
 
-impl Comparison<'_> {
-    /// Runs uncounted passes over the first events and frames.
-    fn warm_up(&self, frames: &FramePasses<'_>) -> Result<(), PipelineError> {
-        let warmup = self.options.warmup;
-        if warmup == 0 {
-            return Ok(());
+/// Runs a new engine over the first events, up to the moment at which at least `most` events have entered.
+fn over_events(
+    model: &Model,
+    sensor: Sensor,
+    moments: &Moments,
+    most: usize,
+) -> Result<SideReport, PipelineError> {
+    let mut engine = Engine::new(Arc::new(model.network.clone()), sensor)?;
+    let (mut events, mut predict, mut moment_us) = (Duration::ZERO, Duration::ZERO, Latency::new());
+    for moment in moments.iter() {
+        if moment.events.start >= most {
+            break;
         }
-        self.over_events(frames.moments, usize::try_from(warmup).unwrap_or(usize::MAX))?;
-        for skip in [Skip::Nothing, Skip::Exact] {
-            frames.pass(skip, WARMUP_FRAMES, &mut FrameTimes::default(), |_| Ok(()))?;
-        }
-        Ok(())
+        let begin = Instant::now();
+        engine.push_slice(&moments.events[moment.events]);
+        let entered = Instant::now();
+        engine.advance(moment.t_us);
+        let prediction = engine.predict().map(drop);
+        let end = Instant::now();
+        prediction?;
+        events += entered - begin;
+        predict += end - entered;
+        moment_us.record(end - begin);
     }
-
-    /// Runs one pass of each, and records the predictions over frames, without and with skipping.
-    fn round(
-        &self,
-        frames: &FramePasses<'_>,
-        [whole, skipping]: [&mut Predictions; 2],
-    ) -> Result<Round, PipelineError> {
-        let events = self.over_events(frames.moments, usize::MAX)?;
-        let (frames_everything, _) = over_frames(frames, Skip::Nothing, whole)?;
-        let (frames_skipping, pass) = over_frames(frames, Skip::Exact, skipping)?;
-        let Pass { outside, evicted, .. } = pass;
-        Ok(Round { events, frames_everything, frames_skipping, outside, evicted })
-    }
-
-    /// Runs a new engine over the first events, up to the moment at which at least `most` events have entered.
-    fn over_events(&self, moments: &Moments, most: usize) -> Result<Side, PipelineError> {
-        let mut engine = Engine::new(Arc::new(self.model.network.clone()), self.input.sensor)?;
-        let mut way = Side::default();
-        for moment in moments.iter() {
-            if moment.events.start >= most {
-                break;
-            }
-            let begin = Instant::now();
-            engine.push_slice(&moments.events[moment.events]);
-            let entered = Instant::now();
-            engine.advance(moment.t_us);
-            let prediction = engine.predict().map(drop);
-            let end = Instant::now();
-            prediction?;
-            way.events += entered - begin;
-            way.predict += end - entered;
-            way.moments.record(end - begin);
-        }
-        let counters = engine.counters();
-        let work = counters.layers.iter().zip(&self.model.multiply_adds);
-        way.multiply_adds = work.map(|(layer, of_row)| layer.recomputed * of_row).sum();
-        way.predictions = counters.predictions.read;
-        way.state_bytes = u64::try_from(engine.state_bytes()).unwrap_or(u64::MAX);
-        Ok(way)
-    }
+    let counters = engine.counters();
+    let work = counters.layers.iter().zip(&model.multiply_adds);
+    Ok(SideReport {
+        predictions: counters.predictions.read,
+        multiply_adds: work.map(|(layer, of_row)| layer.recomputed * of_row).sum(),
+        state_bytes: u64::try_from(engine.state_bytes()).unwrap_or(u64::MAX),
+        moment_us,
+        ..SideReport::new(moments.stream_s(), events, None, predict)
+    })
 }
 
-/// Runs a pass over frames, and records its predictions.
+/// Runs a pass over frames, and returns its predictions too.
 fn over_frames(
     frames: &FramePasses<'_>,
     skip: Skip,
-    predictions: &mut Predictions,
-) -> Result<(Side, Pass), PipelineError> {
-    let mut times = FrameTimes::default();
-    let mut way = Side::default();
-    let pass = frames.pass(skip, u64::MAX, &mut times, |Predicted { values, work, .. }| {
+) -> Result<(SideReport, Predictions, Pass), PipelineError> {
+    let (mut times, mut moment_us) = (FrameLatencies::default(), Latency::new());
+    let mut predictions = Predictions::default();
+    let pass = frames.pass(skip, u64::MAX, &mut times, &mut |Predicted { values, work, .. }| {
         predictions.note(values);
-        way.moments.record(work);
-        Ok(())
+        moment_us.record(work);
     })?;
     let counters = pass.engine.counters();
-    way.events = times.frame.total();
-    way.push = Some(times.push.total());
-    way.predict = times.predict.total();
-    way.frames = Some(counters.frames);
-    way.predictions = counters.predictions;
-    way.multiply_adds = frames.model.multiply_adds(&counters.layers);
-    way.state_bytes = pass.engine.state_bytes() as u64;
-    Ok((way, pass))
-}
-
-impl Round {
-    /// The faster pass of each.
-    fn faster(self, other: Self) -> Self {
-        let faster = |a: Side, b: Side| if b.compute() < a.compute() { b } else { a };
-        Self {
-            events: faster(self.events, other.events),
-            frames_everything: faster(self.frames_everything, other.frames_everything),
-            frames_skipping: faster(self.frames_skipping, other.frames_skipping),
-            ..self
-        }
-    }
-
-    /// The reports, for `stream_s` seconds of stream.
-    fn report(&self, stream_s: f64) -> SidesReport {
-        SidesReport {
-            events: self.events.report(stream_s),
-            frames_everything: self.frames_everything.report(stream_s),
-            frames_skipping: self.frames_skipping.report(stream_s),
-        }
-    }
-}
-
-impl Side {
-    fn compute(&self) -> Duration {
-        self.events + self.push.unwrap_or_default() + self.predict
-    }
-
-    fn report(&self, stream_s: f64) -> SideReport {
-        let compute_s = self.compute().as_secs_f64();
-        SideReport {
-            compute_s,
-            compute_s_per_s: (stream_s > 0.0).then(|| compute_s / stream_s),
-            events_s: self.events.as_secs_f64(),
-            push_s: self.push.map(|push| push.as_secs_f64()),
-            predict_s: self.predict.as_secs_f64(),
-            frames: self.frames,
-            predictions: self.predictions,
-            multiply_adds: self.multiply_adds,
-            state_bytes: self.state_bytes,
-            moment_us: self.moments.distribution(),
-        }
-    }
+    let FrameLatencies { frame, calls } = times;
+    let [frame, push, predict] = [&frame, &calls.push, &calls.predict].map(Latency::total);
+    let side = SideReport {
+        frames: Some(counters.frames),
+        predictions: counters.predictions,
+        multiply_adds: frames.model.multiply_adds(&counters.layers),
+        state_bytes: pass.engine.state_bytes() as u64,
+        moment_us,
+        ..SideReport::new(frames.moments.stream_s(), frame, Some(push), predict)
+    };
+    Ok((side, predictions, pass))
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::latency::{Distribution, Latency, microseconds};
+use crate::latency::{Latency, microseconds};
 
 /// Smallest number of periods whose p99.9 is not simply the slowest period. A bin with fewer periods is judged together
 /// with the bins below it, so that a single interruption by the system does not determine a rate.
@@ -43,7 +43,7 @@ pub struct DeadlineReport {
     /// Total work divided by the length of all periods.
     pub load: Option<f64>,
     /// Work of a period.
-    pub work_us: Option<Distribution>,
+    pub work_us: Latency,
     /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower bins; `None` if the
     /// lowest bin already exceeds the period.
     pub sustained: Option<Sustained>,
@@ -64,7 +64,7 @@ pub struct Sustained {
 }
 
 /// A bin: periods with similar numbers of events.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct DeadlineBin {
     /// Lower limit of the number of events of a period in this bin.
@@ -78,71 +78,49 @@ pub struct DeadlineBin {
     /// Of these, periods whose work took longer than the period.
     pub missed: u64,
     /// Work of a period.
-    pub work_us: Distribution,
+    pub work_us: Latency,
     /// p99.9 of the work of this bin, together with as many lower bins as are needed for 1,000 periods.
     pub pooled_p999_us: f64,
 }
 
 /// The work of all periods.
 pub(super) struct Deadline {
-    period_us: i64,
+    report: DeadlineReport,
     /// Ends of the first and of the latest period, on the clock of the events.
     ends_us: Option<(i64, i64)>,
-    work: Latency,
-    misses: Misses,
+    /// Total excess of work over the period.
+    excess: Duration,
     /// Bins by their lower limit.
-    bins: BTreeMap<u64, Bin>,
+    bins: BTreeMap<u64, DeadlineBin>,
     /// When the work so far is done, in nanoseconds since the end of the first period.
     done_ns: i128,
     lag_max_ns: i128,
 }
 
-/// Periods whose work took longer than the period.
-#[derive(Clone, Copy, Debug, Default)]
-struct Misses {
-    count: u64,
-    excess: Duration,
-    excess_max: Duration,
-}
-
-/// Periods with about as many events.
-struct Bin {
-    /// Largest number that belongs here.
-    most: u64,
-    /// Largest number that occurred.
-    seen: u64,
-    missed: u64,
-    work: Latency,
-}
-
 impl Deadline {
     /// Starts without periods.
     pub(super) fn new(period_us: i64) -> Self {
-        Self {
-            period_us,
-            ends_us: None,
-            work: Latency::new(),
-            misses: Misses::default(),
-            bins: BTreeMap::new(),
-            done_ns: 0,
-            lag_max_ns: 0,
-        }
+        let report = DeadlineReport { period_us, ..DeadlineReport::default() };
+        let (excess, bins) = (Duration::ZERO, BTreeMap::new());
+        Self { report, ends_us: None, excess, bins, done_ns: 0, lag_max_ns: 0 }
     }
 
     /// Records the period that ends at `end_us`, in which `events` events entered or left.
     pub(super) fn record(&mut self, events: u64, end_us: i64, work: Duration) {
-        let period = Duration::from_micros(self.period_us.unsigned_abs());
-        let (least, most) = bin(events);
-        let of_bin =
-            self.bins.entry(least).or_insert_with(|| Bin { most, seen: 0, missed: 0, work: Latency::new() });
-        of_bin.seen = of_bin.seen.max(events);
-        of_bin.work.record(work);
-        self.work.record(work);
+        let report = &mut self.report;
+        let (events_least, events_most) = bin(events);
+        let new = || DeadlineBin { events_least, events_most, ..DeadlineBin::default() };
+        let bin = self.bins.entry(events_least).or_insert_with(new);
+        bin.events_seen = bin.events_seen.max(events);
+        bin.periods += 1;
+        bin.work_us.record(work);
+        report.work_us.record(work);
+        let period = Duration::from_micros(report.period_us.unsigned_abs());
         if let Some(excess) = work.checked_sub(period).filter(|excess| !excess.is_zero()) {
-            of_bin.missed += 1;
-            self.misses.count += 1;
-            self.misses.excess += excess;
-            self.misses.excess_max = self.misses.excess_max.max(excess);
+            bin.missed += 1;
+            report.missed += 1;
+            report.excess_max_us = report.excess_max_us.max(microseconds(excess));
+            self.excess += excess;
         }
         let (first_us, _) = self.ends_us.unwrap_or((end_us, end_us));
         self.ends_us = Some((first_us, end_us));
@@ -152,70 +130,37 @@ impl Deadline {
         self.lag_max_ns = self.lag_max_ns.max(self.done_ns - end_ns);
     }
 
-    /// Periods from the first to the last event, including periods without work.
-    fn periods(&self) -> u64 {
-        self.ends_us.map_or(0, |(first, last)| {
-            let periods = (i128::from(last) - i128::from(first)) / i128::from(self.period_us) + 1;
-            u64::try_from(periods).unwrap_or(u64::MAX)
-        })
-    }
-
-    /// All bins, from the fewest events to the most.
-    fn bins(&self) -> Vec<DeadlineBin> {
-        let works: Vec<&Latency> = self.bins.values().map(|bin| &bin.work).collect();
-        let report = |(index, (&least, bin)): (usize, (&u64, &Bin))| {
+    /// The report.
+    pub(super) fn report(self) -> DeadlineReport {
+        let (mut report, mut bins) = (self.report, self.bins.into_values().collect::<Vec<_>>());
+        for last in 0..bins.len() {
             let mut pooled = Latency::new();
-            for work in works[..=index].iter().rev() {
+            for bin in bins[..=last].iter().rev() {
                 if pooled.count() >= POOLED_PERIODS {
                     break;
                 }
-                pooled.add(work);
+                pooled.add(&bin.work_us);
             }
-            bin.report(least, &pooled)
-        };
-        self.bins.iter().enumerate().map(report).collect()
-    }
-
-    /// The report.
-    pub(super) fn report(&self) -> DeadlineReport {
-        let (periods, period_us) = (self.periods(), self.period_us as f64);
-        let bins = self.bins();
+            bins[last].pooled_p999_us = pooled.quantiles().expect("a bin is made for a period").p999;
+        }
+        let period_us = report.period_us as f64;
         let holds = |bin: &&DeadlineBin| bin.pooled_p999_us < period_us;
-        let sustained = bins.iter().take_while(holds).last().map(|bin| Sustained {
+        report.sustained = bins.iter().take_while(holds).last().map(|bin| Sustained {
             events_per_period: bin.events_seen,
             events_per_s: bin.events_seen as f64 / (period_us / 1e6),
         });
-        DeadlineReport {
-            period_us: self.period_us,
-            periods,
-            periods_without_work: periods - self.work.count().min(periods),
-            missed: self.misses.count,
-            excess_max_us: microseconds(self.misses.excess_max),
-            excess_mean_us: (self.misses.count > 0)
-                .then(|| microseconds(self.misses.excess) / self.misses.count as f64),
-            lag_max_us: self.lag_max_ns as f64 / 1e3,
-            load: (periods > 0).then(|| microseconds(self.work.total()) / (periods as f64 * period_us)),
-            work_us: self.work.distribution(),
-            sustained,
-            sustained_is_all_seen: bins.iter().all(|bin| holds(&bin)),
-            bins,
-        }
-    }
-}
-
-impl Bin {
-    /// The report of this bin. `pooled` is the work of this bin and lower bins.
-    fn report(&self, least: u64, pooled: &Latency) -> DeadlineBin {
-        const RECORDED: &str = "a bin is made for a period";
-        DeadlineBin {
-            events_least: least,
-            events_most: self.most,
-            events_seen: self.seen,
-            periods: self.work.count(),
-            missed: self.missed,
-            work_us: self.work.distribution().expect(RECORDED),
-            pooled_p999_us: pooled.quantiles().expect(RECORDED).p999,
-        }
+        report.sustained_is_all_seen = bins.iter().all(|bin| holds(&bin));
+        report.bins = bins;
+        report.periods = self.ends_us.map_or(0, |(first, last)| {
+            let periods = (i128::from(last) - i128::from(first)) / i128::from(report.period_us) + 1;
+            u64::try_from(periods).unwrap_or(u64::MAX)
+        });
+        report.periods_without_work = report.periods - report.work_us.count().min(report.periods);
+        report.excess_mean_us = (report.missed > 0).then(|| microseconds(self.excess) / report.missed as f64);
+        report.lag_max_us = self.lag_max_ns as f64 / 1e3;
+        let all_us = report.periods as f64 * period_us;
+        report.load = (report.periods > 0).then(|| microseconds(report.work_us.total()) / all_us);
+        report
     }
 }
 
@@ -286,6 +231,6 @@ mod tests {
     fn no_periods_have_no_figures() {
         let report = Deadline::new(1000).report();
         assert_eq!((report.periods, report.missed, report.load), (0, 0, None));
-        assert!(report.sustained.is_none() && report.work_us.is_none());
+        assert!(report.sustained.is_none() && report.work_us.count() == 0);
     }
 }

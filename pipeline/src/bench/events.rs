@@ -15,7 +15,7 @@ use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
 use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
-use crate::latency::{Distribution, Latency, clock_us, microseconds};
+use crate::latency::{Latency, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::predictor::{EventPredictor, Mode};
@@ -48,7 +48,7 @@ pub struct EventReport {
     /// Largest number of events in the window after any push.
     pub nodes_max: usize,
     /// Times of calls.
-    pub latency_us: LatencyReport,
+    pub latency_us: CallLatencies,
     /// Events divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
     /// Bursts, and the other events.
@@ -68,16 +68,16 @@ pub struct EventReport {
     pub deadline: DeadlineReport,
 }
 
-/// Durations in microseconds; `None` if nothing was measured.
-#[derive(Debug, Serialize)]
+/// Durations of calls, over any number of passes.
+#[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
-pub struct LatencyReport {
+pub struct CallLatencies {
     /// Pushes.
-    pub push: Option<Distribution>,
+    pub push: Latency,
     /// Predictions.
-    pub predict: Option<Distribution>,
-    /// The push of each event with its predictions.
-    pub push_predict: Option<Distribution>,
+    pub predict: Latency,
+    /// The push of each event or frame with its predictions.
+    pub push_predict: Latency,
 }
 
 /// Events of bursts, and the others.
@@ -97,7 +97,7 @@ pub struct PhasesReport {
 }
 
 /// Events of one phase.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct PhaseReport {
     /// Events of the phase.
@@ -105,7 +105,10 @@ pub struct PhaseReport {
     /// Rows computed over all layers; `None` without events.
     pub rows_per_event: Option<f64>,
     /// Times of calls.
-    pub latency_us: LatencyReport,
+    pub latency_us: CallLatencies,
+    /// Rows computed, over any number of passes.
+    #[serde(skip)]
+    rows: u64,
 }
 
 /// Rows and multiply-adds.
@@ -159,40 +162,22 @@ pub struct MemoryReport {
     pub peak_resident_bytes: Option<u64>,
 }
 
-/// Times of calls in one phase, over any number of passes.
-#[derive(Debug, Default)]
-#[non_exhaustive]
-pub struct PhaseLatencies {
-    /// Pushes.
-    pub push: Latency,
-    /// Predictions.
-    pub predict: Latency,
-    /// Push and predictions of each event.
-    pub push_predict: Latency,
-    /// Rows computed.
-    rows: u64,
-}
-
-/// Times of calls by phase.
-#[derive(Debug, Default)]
-#[non_exhaustive]
-pub struct Measured {
-    /// Events outside bursts.
-    pub idle: PhaseLatencies,
-    /// Events of bursts.
-    pub burst: PhaseLatencies,
+/// Measurements of any number of passes.
+#[derive(Default)]
+struct Measured {
+    idle: PhaseReport,
+    burst: PhaseReport,
     /// Largest number of events in the window after any push.
     nodes_max: usize,
 }
 
-/// Push, predict and push + predict over all phases.
-pub fn whole(measured: &Measured) -> [Latency; 3] {
-    let of: [fn(&PhaseLatencies) -> &Latency; 3] = [|l| &l.push, |l| &l.predict, |l| &l.push_predict];
-    of.map(|of| {
-        let mut sum = Latency::new();
-        [&measured.idle, &measured.burst].map(of).into_iter().for_each(|part| sum.add(part));
-        sum
-    })
+impl CallLatencies {
+    /// Adds all durations of `other`.
+    fn add(&mut self, other: &Self) {
+        self.push.add(&other.push);
+        self.predict.add(&other.predict);
+        self.push_predict.add(&other.push_predict);
+    }
 }
 
 impl<'a> EventBench<'a> {
@@ -214,7 +199,7 @@ impl<'a> EventBench<'a> {
     ///
     /// # Errors
     /// The engine refuses an option, or a result is not a number.
-    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<(EventReport, Measured), PipelineError> {
+    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport, PipelineError> {
         let Self { model, input, options, .. } = &self;
         let (events, repeat) = (&input.events, options.repeat.max(1));
         let phases = Phases::new(events, input.sensor, options.late, options.burst_rate);
@@ -238,25 +223,32 @@ impl<'a> EventBench<'a> {
             unreachable!("the predictors are incremental");
         };
         let counters = engine.counters();
-        let [push, predict, push_predict] = whole(&measured);
-        let seconds = push_predict.total().as_secs_f64();
+        let Measured { mut idle, mut burst, nodes_max } = measured;
+        let mut latency_us = CallLatencies::default();
+        for (phase, of) in [(Phase::Idle, &mut idle), (Phase::Burst, &mut burst)] {
+            of.events = phases.count(phase);
+            let measured = of.events as f64 * f64::from(repeat);
+            of.rows_per_event = (of.events > 0).then(|| of.rows as f64 / measured);
+            latency_us.add(&of.latency_us);
+        }
+        let seconds = latency_us.push_predict.total().as_secs_f64();
         let skips = Skips::new(&counters, &model.network.layers());
         let count = counters.events.pushed;
         let losses = input.losses(engine.events());
-        let report = EventReport {
+        Ok(EventReport {
             input: input.report(&counters.events, &losses, repeat),
             warmup_events: warmup as u64,
             clock_us,
             predictions: counters.predictions.read,
-            nodes_max: measured.nodes_max,
-            latency_us: LatencyReport::of(&push, &predict, &push_predict),
-            events_per_s: (seconds > 0.0).then(|| push.count() as f64 / seconds),
+            nodes_max,
+            events_per_s: (seconds > 0.0).then(|| latency_us.push.count() as f64 / seconds),
+            latency_us,
             phases: PhasesReport {
                 window_us: WINDOW_US,
                 mean_rate_events_per_s: phases.mean_rate,
                 burst_rate_events_per_s: phases.burst_rate,
-                idle: PhaseReport::new(phases.count(Phase::Idle), &measured.idle, repeat),
-                burst: PhaseReport::new(phases.count(Phase::Burst), &measured.burst, repeat),
+                idle,
+                burst,
             },
             work: Work::new(&skips, &model.multiply_adds, count, staged),
             skips,
@@ -267,8 +259,7 @@ impl<'a> EventBench<'a> {
                 peak_resident_bytes,
             },
             deadline: deadline.report(),
-        };
-        Ok((report, measured))
+        })
     }
 }
 
@@ -308,7 +299,7 @@ impl Passes<'_> {
         let mut gate = Admission::new(self.sensor, self.options.late);
         let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
         for (index, &event) in events.iter().enumerate() {
-            let latencies = match phases.of(index) {
+            let phase = match phases.of(index) {
                 Phase::Idle => &mut into.idle,
                 Phase::Burst => &mut into.burst,
             };
@@ -316,23 +307,22 @@ impl Passes<'_> {
             let (passes, filtering) = engine.admit(event);
             // Dropped events do not advance the clock.
             if passes && let Some(t_us) = schedule.arrival_us(&mut gate, event) {
-                schedule
-                    .each_due_before(t_us, |due_us| latencies.read(&mut engine, Some(due_us), &mut both))?;
+                schedule.each_due_before(t_us, |due_us| phase.read(&mut engine, Some(due_us), &mut both))?;
             }
             let start = Instant::now();
             let accepted = passes && engine.push(event) == Outcome::Accepted;
             let spent = filtering + start.elapsed();
-            latencies.push.record(spent);
+            phase.latency_us.push.record(spent);
             both += spent;
             if accepted && schedule.is_due_after_event() {
-                latencies.read(&mut engine, None, &mut both)?;
+                phase.read(&mut engine, None, &mut both)?;
             }
             if index + 1 == events.len()
                 && let Last::At(due_us) = schedule.last()
             {
-                latencies.read(&mut engine, Some(due_us), &mut both)?;
+                phase.read(&mut engine, Some(due_us), &mut both)?;
             }
-            latencies.push_predict.record(both);
+            phase.latency_us.push_predict.record(both);
             into.nodes_max = into.nodes_max.max(engine.nodes());
             self.count();
         }
@@ -384,7 +374,7 @@ fn period(
     Ok(engine.nodes())
 }
 
-impl PhaseLatencies {
+impl PhaseReport {
     /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
     fn read(
         &mut self,
@@ -399,28 +389,10 @@ impl PhaseLatencies {
         let prediction = engine.predict();
         let spent = start.elapsed();
         let prediction = prediction?;
-        self.predict.record(spent);
+        self.latency_us.predict.record(spent);
         self.rows += prediction.rows.iter().sum::<u64>();
         *both += spent;
         Ok(prediction.nodes)
-    }
-}
-
-impl LatencyReport {
-    fn of(push: &Latency, predict: &Latency, push_predict: &Latency) -> Self {
-        let [push, predict, push_predict] = [push, predict, push_predict].map(Latency::distribution);
-        Self { push, predict, push_predict }
-    }
-}
-
-impl PhaseReport {
-    fn new(events: u64, latencies: &PhaseLatencies, passes: u32) -> Self {
-        let measured = events as f64 * f64::from(passes);
-        Self {
-            events,
-            rows_per_event: (events > 0).then(|| latencies.rows as f64 / measured),
-            latency_us: LatencyReport::of(&latencies.push, &latencies.predict, &latencies.push_predict),
-        }
     }
 }
 

@@ -11,7 +11,9 @@ use meissner_engine::representations::Crop;
 use meissner_engine::{LatePolicy, Sensor};
 use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
+use serde::Serialize;
 
+use super::events::CallLatencies;
 use super::moments::{End, Moments};
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
@@ -154,14 +156,15 @@ pub(super) struct FramePasses<'a> {
     pub(super) moments: &'a Moments,
 }
 
-/// Latencies of frames, over any number of passes.
-#[derive(Debug, Default)]
-pub(super) struct FrameTimes {
+/// Durations of the parts of a frame, over any number of passes.
+#[derive(Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct FrameLatencies {
     /// Entering the events, and making the frame.
-    pub(super) frame: Latency,
-    pub(super) push: Latency,
-    pub(super) predict: Latency,
-    pub(super) push_predict: Latency,
+    pub frame: Latency,
+    /// The calls of the engine.
+    #[serde(flatten)]
+    pub calls: CallLatencies,
 }
 
 /// A prediction, and its cost.
@@ -181,19 +184,12 @@ pub(super) struct Pass {
     pub(super) evicted: u64,
 }
 
-impl FrameTimes {
-    /// The sum of all times.
-    pub(super) fn total(&self) -> Duration {
-        self.frame.total() + self.push_predict.total()
-    }
-}
-
 /// An engine, its measurements, and the start of its next frame.
-struct InProgress<'a, L> {
+struct InProgress<'a> {
     engine: FrameEngine,
     zeros: Vec<f32>,
-    into: &'a mut FrameTimes,
-    look: L,
+    into: &'a mut FrameLatencies,
+    look: &'a mut dyn FnMut(Predicted<'_>),
     /// Number of frames that are still allowed.
     left: u64,
     since: Instant,
@@ -202,16 +198,13 @@ struct InProgress<'a, L> {
 impl FramePasses<'_> {
     /// Runs a new engine over the first `frames` frames, records latencies in `into`, and passes every prediction to
     /// `look`.
-    pub(super) fn pass<L>(
+    pub(super) fn pass(
         &self,
         skip: Skip,
         frames: u64,
-        into: &mut FrameTimes,
-        look: L,
-    ) -> Result<Pass, PipelineError>
-    where
-        L: FnMut(Predicted<'_>) -> Result<(), PipelineError>,
-    {
+        into: &mut FrameLatencies,
+        look: &mut dyn FnMut(Predicted<'_>),
+    ) -> Result<Pass, PipelineError> {
         let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
         let engine = FrameEngine::with_options(self.model.model.network.clone(), options)?;
         let zeros = vec![0.0; self.model.model.network.input().values()];
@@ -229,10 +222,7 @@ impl FramePasses<'_> {
     }
 }
 
-impl<L> InProgress<'_, L>
-where
-    L: FnMut(Predicted<'_>) -> Result<(), PipelineError>,
-{
+impl InProgress<'_> {
     /// Takes the complete frames.
     fn take(&mut self, output: FeedOutput<'_>) -> Result<(), PipelineError> {
         match output {
@@ -257,12 +247,11 @@ where
         let pushed = Instant::now();
         let prediction = self.engine.predict()?;
         let end = Instant::now();
-        let frame = begin - self.since;
-        self.into.frame.record(frame);
-        self.into.push.record(pushed - begin);
-        self.into.predict.record(end - pushed);
-        self.into.push_predict.record(end - begin);
-        (self.look)(Predicted { t_us, values: prediction.values, work: end - self.since })?;
+        self.into.frame.record(begin - self.since);
+        self.into.calls.push.record(pushed - begin);
+        self.into.calls.predict.record(end - pushed);
+        self.into.calls.push_predict.record(end - begin);
+        (self.look)(Predicted { t_us, values: prediction.values, work: end - self.since });
         self.since = Instant::now();
         Ok(())
     }

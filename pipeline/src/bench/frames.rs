@@ -4,19 +4,12 @@ use meissner_engine::frames::{FrameEngine, Skip};
 use serde::Serialize;
 
 use super::deadline::{Deadline, DeadlineReport};
-use super::frame_passes::{EventFrameModel, FramePasses, FrameTimes, WARMUP_FRAMES};
+use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use super::moments::Moments;
 use crate::error::PipelineError;
-use crate::latency::{Distribution, clock_us};
+use crate::latency::clock_us;
 use crate::memory::peak_resident_bytes;
-
-/// A benchmark of a frame network over events.
-pub struct FrameBench<'a> {
-    model: &'a EventFrameModel,
-    input: BenchInput,
-    options: BenchOptions,
-}
 
 /// The report of a frame network. Counts are of one pass, except in distributions.
 #[derive(Debug, Serialize)]
@@ -46,59 +39,53 @@ pub struct FrameReport {
     pub deadline: DeadlineReport,
 }
 
-impl<'a> FrameBench<'a> {
-    /// A benchmark of `model` over `input`.
-    pub fn new(model: &'a EventFrameModel, input: BenchInput, options: BenchOptions) -> Self {
-        Self { model, input, options }
-    }
+/// Measures the frame network `model` over `input`.
+///
+/// # Errors
+/// The period differs from that of the network, there are too many frames, or the engine refuses an option.
+pub fn bench_frames(
+    model: &EventFrameModel,
+    input: &BenchInput,
+    options: &BenchOptions,
+) -> Result<FrameReport, PipelineError> {
+    let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
+    let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
+    let field = model.field(input.sensor);
+    let passes = FramePasses { model, field, moments: &moments };
 
-    /// Runs all passes, and returns the report.
-    ///
-    /// # Errors
-    /// The period differs from that of the network, there are too many frames, or the engine refuses an option.
-    pub fn run(self) -> Result<FrameReport, PipelineError> {
-        let Self { model, input, options } = self;
-        let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
-        let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
-        let field = model.field(input.sensor);
-        let passes = FramePasses { model, field, moments: &moments };
+    let clock_us = clock_us();
+    let warmup = if options.warmup == 0 { 0 } else { WARMUP_FRAMES };
+    let mut works = Deadline::new(period_us);
+    let [skipping, everything] = [Skip::Exact, Skip::Nothing].map(|skip| {
+        let mut times = FrameLatencies::default();
+        let mut last = passes.pass(skip, warmup, &mut FrameLatencies::default(), &mut |_| ())?;
+        for pass in 0..repeat {
+            let mut entered = moments.iter().map(|moment| moment.events.len() as u64);
+            let is_judged = pass == 0 && skip == Skip::Exact;
+            last = passes.pass(skip, u64::MAX, &mut times, &mut |predicted| {
+                if is_judged {
+                    works.record(entered.next().unwrap_or(0), predicted.t_us, predicted.work);
+                }
+            })?;
+        }
+        let way = FrameModeReport::new(model, &last.engine, times, repeat);
+        Ok::<_, PipelineError>((way, last))
+    });
+    let ((skipping, last), (everything, _)) = (skipping?, everything?);
 
-        let clock_us = clock_us();
-        let warmup = if options.warmup == 0 { 0 } else { WARMUP_FRAMES };
-        let mut works = Deadline::new(period_us);
-        let [skipping, everything] = [Skip::Exact, Skip::Nothing].map(|skip| {
-            let mut times = FrameTimes::default();
-            let mut last = passes.pass(skip, warmup, &mut FrameTimes::default(), |_| Ok(()))?;
-            for pass in 0..repeat {
-                let mut entered = moments.iter().map(|moment| moment.events.len() as u64);
-                let is_judged = pass == 0 && skip == Skip::Exact;
-                last = passes.pass(skip, u64::MAX, &mut times, |predicted| {
-                    if is_judged {
-                        works.record(entered.next().unwrap_or(0), predicted.t_us, predicted.work);
-                    }
-                    Ok(())
-                })?;
-            }
-            let way = FrameModeReport::new(model, &last.engine, &times, repeat);
-            Ok::<_, PipelineError>((way, last))
-        });
-        let ((skipping, last), (everything, _)) = (skipping?, everything?);
-
-        let counters = moments.counters;
-        let losses = input.losses(counters).with_outside_crop(last.outside);
-        Ok(FrameReport {
-            made: FrameInputReport::new(&input, model, field, &moments, last.outside),
-            input: input.report(&counters, &losses, repeat),
-            warmup_frames: warmup.min(moments.count() as u64),
-            clock_us,
-            evicted: last.evicted,
-            frames: moments.count() as u64,
-            skipping,
-            everything,
-            peak_resident_bytes: peak_resident_bytes(),
-            deadline: works.report(),
-        })
-    }
+    let losses = input.losses(moments.counters).with_outside_crop(last.outside);
+    Ok(FrameReport {
+        made: FrameInputReport::new(input, model, field, &moments, last.outside),
+        input: input.report(&moments.counters, &losses, repeat),
+        warmup_frames: warmup.min(moments.count() as u64),
+        clock_us,
+        evicted: last.evicted,
+        frames: moments.count() as u64,
+        skipping,
+        everything,
+        peak_resident_bytes: peak_resident_bytes(),
+        deadline: works.report(),
+    })
 }
 
 /// Passes with skipping, or passes without.
@@ -106,7 +93,7 @@ impl<'a> FrameBench<'a> {
 #[non_exhaustive]
 pub struct FrameModeReport {
     /// Times of a frame.
-    pub latency_us: FrameLatencyReport,
+    pub latency_us: FrameLatencies,
     /// Seconds of compute for the whole stream, as the mean over the passes.
     pub compute_s: f64,
     /// Frames divided by that time.
@@ -119,20 +106,6 @@ pub struct FrameModeReport {
     pub multiply_adds_per_s: Option<f64>,
     /// Bytes of activations and state.
     pub state_bytes: u64,
-}
-
-/// Durations in microseconds; `None` if nothing was measured.
-#[derive(Debug, Serialize)]
-#[non_exhaustive]
-pub struct FrameLatencyReport {
-    /// Entering the events, and making the frame.
-    pub frame: Option<Distribution>,
-    /// Pushes.
-    pub push: Option<Distribution>,
-    /// Predictions.
-    pub predict: Option<Distribution>,
-    /// Pushes and predictions together.
-    pub push_predict: Option<Distribution>,
 }
 
 /// Pixels of a layer; a layer over vectors has one.
@@ -155,9 +128,10 @@ pub struct PixelReport {
 
 impl FrameModeReport {
     /// The report of `passes` passes. The counters are those of `engine`, from the last pass.
-    fn new(model: &EventFrameModel, engine: &FrameEngine, latencies: &FrameTimes, passes: u32) -> Self {
+    fn new(model: &EventFrameModel, engine: &FrameEngine, latency_us: FrameLatencies, passes: u32) -> Self {
         let counters = engine.counters();
-        let compute_s = latencies.total().as_secs_f64() / f64::from(passes);
+        let compute = latency_us.frame.total() + latency_us.calls.push_predict.total();
+        let compute_s = compute.as_secs_f64() / f64::from(passes);
         let over = |amount: u64| (compute_s > 0.0).then(|| amount as f64 / compute_s);
         let layers = model.costs.iter().zip(&counters.layers).map(|(cost, layer)| PixelReport {
             name: cost.name.clone(),
@@ -168,14 +142,8 @@ impl FrameModeReport {
             multiply_adds: cost.of(layer),
         });
         let multiply_adds = model.multiply_adds(&counters.layers);
-        let FrameTimes { frame, push, predict, push_predict } = latencies;
         Self {
-            latency_us: FrameLatencyReport {
-                frame: frame.distribution(),
-                push: push.distribution(),
-                predict: predict.distribution(),
-                push_predict: push_predict.distribution(),
-            },
+            latency_us,
             compute_s,
             frames_per_s: over(counters.frames),
             layers: layers.collect(),

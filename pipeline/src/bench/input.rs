@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use meissner_engine::{Event, EventCounters, LatePolicy, Options, Sensor};
-use meissner_io::Format;
 use serde::Serialize;
 
 use super::frame_passes::{EventFrameModel, Field};
@@ -127,10 +126,6 @@ impl BenchInput {
     pub(super) fn report(&self, counters: &EventCounters, losses: &InputLosses, passes: u32) -> InputReport {
         InputReport {
             header: self.header.clone(),
-            recording: self.source.name.clone(),
-            format: self.source.format,
-            recorded: self.source.recorded(),
-            sensor: self.sensor,
             part: self.part,
             card: self.card.clone(),
             isa: Options::default().isa.name(),
@@ -150,18 +145,6 @@ impl BenchInput {
 pub struct InputReport {
     /// Network, weights and input.
     pub header: Header,
-    /// Name of the recording.
-    #[serde(skip)]
-    pub recording: String,
-    /// Its format.
-    #[serde(skip)]
-    pub format: Format,
-    /// Number of events in the whole recording, if it is known.
-    #[serde(skip)]
-    pub recorded: Option<u64>,
-    /// The sensor.
-    #[serde(skip)]
-    pub sensor: Sensor,
     /// The measured part.
     #[serde(skip)]
     pub part: Part,
