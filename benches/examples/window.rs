@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
 use meissner_benches::{Result, answers, networks, timing};
-use meissner_engine::{Candidates, Engine, EngineError, Network, Stream, Trace};
+use meissner_engine::{Batch, Candidates, EngineError, Network, Stream, Trace};
 use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Tensor, Weights};
 use serde_json::json;
@@ -33,7 +33,7 @@ fn main() -> Result<()> {
     let graph = networks::grid_batch(&networks::graph_only(K, Candidates::All), window.sensor);
     let stream = Stream::new(&window.events);
     let trace = batch.forward(stream)?;
-    check(&network, &window, &trace)?;
+    check(&network, &window, &batch, &trace)?;
     if let Some(path) = export {
         std::fs::write(path, safetensors(&window, &network, &trace, &weights)?)?;
     }
@@ -56,18 +56,17 @@ fn main() -> Result<()> {
 }
 
 /// The graph is a k-d tree's, the layers alone are the whole pass's, and the engine agrees.
-fn check(network: &Arc<Network>, window: &Recording, trace: &Trace) -> Result<()> {
-    let edges = &trace.levels[0].edges;
-    for (row, expected) in answers::tree_neighbourhoods(window, K).iter().enumerate() {
-        assert!(edges.row(row).iter().map(|n| n.row).eq(expected.iter().copied()), "neighbours of {row}");
+fn check(network: &Arc<Network>, window: &Recording, batch: &Batch, trace: &Trace) -> Result<()> {
+    let tree = batch.clone().with_search(networks::TREE).forward(Stream::new(&window.events))?;
+    let neighbours = |trace: &Trace, row| trace.levels[0].edges.row(row).to_vec();
+    for row in 0..WINDOW {
+        assert_eq!(neighbours(trace, row), neighbours(&tree, row), "neighbours of {row}");
     }
     let features = event_layers(network, trace);
     for (alone, whole) in features.iter().zip(&trace.levels[0].features) {
         assert_eq!(alone.lanes(), whole.lanes(), "a layer alone");
     }
-    let mut engine = Engine::new(network.clone(), window.sensor)?;
-    engine.push_slice(&window.events);
-    answers::engine_equals_batch(&mut engine, &window.events);
+    answers::checked_engine(network, window.sensor, &window.events);
     Ok(())
 }
 

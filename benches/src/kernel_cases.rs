@@ -6,11 +6,11 @@ use meissner_kernels::{
     Activation, Dense, GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch, naive,
 };
 
-use crate::answers::bits;
 use crate::cost::{self, Cost};
 use crate::networks;
 use crate::streams::Recording;
 use meissner_models::random::Random;
+use meissner_verify::bits;
 
 /// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.
 const MOST_ROWS: usize = 1_024;

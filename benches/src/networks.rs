@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use meissner_engine::{
-    Batch, Block, Candidates, ConvolutionScratch, DenseLayer, Fraction, GraphRule, Level, LevelTrace,
-    Network, NetworkParts, Normalisation, Pooling, Position, Reach, Readout, Search, Sensor,
+    Batch, Candidates, ConvolutionScratch, GraphRule, Level, LevelTrace, Network, Reach, Search, Sensor,
 };
-use meissner_kernels::{Activation, Dense, Isa, Matrix, SplineConv, SplineParts};
-use meissner_models::random::Random;
+use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Description, Weights};
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
 use crate::streams::{SPAN_US, shared};
 
@@ -44,6 +43,9 @@ pub fn grid_batch(network: &Arc<Network>, sensor: Sensor) -> Batch {
     Batch::new(network.clone(), sensor).expect("the sensor has pixels").with_search(Search::Grid)
 }
 
+/// The search with a k-d tree, which shares nothing with the engine's. Its neighbours are in the same exact order.
+pub const TREE: Search = Search::Proposed(meissner_reference::from_tree);
+
 /// The features that the blocks of `level` write over the graph of `trace`, after the one that enters the level.
 ///
 /// `adjust` may change each feature after it is computed, and is told its block.
@@ -78,7 +80,7 @@ pub fn with_weights(name: &str, weights: &Weights) -> Arc<Network> {
 
 /// The event graph alone: polarities go straight to one cell and one output.
 pub fn graph_only(k: usize, candidates: Candidates) -> Arc<Network> {
-    build("graph", k, candidates, Vec::new(), Vec::new(), [1, 1])
+    build(k, candidates, [1, 1], Vec::new(), false)
 }
 
 /// The stages after the event level: a pooling with the published cells (where `pooled`), and a readout of 4 x 4 cells,
@@ -86,60 +88,34 @@ pub fn graph_only(k: usize, candidates: Candidates) -> Arc<Network> {
 ///
 /// A block with a single neighbour computes the channels. Their values differ from event to event; otherwise each event
 /// that expires would be a maximum. A single channel is the polarity and needs no block; nearly all its values are maxima.
-///
-/// # Panics
-/// Never: the parts fit.
 pub fn pooling_only(channels: usize, pooled: bool, candidates: Candidates) -> Arc<Network> {
-    let mut blocks = Vec::new();
-    if channels > 1 {
-        let weight = Random::new(7).values(8 * channels, 1.0);
-        let parts = SplineParts {
-            inputs: 1,
-            outputs: channels,
-            kernel: [2, 2, 2],
-            root: Some(Random::new(8).values(channels, 1.0)),
-            weight,
-            ..SplineParts::default()
-        };
-        let conv = SplineConv::new(&parts).expect("sizes fit").into();
-        blocks.push(Block { name: "spread".to_owned(), input: 0, skip: None, conv });
-    }
-    let fraction = |n, d| Fraction::new(n, d).expect("a positive fraction");
-    let pooling = Pooling {
-        name: "pool".to_owned(),
-        from: blocks.len(),
-        cell: [fraction(16, 346), fraction(12, 260)],
-        time: None,
-        position: Position::Mean,
-    };
-    let above = pooled.then(|| (pooling, Level { scale: 0.4, blocks: Vec::new() }));
-    build("pooling", 1, candidates, blocks, above.into_iter().collect(), [4, 4])
+    let extras = [true, false, false, false];
+    let conv = ConvolutionShape::Spline([2; 3]);
+    let block = (channels > 1).then_some(BlockShape { channels, conv, input: 0, skip: None, extras });
+    build(1, candidates, [4, 4], block.into_iter().collect(), pooled)
 }
 
 fn build(
-    name: &str,
     k: usize,
     candidates: Candidates,
-    blocks: Vec<Block>,
-    pooled: Vec<(Pooling, Level)>,
     grid: [usize; 2],
+    blocks: Vec<BlockShape>,
+    pooled: bool,
 ) -> Arc<Network> {
-    let channels = blocks.last().map_or(1, |block| block.conv.outputs());
-    let from = if pooled.is_empty() { blocks.len() } else { 0 };
-    let cells = grid[0] * grid[1];
-    let weight = Random::new(9).values(cells * channels, 0.1);
-    let dense = Dense::new(cells, channels, 1, &weight, None, Activation::Identity).expect("sizes fit");
-    let parts = NetworkParts {
-        name: name.to_owned(),
+    let from = blocks.len();
+    let cell = [(16, 346), (12, 260)];
+    let pool = pooled.then_some(PoolShape { from, cell, time: None, mean: true, blocks: Vec::new() });
+    let shape = NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k }, candidates },
         span_us: SPAN_US,
         capacity: 32_768,
-        graph: GraphRule { reach: Reach::Knn { k }, candidates },
-        normalisation: Normalisation::Fixed,
-        events: Level { scale: 0.5, blocks },
-        pooled,
-        readout: Readout { from, columns: grid[0], rows: grid[1], by_time: false },
-        dense: vec![DenseLayer { name: "out".to_owned(), dense }],
+        blocks,
+        pooled: pool.into_iter().collect(),
+        from: if pooled { 0 } else { from },
+        grid,
+        dense: vec![1],
         head: None,
+        seed: 7,
     };
-    Arc::new(Network::new(parts).expect("the parts fit"))
+    Arc::new(shape.build())
 }

@@ -7,6 +7,7 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Throughput};
 use meissner_engine::{Engine, Event, Network};
 
+use crate::answers::checked_engine;
 use crate::cost::Cost;
 use crate::peak::Peak;
 use crate::streams::{Recording, SPAN_US};
@@ -61,19 +62,17 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    /// Rounds of the events of `window`, an engine with a full window of them, and the events that it took.
+    /// Rounds of the events of `window`, and a [checked](checked_engine) engine with a full window of them.
     ///
     /// # Panics
-    /// If there are no events, they last longer than the span, or no engine can run `network`.
-    pub fn full(network: Arc<Network>, window: &Recording) -> (Self, Engine, Vec<Event>) {
+    /// If there are no events, they last longer than the span, no engine can run `network`, or the check fails.
+    pub fn full(network: &Arc<Network>, window: &Recording) -> (Self, Engine) {
         let events = window.events.clone();
         let duration = events[events.len() - 1].t_us - events[0].t_us;
         assert!(duration <= SPAN_US, "a round of {duration} us does not fit the span");
         let mut rounds = Self { events, next: 0, offset_us: 0 };
         let pushed: Vec<Event> = (0..rounds.events.len() + 50).map(|_| rounds.event()).collect();
-        let mut engine = Engine::new(network, window.sensor).expect("an engine");
-        engine.push_slice(&pushed);
-        (rounds, engine, pushed)
+        (rounds, checked_engine(network, window.sensor, &pushed))
     }
 
     /// The next event.

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use meissner_benches::peak::Peak;
 use meissner_benches::{answers, cost, networks, streams, suite};
-use meissner_engine::{Engine, Stream};
+use meissner_engine::Stream;
 use meissner_kernels::Isa;
 
 fn batch(criterion: &mut Criterion) {
@@ -16,9 +16,7 @@ fn batch(criterion: &mut Criterion) {
     group.sample_size(20);
     for name in networks::INCREMENTAL {
         let network = networks::shipped(name);
-        let mut engine = Engine::new(network.clone(), window.sensor).expect("an engine");
-        engine.push_slice(&window.events);
-        answers::engine_equals_batch(&mut engine, &window.events);
+        answers::checked_engine(&network, window.sensor, &window.events);
         let batch = networks::grid_batch(&network, window.sensor);
         let cost = cost::forward(&network, &batch.forward(stream).expect("finite"));
         // Neighbour search is in the time and not in the operations.

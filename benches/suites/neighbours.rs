@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use meissner_benches::{answers, networks, streams};
+use meissner_benches::{networks, streams};
 use meissner_engine::{Batch, Candidates, Lifetime, Search, Stream};
 
 fn neighbours(criterion: &mut Criterion) {
@@ -17,19 +17,17 @@ fn neighbours(criterion: &mut Criterion) {
         (0..edges.rows()).map(|row| edges.row(row).iter().map(|n| n.row).collect()).collect()
     };
     let all = batch(16, Candidates::All);
-    assert_eq!(lists(&all), answers::tree_neighbourhoods(&window, 16), "grid and tree differ");
+    let tree = all.clone().with_search(networks::TREE);
+    assert_eq!(lists(&all), lists(&tree), "grid and tree differ");
     let past = batch(8, Candidates::Past(Lifetime::Frozen));
-    assert_eq!(
-        lists(&past),
-        lists(&past.clone().with_search(Search::Exhaustive)),
-        "grid and all pairs differ"
-    );
+    let pairs = past.clone().with_search(Search::Exhaustive);
+    assert_eq!(lists(&past), lists(&pairs), "grid and all pairs differ");
 
     let mut group = criterion.benchmark_group("neighbour search, a window");
     group.sample_size(20).throughput(Throughput::Elements(window.events.len() as u64));
     group.bench_function("grid, 16 of all, with attributes", |b| b.iter(|| black_box(all.forward(stream))));
-    group.bench_function("k-d tree, 16 of all", |b| {
-        b.iter(|| black_box(answers::tree_neighbourhoods(&window, 16)));
+    group.bench_function("k-d tree, 16 of all, with attributes", |b| {
+        b.iter(|| black_box(tree.forward(stream)));
     });
     group.bench_function("grid, 8 of the past, with attributes", |b| {
         b.iter(|| black_box(past.forward(stream)));
