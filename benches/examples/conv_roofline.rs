@@ -36,7 +36,7 @@ fn main() {
         "layers",
         &COLUMNS,
         note,
-        |peak| json!({ "layers": SHAPES.iter().map(|shape| measure(peak, &shape.case())).collect::<Vec<_>>() }),
+        |peak| json!({ "layers": SHAPES.map(|shape| measure(peak, &Case::new(shape))).to_vec() }),
     );
 }
 

@@ -15,8 +15,8 @@ fn main() {
     let isa = Isa::best();
     let peak = Peak::measure(isa);
     println!("{}, one thread, peak {:.1} GFLOP/s", isa.name(), peak.gflops);
-    for shape in SHAPES.iter().filter(|shape| shape.inputs == [64] || shape.inputs == [128]) {
-        let case = shape.case();
+    for shape in SHAPES.into_iter().filter(|(_, inputs, ..)| *inputs == [64] || *inputs == [128]) {
+        let case = Case::new(shape);
         let flops = 2.0 * case.multiply_adds() as f64;
         let own = case.direct_ns(isa, &mut case.out());
         let (gather, product) = by_crate(&case);

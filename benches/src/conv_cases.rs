@@ -11,54 +11,32 @@ use crate::timing::median_ns;
 /// Shortest batch of calls that is timed.
 pub const SHORTEST: Duration = Duration::from_millis(10);
 
-/// A layer's sizes.
-#[derive(Clone, Copy, Debug)]
-pub struct Shape {
-    /// Network.
-    pub network: &'static str,
-    /// Channels of each input map.
-    pub inputs: &'static [usize],
-    /// Output channels.
-    pub outputs: usize,
-    /// Rows.
-    pub height: usize,
-    /// Pixels in a row.
-    pub width: usize,
-}
-
-const fn shape(
-    network: &'static str,
-    inputs: &'static [usize],
-    outputs: usize,
-    height: usize,
-    width: usize,
-) -> Shape {
-    Shape { network, inputs, outputs, height, width }
-}
+/// A layer: network, channels of each input map, output channels, rows, pixels in a row.
+pub type Shape = (&'static str, &'static [usize], usize, usize, usize);
 
 /// The layers.
 pub const SHAPES: [Shape; 19] = [
-    shape("canf", &[3], 32, 240, 320),
-    shape("canf", &[32], 32, 240, 320),
-    shape("canf", &[32], 64, 120, 160),
-    shape("canf", &[64], 64, 120, 160),
-    shape("canf", &[64], 128, 60, 80),
-    shape("canf", &[128], 128, 60, 80),
-    shape("canf", &[128], 256, 30, 40),
-    shape("canf", &[256], 256, 30, 40),
+    ("canf", &[3], 32, 240, 320),
+    ("canf", &[32], 32, 240, 320),
+    ("canf", &[32], 64, 120, 160),
+    ("canf", &[64], 64, 120, 160),
+    ("canf", &[64], 128, 60, 80),
+    ("canf", &[128], 128, 60, 80),
+    ("canf", &[128], 256, 30, 40),
+    ("canf", &[256], 256, 30, 40),
     // The decoder reads a concatenation.
-    shape("canf up", &[128, 128], 128, 60, 80),
-    shape("canf up", &[64, 64], 64, 120, 160),
-    shape("canf up", &[32, 32], 32, 240, 320),
-    shape("event-frame-cnn", &[1], 32, 260, 346),
-    shape("event-frame-cnn", &[32], 32, 130, 173),
-    shape("event-frame-cnn", &[32], 128, 65, 86),
-    shape("event-frame-cnn", &[128], 128, 32, 43),
-    shape("event-frame-cnn", &[128], 256, 16, 21),
+    ("canf up", &[128, 128], 128, 60, 80),
+    ("canf up", &[64, 64], 64, 120, 160),
+    ("canf up", &[32, 32], 32, 240, 320),
+    ("event-frame-cnn", &[1], 32, 260, 346),
+    ("event-frame-cnn", &[32], 32, 130, 173),
+    ("event-frame-cnn", &[32], 128, 65, 86),
+    ("event-frame-cnn", &[128], 128, 32, 43),
+    ("event-frame-cnn", &[128], 256, 16, 21),
     // Of a convolutional LSTM: input and state.
-    shape("slip", &[32, 32], 128, 12, 11),
-    shape("slip", &[64], 128, 12, 11),
-    shape("slip", &[1, 32], 128, 12, 11),
+    ("slip", &[32, 32], 128, 12, 11),
+    ("slip", &[64], 128, 12, 11),
+    ("slip", &[1, 32], 128, 12, 11),
 ];
 
 /// A layer's parameters and inputs.
@@ -72,13 +50,12 @@ pub struct Case {
     pub inputs: Vec<FeatureMap>,
 }
 
-impl Shape {
-    /// Numbers for these sizes.
+impl Case {
+    /// Numbers for the sizes of a layer.
     ///
     /// # Panics
     /// If the sizes make no map.
-    pub fn case(&self) -> Case {
-        let Self { network, inputs, outputs, height, width } = *self;
+    pub fn new((network, inputs, outputs, height, width): Shape) -> Self {
         let mut random = Random::new((height * outputs) as u64);
         let channels: usize = inputs.iter().sum();
         let parts = ConvParts {
@@ -95,11 +72,9 @@ impl Shape {
         };
         let from: Vec<String> = inputs.iter().map(ToString::to_string).collect();
         let name = format!("{network} {}->{outputs} {height}x{width}", from.join("+"));
-        Case { name, parts, inputs: inputs.iter().map(&mut map).collect() }
+        Self { name, parts, inputs: inputs.iter().map(&mut map).collect() }
     }
-}
 
-impl Case {
     /// A map for the outputs.
     ///
     /// # Panics
