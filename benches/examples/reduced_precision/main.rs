@@ -26,8 +26,6 @@
 )]
 
 #[cfg(target_arch = "x86_64")]
-mod format;
-#[cfg(target_arch = "x86_64")]
 mod problem;
 #[cfg(target_arch = "x86_64")]
 mod rows;
