@@ -6,6 +6,11 @@ use meissner_engine::{Engine, EngineError, Event, Sensor};
 use meissner_models::{Description, Weights};
 
 use crate::target::Verdict;
+use torch::{Deviation, archive};
+
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../models/tests/support/torch.rs"]
+mod torch;
 
 /// The network that is offered all weights that can be read.
 pub const NETWORK: &str = r#"
@@ -73,7 +78,7 @@ pub(crate) fn weights(bytes: &[u8]) -> Verdict {
 /// # Panics
 /// If a promise is broken.
 pub(crate) fn pickle(bytes: &[u8]) -> Verdict {
-    weights(&archive(&[("a/data.pkl", bytes), ("a/data/0", &[0; 64])]))
+    weights(&archive(&[("data.pkl", bytes), ("data/0", &[0; 64])], Deviation::default()))
 }
 
 /// Either the network refuses the weights by name, or it predicts what the engine can tell from NaN.
@@ -93,42 +98,4 @@ fn run(weights: &Weights) {
         Ok(prediction) => assert!(prediction.values.iter().all(|value| !value.is_nan())),
         Err(error) => assert!(matches!(error, EngineError::NotANumber { .. }), "{error}"),
     }
-}
-
-/// A zip archive of stored `entries`, a name and a content each, with right checksums, so that readers reach the contents.
-fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
-    let (mut bytes, mut directory) = (Vec::new(), Vec::new());
-    for (name, content) in entries {
-        let at = bytes.len() as u32;
-        let length = content.len() as u32;
-        // Version, flags, method, time, date, checksum, sizes, lengths of name and extra field.
-        let mut common = vec![0; 10];
-        common.extend(crc32(content).to_le_bytes());
-        common.extend([length, length].iter().flat_map(|size| size.to_le_bytes()));
-        common.extend((name.len() as u16).to_le_bytes());
-        common.extend([0; 2]);
-        bytes.extend(b"PK\x03\x04");
-        bytes.extend(&common);
-        bytes.extend(name.as_bytes());
-        bytes.extend(*content);
-        directory.extend(b"PK\x01\x02\0\0");
-        directory.extend(&common);
-        directory.extend([0; 10]);
-        directory.extend(at.to_le_bytes());
-        directory.extend(name.as_bytes());
-    }
-    let (start, size, count) = (bytes.len() as u32, directory.len() as u32, entries.len() as u16);
-    bytes.extend(directory);
-    bytes.extend(b"PK\x05\x06\0\0\0\0");
-    bytes.extend([count, count].iter().flat_map(|count| count.to_le_bytes()));
-    bytes.extend([size, start].iter().flat_map(|word| word.to_le_bytes()));
-    bytes.extend([0; 2]);
-    bytes
-}
-
-/// CRC-32 as zip has it (reflected polynomial 0xedb88320).
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, &byte| {
-        (0..8).fold(crc ^ u32::from(byte), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
-    })
 }
