@@ -128,9 +128,9 @@ pub use problem::{DescriptionError, Problem, ProblemKind};
 
 pub(crate) use tensors::{Needed, Role};
 
-use document::{Document, EVENT_NETWORK, FRAME_NETWORK, INPUT};
+use document::{EVENT_NETWORK, FRAME_NETWORK, INPUT};
 use frames::FrameLayer;
-use problem::Problems;
+use table::Table;
 
 /// A checked network description.
 ///
@@ -159,14 +159,14 @@ pub struct Description {
 }
 
 impl Description {
-    /// Checks a parsed file.
-    fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
-        if let Some(line) = document.line_of(INPUT) {
-            let (expected, found) = (EVENT_NETWORK, FRAME_NETWORK);
-            problems.add(line, None, ProblemKind::Family { expected, found });
+    /// Checks the file whose table is `root`.
+    fn check(mut root: Table<'_, '_>) -> Option<Self> {
+        if let Some(line) = root.line_of(INPUT) {
+            root.report(line, ProblemKind::Family { expected: EVENT_NETWORK, found: FRAME_NETWORK });
             return None;
         }
-        let file = file::read(document, problems);
+        let file = file::read(&mut root);
+        let problems = root.finish();
         if file.layers.is_empty() && !problems.0.is_empty() {
             return None;
         }
@@ -176,18 +176,7 @@ impl Description {
         let of_layers = layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors()));
         let of_head = head.iter().map(|layer| (&*layer.name, layer.line, layer.tensors()));
         tensors::report_shared(of_layers.chain(of_head), problems);
-        Some(Self {
-            name: file.name,
-            span_us: file.span_us,
-            capacity: file.capacity,
-            normalisation: file.normalisation,
-            graph: file.graph?,
-            scale: file.scale?,
-            layers,
-            head,
-            outputs: file.outputs?.value,
-            unit: file.unit,
-        })
+        Some(Self { layers, head, outputs: file.outputs?.value, ..file.network })
     }
 
     /// Name, for reports.

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::Description;
-use super::document::{Document, INPUT, LOGIT, checked, text};
+use super::document::{INPUT, LOGIT, checked, text};
 use super::frames::FrameDescription;
-use super::problem::{DescriptionError, Problems};
+use super::problem::DescriptionError;
+use super::table::Table;
 use super::tensors::{Needed, unused};
 use crate::error::ModelError;
 use crate::weights::Weights;
@@ -30,10 +31,10 @@ macro_rules! either {
 }
 
 impl AnyDescription {
-    fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
-        match document.line_of(INPUT) {
-            Some(_) => FrameDescription::check(document, problems).map(Self::Frames),
-            None => Description::check(document, problems).map(Self::Events),
+    fn check(root: Table<'_, '_>) -> Option<Self> {
+        match root.line_of(INPUT) {
+            Some(_) => FrameDescription::check(root).map(Self::Frames),
+            None => Description::check(root).map(Self::Events),
         }
     }
 

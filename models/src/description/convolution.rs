@@ -30,6 +30,7 @@ use meissner_kernels::{
 use serde::Serialize;
 use toml::de::DeValue;
 
+use super::problem::ProblemKind;
 use super::table::{Table, integer};
 use super::tensors::{LARGEST_TENSOR, Listing, Needed, Tensors};
 
@@ -53,12 +54,11 @@ pub enum ConvolutionKind {
     PointNet,
 }
 
-/// Reads the keys that only one convolution has; `None` where one of them was reported.
-type Keys = fn(&mut Table<'_, '_>) -> Option<ConvolutionKind>;
+/// Reads the keys that only one convolution has; a key that was reported has a substitute.
+pub(super) type Keys = fn(&mut Table<'_, '_>) -> ConvolutionKind;
 
 /// The words of `conv`, with what reads the keys of each.
-pub(super) const KINDS: [(&str, Keys); 2] =
-    [(SPLINE, spline), ("pointnet", |_| Some(ConvolutionKind::PointNet))];
+pub(super) const KINDS: [(&str, Keys); 2] = [(SPLINE, spline), ("pointnet", |_| ConvolutionKind::PointNet)];
 
 /// The convolution that is also a kind of layer.
 pub(super) const SPLINE: &str = "spline";
@@ -66,12 +66,13 @@ pub(super) const SPLINE: &str = "spline";
 /// What the kernels accept.
 const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
 
-pub(super) fn spline(table: &mut Table<'_, '_>) -> Option<ConvolutionKind> {
+pub(super) fn spline(table: &mut Table<'_, '_>) -> ConvolutionKind {
     let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
     let kernel = table.required("kernel", expected, kernel);
     let (root, bias) = (table.boolean("root", false), table.boolean("bias", false));
     let elu = table.boolean("elu", true);
-    kernel.map(|kernel| ConvolutionKind::Spline { kernel: kernel.value, root, bias, elu })
+    let kernel = kernel.map_or([1; 3], |given| given.value);
+    ConvolutionKind::Spline { kernel, root, bias, elu }
 }
 
 fn kernel(value: &DeValue<'_>) -> Option<[usize; 3]> {
@@ -87,13 +88,6 @@ fn kernel(value: &DeValue<'_>) -> Option<[usize; 3]> {
         }
         _ => size(value).map(|k| [k; 3]),
     }
-}
-
-/// A size that is too large: the key that sets it, the admissible sizes, and the one that was found.
-pub(super) struct TooLarge {
-    pub(super) key: &'static str,
-    pub(super) expected: String,
-    pub(super) found: String,
 }
 
 impl ConvolutionKind {
@@ -119,28 +113,23 @@ impl ConvolutionKind {
         }
     }
 
-    /// What is too large about it from `inputs` to `outputs` channels.
-    pub(super) fn too_large(&self, inputs: usize, outputs: usize) -> Option<TooLarge> {
-        match self {
+    /// The problem of sizes that are too large from `inputs` to `outputs` channels.
+    pub(super) fn too_large(&self, inputs: usize, outputs: usize) -> Option<ProblemKind> {
+        let (fits, key, expected, found) = match self {
             Self::Spline { kernel, .. } => {
-                let slots: usize = kernel.iter().product();
-                let fits =
-                    slots * inputs <= SplineConv::LARGEST_SUMS && slots * inputs * outputs <= LARGEST_TENSOR;
-                (!fits).then(|| TooLarge {
-                    key: "kernel",
-                    expected: format!(
-                        "at most {} kernel slots times input channels, and {LARGEST_TENSOR} weights",
-                        SplineConv::LARGEST_SUMS
-                    ),
-                    found: format!("{slots} slots of {inputs} x {outputs} channels"),
-                })
+                let (slots, sums) = (kernel.iter().product::<usize>(), SplineConv::LARGEST_SUMS);
+                let fits = slots * inputs <= sums && slots * inputs * outputs <= LARGEST_TENSOR;
+                let expected =
+                    format!("at most {sums} kernel slots times input channels, and {LARGEST_TENSOR} weights");
+                (fits, "kernel", expected, format!("{slots} slots of {inputs} x {outputs} channels"))
             }
-            Self::PointNet => ((inputs + 3) * outputs > LARGEST_TENSOR).then(|| TooLarge {
-                key: "channels",
-                expected: format!("at most {LARGEST_TENSOR} weights"),
-                found: format!("{} x {outputs}", inputs + 3),
-            }),
-        }
+            Self::PointNet => {
+                let (fits, found) =
+                    ((inputs + 3) * outputs <= LARGEST_TENSOR, format!("{} x {outputs}", inputs + 3));
+                (fits, "channels", format!("at most {LARGEST_TENSOR} weights"), found)
+            }
+        };
+        (!fits).then(|| ProblemKind::value(key, expected, found))
     }
 
     /// Multiply-adds of one row with `in_edges` in-edges.

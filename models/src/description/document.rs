@@ -1,16 +1,15 @@
-//! The parts of a description file that every kind of network has: TOML, tables, names, the list of layers.
+//! The parts of a description file that every kind of network has: its text, its layers, its outputs.
 //!
-//! Enters: a file or its text. Leaves: a [`Document`], whose tables are read key by key.
+//! Enters: a file or its text. Leaves: [`FileLayer`]s and outputs, as they are written; references are not resolved.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::problem::{DescriptionError, ProblemKind, Problems};
-use super::table::{Given, Lines, Table, shown};
+use super::table::{self, Given, Lines, NAME, Table, name};
 use crate::bounded;
 use crate::error::ModelError;
 
@@ -27,28 +26,41 @@ pub(super) const LOGIT: &str = "logit";
 
 /// Most layers of a network; it bounds drawings and searches.
 const MOST_LAYERS: usize = 1024;
-/// Longest name of a network, a layer or an output.
-const LONGEST_NAME: usize = 80;
 /// The tables of layers.
 pub(super) const LAYER: &str = "layer";
-/// The values that [`name`] accepts.
-pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
+/// The tables of a frame network that reads the readout.
+pub(super) const HEAD: &str = "head";
 
-/// A parsed file.
-pub(super) struct Document<'i> {
-    root: Spanned<DeTable<'i>>,
-    pub(super) lines: Lines,
-}
-
-/// A table that starts on `line`.
-#[derive(Clone, Copy)]
-pub(super) struct Entries<'d, 'i> {
-    entries: &'d DeTable<'i>,
-    line: usize,
-}
-
-/// The `[output]` table.
+/// A table `[[layer]]` or `[[head]]`, with the keys of its kind.
 #[derive(Debug)]
+pub(super) struct FileLayer<K> {
+    pub(super) name: String,
+    pub(super) line: usize,
+    /// Its input; `None` is the layer before it.
+    pub(super) from: Option<Given<String>>,
+    /// Its second input: what a skip adds, or what a concatenation joins.
+    pub(super) second: Option<Given<String>>,
+    /// Prefix of its tensors.
+    pub(super) weights: String,
+    /// Its computation; `None` where a problem of it was reported.
+    pub(super) kind: Option<K>,
+}
+
+impl<K> FileLayer<K> {
+    /// Reads the prefix of the tensors; its default is the name.
+    pub(super) fn read_weights(&mut self, table: &mut Table<'_, '_>) {
+        let given = table.text("weights", "the prefix of the layer's tensor names");
+        self.weights = given.unwrap_or_else(|| self.name.clone());
+    }
+
+    /// The line that names its input.
+    pub(super) fn reading_line(&self) -> usize {
+        self.from.as_ref().map_or(self.line, |given| given.line)
+    }
+}
+
+/// The names of the predicted values, and their unit.
+#[derive(Debug, Default)]
 pub(super) struct Output {
     pub(super) names: Option<Given<Vec<String>>>,
     pub(super) unit: String,
@@ -66,161 +78,91 @@ pub(super) fn text(path: &Path) -> Result<String, ModelError> {
 /// The result of `check` for a file without problems.
 pub(super) fn checked<T>(
     text: &str,
-    check: impl FnOnce(&Document<'_>, &mut Problems) -> Option<T>,
+    check: impl FnOnce(Table<'_, '_>) -> Option<T>,
 ) -> Result<T, DescriptionError> {
-    let mut problems = Problems::default();
-    let checked = Document::parse(text, &mut problems).and_then(|document| check(&document, &mut problems));
-    match checked {
+    let (lines, mut problems) = (Lines::new(text), Problems::default());
+    let (root, errors) = DeTable::parse_recoverable(text);
+    for error in &errors {
+        let line = error.span().map_or(1, |span| lines.of(span.start));
+        problems.add(line, None, ProblemKind::Syntax(error.message().to_owned()));
+    }
+    let whole = errors.is_empty().then(|| Table::root(root.get_ref(), &lines, &mut problems));
+    match whole.and_then(check) {
         Some(checked) if problems.0.is_empty() => Ok(checked),
         _ => Err(DescriptionError::new(problems.0)),
     }
 }
 
-/// Layers by name, each with its index. A second layer of a name is reported, and the first keeps the name.
-pub(super) fn by_name<'f>(
-    layers: impl Iterator<Item = (&'f str, usize)>,
-    problems: &mut Problems,
-) -> BTreeMap<&'f str, usize> {
-    let (mut names, mut lines) = (BTreeMap::new(), Vec::new());
-    for (i, (name, line)) in layers.enumerate() {
-        lines.push(line);
-        let first = if name.is_empty() { i } else { *names.entry(name).or_insert(i) };
-        if first != i {
-            problems.add(line, Some(name), ProblemKind::DuplicateName { first: lines[first] });
-        }
-    }
-    names
-}
-
-impl<'i> Document<'i> {
-    /// `None`, with problems, where `text` is not TOML.
-    pub(super) fn parse(text: &'i str, problems: &mut Problems) -> Option<Self> {
-        let lines = Lines::new(text);
-        let (root, errors) = DeTable::parse_recoverable(text);
-        for error in &errors {
-            let line = error.span().map_or(1, |span| lines.of(span.start));
-            problems.add(line, None, ProblemKind::Syntax(error.message().to_owned()));
-        }
-        errors.is_empty().then_some(Self { root, lines })
-    }
-
-    /// The line of a table at the top, where the file has it.
-    pub(super) fn line_of(&self, key: &str) -> Option<usize> {
-        self.root.get_ref().get(key).map(|value| self.lines.of(value.span().start))
-    }
-
-    /// The tables at the top of the file, in the order of `tables`, which has the key and a description of each. A missing or
-    /// unknown table is reported. `[[layer]]` must also be there, and the tables of `lists` may be there.
-    pub(super) fn tables<const N: usize>(
-        &self,
-        tables: [(&'static str, &str); N],
-        lists: &[&'static str],
-        problems: &mut Problems,
-    ) -> [Option<Entries<'_, 'i>>; N] {
-        let mut root = Table::new(self.root.get_ref(), &self.lines, 1, None, problems);
-        let found = tables.map(|(key, what)| {
-            root.required(key, what, |value| value.is_table().then_some(()))?;
-            let value = self.root.get_ref().get(key)?;
-            let line = self.lines.of(value.span().start);
-            value.get_ref().as_table().map(|entries| Entries { entries, line })
-        });
-        root.required(LAYER, "tables [[layer]]", |value| value.is_array().then_some(()));
-        for list in lists {
-            root.optional(list, &format!("tables [[{list}]]"), |value| value.is_array().then_some(()));
-        }
-        root.finish();
-        found
-    }
-
-    /// A table, to be read key by key.
-    pub(super) fn open<'t>(&'t self, table: Entries<'t, 'i>, problems: &'t mut Problems) -> Table<'t, 'i> {
-        Table::new(table.entries, &self.lines, table.line, None, problems)
-    }
-
-    /// The tables of `list`, such as [`LAYER`], at most [`MOST_LAYERS`]. Anything else in their place is reported.
-    pub(super) fn layers(&self, list: &'static str, problems: &mut Problems) -> Vec<Entries<'_, 'i>> {
-        let layers = self.root.get_ref().get(list).and_then(|value| value.get_ref().as_array());
-        let Some(layers) = layers else { return Vec::new() };
-        let mut tables = Vec::new();
-        for layer in layers.iter().take(MOST_LAYERS) {
-            let line = self.lines.of(layer.span().start);
-            if let Some(entries) = layer.get_ref().as_table() {
-                tables.push(Entries { entries, line });
-                continue;
-            }
-            let (expected, found) = (format!("a table [[{list}]]"), shown(layer.get_ref()));
-            problems.add(line, None, ProblemKind::Value { key: list, expected, found });
-        }
-        if let Some(more) = layers.get(MOST_LAYERS) {
-            let expected = format!("at most {MOST_LAYERS} layers");
-            let kind = ProblemKind::Value { key: list, expected, found: layers.len().to_string() };
-            problems.add(self.lines.of(more.span().start), None, kind);
-        }
-        tables
-    }
-
-    /// A layer's table and its name, which must differ from `input`.
-    pub(super) fn layer<'t>(
-        &'t self,
-        layer: Entries<'t, 'i>,
-        input: &str,
-        problems: &'t mut Problems,
-    ) -> (Table<'t, 'i>, String) {
-        let known_name = layer.entries.get("name").and_then(|value| name(value.get_ref()));
-        let mut table = Table::new(layer.entries, &self.lines, layer.line, known_name, problems);
+/// The tables of `list`, at most [`MOST_LAYERS`]. Anything else in their place is reported. No layer may have the name
+/// `input`. `reference` describes the names that a layer can refer to. `read` reads the keys of a layer of one of `kinds`.
+pub(super) fn layers<K>(
+    root: &mut Table<'_, '_>,
+    list: &'static str,
+    input: &str,
+    reference: &str,
+    kinds: &[&'static str],
+    read: impl Fn(&'static str, Table<'_, '_>, &mut FileLayer<K>),
+) -> Vec<FileLayer<K>> {
+    let expected = format!("tables [[{list}]]");
+    let tables = match list {
+        LAYER => root.required(list, &expected, DeValue::as_array),
+        _ => root.optional(list, &expected, DeValue::as_array),
+    };
+    let Some(Given { value: tables, .. }) = tables else { return Vec::new() };
+    let kinds: Vec<_> = kinds.iter().map(|&word| (word, word)).collect();
+    let mut layers = Vec::new();
+    for value in tables.iter().take(MOST_LAYERS) {
+        let Some(mut table) = root.layer(list, value) else { continue };
         let given = table.required("name", NAME, name);
         if let Some(given) = given.as_ref().filter(|given| given.value == input) {
             let expected = "another name than that of the network's input";
             table.refuse(given.line, "name", expected, format!("{input:?}"));
         }
-        (table, given.map(|given| given.value).unwrap_or_default())
-    }
-
-    /// Reads the `[output]` table.
-    pub(super) fn output(&self, output: Option<Entries<'_, 'i>>, problems: &mut Problems) -> Output {
-        let Some(output) = output else { return Output { names: None, unit: String::new() } };
-        let mut table = self.open(output, problems);
-        if table.line_of("classes").is_some() {
-            return classes(table);
+        let name = given.map(|given| given.value).unwrap_or_default();
+        let word = table.choice("kind", &kinds);
+        let from = table.optional("from", reference, table::name);
+        let (line, weights) = (table.line(), name.clone());
+        let mut layer = FileLayer { name, line, from, second: None, weights, kind: None };
+        // The keys of an unknown kind are unknown.
+        if let Some(word) = word {
+            read(word, table, &mut layer);
         }
-        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
-        let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
-        let unit = table.required("unit", "the predicted values' unit, such as \"rad\"", name);
-        table.ignore(&["classes"]);
-        table.finish();
-        Output { names, unit: unit.map(|given| given.value).unwrap_or_default() }
+        layers.push(layer);
     }
+    if let Some(more) = tables.get(MOST_LAYERS) {
+        let line = root.line_at(more);
+        root.refuse(line, list, format!("at most {MOST_LAYERS} layers"), tables.len().to_string());
+    }
+    layers
 }
 
-/// Reads an `[output]` table with classes.
-fn classes(mut table: Table<'_, '_>) -> Output {
-    let expected = "at least two names of classes, each once, such as [\"left\", \"right\"]";
-    let names = table.required("classes", expected, |value| {
-        names(value)
-            .filter(|names| names.len() > 1 && names.iter().collect::<BTreeSet<_>>().len() == names.len())
-    });
-    for key in ["names", "unit"] {
-        table.inapplicable(key, "names in place of classes, whose values are logits");
-    }
+/// Reads the `[output]` table.
+pub(super) fn output(root: &mut Table<'_, '_>) -> Output {
+    let Some(mut table) = root.table("output", "a table with the prediction's names and unit") else {
+        return Output::default();
+    };
+    let output = if table.line_of("classes").is_some() {
+        let expected = "at least two names of classes, each once, such as [\"left\", \"right\"]";
+        let names = table.required("classes", expected, |value| {
+            let once = |names: &Vec<String>| names.iter().collect::<BTreeSet<_>>().len() == names.len();
+            names(value).filter(|names| names.len() > 1 && once(names))
+        });
+        for key in ["names", "unit"] {
+            table.inapplicable(key, "names in place of classes, whose values are logits");
+        }
+        Output { names, unit: LOGIT.to_owned() }
+    } else {
+        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
+        let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
+        let unit = table.value("unit", "the predicted values' unit, such as \"rad\"", None, name);
+        table.ignore(&["classes"]);
+        Output { names, unit }
+    };
     table.finish();
-    Output { names, unit: LOGIT.to_owned() }
+    output
 }
 
 /// A list of names.
 fn names(value: &DeValue<'_>) -> Option<Vec<String>> {
     value.as_array()?.iter().map(|v| name(v.get_ref())).collect()
-}
-
-impl Entries<'_, '_> {
-    /// The line that the table starts on.
-    pub(super) fn line(&self) -> usize {
-        self.line
-    }
-}
-
-/// A name that messages and tables can show.
-pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
-    let name = value.as_str()?;
-    let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
-    fits.then(|| name.to_owned())
 }

@@ -69,12 +69,15 @@ mod source;
 
 use meissner_engine::frames::FrameShape;
 
-use super::document::{Document, EVENT_NETWORK, FRAME_NETWORK, INPUT};
-use super::problem::{ProblemKind, Problems};
+use super::document::{EVENT_NETWORK, FRAME_NETWORK, INPUT, output};
+use super::problem::ProblemKind;
+use super::table::{self, NAME, Table};
 use super::tensors::{Needed, report_shared};
+use super::wiring::Scope;
+use input::Input;
 
 pub(super) use build::parts;
-pub(super) use file::{FileLayer, read_layer};
+pub(super) use file::read_head;
 pub(crate) use layer::{FRAME, serialize_shape};
 pub use layer::{FrameKind, FrameLayer};
 pub(super) use shapes::{Stack, check, extent, fits};
@@ -92,30 +95,36 @@ pub struct FrameDescription {
 }
 
 impl FrameDescription {
-    /// Checks a parsed file.
-    pub(super) fn check(document: &Document<'_>, problems: &mut Problems) -> Option<Self> {
-        if document.line_of(INPUT).is_none()
-            && let Some(line) = document.line_of("graph")
+    /// Checks the file whose table is `root`.
+    pub(super) fn check(mut root: Table<'_, '_>) -> Option<Self> {
+        if root.line_of(INPUT).is_none()
+            && let Some(line) = root.line_of("graph")
         {
-            let (expected, found) = (FRAME_NETWORK, EVENT_NETWORK);
-            problems.add(line, None, ProblemKind::Family { expected, found });
+            root.report(line, ProblemKind::Family { expected: FRAME_NETWORK, found: EVENT_NETWORK });
             return None;
         }
-        let file = file::read(document, problems);
+        let mut name = String::new();
+        if let Some(mut table) = root.table("network", "a table with the network's name") {
+            name = table.value("name", NAME, None, table::name);
+            table.finish();
+        }
+        let input = root.table(INPUT, "a table with a frame's shape and source").map(input::read);
+        let output = output(&mut root);
+        let layers = file::read_layers(&mut root);
+        let problems = root.finish();
         let stack = Stack {
-            layers: &file.layers,
-            input: FRAME,
-            shape: file.input.as_ref().and_then(|input| input.shape),
-            place: "in this file",
+            layers: &layers,
+            scope: Scope { input: FRAME, second: "with", place: "in this file", above: true },
+            shape: input.as_ref().and_then(|input| input.shape),
             state: true,
-            names: file.output.names.as_ref(),
+            names: output.names.as_ref(),
             by_channel: true,
         };
         let layers = check(stack, problems);
         report_shared(layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors())), problems);
-        let input = file.input?;
-        let (outputs, unit) = (file.output.names?.value, file.output.unit);
-        Some(Self { name: file.name, input: input.shape?, source: input.source?, layers, outputs, unit })
+        let Input { shape, source } = input?;
+        let (outputs, unit) = (output.names?.value, output.unit);
+        Some(Self { name, input: shape?, source: source?, layers, outputs, unit })
     }
 
     /// Name, for reports.

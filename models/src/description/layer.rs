@@ -303,3 +303,8 @@ pub(crate) const fn activation_word(activation: Activation) -> &'static str {
         Activation::Sigmoid => "sigmoid",
     }
 }
+
+/// Activations with their words in a file.
+pub(super) fn activations<const N: usize>(kinds: [Activation; N]) -> [(&'static str, Activation); N] {
+    kinds.map(|kind| (activation_word(kind), kind))
+}

@@ -174,6 +174,13 @@ pub enum ProblemKind {
     },
 }
 
+impl ProblemKind {
+    /// The value `found` of `key` is not as expected.
+    pub(super) fn value(key: &'static str, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Value { key, expected: expected.into(), found: found.into() }
+    }
+}
+
 /// All inconsistencies of a description file, by line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptionError {

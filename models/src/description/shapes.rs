@@ -4,36 +4,34 @@
 //! no problem was reported, all layers are there, the levels are a chain, and the engine accepts the layers.
 
 use meissner_engine::frames::FrameShape;
-use meissner_engine::{Network, Reach};
 
-use super::convolution::TooLarge;
-use super::file::{EVENTS, File, FileKind, FileLayer};
+use super::convolution::ConvolutionKind;
+use super::document::FileLayer;
+use super::file::{EVENTS, File, FileKind};
 use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
 use super::table::Given;
 use super::tensors::{LARGEST_TENSOR, Needed};
-use super::wiring::{Source, Wiring};
+use super::wiring::{Scope, Wiring, check_names};
 
 /// Most parameters of a network: 1 GiB of f32.
 const MOST_PARAMETERS: usize = 1 << 28;
 
-/// The known properties of a layer's output.
+/// The known properties of a node's output.
 #[derive(Clone, Copy, Debug)]
 enum Output {
     /// A feature: a row for each node of a level.
     Feature { level: usize, channels: Option<usize>, hops: usize, index: usize },
-    /// One vector.
-    Values { outputs: Option<usize> },
-    /// A problem of it was reported.
-    Unknown,
+    /// One vector, with its number of values.
+    Values(Option<usize>),
 }
 
 /// A level: the events, or the cells of a pooling.
 #[derive(Debug)]
 struct Level {
-    /// Layer that starts it.
-    pool: Option<usize>,
+    /// Its rows, as messages name them.
+    name: String,
     cell: Option<Cell>,
     /// Features so far.
     features: usize,
@@ -45,122 +43,114 @@ struct Shapes<'a> {
     file: &'a File,
     wiring: &'a Wiring,
     problems: &'a mut Problems,
-    outputs: Vec<Output>,
+    /// Of each node; `None` where a problem of it was reported.
+    outputs: Vec<Option<Output>>,
     levels: Vec<Level>,
 }
 
 /// Checks the layers and their inputs.
 pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Vec<Layer> {
-    let events = Level { pool: None, cell: None, features: 1, below: Vec::new() };
-    let outputs = vec![Output::Unknown; file.layers.len()];
+    let mut outputs = vec![None; file.layers.len() + 1];
+    outputs[0] = Some(Output::Feature { level: 0, channels: Some(1), hops: 0, index: 0 });
+    let events = Level { name: "the events".to_owned(), cell: None, features: 1, below: Vec::new() };
     let mut shapes = Shapes { file, wiring, problems, outputs, levels: vec![events] };
     let layers: Vec<Layer> = wiring.order.iter().filter_map(|&i| shapes.layer(i)).collect();
-    shapes.parameters(&layers);
-    shapes.output_names();
+    if problems.0.is_empty() {
+        report_size(&layers, problems);
+    }
+    let prediction = wiring.prediction.map(|i| &file.layers[i]);
+    if let Some(FileLayer { name, kind: Some(kind), .. }) = prediction
+        && let (LayerKind::Dense { .. }, Some(outputs)) = (&kind.kind, kind.outputs)
+    {
+        check_names(file.outputs.as_ref(), name, outputs, problems);
+    }
     layers
 }
 
-impl Shapes<'_> {
-    fn report(&mut self, line: usize, layer: &FileLayer, kind: ProblemKind) {
-        self.problems.add(line, Some(&layer.name), kind);
-    }
-
-    fn output(&self, source: Source) -> Output {
-        match source {
-            Source::Events => Output::Feature { level: 0, channels: Some(1), hops: 0, index: 0 },
-            Source::Layer(layer) => self.outputs[layer],
-            Source::Unknown => Output::Unknown,
+/// Reports the first layer with which the network is too large.
+fn report_size(layers: &[Layer], problems: &mut Problems) {
+    let mut total = 0_usize;
+    for layer in layers {
+        total = total.saturating_add(layer.parameters);
+        if total > MOST_PARAMETERS {
+            let expected = format!("at most {MOST_PARAMETERS} parameters in the network up to this layer");
+            let kind = ProblemKind::Extent { expected, found: total.to_string() };
+            return problems.add(layer.line, Some(&layer.name), kind);
         }
     }
+}
 
-    /// `source`, as messages name it.
-    fn describe(&self, source: Source) -> String {
-        let Source::Layer(layer) = source else { return format!("{EVENTS:?}") };
-        let layer = &self.file.layers[layer];
-        let word = match layer.kind {
-            FileKind::Block { word, .. } => word,
-            FileKind::Pool { .. } => "pool",
-            FileKind::Readout { .. } => "readout",
-            FileKind::Dense { .. } => "dense",
-            FileKind::Unknown => "unknown",
-        };
-        format!("{word} layer {:?} on line {}", layer.name, layer.line)
+impl Shapes<'_> {
+    fn refuse(
+        &mut self,
+        layer: &FileLayer<FileKind>,
+        line: usize,
+        key: &'static str,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) {
+        self.problems.add(line, Some(&layer.name), ProblemKind::value(key, expected, found));
     }
 
-    /// Whether `source` gives rows (`rows`) or a vector; reports where it is the other.
+    /// What is known of the output of `node`, which must have rows (`rows`) or be a vector; reports the other.
     fn reads(
         &mut self,
-        layer: &FileLayer,
-        key: &'static str,
-        line: usize,
-        source: Source,
+        layer: &FileLayer<FileKind>,
+        (key, line): (&'static str, usize),
+        node: Option<usize>,
         rows: bool,
     ) -> Option<Output> {
-        let is_rows = match source {
-            Source::Events => true,
-            Source::Unknown => return None,
-            Source::Layer(read) => match self.file.layers[read].kind {
-                FileKind::Block { .. } | FileKind::Pool { .. } => true,
-                FileKind::Readout { .. } | FileKind::Dense { .. } => false,
-                FileKind::Unknown => return None,
-            },
+        let node = node?;
+        let (is_rows, found) = match node.checked_sub(1).map(|i| &self.file.layers[i]) {
+            None => (true, format!("{EVENTS:?}")),
+            Some(read) => {
+                let kind = &read.kind.as_ref()?.kind;
+                let is_rows = matches!(kind, LayerKind::Block { .. } | LayerKind::Pool { .. });
+                (is_rows, format!("{} layer {:?} on line {}", kind.word(), read.name, read.line))
+            }
         };
         if is_rows == rows {
-            return Some(self.output(source));
+            return self.outputs[node];
         }
         let expected =
             if rows { "\"events\", a block or a pool layer" } else { "the readout or a dense layer" };
-        let found = self.describe(source);
-        self.report(line, layer, ProblemKind::Value { key, expected: expected.to_owned(), found });
+        self.refuse(layer, line, key, expected, found);
         None
     }
 
     fn layer(&mut self, i: usize) -> Option<Layer> {
         let file = self.file;
         let layer = &file.layers[i];
-        let from = self.wiring.from[i];
-        let line = layer.from.as_ref().map_or(layer.line, |given| given.line);
-        let rows = match layer.kind {
-            FileKind::Dense { .. } => false,
-            FileKind::Unknown => return None,
-            _ => true,
-        };
-        let read = self.reads(layer, "from", line, from, rows).unwrap_or(Output::Unknown);
-        let checked = match &layer.kind {
-            FileKind::Block { .. } => self.block(i, layer, read),
-            FileKind::Pool { .. } => self.pool(i, layer, read),
-            FileKind::Readout { .. } => self.readout(i, layer, read),
-            FileKind::Dense { .. } => self.dense(i, layer, read),
-            FileKind::Unknown => None,
-        };
-        checked.map(|layer| Layer { from: self.name(from), ..layer })
-    }
-
-    fn name(&self, source: Source) -> String {
-        match source {
-            Source::Layer(layer) => self.file.layers[layer].name.clone(),
-            _ => EVENTS.to_owned(),
-        }
-    }
-
-    /// A checked layer without the fields that depend on its kind.
-    fn checked(layer: &FileLayer, kind: LayerKind, inputs: usize, outputs: usize) -> Layer {
-        Layer {
+        let written = layer.kind.as_ref()?;
+        let from = self.wiring.reads[i][0];
+        let rows = !matches!(written.kind, LayerKind::Dense { .. });
+        let read = self.reads(layer, ("from", layer.reading_line()), from, rows);
+        let from = from.and_then(|node| node.checked_sub(1)).map_or(EVENTS, |i| &file.layers[i].name);
+        let mut checked = Layer {
             name: layer.name.clone(),
             line: layer.line,
-            kind,
-            from: String::new(),
+            kind: written.kind.clone(),
+            from: from.to_owned(),
             level: None,
-            inputs,
-            outputs,
+            inputs: 0,
+            outputs: 0,
             parameters: 0,
             cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Row },
             field: ReceptiveField { steps: Vec::new(), from: FieldStart::Row },
             weights: layer.weights.clone(),
             reads: 0,
             adds: None,
+        };
+        match &written.kind {
+            LayerKind::Block { conv, .. } => self.block(i, conv, read, &mut checked)?,
+            LayerKind::Pool { cell, .. } => self.pool(i, *cell, read, &mut checked)?,
+            LayerKind::Readout { columns, rows, .. } => {
+                self.readout(i, [*columns, *rows], read, &mut checked)?;
+            }
+            LayerKind::Dense { .. } => self.dense(i, read, &mut checked)?,
         }
-        .counted()
+        checked.parameters = checked.tensors().iter().map(Needed::parameters).sum();
+        Some(checked)
     }
 
     fn field(&self, level: usize, hops: usize) -> Vec<FieldStep> {
@@ -168,227 +158,147 @@ impl Shapes<'_> {
         std::iter::once(FieldStep { hops, cell: level.cell }).chain(level.below.iter().cloned()).collect()
     }
 
-    fn block(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
-        let FileKind::Block { conv, channels, skip, norm, .. } = &layer.kind else { return None };
-        let added = skip.as_ref().zip(self.wiring.skip[i]).map(|(given, source)| {
-            let output = self.reads(layer, "skip", given.line, source, true);
-            (given, output.unwrap_or(Output::Unknown))
+    /// What a file says of the outputs of layer i.
+    fn written(&self, i: usize) -> Option<usize> {
+        self.file.layers[i].kind.as_ref().and_then(|kind| kind.outputs)
+    }
+
+    fn block(
+        &mut self,
+        i: usize,
+        conv: &ConvolutionKind,
+        read: Option<Output>,
+        checked: &mut Layer,
+    ) -> Option<()> {
+        let layer = &self.file.layers[i];
+        let added = layer.second.as_ref().map(|given| {
+            let output = self.reads(layer, ("skip", given.line), self.wiring.reads[i][1], true);
+            (given, output)
         });
-        let Output::Feature { level, channels: inputs, mut hops, index } = read else { return None };
+        let Some(Output::Feature { level, channels: inputs, mut hops, index }) = read else { return None };
         hops += 1;
-        let mut adds = None;
-        let mut adds_fit = true;
-        if let Some((given, output)) = added {
-            adds = self.skip(layer, given, level, *channels, output);
-            adds_fit = adds.is_some();
-            if let Output::Feature { hops: skipped, .. } = output {
-                hops = hops.max(skipped);
-            }
+        let channels = self.written(i);
+        checked.adds = added.and_then(|(given, output)| self.skip(layer, given, level, channels, output));
+        if let Some((_, Some(Output::Feature { hops: skipped, .. }))) = added {
+            hops = hops.max(skipped);
         }
         let feature = self.levels[level].features;
         self.levels[level].features += 1;
-        self.outputs[i] = Output::Feature { level, channels: *channels, hops, index: feature };
-        let (inputs, outputs, conv) = (inputs?, (*channels)?, conv.as_ref()?);
-        if let Some(TooLarge { key, expected, found }) = conv.too_large(inputs, outputs) {
-            self.report(layer.line, layer, ProblemKind::Value { key, expected, found });
+        self.outputs[i + 1] = Some(Output::Feature { level, channels, hops, index: feature });
+        (checked.level, checked.reads) = (Some(level), index);
+        (checked.inputs, checked.outputs) = (inputs?, channels?);
+        if let Some(problem) = conv.too_large(checked.inputs, checked.outputs) {
+            self.problems.add(layer.line, Some(&layer.name), problem);
         }
-        if !adds_fit {
-            return None;
-        }
-        let in_edges = match &self.levels[level].cell {
-            Some(cell) => cell.grid_neighbours(),
-            None => self.file.graph.map_or(0, |rule| Reach::most(rule.reach)),
-        };
-        let skip = skip.as_ref().map(|given| given.value.clone());
-        let kind = LayerKind::Block { conv: conv.clone(), skip, norm: *norm };
-        Some(Layer {
-            level: Some(level),
-            cost: Cost {
-                multiply_adds: conv.multiply_adds(inputs, outputs, in_edges),
-                in_edges: Some(in_edges),
-                per: Per::Row,
-            },
-            field: ReceptiveField { steps: self.field(level, hops), from: FieldStart::Row },
-            reads: index,
-            adds,
-            ..Self::checked(layer, kind, inputs, outputs)
-        })
+        let most = || self.file.network.graph.reach.most();
+        let in_edges = self.levels[level].cell.map_or_else(most, |cell| cell.grid_neighbours());
+        checked.cost.multiply_adds = conv.multiply_adds(checked.inputs, checked.outputs, in_edges);
+        checked.cost.in_edges = Some(in_edges);
+        checked.field.steps = self.field(level, hops);
+        (added.is_none() || checked.adds.is_some()).then_some(())
     }
 
     /// The feature that a skip adds, if its level and channels are the same as the layer's.
     fn skip(
         &mut self,
-        layer: &FileLayer,
+        layer: &FileLayer<FileKind>,
         given: &Given<String>,
         level: usize,
         channels: Option<usize>,
-        output: Output,
+        output: Option<Output>,
     ) -> Option<usize> {
-        let Output::Feature { level: found_level, channels: found, index, .. } = output else { return None };
+        let Some(Output::Feature { level: found_level, channels: found, index, .. }) = output else {
+            return None;
+        };
         if found_level != level {
-            let expected = format!("a layer over {}", self.level_name(level));
-            let found = format!("{:?} over {}", given.value, self.level_name(found_level));
-            self.report(given.line, layer, ProblemKind::Value { key: "skip", expected, found });
+            let expected = format!("a layer over {}", self.levels[level].name);
+            let found = format!("{:?} over {}", given.value, self.levels[found_level].name);
+            self.refuse(layer, given.line, "skip", expected, found);
             return None;
         }
         let (expected, found) = (channels?, found?);
         if expected != found {
             let (expected, found) = (format!("{expected} channels"), found.to_string());
             let kind = ProblemKind::Size { key: "skip", reference: given.value.clone(), expected, found };
-            self.report(given.line, layer, kind);
+            self.problems.add(given.line, Some(&layer.name), kind);
             return None;
         }
         Some(index)
     }
 
-    fn level_name(&self, level: usize) -> String {
-        match self.levels[level].pool {
-            Some(pool) => format!("the cells of {:?}", self.file.layers[pool].name),
-            None => "the events".to_owned(),
+    fn pool(&mut self, i: usize, cell: Cell, read: Option<Output>, checked: &mut Layer) -> Option<()> {
+        let layer = &self.file.layers[i];
+        let Some(Output::Feature { level: below, channels, hops, index }) = read else { return None };
+        let Level { name, cell: cells, .. } = &self.levels[below];
+        if let (Some(time), Some(Cell { time: None, .. })) = (cell.time, cells) {
+            let expected = format!("no cells in time over {name}, which have none");
+            let line = layer.kind.as_ref().and_then(|kind| kind.time).unwrap_or(layer.line);
+            self.refuse(layer, line, "time", expected, format!("\"{time}\""));
         }
+        let (level, below) = (self.levels.len(), self.field(below, hops));
+        let name = format!("the cells of {:?}", layer.name);
+        self.levels.push(Level { name, cell: Some(cell), features: 1, below });
+        self.outputs[i + 1] = Some(Output::Feature { level, channels, hops: 0, index: 0 });
+        (checked.level, checked.reads) = (Some(level), index);
+        (checked.inputs, checked.outputs) = (channels?, channels?);
+        checked.field.steps = self.field(level, 0);
+        Some(())
     }
 
-    fn pool(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
-        let FileKind::Pool { cell, time, position, scale } = &layer.kind else { return None };
-        if let Some(cell) = cell {
-            let times = time.as_ref().map_or(1, |time| time.value.cells() + 1);
-            let cells = cell[0].cells().saturating_mul(cell[1].cells()).saturating_mul(times);
-            if cells > Network::MOST_CELLS {
-                let expected = format!("a size that gives at most {} cells", Network::MOST_CELLS);
-                let found = format!("{cells} cells");
-                self.report(layer.line, layer, ProblemKind::Value { key: "cell", expected, found });
-            }
-        }
-        let span_us = self.file.span_us;
-        if let Some(time) = time
-            && i128::from(span_us) * i128::from(time.value.numerator()) < i128::from(time.value.denominator())
-        {
-            let expected = format!("cells of at least 1 us of the span's {span_us}");
-            let found = format!("\"{}\"", time.value);
-            self.report(time.line, layer, ProblemKind::Value { key: "time", expected, found });
-        }
-        let Output::Feature { level: below, channels, hops, index } = read else { return None };
-        if let Some(time) = time
-            && below > 0
-            && self.levels[below].cell.is_some_and(|cell| cell.time.is_none())
-        {
-            let expected = format!("no cells in time over {}, which have none", self.level_name(below));
-            let found = format!("\"{}\"", time.value);
-            self.report(time.line, layer, ProblemKind::Value { key: "time", expected, found });
-        }
-        let cell = cell.map(|cell| Cell { cell, time: time.as_ref().map(|time| time.value) });
-        let level = self.levels.len();
-        let below = self.field(below, hops);
-        self.levels.push(Level { pool: Some(i), cell, features: 1, below });
-        self.outputs[i] = Output::Feature { level, channels, hops: 0, index: 0 };
-        let (channels, cell, scale) = (channels?, cell?, (*scale)?);
-        let kind = LayerKind::Pool { cell, position: *position, scale };
-        Some(Layer {
-            level: Some(level),
-            field: ReceptiveField { steps: self.field(level, 0), from: FieldStart::Row },
-            reads: index,
-            ..Self::checked(layer, kind, channels, channels)
-        })
-    }
-
-    fn readout(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
-        let FileKind::Readout { grid, by_time } = layer.kind else { return None };
-        let Output::Feature { level, channels, hops, index } = read else { return None };
+    fn readout(
+        &mut self,
+        i: usize,
+        [columns, rows]: [usize; 2],
+        read: Option<Output>,
+        checked: &mut Layer,
+    ) -> Option<()> {
+        let layer = &self.file.layers[i];
+        let Some(Output::Feature { level, channels, hops, index }) = read else { return None };
+        let by_time = layer.kind.as_ref().is_some_and(|kind| kind.time.is_some());
         let times = if by_time { self.times(layer) } else { Some(1) };
-        let cells = grid.zip(times).map(|([columns, rows], times)| columns * rows * times);
+        let cells = self.written(i).zip(times).map(|(cells, times)| cells * times);
         if let Some(found) = cells.filter(|&cells| cells > 1 << 16) {
-            let (expected, found) = ("at most 65536 cells".to_owned(), format!("{found}"));
-            self.report(layer.line, layer, ProblemKind::Value { key: "grid", expected, found });
+            self.refuse(layer, layer.line, "grid", "at most 65536 cells", found.to_string());
         }
         let outputs = channels.zip(cells).map(|(channels, cells)| channels * cells);
-        self.outputs[i] = Output::Values { outputs };
-        let ([columns, rows], times, channels, outputs) = (grid?, times?, channels?, outputs?);
+        self.outputs[i + 1] = Some(Output::Values(outputs));
+        (checked.inputs, checked.outputs, checked.reads) = (channels?, outputs?, index);
+        checked.kind = LayerKind::Readout { columns, rows, times: times? };
+        checked.cost.per = Per::Prediction;
         let from = FieldStart::ReadoutCell { columns, rows };
-        let kind = LayerKind::Readout { columns, rows, times };
-        Some(Layer {
-            cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Prediction },
-            field: ReceptiveField { steps: self.field(level, hops), from },
-            reads: index,
-            ..Self::checked(layer, kind, channels, outputs)
-        })
+        checked.field = ReceptiveField { steps: self.field(level, hops), from };
+        Some(())
     }
 
     /// Cells in time that a window can fill, where every pooling has the same.
-    fn times(&mut self, layer: &FileLayer) -> Option<usize> {
-        let mut sizes = self.levels[1..].iter().map(|level| level.cell.map(|cell| cell.time));
-        let first = sizes.next().unwrap_or(Some(None))?;
-        let same = sizes.all(|size| size == Some(first));
-        let Some(size) = first.filter(|_| same) else {
-            let kind =
-                ProblemKind::Inapplicable { key: "by_time", with: "poolings over the same cells in time" };
-            self.report(layer.line, layer, kind);
-            return None;
-        };
-        Some(size.cells() + 1)
-    }
-
-    fn dense(&mut self, i: usize, layer: &FileLayer, read: Output) -> Option<Layer> {
-        let FileKind::Dense { outputs, bias, activation } = layer.kind else { return None };
-        self.outputs[i] = Output::Values { outputs };
-        let Output::Values { outputs: inputs } = read else { return None };
-        let (inputs, outputs) = (inputs?, outputs?);
-        if inputs.saturating_mul(outputs) > LARGEST_TENSOR {
-            let expected = format!("at most {LARGEST_TENSOR} weights");
-            let found = format!("{inputs} x {outputs}");
-            self.report(layer.line, layer, ProblemKind::Value { key: "outputs", expected, found });
-        }
-        let kind = LayerKind::Dense { bias, activation };
-        Some(Layer {
-            cost: Cost {
-                multiply_adds: inputs.saturating_mul(outputs),
-                in_edges: None,
-                per: Per::Prediction,
-            },
-            field: ReceptiveField { steps: Vec::new(), from: FieldStart::Window },
-            ..Self::checked(layer, kind, inputs, outputs)
-        })
-    }
-
-    /// Reports the first layer with which the network is too large, if there are no other problems.
-    fn parameters(&mut self, layers: &[Layer]) {
-        if !self.problems.0.is_empty() {
-            return;
-        }
-        let mut total = 0_usize;
-        for layer in layers {
-            total = total.saturating_add(layer.parameters);
-            if total > MOST_PARAMETERS {
-                let expected =
-                    format!("at most {MOST_PARAMETERS} parameters in the network up to this layer");
-                let line = self.file.layers.iter().find(|l| l.name == layer.name).map_or(1, |l| l.line);
-                self.problems.add(
-                    line,
-                    Some(&layer.name),
-                    ProblemKind::Extent { expected, found: total.to_string() },
-                );
-                return;
-            }
-        }
-    }
-
-    /// Compares the prediction's values with their names.
-    fn output_names(&mut self) {
-        let Some(layer) = self.wiring.prediction.map(|i| &self.file.layers[i]) else { return };
-        let FileKind::Dense { outputs: Some(expected), .. } = layer.kind else { return };
-        if let Some(names) = &self.file.outputs
-            && names.value.len() != expected
+    fn times(&mut self, layer: &FileLayer<FileKind>) -> Option<usize> {
+        let mut sizes = self.levels.iter().filter_map(|level| level.cell).map(|cell| cell.time);
+        if let Some(Some(size)) = sizes.next()
+            && sizes.all(|other| other == Some(size))
         {
-            let kind =
-                ProblemKind::OutputNames { layer: layer.name.clone(), expected, found: names.value.len() };
-            self.problems.add(names.line, None, kind);
+            return Some(size.cells() + 1);
         }
+        let with = "poolings over the same cells in time";
+        let kind = ProblemKind::Inapplicable { key: "by_time", with };
+        self.problems.add(layer.line, Some(&layer.name), kind);
+        None
     }
-}
 
-impl Layer {
-    fn counted(mut self) -> Self {
-        self.parameters = self.tensors().iter().map(Needed::parameters).sum();
-        self
+    fn dense(&mut self, i: usize, read: Option<Output>, checked: &mut Layer) -> Option<()> {
+        let layer = &self.file.layers[i];
+        let outputs = self.written(i);
+        self.outputs[i + 1] = Some(Output::Values(outputs));
+        let Some(Output::Values(inputs)) = read else { return None };
+        let (inputs, outputs) = (inputs?, outputs?);
+        let multiply_adds = inputs.saturating_mul(outputs);
+        if multiply_adds > LARGEST_TENSOR {
+            let expected = format!("at most {LARGEST_TENSOR} weights");
+            self.refuse(layer, layer.line, "outputs", expected, format!("{inputs} x {outputs}"));
+        }
+        (checked.inputs, checked.outputs) = (inputs, outputs);
+        checked.cost = Cost { multiply_adds, in_edges: None, per: Per::Prediction };
+        checked.field.from = FieldStart::Window;
+        Some(())
     }
 }
 
@@ -409,9 +319,9 @@ pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems)
             problems.add(layer.line, Some(&layer.name), kind);
         }
     }
+    let is_readout = |kind: &FileKind| matches!(kind.kind, LayerKind::Readout { .. });
     // A missing readout was reported.
-    let Some(readout) = file.layers.iter().find(|layer| matches!(layer.kind, FileKind::Readout { .. }))
-    else {
+    let Some(readout) = file.layers.iter().find(|layer| layer.kind.as_ref().is_some_and(is_readout)) else {
         return Vec::new();
     };
     let image = layers.iter().find(|layer| layer.line == readout.line).and_then(image);
@@ -423,9 +333,8 @@ pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems)
     }
     let stack = frames::Stack {
         layers: &file.head,
-        input: &readout.name,
+        scope: Scope { input: &readout.name, second: "with", place: "of a table [[head]]", above: true },
         shape,
-        place: "of a table [[head]]",
         state: false,
         names: file.outputs.as_ref(),
         by_channel: false,

@@ -1,8 +1,8 @@
 //! Reads one TOML table key by key.
 //!
 //! Enters: a parsed table with the spans of its keys and values. Leaves: typed values, and a problem for each key that
-//! is missing, unknown, of another type or out of range. Invariant: `None` for a required or mistyped value always comes
-//! with a problem, so `None` never has to be reported again.
+//! is missing, unknown, of another type or out of range. Invariant: `None` or a substitute for a required or mistyped value
+//! always comes with a problem, so it never has to be reported again.
 
 use std::ops::RangeInclusive;
 
@@ -10,6 +10,11 @@ use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
 use super::problem::{ProblemKind, Problems};
+
+/// Longest name of a network, a layer or an output.
+const LONGEST_NAME: usize = 80;
+/// The values that [`name`] accepts.
+pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
 
 /// A value and the line it stands on.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,18 +49,47 @@ pub(super) struct Table<'t, 'i> {
     line: usize,
     layer: Option<String>,
     asked: Vec<&'static str>,
+    /// Number of values that were missing or refused and have no obvious substitute.
+    unknown: usize,
     problems: &'t mut Problems,
 }
 
 impl<'t, 'i> Table<'t, 'i> {
-    pub(super) fn new(
-        entries: &'t DeTable<'i>,
-        lines: &'t Lines,
+    /// The table that is the whole file.
+    pub(super) fn root(entries: &'t DeTable<'i>, lines: &'t Lines, problems: &'t mut Problems) -> Self {
+        Self { entries, lines, line: 1, layer: None, asked: Vec::new(), unknown: 0, problems }
+    }
+
+    /// A table within this one, whose problems concern `layer`.
+    fn within<'s>(
+        &'s mut self,
+        entries: &'s DeTable<'i>,
         line: usize,
         layer: Option<String>,
-        problems: &'t mut Problems,
-    ) -> Self {
-        Self { entries, lines, line, layer, asked: Vec::new(), problems }
+    ) -> Table<'s, 'i> {
+        let Self { lines, problems, .. } = self;
+        Table { entries, lines, line, layer, asked: Vec::new(), unknown: 0, problems }
+    }
+
+    /// The table under `key`, which must be there.
+    pub(super) fn table(&mut self, key: &'static str, expected: &str) -> Option<Table<'_, 'i>> {
+        let Given { value, line } = self.required(key, expected, DeValue::as_table)?;
+        Some(self.within(value, line, None))
+    }
+
+    /// The layer that is the entry `value` of `list`; anything but a table is reported.
+    pub(super) fn layer(
+        &mut self,
+        list: &'static str,
+        value: &'t Spanned<DeValue<'i>>,
+    ) -> Option<Table<'_, 'i>> {
+        let line = self.line_at(value);
+        let Some(entries) = value.get_ref().as_table() else {
+            self.refuse(line, list, format!("a table [[{list}]]"), shown(value.get_ref()));
+            return None;
+        };
+        let layer = entries.get("name").and_then(|value| name(value.get_ref()));
+        Some(self.within(entries, line, layer))
     }
 
     /// Reports `kind` at `line`.
@@ -69,20 +103,31 @@ impl<'t, 'i> Table<'t, 'i> {
         line: usize,
         key: &'static str,
         expected: impl Into<String>,
-        found: String,
+        found: impl Into<String>,
     ) {
-        self.report(line, ProblemKind::Value { key, expected: expected.into(), found });
+        self.report(line, ProblemKind::value(key, expected, found));
     }
 
-    fn value(&mut self, key: &'static str) -> Option<(&'t DeValue<'i>, usize)> {
-        self.asked.push(key);
-        let value: &Spanned<DeValue<'i>> = self.entries.get(key)?;
-        Some((value.get_ref(), self.lines.of(value.span().start)))
+    /// The line that the table starts on.
+    pub(super) fn line(&self) -> usize {
+        self.line
+    }
+
+    /// The line that `value` starts on.
+    pub(super) fn line_at(&self, value: &Spanned<DeValue<'_>>) -> usize {
+        self.lines.of(value.span().start)
     }
 
     /// Whether the table has `key`, and on which line.
     pub(super) fn line_of(&self, key: &str) -> Option<usize> {
-        self.entries.get(key).map(|value| self.lines.of(value.span().start))
+        self.entries.get(key).map(|value| self.line_at(value))
+    }
+
+    /// The result of `read`, unless it substitutes a value that was reported.
+    pub(super) fn known<T>(&mut self, read: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        let before = self.unknown;
+        let read = read(self);
+        (self.unknown == before).then_some(read)
     }
 
     /// The value of `key` as `read` understands it; absent without a problem.
@@ -90,12 +135,14 @@ impl<'t, 'i> Table<'t, 'i> {
         &mut self,
         key: &'static str,
         expected: &str,
-        read: impl FnOnce(&DeValue<'_>) -> Option<T>,
+        read: impl FnOnce(&'t DeValue<'i>) -> Option<T>,
     ) -> Option<Given<T>> {
-        let (value, line) = self.value(key)?;
-        let read = read(value);
+        self.asked.push(key);
+        let value: &'t Spanned<DeValue<'i>> = self.entries.get(key)?;
+        let line = self.line_at(value);
+        let read = read(value.get_ref());
         if read.is_none() {
-            self.refuse(line, key, expected, shown(value));
+            self.refuse(line, key, expected, shown(value.get_ref()));
         }
         read.map(|value| Given { value, line })
     }
@@ -105,25 +152,45 @@ impl<'t, 'i> Table<'t, 'i> {
         &mut self,
         key: &'static str,
         expected: &str,
-        read: impl FnOnce(&DeValue<'_>) -> Option<T>,
+        read: impl FnOnce(&'t DeValue<'i>) -> Option<T>,
     ) -> Option<Given<T>> {
         if !self.entries.contains_key(key) {
-            self.asked.push(key);
             self.report(self.line, ProblemKind::MissingKey { key, expected: expected.to_owned() });
         }
         self.optional(key, expected, read)
     }
 
-    /// A whole number in `range`; `default` where the key is absent, a problem where there is no default.
+    /// The value of `key` as `read` understands it; `default` where the key is absent, a problem where there is no default.
+    /// [`Self::known`] learns of a problem, of which the result is a substitute.
+    pub(super) fn value<T: Default>(
+        &mut self,
+        key: &'static str,
+        expected: &str,
+        default: Option<T>,
+        read: impl FnOnce(&'t DeValue<'i>) -> Option<T>,
+    ) -> T {
+        let required = default.is_none();
+        let substitute = default.unwrap_or_default();
+        if !required && !self.entries.contains_key(key) {
+            self.asked.push(key);
+            return substitute;
+        }
+        let Some(given) = self.required(key, expected, read) else {
+            self.unknown += 1;
+            return substitute;
+        };
+        given.value
+    }
+
+    /// A whole number in `range`, as [`Self::value`].
     pub(super) fn integer(
         &mut self,
         key: &'static str,
         range: RangeInclusive<i64>,
         default: Option<i64>,
-    ) -> Option<i64> {
+    ) -> i64 {
         let expected = format!("a whole number from {} to {}", range.start(), range.end());
-        let read = |value: &DeValue<'_>| integer(value).filter(|v| range.contains(v));
-        self.defaulted(key, &expected, default, read)
+        self.value(key, &expected, default, |value| integer(value).filter(|v| range.contains(v)))
     }
 
     /// As [`Self::integer`], for ranges from 0.
@@ -132,51 +199,35 @@ impl<'t, 'i> Table<'t, 'i> {
         key: &'static str,
         range: RangeInclusive<i64>,
         default: Option<i64>,
-    ) -> Option<usize> {
-        self.integer(key, range, default).map(|size| size as usize)
+    ) -> usize {
+        self.integer(key, range, default) as usize
     }
 
     /// A number above 0 that `fits` accepts.
-    pub(super) fn positive(&mut self, key: &'static str, fits: impl FnOnce(f64) -> bool) -> Option<f64> {
-        let expected = "a finite number above 0";
-        self.required(key, expected, |v| number(v).filter(|&v| v > 0.0 && fits(v))).map(|v| v.value)
+    pub(super) fn positive(&mut self, key: &'static str, fits: impl FnOnce(f64) -> bool) -> f64 {
+        let read = |value: &DeValue<'_>| number(value).filter(|&v| v > 0.0 && fits(v));
+        self.value(key, "a finite number above 0", None, read)
     }
 
-    /// `true` or `false`; `default` where the key is absent.
+    /// `true` or `false`; `default` where the key is absent or was reported.
     pub(super) fn boolean(&mut self, key: &'static str, default: bool) -> bool {
-        let read = |value: &DeValue<'_>| value.as_bool();
-        self.defaulted(key, "true or false", Some(default), read).unwrap_or(default)
+        self.optional(key, "true or false", DeValue::as_bool).map_or(default, |given| given.value)
     }
 
-    /// One of `choices` by its word; `default` where the key is absent, a problem where there is no default.
-    pub(super) fn choice<T: Copy>(
-        &mut self,
-        key: &'static str,
-        choices: &[(&str, T)],
-        default: Option<T>,
-    ) -> Option<T> {
-        let words: Vec<String> = choices.iter().map(|(word, _)| format!("{word:?}")).collect();
-        self.defaulted(key, &words.join(" or "), default, |value| {
-            let found = value.as_str()?;
-            choices.iter().find(|(word, _)| *word == found).map(|&(_, choice)| choice)
-        })
+    /// A name of a person's choice, where there is one.
+    pub(super) fn text(&mut self, key: &'static str, expected: &str) -> Option<String> {
+        self.optional(key, expected, name).map(|given| given.value)
     }
 
-    /// The value of `key` as `read` understands it; `default` where the key is absent, a problem where there is no default.
-    pub(super) fn defaulted<T>(
-        &mut self,
-        key: &'static str,
-        expected: &str,
-        default: Option<T>,
-        read: impl FnOnce(&DeValue<'_>) -> Option<T>,
-    ) -> Option<T> {
-        match default {
-            Some(default) if !self.entries.contains_key(key) => {
-                self.asked.push(key);
-                Some(default)
-            }
-            _ => self.required(key, expected, read).map(|given| given.value),
-        }
+    /// One of `choices` by its word; `None` where a problem was reported.
+    pub(super) fn choice<T: Copy>(&mut self, key: &'static str, choices: &[(&str, T)]) -> Option<T> {
+        self.required(key, &words(choices), |value| chosen(choices, value)).map(|given| given.value)
+    }
+
+    /// One of `choices` by its word; the first where the key is absent or was reported.
+    pub(super) fn option<T: Copy>(&mut self, key: &'static str, choices: &[(&str, T)]) -> T {
+        let given = self.optional(key, &words(choices), |value| chosen(choices, value));
+        given.map_or(choices[0].1, |given| given.value)
     }
 
     /// Accepts `keys` with any value, or absent.
@@ -192,8 +243,8 @@ impl<'t, 'i> Table<'t, 'i> {
         }
     }
 
-    /// Reports every key that was not read.
-    pub(super) fn finish(mut self) {
+    /// Reports every key that was not read; returns the problems.
+    pub(super) fn finish(mut self) -> &'t mut Problems {
         self.asked.sort_unstable();
         self.asked.dedup();
         let expected = self.asked.join(", ");
@@ -202,7 +253,26 @@ impl<'t, 'i> Table<'t, 'i> {
             let kind = ProblemKind::UnknownKey { key: cut(key.get_ref()), expected: expected.clone() };
             self.problems.add(line, self.layer.as_deref(), kind);
         }
+        self.problems
     }
+}
+
+/// The words of `choices`, as messages list them.
+fn words<T>(choices: &[(&str, T)]) -> String {
+    let words: Vec<String> = choices.iter().map(|(word, _)| format!("{word:?}")).collect();
+    words.join(" or ")
+}
+
+fn chosen<T: Copy>(choices: &[(&str, T)], value: &DeValue<'_>) -> Option<T> {
+    let found = value.as_str()?;
+    choices.iter().find(|(word, _)| *word == found).map(|&(_, choice)| choice)
+}
+
+/// A name that messages and tables can show: see [`NAME`].
+pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
+    let name = value.as_str()?;
+    let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    fits.then(|| name.to_owned())
 }
 
 /// The whole number that `value` holds.
@@ -223,9 +293,7 @@ pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
 /// `value` as a message quotes it.
 pub(super) fn shown(value: &DeValue<'_>) -> String {
     match value {
-        DeValue::String(v) => {
-            format!("{:?}", cut(v))
-        }
+        DeValue::String(v) => format!("{:?}", cut(v)),
         DeValue::Integer(v) => cut(&v.to_string()),
         DeValue::Float(v) => cut(&v.to_string()),
         DeValue::Boolean(v) => v.to_string(),

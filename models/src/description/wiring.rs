@@ -1,144 +1,183 @@
 //! The inputs of layers: names are resolved, the graph is acyclic, and there is an order of evaluation.
 //!
-//! Enters: a [`File`]. Leaves: a [`Wiring`] over the file's layers by index. Invariant: `order` holds every layer that
+//! Enters: [`FileLayer`]s. Leaves: the inputs of each layer as numbers of *nodes*: node 0 is the input of the network, node
+//! i + 1 is layer i of the file. For a network over events also a [`Wiring`]. Invariant: its `order` holds every layer that
 //! no cycle leads to, each after those it reads, ties in the order of the file.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
-use petgraph::Direction;
 use petgraph::algo::kosaraju_scc;
-use petgraph::graph::{DiGraph, NodeIndex};
-use petgraph::visit::{Dfs, Reversed};
+use petgraph::graph::DiGraph;
 
-use super::document::by_name;
+use super::document::FileLayer;
 use super::file::{EVENTS, File, FileKind};
+use super::layer::LayerKind;
 use super::problem::{ProblemKind, Problems};
+use super::table::Given;
 
-/// An input of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Source {
-    /// The network's input.
-    Events,
-    /// A layer, by its place in the file.
-    Layer(usize),
-    /// A reference that was reported.
-    Unknown,
+/// The nodes that a layer reads: its input and its second input. `None` where there is none, or where it was reported.
+pub(super) type Reads = [Option<usize>; 2];
+
+/// The names that layers can refer to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scope<'a> {
+    /// The name of the input.
+    pub(super) input: &'a str,
+    /// The key of a second input.
+    pub(super) second: &'static str,
+    /// Where the layers stand, as messages say it.
+    pub(super) place: &'static str,
+    /// Whether a layer can refer only to layers above it.
+    pub(super) above: bool,
 }
 
-/// The graph of a file's layers.
+/// Resolves the references of `layers`. A second layer of a name is reported, and the first keeps the name.
+pub(super) fn references<K>(
+    layers: &[FileLayer<K>],
+    scope: Scope<'_>,
+    problems: &mut Problems,
+) -> Vec<Reads> {
+    let mut names = BTreeMap::new();
+    for (i, layer) in layers.iter().enumerate().filter(|(_, layer)| !layer.name.is_empty()) {
+        let first = *names.entry(layer.name.as_str()).or_insert(i);
+        if first != i {
+            let kind = ProblemKind::DuplicateName { first: layers[first].line };
+            problems.add(layer.line, Some(&layer.name), kind);
+        }
+    }
+    let mut reads = Vec::new();
+    for (i, layer) in layers.iter().enumerate() {
+        let mut find = |key: &'static str, given: &Given<String>| {
+            let found = given.value.clone();
+            let kind = match names.get(found.as_str()) {
+                _ if found == scope.input => return Some(0),
+                Some(&read) if read < i || !scope.above => return Some(read + 1),
+                Some(&read) => ProblemKind::ForwardReference { key, found, line: layers[read].line },
+                None => {
+                    let (input, place) = (scope.input.to_owned(), scope.place);
+                    ProblemKind::UnknownReference { key, input, place, found }
+                }
+            };
+            problems.add(given.line, Some(&layer.name), kind);
+            None
+        };
+        // The node before layer i is node i.
+        let from = layer.from.as_ref().map_or(Some(i), |given| find("from", given));
+        let second = layer.second.as_ref().and_then(|given| find(scope.second, given));
+        reads.push([from, second]);
+    }
+    reads
+}
+
+/// Reports the layers that `prediction` does not depend on, unless they are `exempt`.
+pub(super) fn report_unused<K>(
+    layers: &[FileLayer<K>],
+    reads: &[Reads],
+    prediction: usize,
+    exempt: impl Fn(usize) -> bool,
+    problems: &mut Problems,
+) {
+    let mut used = vec![false; layers.len() + 1];
+    let mut open = vec![prediction + 1];
+    while let Some(node) = open.pop() {
+        if !std::mem::replace(&mut used[node], true) && node > 0 {
+            open.extend(reads[node - 1].iter().flatten());
+        }
+    }
+    for (i, layer) in layers.iter().enumerate() {
+        if !used[i + 1] && !exempt(i) {
+            problems.add(layer.line, Some(&layer.name), ProblemKind::Unused);
+        }
+    }
+}
+
+/// Reports that the layer `name`, which predicts, writes another number of values than there are `names`.
+pub(super) fn check_names(
+    names: Option<&Given<Vec<String>>>,
+    name: &str,
+    expected: usize,
+    problems: &mut Problems,
+) {
+    if let Some(names) = names.filter(|names| names.value.len() != expected) {
+        let (layer, found) = (name.to_owned(), names.value.len());
+        problems.add(names.line, None, ProblemKind::OutputNames { layer, expected, found });
+    }
+}
+
+/// The graph of the layers of a network over events.
 #[derive(Debug)]
 pub(super) struct Wiring {
-    /// The input of each layer.
-    pub(super) from: Vec<Source>,
-    /// The skip of each layer.
-    pub(super) skip: Vec<Option<Source>>,
+    /// The input and the skip of each layer.
+    pub(super) reads: Vec<Reads>,
     /// Layers in an order of evaluation.
     pub(super) order: Vec<usize>,
     /// The dense layer that predicts; with a head, the readout, which it reads.
     pub(super) prediction: Option<usize>,
 }
 
-/// Node 0 is the input, node i + 1 is layer i.
-type Graph = DiGraph<(), ()>;
-
 /// Resolves the references of `file`.
 pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let before = problems.0.len();
-    let names = by_name(file.layers.iter().map(|layer| (layer.name.as_str(), layer.line)), problems);
-    let (from, skip) = sources(file, &names, problems);
-    let mut graph = Graph::new();
-    for _ in 0..=file.layers.len() {
-        graph.add_node(());
-    }
-    for (layer, (from, skip)) in from.iter().zip(&skip).enumerate() {
-        for source in [Some(*from), *skip].into_iter().flatten() {
-            let node = match source {
-                Source::Events => 0,
-                Source::Layer(read) => read + 1,
-                Source::Unknown => continue,
-            };
-            graph.add_edge(NodeIndex::new(node), NodeIndex::new(layer + 1), ());
-        }
-    }
-    report_cycles(file, &graph, &from, &skip, problems);
-    let order = order(&graph);
+    let place = if file.head.is_empty() { "in this file" } else { "of a table [[layer]]" };
+    let scope = Scope { input: EVENTS, second: "skip", place, above: false };
+    let reads = references(&file.layers, scope, problems);
+    report_cycles(&file.layers, &reads, problems);
     // A layer of an unknown kind may be the one that is missing; where a reference failed, what nothing reads may be
     // meant to be read.
-    let known = file.layers.iter().all(|layer| !matches!(layer.kind, FileKind::Unknown));
+    let known = file.layers.iter().all(|layer| layer.kind.is_some());
     let certain = known && problems.0.len() == before && file.layers.iter().all(|l| !l.name.is_empty());
-    let readout = readout(file, known, problems);
-    let prediction = if file.head.is_empty() {
-        prediction(file, &graph, known, certain, problems)
-    } else {
-        let beside = report_dense(file, problems);
-        readout.filter(|_| certain && !beside)
-    };
-    if let Some(prediction) = prediction
-        && certain
-    {
-        report_unused(file, &graph, prediction, readout, problems);
+    let readouts = indices(file, |kind| matches!(kind, LayerKind::Readout { .. }));
+    let readout = report_missing(file, &readouts, known.then_some("a readout"), problems);
+    if let Some(first) = readout {
+        for second in readouts[1..].iter().map(|&i| &file.layers[i]) {
+            let kind = ProblemKind::SecondReadout { first: file.layers[first].line };
+            problems.add(second.line, Some(&second.name), kind);
+        }
     }
-    Wiring { from, skip, order, prediction }
+    let prediction = prediction(file, &reads, readout, known, certain, problems);
+    if let Some(prediction) = prediction {
+        // A second readout was reported as such.
+        let second = |i: usize| readouts.contains(&i) && readout != Some(i);
+        report_unused(&file.layers, &reads, prediction, second, problems);
+    }
+    let order = order(&reads);
+    Wiring { reads, order, prediction }
 }
 
-/// The input and the skip of each layer.
-fn sources(
+/// The layers whose kind `is` asks for.
+fn indices(file: &File, is: impl Fn(&LayerKind) -> bool) -> Vec<usize> {
+    let is = |layer: &FileLayer<FileKind>| layer.kind.as_ref().is_some_and(|kind| is(&kind.kind));
+    file.layers.iter().enumerate().filter(|(_, layer)| is(layer)).map(|(i, _)| i).collect()
+}
+
+/// The first of `found`. If there is none, the `expected` layer is reported missing at the last layer of the file.
+fn report_missing(
     file: &File,
-    names: &BTreeMap<&str, usize>,
+    found: &[usize],
+    expected: Option<&'static str>,
     problems: &mut Problems,
-) -> (Vec<Source>, Vec<Option<Source>>) {
-    let (mut from, mut skip) = (Vec::new(), Vec::new());
-    for (i, layer) in file.layers.iter().enumerate() {
-        let place = if file.head.is_empty() { "in this file" } else { "of a table [[layer]]" };
-        let mut find = |key: &'static str, name: &str, line: usize| {
-            if name == EVENTS {
-                return Source::Events;
-            }
-            names.get(name).map_or_else(
-                || {
-                    let (input, found) = (EVENTS.to_owned(), name.to_owned());
-                    let kind = ProblemKind::UnknownReference { key, input, place, found };
-                    problems.add(line, Some(&layer.name), kind);
-                    Source::Unknown
-                },
-                |&i| Source::Layer(i),
-            )
-        };
-        from.push(match &layer.from {
-            Some(given) => find("from", &given.value, given.line),
-            None if i == 0 => Source::Events,
-            None => Source::Layer(i - 1),
-        });
-        skip.push(match &layer.kind {
-            FileKind::Block { skip: Some(given), .. } => Some(find("skip", &given.value, given.line)),
-            _ => None,
-        });
+) -> Option<usize> {
+    if let Some(expected) = expected.filter(|_| found.is_empty()) {
+        let line = file.layers.last().map_or(1, |layer| layer.line);
+        problems.add(line, None, ProblemKind::MissingLayer { expected });
     }
-    (from, skip)
+    found.first().copied()
 }
 
 /// Reports one cycle of each set of layers that reach each other.
-fn report_cycles(
-    file: &File,
-    graph: &Graph,
-    from: &[Source],
-    skip: &[Option<Source>],
-    problems: &mut Problems,
-) {
-    for component in kosaraju_scc(graph) {
+fn report_cycles(layers: &[FileLayer<FileKind>], reads: &[Reads], problems: &mut Problems) {
+    let edges =
+        |(i, reads): (usize, &Reads)| reads.iter().flatten().map(move |&read| (read, i + 1)).collect();
+    let edges: Vec<(usize, usize)> = reads.iter().enumerate().flat_map::<Vec<_>, _>(edges).collect();
+    for component in kosaraju_scc(&DiGraph::<(), (), usize>::from_edges(edges)) {
         let mut members: Vec<usize> = component.iter().filter_map(|n| n.index().checked_sub(1)).collect();
         members.sort_unstable();
-        let Some(&start) = members.first() else { continue };
-        let within = |layer: usize| {
-            [Some(from[layer]), skip[layer]].into_iter().flatten().find_map(|source| match source {
-                Source::Layer(read) if members.binary_search(&read).is_ok() => Some(read),
-                _ => None,
-            })
-        };
-        let mut path = vec![start];
+        let mut path = Vec::from_iter(members.first().copied());
         let cycle = loop {
-            let Some(next) = within(path[path.len() - 1]) else { break None };
+            let Some(&last) = path.last() else { break None };
+            let within = |read: &usize| members.contains(read);
+            let next = reads[last].iter().flatten().filter_map(|read| read.checked_sub(1)).find(within);
+            let Some(next) = next else { break None };
             if let Some(at) = path.iter().position(|&p| p == next) {
                 break Some(path.split_off(at));
             }
@@ -149,105 +188,49 @@ fn report_cycles(
         cycle.reverse();
         let first = cycle.iter().enumerate().min_by_key(|&(_, &layer)| layer).map_or(0, |(i, _)| i);
         cycle.rotate_left(first);
-        let layer = &file.layers[cycle[0]];
+        let layer = &layers[cycle[0]];
         cycle.push(cycle[0]);
-        let path: Vec<String> = cycle.iter().map(|&i| format!("{:?}", file.layers[i].name)).collect();
+        let path: Vec<String> = cycle.iter().map(|&i| format!("{:?}", layers[i].name)).collect();
         problems.add(layer.line, Some(&layer.name), ProblemKind::Cycle(path.join(" -> ")));
     }
 }
 
-/// Layers that no cycle leads to, each after those it reads; of several that could come next the first in the file.
-fn order(graph: &Graph) -> Vec<usize> {
-    let mut waits: Vec<usize> =
-        graph.node_indices().map(|n| graph.neighbors_directed(n, Direction::Incoming).count()).collect();
-    let ready = graph.node_indices().map(NodeIndex::index).filter(|&n| waits[n] == 0);
-    let mut ready: BinaryHeap<Reverse<usize>> = ready.map(Reverse).collect();
+/// Layers that no cycle leads to, each after those it reads; of several that could come next the first in the file. O(n^2).
+fn order(reads: &[Reads]) -> Vec<usize> {
+    let mut done = vec![false; reads.len() + 1];
+    done[0] = true;
+    let ready = |done: &[bool], i: usize| !done[i + 1] && reads[i].iter().flatten().all(|&read| done[read]);
     let mut order = Vec::new();
-    while let Some(Reverse(node)) = ready.pop() {
-        order.extend(node.checked_sub(1));
-        for next in graph.neighbors(NodeIndex::new(node)) {
-            waits[next.index()] -= 1;
-            if waits[next.index()] == 0 {
-                ready.push(Reverse(next.index()));
-            }
-        }
+    while let Some(next) = (0..reads.len()).find(|&i| ready(&done, i)) {
+        done[next + 1] = true;
+        order.push(next);
     }
     order
 }
 
-/// The line for problems of the whole file: that of its last layer.
-fn end(file: &File) -> usize {
-    file.layers.last().map_or(1, |layer| layer.line)
-}
-
-/// The readout, of which there must be one.
-fn readout(file: &File, known: bool, problems: &mut Problems) -> Option<usize> {
-    let is_readout = |i: &usize| matches!(file.layers[*i].kind, FileKind::Readout { .. });
-    let mut readouts = (0..file.layers.len()).filter(is_readout);
-    let first = readouts.next();
-    if let Some(first) = first {
-        for second in readouts {
-            let kind = ProblemKind::SecondReadout { first: file.layers[first].line };
-            problems.add(file.layers[second].line, Some(&file.layers[second].name), kind);
-        }
-    } else if known {
-        problems.add(end(file), None, ProblemKind::MissingLayer { expected: "a readout" });
-    }
-    first
-}
-
-/// The dense layer that no other reads, of which there must be one.
+/// The layer that predicts: with a head the readout, which it reads; otherwise the dense layer that no other reads. `None`
+/// where this is not `certain`.
 fn prediction(
     file: &File,
-    graph: &Graph,
+    reads: &[Reads],
+    readout: Option<usize>,
     known: bool,
     certain: bool,
     problems: &mut Problems,
 ) -> Option<usize> {
-    let is_dense = |i: &usize| matches!(file.layers[*i].kind, FileKind::Dense { .. });
-    let is_read = |i: &usize| graph.neighbors(NodeIndex::new(i + 1)).next().is_some();
-    let mut last = (0..file.layers.len()).filter(|i| is_dense(i) && !is_read(i));
-    if known && !(0..file.layers.len()).any(|i| is_dense(&i)) {
-        problems.add(end(file), None, ProblemKind::MissingLayer { expected: "a dense" });
-    }
-    let first = last.next()?;
-    let mut only = true;
-    for second in last.filter(|_| certain) {
-        let kind = ProblemKind::SecondPrediction { first: file.layers[first].line };
-        problems.add(file.layers[second].line, Some(&file.layers[second].name), kind);
-        only = false;
-    }
-    (only && certain).then_some(first)
-}
-
-/// Reports the dense layers of a file that has a head; whether there are any.
-fn report_dense(file: &File, problems: &mut Problems) -> bool {
-    let head = file.head.first().map_or(1, |layer| layer.line);
-    let before = problems.0.len();
-    for layer in file.layers.iter().filter(|layer| matches!(layer.kind, FileKind::Dense { .. })) {
-        problems.add(layer.line, Some(&layer.name), ProblemKind::BesideHead { head });
-    }
-    problems.0.len() > before
-}
-
-/// Reports the layers that `prediction` does not depend on.
-fn report_unused(
-    file: &File,
-    graph: &Graph,
-    prediction: usize,
-    readout: Option<usize>,
-    problems: &mut Problems,
-) {
-    let against = Reversed(graph);
-    let mut search = Dfs::new(against, NodeIndex::new(prediction + 1));
-    let mut used = vec![false; file.layers.len() + 1];
-    while let Some(node) = search.next(against) {
-        used[node.index()] = true;
-    }
-    for (i, layer) in file.layers.iter().enumerate().filter(|&(i, _)| !used[i + 1]) {
-        // A second readout was reported as such.
-        if !matches!(layer.kind, FileKind::Readout { .. }) || readout == Some(i) {
-            problems.add(layer.line, Some(&layer.name), ProblemKind::Unused);
+    let mut dense = indices(file, |kind| matches!(kind, LayerKind::Dense { .. }));
+    if let Some(head) = file.head.first() {
+        for layer in dense.iter().map(|&i| &file.layers[i]) {
+            problems.add(layer.line, Some(&layer.name), ProblemKind::BesideHead { head: head.line });
         }
+        return readout.filter(|_| certain && dense.is_empty());
     }
+    report_missing(file, &dense, known.then_some("a dense"), problems);
+    dense.retain(|&i| !reads.iter().flatten().any(|&read| read == Some(i + 1)));
+    let first = *dense.first().filter(|_| certain)?;
+    for second in dense[1..].iter().map(|&i| &file.layers[i]) {
+        let kind = ProblemKind::SecondPrediction { first: file.layers[first].line };
+        problems.add(second.line, Some(&second.name), kind);
+    }
+    (dense.len() == 1).then_some(first)
 }

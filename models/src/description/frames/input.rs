@@ -10,7 +10,6 @@ use toml::de::DeValue;
 
 use super::layer::{CHANNELS, SIDES};
 use super::source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
-use crate::description::problem::ProblemKind;
 use crate::description::table::{Table, integer, number};
 use crate::systems::contact_area::ContactSettings;
 
@@ -30,18 +29,13 @@ pub(super) struct Input {
 
 /// Reads the table.
 pub(super) fn read(mut table: Table<'_, '_>) -> Input {
-    let shape = match table.choice("kind", &[("image", true), ("vector", false)], None) {
-        Some(true) => {
-            let channels = table.size("channels", CHANNELS, None);
-            let (height, width) = (table.size("height", SIDES, None), table.size("width", SIDES, None));
-            let sides = height.zip(width);
-            channels.zip(sides).map(|(channels, (height, width))| FrameShape::Image {
-                channels,
-                height,
-                width,
-            })
-        }
-        Some(false) => table.size("values", VALUES, None).map(FrameShape::Vector),
+    let shape = match table.choice("kind", &[("image", true), ("vector", false)]) {
+        Some(true) => table.known(|table| FrameShape::Image {
+            channels: table.size("channels", CHANNELS, None),
+            height: table.size("height", SIDES, None),
+            width: table.size("width", SIDES, None),
+        }),
+        Some(false) => table.known(|table| FrameShape::Vector(table.size("values", VALUES, None))),
         None => {
             // The keys of an unknown kind are unknown.
             table.ignore(&["channels", "height", "width", "values"]);
@@ -49,15 +43,15 @@ pub(super) fn read(mut table: Table<'_, '_>) -> Input {
         }
     };
     let words = ["event-counts", "signed", "tactile-image", "electrodes", "picture"];
-    let choices: [(&str, usize); 5] = std::array::from_fn(|i| (words[i], i));
-    let word = table.choice("frames", &choices, None);
+    let Some(word) = table.choice("frames", &words.map(|word| (word, word))) else {
+        return Input { shape, source: None };
+    };
     let source = match word {
-        Some(0) => event_counts(&mut table),
-        Some(1) => signed(&mut table),
-        Some(2) => readings(&mut table, true).map(FrameSource::TactileImage),
-        Some(3) => readings(&mut table, false).map(FrameSource::Electrodes),
-        Some(_) => picture(&mut table),
-        None => None,
+        "event-counts" => table.known(event_counts),
+        "signed" => table.known(signed),
+        "tactile-image" => readings(&mut table, true).map(FrameSource::TactileImage),
+        "electrodes" => readings(&mut table, false).map(FrameSource::Electrodes),
+        _ => picture(&mut table),
     };
     if let (Some(shape), Some(source)) = (shape, source)
         && let Some(expected) = source.refuses(shape)
@@ -65,71 +59,71 @@ pub(super) fn read(mut table: Table<'_, '_>) -> Input {
         let line = table.line_of("kind").unwrap_or_default();
         table.refuse(line, "kind", expected, shape.to_string());
     }
-    if word.is_some() {
-        table.finish();
-    }
+    table.finish();
     Input { shape, source }
 }
 
-fn event_counts(table: &mut Table<'_, '_>) -> Option<FrameSource> {
+fn event_counts(table: &mut Table<'_, '_>) -> FrameSource {
     let period_us = table.integer("period_us", TIMES_US, Some(10_000));
     let place = crop(table);
     let expected = "a finite number from 1 on";
-    let maximum = table.required("maximum", expected, |v| real(v).filter(|&v| v >= 1.0));
-    Some(FrameSource::EventCounts { period_us: period_us?, place: place?, maximum: maximum?.value })
+    let maximum = table.value("maximum", expected, None, |v| real(v).filter(|&v| v >= 1.0));
+    FrameSource::EventCounts { period_us, place, maximum }
 }
 
-fn signed(table: &mut Table<'_, '_>) -> Option<FrameSource> {
-    let rules = [("sum", SignedRule::Sum), ("latest", SignedRule::Latest)];
-    let rule = table.choice("rule", &rules, Some(SignedRule::Sum));
+fn signed(table: &mut Table<'_, '_>) -> FrameSource {
+    let rule = table.option("rule", &[("sum", SignedRule::Sum), ("latest", SignedRule::Latest)]);
     let place = crop(table);
     let timing = if table.line_of("period_us").is_some() {
         table.inapplicable("span_us", "no period_us: a frame shows a sliding span or consecutive periods");
-        let period_us = table.integer("period_us", TIMES_US, None);
-        period_us.map(|period_us| SignedTiming::Consecutive { period_us })
+        SignedTiming::Consecutive { period_us: table.integer("period_us", TIMES_US, None) }
     } else {
-        table.integer("span_us", TIMES_US, None).map(|span_us| SignedTiming::Sliding { span_us })
+        SignedTiming::Sliding { span_us: table.integer("span_us", TIMES_US, None) }
     };
-    Some(FrameSource::Signed { timing: timing?, place: place?, rule: rule? })
+    FrameSource::Signed { timing, place, rule }
 }
 
-fn crop(table: &mut Table<'_, '_>) -> Option<CropPlace> {
+fn crop(table: &mut Table<'_, '_>) -> CropPlace {
     let expected = "\"centre\", or the first column and row, such as [116, 72]";
     let read = |value: &DeValue<'_>| match value {
         DeValue::Array(place) if place.len() == 2 => {
-            let read = |i: usize| u16::try_from(integer(place.get(i)?.get_ref())?).ok();
+            let read = |i: usize| u16::try_from(integer(place[i].get_ref())?).ok();
             Some(CropPlace::At { x: read(0)?, y: read(1)? })
         }
         value => value.as_str().filter(|&word| word == "centre").map(|_| CropPlace::Centre),
     };
-    table.defaulted("crop", expected, Some(CropPlace::Centre), read)
+    table.value("crop", expected, Some(CropPlace::Centre), read)
 }
 
 /// The settings of frames that are made of readings, as images or as they are.
 fn readings(table: &mut Table<'_, '_>, image: bool) -> Option<Readings> {
-    let steps = table.size("steps", STEPS, None);
-    let expected =
-        "\"consecutive\", \"sliding\" or the stride from one reading to the next (from 1 to 65536)";
-    let sampling = table.defaulted("sampling", expected, Some(Sampling::Consecutive), |value| {
-        match (value.as_str(), integer(value)) {
-            (Some("consecutive"), _) => Some(Sampling::Consecutive),
-            (Some("sliding"), _) => Some(Sampling::Sliding),
-            (_, Some(stride)) if STEPS.contains(&stride) => Some(Sampling::Step { stride: stride as usize }),
-            _ => None,
-        }
-    });
     let expected = if image {
         "\"image\", \"reading\", or a range such as [1800, 3500]"
     } else {
         "\"image\", \"reading\", a range such as [1800, 3500], or [\"reading\", [1800, 3500]]"
     };
-    let scaling = table.required("scaling", expected, scaling)?;
-    if image && matches!(scaling.value, Scaling::ReadingAndRange { .. }) {
+    let sampling =
+        "\"consecutive\", \"sliding\" or the stride from one reading to the next (from 1 to 65536)";
+    let readings = table.known(|table| Readings {
+        steps: table.size("steps", STEPS, None),
+        sampling: table.value("sampling", sampling, Some(Sampling::Consecutive), |value| {
+            match (value.as_str(), integer(value)) {
+                (Some("consecutive"), _) => Some(Sampling::Consecutive),
+                (Some("sliding"), _) => Some(Sampling::Sliding),
+                (_, Some(stride)) if STEPS.contains(&stride) => {
+                    Some(Sampling::Step { stride: stride as usize })
+                }
+                _ => None,
+            }
+        }),
+        scaling: table.value("scaling", expected, None, scaling),
+    })?;
+    if image && matches!(readings.scaling, Scaling::ReadingAndRange { .. }) {
         let with = "frames = \"electrodes\": an image has one value for each electrode";
-        table.report(scaling.line, ProblemKind::Inapplicable { key: "scaling", with });
+        table.inapplicable("scaling", with);
         return None;
     }
-    Some(Readings { steps: steps?, sampling: sampling?, scaling: scaling.value })
+    Some(readings)
 }
 
 fn scaling(value: &DeValue<'_>) -> Option<Scaling> {
@@ -155,39 +149,35 @@ fn range_of(value: &DeValue<'_>) -> Option<(f32, f32)> {
 }
 
 fn picture(table: &mut Table<'_, '_>) -> Option<FrameSource> {
-    let mean = table.required("mean", "means of red, green and blue, such as [0.5, 0.5, 0.5]", reals);
-    let std = table.required("std", "standard deviations of red, green and blue, each above 0", |value| {
-        let std: [f32; 3] = reals(value)?;
-        std.iter().all(|&v| v > 0.0).then_some(std)
-    });
-    let force_mean = table.required("force_mean", "a finite number (N per pixel)", real);
-    let expected = "a finite number above 0 (N per pixel)";
-    let force_std = table.required("force_std", expected, |value| real(value).filter(|&v| v > 0.0));
-    let expected = "width and height of a pixel in mm, such as [0.06, 0.06]";
-    let pixel_mm = table.required("pixel_mm", expected, |value| {
-        let pixel: [f64; 2] = numbers(value)?;
-        pixel.iter().all(|&side| side > 0.0).then_some(pixel)
-    });
-    let expected = "a finite number of at least 0 (N per pixel)";
-    let threshold_n = table.defaulted("threshold_n", expected, Some(ContactSettings::THRESHOLD_N), |value| {
-        real(value).filter(|&v| v >= 0.0)
-    });
-    let expected = "an odd number from 1 to 9999";
-    let median = table.defaulted("median_window", expected, Some(ContactSettings::MEDIAN_WINDOW), |value| {
-        let window = integer(value).filter(|window| (1..=9999).contains(window) && window % 2 == 1)?;
-        Some(window as usize)
-    });
-    let std_line = std.as_ref().map(|given| given.line);
-    let picture = PictureSettings {
-        mean: mean?.value,
-        std: std?.value,
-        force_mean: force_mean?.value,
-        force_std: force_std?.value,
-        pixel_mm: pixel_mm?.value,
-        threshold_n: threshold_n?,
-        median_window: median?,
-    };
-    if let (Err(error), Some(line)) = (picture.image_normalisation(), std_line) {
+    let picture = table.known(|table| PictureSettings {
+        mean: table.value("mean", "means of red, green and blue, such as [0.5, 0.5, 0.5]", None, reals),
+        std: table.value("std", "standard deviations of red, green and blue, each above 0", None, |value| {
+            reals(value).filter(|std| std.iter().all(|&v| v > 0.0))
+        }),
+        force_mean: table.value("force_mean", "a finite number (N per pixel)", None, real),
+        force_std: table.value("force_std", "a finite number above 0 (N per pixel)", None, |value| {
+            real(value).filter(|&v| v > 0.0)
+        }),
+        pixel_mm: table.value(
+            "pixel_mm",
+            "width and height of a pixel in mm, such as [0.06, 0.06]",
+            None,
+            |v| numbers(v).filter(|pixel: &[f64; 2]| pixel.iter().all(|&side| side > 0.0)),
+        ),
+        threshold_n: table.value(
+            "threshold_n",
+            "a finite number of at least 0 (N per pixel)",
+            Some(ContactSettings::THRESHOLD_N),
+            |value| real(value).filter(|&v| v >= 0.0),
+        ),
+        median_window: table.value(
+            "median_window",
+            "an odd number from 1 to 9999",
+            Some(ContactSettings::MEDIAN_WINDOW),
+            |value| integer(value).filter(|v| (1..=9999).contains(v) && v % 2 == 1).map(|v| v as usize),
+        ),
+    })?;
+    if let (Err(error), Some(line)) = (picture.image_normalisation(), table.line_of("std")) {
         table.refuse(line, "std", error.to_string(), format!("{:?}", picture.std));
         return None;
     }

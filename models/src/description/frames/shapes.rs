@@ -3,16 +3,14 @@
 //! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, without the layers that have problems. Invariant: where no
 //! problem was reported, all layers are there, each reads layers above it, and the last one, which predicts, depends on all.
 
-use std::collections::BTreeMap;
-
 use meissner_engine::frames::FrameShape;
 
-use super::file::FileLayer;
 use super::layer::{FrameKind, FrameLayer, LONGEST_SIDE, MOST_CHANNELS};
-use crate::description::document::by_name;
+use crate::description::document::FileLayer;
 use crate::description::problem::{ProblemKind, Problems};
 use crate::description::table::Given;
 use crate::description::tensors::{LARGEST_TENSOR, Needed};
+use crate::description::wiring::{Reads, Scope, check_names, references, report_unused};
 
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
 const MOST_VALUES: usize = 1 << 28;
@@ -20,13 +18,10 @@ const MOST_VALUES: usize = 1 << 28;
 /// Layers as they are written, one above the other.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::description) struct Stack<'a> {
-    pub(in crate::description) layers: &'a [FileLayer],
-    /// The name of the input of the first layer.
-    pub(in crate::description) input: &'a str,
-    /// Its shape; `None` where a problem of it was reported.
+    pub(in crate::description) layers: &'a [FileLayer<FrameKind>],
+    pub(in crate::description) scope: Scope<'a>,
+    /// The shape of the input; `None` where a problem of it was reported.
     pub(in crate::description) shape: Option<FrameShape>,
-    /// Where the layers stand that can be referred to, as messages say it.
-    pub(in crate::description) place: &'static str,
     /// Whether layers may have state.
     pub(in crate::description) state: bool,
     /// Names of the predicted values.
@@ -43,17 +38,14 @@ struct Known {
     square: f64,
 }
 
-/// A key that refers to an input, its line, and the input: 0 is the frame, i + 1 is layer i.
+/// A key that refers to an input, its line, and the node of the input.
 type Reference = (&'static str, usize, usize);
 
 struct Shapes<'a> {
     stack: Stack<'a>,
     problems: &'a mut Problems,
-    names: BTreeMap<&'a str, usize>,
     /// Of the frame, then of each layer so far.
     known: Vec<Option<Known>>,
-    /// The inputs of each layer so far: 0 is the frame, i + 1 is layer i.
-    reads: Vec<[Option<usize>; 2]>,
     values: usize,
     parameters: usize,
 }
@@ -61,60 +53,46 @@ struct Shapes<'a> {
 /// Checks the layers and their inputs.
 pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
     let before = problems.0.len();
-    let names = by_name(stack.layers.iter().map(|layer| (layer.name.as_str(), layer.line)), problems);
+    let reads = references(stack.layers, stack.scope, problems);
     let known = vec![stack.shape.map(|shape| Known { shape, square: 1.0 })];
     let values = stack.shape.map_or(0, FrameShape::values);
-    let mut shapes = Shapes { stack, problems, names, known, reads: Vec::new(), values, parameters: 0 };
+    let mut shapes = Shapes { stack, problems, known, values, parameters: 0 };
     let mut layers = Vec::new();
-    for layer in stack.layers {
-        let checked = shapes.layer(layer);
+    for (layer, &reads) in stack.layers.iter().zip(&reads) {
+        let checked = shapes.layer(layer, reads);
         shapes.known.push(checked.as_ref().map(|c| Known { shape: c.output, square: c.mean_square() }));
         layers.extend(checked);
     }
-    let reads = shapes.reads;
-    if stack.layers.is_empty() && problems.0.is_empty() {
-        problems.add(1, None, ProblemKind::MissingLayer { expected: "at least one" });
+    let Some(last) = stack.layers.last() else {
+        if problems.0.is_empty() {
+            problems.add(1, None, ProblemKind::MissingLayer { expected: "at least one" });
+        }
+        return layers;
+    };
+    if let Some(checked) = layers.last().filter(|checked| checked.line == last.line) {
+        let expected = match checked.output {
+            FrameShape::Image { channels, .. } if stack.by_channel => channels,
+            output => output.values(),
+        };
+        check_names(stack.names, &last.name, expected, problems);
     }
-    output_names(stack, &layers, problems);
     // With an unknown kind or reference, a layer that seems unused may be meant to be read.
     if problems.0.len() == before && stack.layers.iter().all(|layer| layer.kind.is_some()) {
-        report_unused(stack.layers, &reads, problems);
+        report_unused(stack.layers, &reads, stack.layers.len() - 1, |_| false, problems);
     }
     layers
 }
 
 impl Shapes<'_> {
-    fn report(&mut self, line: usize, layer: &FileLayer, kind: ProblemKind) {
+    fn report(&mut self, line: usize, layer: &FileLayer<FrameKind>, kind: ProblemKind) {
         self.problems.add(line, Some(&layer.name), kind);
-    }
-
-    /// The input that `given` refers to: 0 is the frame, i + 1 is layer i.
-    fn refer(&mut self, layer: &FileLayer, key: &'static str, given: &Given<String>) -> Option<usize> {
-        if given.value == self.stack.input {
-            return Some(0);
-        }
-        let found = given.value.clone();
-        match self.names.get(found.as_str()).copied() {
-            Some(read) if read < self.reads.len() => Some(read + 1),
-            Some(read) => {
-                let line = self.stack.layers[read].line;
-                self.report(given.line, layer, ProblemKind::ForwardReference { key, found, line });
-                None
-            }
-            None => {
-                let (input, place) = (self.stack.input.to_owned(), self.stack.place);
-                let kind = ProblemKind::UnknownReference { key, input, place, found };
-                self.report(given.line, layer, kind);
-                None
-            }
-        }
     }
 
     /// The frame or a layer, as messages name it.
     fn describe(&self, read: usize) -> String {
         let shape = self.known[read].map_or_else(String::new, |known| format!(" ({})", known.shape));
         match read.checked_sub(1).map(|i| &self.stack.layers[i]) {
-            None => format!("{:?}{shape}", self.stack.input),
+            None => format!("{:?}{shape}", self.stack.scope.input),
             Some(layer) => {
                 let word = layer.kind.as_ref().map_or("unknown", FrameKind::word);
                 format!("{word} layer {:?} on line {}{shape}", layer.name, layer.line)
@@ -123,7 +101,7 @@ impl Shapes<'_> {
     }
 
     /// Channels, rows and columns of an input; reports a vector.
-    fn image(&mut self, layer: &FileLayer, (key, line, read): Reference) -> Option<[usize; 3]> {
+    fn image(&mut self, layer: &FileLayer<FrameKind>, (key, line, read): Reference) -> Option<[usize; 3]> {
         if let FrameShape::Image { channels, height, width } = self.known[read]?.shape {
             return Some([channels, height, width]);
         }
@@ -133,7 +111,7 @@ impl Shapes<'_> {
     }
 
     /// Number of values of an input; reports an image.
-    fn vector(&mut self, layer: &FileLayer, (key, line, read): Reference) -> Option<usize> {
+    fn vector(&mut self, layer: &FileLayer<FrameKind>, (key, line, read): Reference) -> Option<usize> {
         if let FrameShape::Vector(values) = self.known[read]?.shape {
             return Some(values);
         }
@@ -143,24 +121,17 @@ impl Shapes<'_> {
         None
     }
 
-    fn layer(&mut self, layer: &FileLayer) -> Option<FrameLayer> {
-        let read = match &layer.from {
-            Some(given) => self.refer(layer, "from", given),
-            None => Some(self.reads.len()),
-        };
-        let joined = layer.with.as_ref().and_then(|given| self.refer(layer, "with", given));
-        self.reads.push([read, joined]);
+    fn layer(&mut self, layer: &FileLayer<FrameKind>, [read, joined]: Reads) -> Option<FrameLayer> {
         let (kind, read) = (layer.kind.clone()?, read?);
-        let line = layer.from.as_ref().map_or(layer.line, |given| given.line);
-        let output = self.output(layer, &kind, ("from", line, read), joined)?;
+        let output = self.output(layer, &kind, ("from", layer.reading_line(), read), joined)?;
         let input = self.known[read]?;
         let other = joined.and_then(|joined| self.known[joined]).unwrap_or(input);
-        let from = read.checked_sub(1).map_or(self.stack.input, |i| &self.stack.layers[i].name).to_owned();
+        let from = read.checked_sub(1).map_or(self.stack.scope.input, |i| &self.stack.layers[i].name);
         let checked = FrameLayer {
             name: layer.name.clone(),
             line: layer.line,
             kind,
-            from,
+            from: from.to_owned(),
             input: input.shape,
             output,
             state: 0,
@@ -173,10 +144,9 @@ impl Shapes<'_> {
         };
         let checked = checked.counted();
         if checked.state > 0 && !self.stack.state {
-            let expected =
-                "a layer without state: predictions cannot depend on how often they are read".to_owned();
+            let expected = "a layer without state: predictions cannot depend on how often they are read";
             let found = format!("{:?}", checked.kind.word());
-            self.report(layer.line, layer, ProblemKind::Value { key: "kind", expected, found });
+            self.report(layer.line, layer, ProblemKind::value("kind", expected, found));
         }
         self.bounded(layer, checked)
     }
@@ -184,7 +154,7 @@ impl Shapes<'_> {
     /// Shape of the output of a layer of `kind`.
     fn output(
         &mut self,
-        layer: &FileLayer,
+        layer: &FileLayer<FrameKind>,
         kind: &FrameKind,
         from: Reference,
         joined: Option<usize>,
@@ -215,8 +185,7 @@ impl Shapes<'_> {
                     FrameKind::SqueezeExcite { reduction } => {
                         if channels < reduction {
                             let expected = format!("at most the {channels} channels of the image");
-                            let found = reduction.to_string();
-                            let kind = ProblemKind::Value { key: "reduction", expected, found };
+                            let kind = ProblemKind::value("reduction", expected, reduction.to_string());
                             self.report(layer.line, layer, kind);
                             return None;
                         }
@@ -238,12 +207,12 @@ impl Shapes<'_> {
     /// Shape of two images or of two vectors, one after the other.
     fn joined(
         &mut self,
-        layer: &FileLayer,
+        layer: &FileLayer<FrameKind>,
         with: &str,
         (_, _, read): Reference,
         joined: usize,
     ) -> Option<FrameShape> {
-        let line = layer.with.as_ref().map_or(layer.line, |given| given.line);
+        let line = layer.second.as_ref().map_or(layer.line, |given| given.line);
         let joined = ("with", line, joined);
         let (channels, height, width) = match self.known[read]?.shape {
             FrameShape::Vector(values) => {
@@ -263,7 +232,7 @@ impl Shapes<'_> {
     }
 
     /// `checked`, unless the network is too large with it.
-    fn bounded(&mut self, layer: &FileLayer, checked: FrameLayer) -> Option<FrameLayer> {
+    fn bounded(&mut self, layer: &FileLayer<FrameKind>, checked: FrameLayer) -> Option<FrameLayer> {
         let largest = checked.tensors().iter().map(Needed::values).max().unwrap_or(0);
         self.values = self.values.saturating_add(checked.output.values()).saturating_add(checked.state);
         self.parameters = self.parameters.saturating_add(checked.parameters);
@@ -296,34 +265,6 @@ pub(in crate::description) fn fits(shape: FrameShape) -> bool {
         FrameShape::Image { channels, height, width } => {
             let side = 1..=LONGEST_SIDE;
             channels <= MOST_CHANNELS && side.contains(&height) && side.contains(&width)
-        }
-    }
-}
-
-/// Compares the prediction's values, or channels, with their names.
-fn output_names(stack: Stack<'_>, layers: &[FrameLayer], problems: &mut Problems) {
-    let (Some(last), Some(checked), Some(names)) = (stack.layers.last(), layers.last(), stack.names) else {
-        return;
-    };
-    let expected = match checked.output {
-        FrameShape::Image { channels, .. } if stack.by_channel => channels,
-        output => output.values(),
-    };
-    if checked.line == last.line && names.value.len() != expected {
-        let kind = ProblemKind::OutputNames { layer: last.name.clone(), expected, found: names.value.len() };
-        problems.add(names.line, None, kind);
-    }
-}
-
-/// Reports the layers that the last one does not depend on.
-fn report_unused(layers: &[FileLayer], reads: &[[Option<usize>; 2]], problems: &mut Problems) {
-    let mut used = vec![false; layers.len() + 1];
-    used[layers.len()] = true;
-    for (i, layer) in layers.iter().enumerate().rev() {
-        if used[i + 1] {
-            reads[i].iter().flatten().for_each(|&read| used[read] = true);
-        } else {
-            problems.add(layer.line, Some(&layer.name), ProblemKind::Unused);
         }
     }
 }

@@ -44,9 +44,10 @@ pub enum FrameSource {
 }
 
 /// Place of the shown pixels on the sensor; the network's input has their number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CropPlace {
     /// In the middle; with an odd rest one pixel further to the left and the top.
+    #[default]
     Centre,
     /// From this pixel on.
     At {
