@@ -2,9 +2,12 @@
 //!
 //! Enters: a checked description of either kind. Leaves: text. Invariant: equal descriptions give equal bytes.
 
+mod picture;
 mod summary;
 mod table;
 mod view;
+
+use std::fmt;
 
 use crate::description::frames::FrameDescription;
 use crate::description::{AnyDescription, Description};
@@ -15,6 +18,12 @@ pub use summary::{
 
 macro_rules! reports {
     ($($description:ty),*) => {$(
+        impl fmt::Display for $description {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.view().fmt(f)
+            }
+        }
+
         impl $description {
             /// The table that `meissner inspect` prints: the input, a line for each layer, and the totals.
             pub fn to_table(&self) -> String {
@@ -23,12 +32,12 @@ macro_rules! reports {
 
             /// The network in the DOT language of Graphviz.
             pub fn to_dot(&self) -> String {
-                view::dot(&self.view())
+                picture::dot(&self.view())
             }
 
             /// The network as a standalone SVG picture.
             pub fn to_svg(&self) -> String {
-                view::svg(&self.view())
+                picture::svg(&self.view())
             }
         }
     )*};

@@ -1,49 +1,54 @@
-//! The content of a picture of a network: boxes in order, the inputs of each, and the bands that group them.
+//! A network as a table and pictures show it: a row for each layer, the inputs of each, and the bands that group them.
 //!
-//! Enters: a description of either kind. Leaves: a [`View`], and from it text in the DOT language and an SVG picture.
-
-use std::iter::once;
-
-use meissner_plot::{Panel, page};
+//! Enters: a description of either kind. Leaves: a [`View`].
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
-use crate::description::{AnyDescription, Description, Layer, LayerKind};
+use crate::description::{
+    AnyDescription, Cost, Description, FieldStart, Layer, LayerKind, Needed, Per, ReceptiveField,
+};
 
-/// A network as a picture shows it.
+/// A network as tables and pictures show it.
 pub(super) struct View<'a> {
     pub(super) name: &'a str,
-    /// Below the name.
+    /// Below the name of a picture.
     pub(super) about: String,
+    /// Lines above a table, each with a word for it.
+    pub(super) head: Vec<(&'static str, String)>,
+    /// Headings of the last two columns of a table.
+    pub(super) headings: [&'static str; 2],
+    /// Lines below a table.
+    pub(super) foot: Vec<String>,
     pub(super) input: Input,
     /// Label of each band.
     pub(super) bands: Vec<String>,
-    pub(super) nodes: Vec<Node<'a>>,
+    pub(super) rows: Vec<Row<'a>>,
 }
 
-/// The box of the network's input.
+/// The input of a network.
 pub(super) struct Input {
     pub(super) name: &'static str,
     /// One word about it.
-    pub(super) word: String,
+    pub(super) word: &'static str,
     /// One line about it.
-    pub(super) about: String,
+    pub(super) about: &'static str,
     pub(super) shape: String,
     pub(super) band: Option<usize>,
 }
 
-/// The box of a layer.
-pub(super) struct Node<'a> {
+/// A layer.
+pub(super) struct Row<'a> {
     pub(super) name: &'a str,
     pub(super) kind: String,
+    pub(super) from: &'a str,
+    /// Its second input, and the mark of the connection in a table and in pictures.
+    pub(super) joins: Option<(&'a str, [&'static str; 2])>,
     /// Of its input and its output.
     pub(super) shapes: [String; 2],
-    /// `None` for a kind of layer without parameters.
-    pub(super) parameters: Option<usize>,
+    pub(super) parameters: usize,
+    /// The last two columns of a table.
+    pub(super) columns: [String; 2],
     pub(super) fill: &'static str,
     pub(super) band: Option<usize>,
-    pub(super) from: &'a str,
-    /// Its second input, and the mark of the connection.
-    pub(super) joins: Option<(&'a str, &'static str)>,
 }
 
 /// Fill of boxes, by kind of layer.
@@ -55,52 +60,82 @@ const RECURRENT: &str = "#e4d6f2";
 
 impl Description {
     pub(super) fn view(&self) -> View<'_> {
+        let graph = self.graph_summary();
+        let mut head = vec![
+            ("network", self.name().to_owned()),
+            ("window", format!("{} us, at most {} events", self.span_us(), self.capacity())),
+            ("graph", graph.to_string()),
+        ];
+        if graph.scale.is_none() {
+            head.push(("normalised", "per graph: batch only".to_owned()));
+        }
+        head.push(("output", output(self.outputs())));
+        let events = self.layers().iter().filter(|layer| layer.level == Some(0));
+        let cost: usize = events.map(|layer| layer.cost.multiply_adds).sum();
+        let mut foot = vec![
+            sizes(self.parameters(), &self.needed()),
+            format!("an event's row through the event level: {cost} multiply-adds"),
+        ];
+        if !self.head().is_empty() {
+            let cost: usize = self.head().iter().map(|layer| layer.multiply_adds).sum();
+            let fewer = "fewer where the readout changed in part";
+            foot.push(format!("a prediction through the head: {cost} multiply-adds, {fewer}"));
+        }
+        if self.levels() > 1 {
+            let assumed = "the cells that touch one; edges of events can reach further";
+            foot.push(format!("in-edges of cells are an assumption: {assumed}"));
+        }
+        let mut bands = vec![format!("level 0: events, {graph}")];
+        for layer in self.layers() {
+            if let LayerKind::Pool { cell, .. } = &layer.kind {
+                bands.push(format!("level {}: cells of {cell}", bands.len()));
+            }
+        }
         View {
             name: self.name(),
             about: format!("{} parameters, window {} ms", self.parameters(), self.span_us() as f64 / 1000.0),
+            head,
+            headings: ["multiply-adds a row", "receptive field of a row"],
+            foot,
             input: Input {
                 name: "events",
-                word: "polarity".to_owned(),
-                about: "polarity of each event: -1 or 1".to_owned(),
+                word: "polarity",
+                about: "polarity of each event: -1 or 1",
                 shape: "1 channel".to_owned(),
                 band: Some(0),
             },
-            bands: (0..self.levels()).map(|level| self.level_label(level)).collect(),
-            nodes: self.layers().iter().map(node).chain(self.head().iter().map(frame_node)).collect(),
-        }
-    }
-
-    /// The label of a level, which names its rows.
-    fn level_label(&self, level: usize) -> String {
-        let starts =
-            |layer: &&Layer| matches!(layer.kind, LayerKind::Pool { .. }) && layer.level == Some(level);
-        match self.layers().iter().find(starts).map(|layer| &layer.kind) {
-            Some(LayerKind::Pool { cell, .. }) => format!("level {level}: cells of {cell}"),
-            _ => format!("level {level}: events, {}", self.graph_summary()),
+            bands,
+            rows: self.layers().iter().map(row).chain(self.head().iter().map(head_row)).collect(),
         }
     }
 }
 
-fn node(layer: &Layer) -> Node<'_> {
-    let (fill, has_parameters) = match layer.kind {
-        LayerKind::Block { .. } => (CONVOLUTION, true),
-        LayerKind::Pool { .. } => (POOLING, false),
-        LayerKind::Readout { .. } => (READOUT, false),
-        LayerKind::Dense { .. } => (DENSE, true),
-    };
-    let joins = match &layer.kind {
-        LayerKind::Block { skip: Some(skip), .. } => Some((skip.as_str(), "+")),
-        _ => None,
-    };
-    Node {
-        name: &layer.name,
-        kind: layer.kind.to_string(),
-        shapes: [layer.inputs.to_string(), layer.outputs.to_string()],
-        parameters: has_parameters.then_some(layer.parameters),
-        fill,
-        band: layer.level,
-        from: &layer.from,
-        joins,
+impl FrameDescription {
+    pub(super) fn view(&self) -> View<'_> {
+        let word = self.source().word();
+        let state: usize = self.layers().iter().map(|layer| layer.state).sum();
+        View {
+            name: self.name(),
+            about: format!(
+                "{} parameters, {} multiply-adds a frame",
+                self.parameters(),
+                self.multiply_adds()
+            ),
+            head: vec![
+                ("network", self.name().to_owned()),
+                ("input", self.input().to_string()),
+                ("frames", self.source().to_string()),
+                ("output", format!("{}, {}", output(self.outputs()), self.output())),
+            ],
+            headings: ["multiply-adds", "state"],
+            foot: vec![
+                sizes(self.parameters(), &self.needed()),
+                format!("a frame: {} multiply-adds, {state} values kept to the next", self.multiply_adds()),
+            ],
+            input: Input { name: FRAME, word, about: word, shape: self.input().to_string(), band: None },
+            bands: Vec::new(),
+            rows: self.layers().iter().map(frame_row).collect(),
+        }
     }
 }
 
@@ -113,120 +148,69 @@ impl AnyDescription {
     }
 }
 
-impl FrameDescription {
-    pub(super) fn view(&self) -> View<'_> {
-        View {
-            name: self.name(),
-            about: format!(
-                "{} parameters, {} multiply-adds a frame",
-                self.parameters(),
-                self.multiply_adds()
-            ),
-            input: Input {
-                name: FRAME,
-                word: self.source().word().to_owned(),
-                about: self.source().word().to_owned(),
-                shape: self.input().to_string(),
-                band: None,
-            },
-            bands: Vec::new(),
-            nodes: self.layers().iter().map(frame_node).collect(),
-        }
-    }
+fn output((names, unit): (&[String], &str)) -> String {
+    format!("{} ({unit})", names.join(", "))
 }
 
-fn frame_node(layer: &FrameLayer) -> Node<'_> {
-    let (fill, has_parameters) = match layer.kind {
-        FrameKind::Conv { .. } | FrameKind::UpConv { .. } | FrameKind::SqueezeExcite { .. } => {
-            (CONVOLUTION, true)
-        }
-        FrameKind::MaxPool | FrameKind::AveragePool { .. } | FrameKind::GlobalAverage | FrameKind::Sum => {
-            (POOLING, false)
-        }
-        FrameKind::ConvLstm { .. } | FrameKind::Lstm { .. } => (RECURRENT, true),
-        FrameKind::Delay { .. } => (RECURRENT, false),
-        FrameKind::Concat { .. } | FrameKind::Flatten => (READOUT, false),
-        FrameKind::Dense { .. } => (DENSE, true),
+fn sizes(parameters: usize, tensors: &[Needed]) -> String {
+    let values: usize = tensors.iter().map(Needed::values).sum();
+    format!("parameters {parameters} trained, {values} values in all")
+}
+
+fn row(layer: &Layer) -> Row<'_> {
+    let fill = match layer.kind {
+        LayerKind::Block { .. } => CONVOLUTION,
+        LayerKind::Pool { .. } => POOLING,
+        LayerKind::Readout { .. } => READOUT,
+        LayerKind::Dense { .. } => DENSE,
     };
-    Node {
+    let joins = match &layer.kind {
+        LayerKind::Block { skip: Some(skip), .. } => Some((skip.as_str(), [" +", "+"])),
+        _ => None,
+    };
+    let cost = match layer.kind {
+        LayerKind::Pool { .. } | LayerKind::Readout { .. } => "maxima only".to_owned(),
+        LayerKind::Block { .. } | LayerKind::Dense { .. } => layer.cost.to_string(),
+    };
+    Row {
         name: &layer.name,
         kind: layer.kind.to_string(),
+        from: &layer.from,
+        joins,
+        shapes: [layer.inputs.to_string(), layer.outputs.to_string()],
+        parameters: layer.parameters,
+        columns: [cost, layer.field.to_string()],
+        fill,
+        band: layer.level,
+    }
+}
+
+/// The row of a layer of the head. All of it is evaluated for a prediction, which depends on the whole window.
+fn head_row(layer: &FrameLayer) -> Row<'_> {
+    let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: Per::Prediction };
+    let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };
+    Row { columns: [cost.to_string(), field.to_string()], ..frame_row(layer) }
+}
+
+fn frame_row(layer: &FrameLayer) -> Row<'_> {
+    let fill = match layer.kind {
+        FrameKind::Conv { .. } | FrameKind::UpConv { .. } | FrameKind::SqueezeExcite { .. } => CONVOLUTION,
+        FrameKind::MaxPool | FrameKind::AveragePool { .. } | FrameKind::GlobalAverage | FrameKind::Sum => {
+            POOLING
+        }
+        FrameKind::ConvLstm { .. } | FrameKind::Lstm { .. } | FrameKind::Delay { .. } => RECURRENT,
+        FrameKind::Concat { .. } | FrameKind::Flatten => READOUT,
+        FrameKind::Dense { .. } => DENSE,
+    };
+    Row {
+        name: &layer.name,
+        kind: layer.kind.to_string(),
+        from: &layer.from,
+        joins: layer.with().map(|with| (with, [",", "with"])),
         shapes: [layer.input.to_string(), layer.output.to_string()],
-        parameters: has_parameters.then_some(layer.parameters),
+        parameters: layer.parameters,
+        columns: [layer.multiply_adds.to_string(), layer.state.to_string()],
         fill,
         band: None,
-        from: &layer.from,
-        joins: layer.with().map(|with| (with, "with")),
     }
-}
-
-/// The SVG picture of `view`.
-pub(super) fn svg(view: &View<'_>) -> String {
-    let input = meissner_plot::Node {
-        name: view.input.name,
-        kind: view.input.about.clone(),
-        shape: view.input.shape.clone(),
-        fill: "#ffffff",
-        band: view.input.band,
-        from: None,
-        joins: None,
-    };
-    let boxes = view.nodes.iter().map(|node| {
-        let parameters = node.parameters.map(|parameters| format!(", {parameters} parameters"));
-        meissner_plot::Node {
-            name: node.name,
-            kind: node.kind.clone(),
-            shape: node.shapes.join(" \u{2192} ") + &parameters.unwrap_or_default(),
-            fill: node.fill,
-            band: node.band,
-            from: Some(node.from),
-            joins: node.joins,
-        }
-    });
-    let network =
-        meissner_plot::Network { bands: view.bands.clone(), boxes: once(input).chain(boxes).collect() };
-    page(view.name, &view.about, &[vec![Panel::Network(network)]])
-}
-
-/// The DOT text of `view`: a cluster for each level, dashed edges for second inputs.
-pub(super) fn dot(view: &View<'_>) -> String {
-    let mut lines = vec![
-        format!("digraph {} {{", quoted(view.name)),
-        "  rankdir = TB;".to_owned(),
-        "  node [shape = box, fontname = \"sans-serif\"];".to_owned(),
-    ];
-    for (band, label) in view.bands.iter().enumerate() {
-        lines.push(format!("  subgraph cluster_{band} {{"));
-        lines.push(format!("    label = {};", quoted(label)));
-        lines.extend(members(view, Some(band)).map(|line| format!("    {line}")));
-        lines.push("  }".to_owned());
-    }
-    lines.extend(members(view, None).map(|line| format!("  {line}")));
-    for node in &view.nodes {
-        let name = quoted(node.name);
-        lines.push(format!("  {} -> {name};", quoted(node.from)));
-        lines.extend(node.joins.map(|(joins, mark)| {
-            format!("  {} -> {name} [style = dashed, label = {}];", quoted(joins), quoted(mark))
-        }));
-    }
-    lines.push("}\n".to_owned());
-    lines.join("\n")
-}
-
-/// The boxes of a band, or of none.
-fn members(view: &View<'_>, band: Option<usize>) -> impl Iterator<Item = String> {
-    let input = &view.input;
-    let label = quoted(&format!("{}\n{}", input.name, input.word));
-    let input =
-        (input.band == band).then(|| format!("{} [shape = oval, label = {label}];", quoted(input.name)));
-    let nodes = view.nodes.iter().filter(move |node| node.band == band).map(|node| {
-        let label = format!("{}\n{}\n{}", node.name, node.kind, node.shapes.join(" -> "));
-        format!("{} [label = {}];", quoted(node.name), quoted(&label))
-    });
-    input.into_iter().chain(nodes)
-}
-
-/// A quoted identifier or label.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"))
 }
