@@ -19,13 +19,14 @@ use crate::random::Random;
 use crate::weights::{Tensor, Weights};
 
 /// A description whose tensors can be drawn.
-pub trait Drawable: sealed::Needs {}
+pub trait Drawable: Needs {}
 
-impl<T: sealed::Needs> Drawable for T {}
+impl<T: Needs> Drawable for T {}
+
+pub(crate) use sealed::Needs;
 
 mod sealed {
-    use crate::description::frames::FrameDescription;
-    use crate::description::{AnyDescription, Description, Needed};
+    use crate::description::Needed;
 
     #[expect(private_interfaces, reason = "the trait cannot be named outside")]
     pub trait Needs {
@@ -33,22 +34,6 @@ mod sealed {
 
         fn needed_tensors(&self) -> Vec<Needed>;
     }
-
-    macro_rules! needs {
-        ($($description:ty),*) => {$(
-            #[expect(private_interfaces, reason = "the trait cannot be named outside")]
-            impl Needs for $description {
-                fn network_name(&self) -> &str {
-                    self.name()
-                }
-
-                fn needed_tensors(&self) -> Vec<Needed> {
-                    self.needed()
-                }
-            }
-        )*};
-    }
-    needs!(AnyDescription, Description, FrameDescription);
 }
 
 /// Draws the tensors that `description` needs.

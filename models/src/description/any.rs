@@ -1,5 +1,6 @@
-//! The methods that descriptions of all kinds share: parsing, loading, names of classes and of tensors.
+//! The methods that descriptions of all kinds share: parsing, loading, names of classes and of tensors, reports.
 
+use std::fmt;
 use std::path::Path;
 
 use super::Description;
@@ -8,7 +9,9 @@ use super::frames::FrameDescription;
 use super::problem::DescriptionError;
 use super::table::Table;
 use super::tensors::{Needed, unused};
+use crate::draw::Needs;
 use crate::error::ModelError;
+use crate::inspect::picture;
 use crate::weights::Weights;
 
 /// A checked description of either kind of network. A table `[input]` marks a frame network.
@@ -98,7 +101,40 @@ macro_rules! common {
             /// # Errors
             /// [`ModelError::Ambiguous`] where several prefixes make the names fit.
             pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
-                unused(self.name(), self.needed(), weights)
+                unused(self.name(), &self.needed(), weights)
+            }
+
+            /// The table that `meissner inspect` prints: the input, a line for each layer, and the totals.
+            pub fn to_table(&self) -> String {
+                self.to_string()
+            }
+
+            /// The network in the DOT language of Graphviz.
+            pub fn to_dot(&self) -> String {
+                picture::dot(&self.view())
+            }
+
+            /// The network as a standalone SVG picture.
+            pub fn to_svg(&self) -> String {
+                picture::svg(&self.view())
+            }
+        }
+
+        impl fmt::Display for $description {
+            /// As `to_table`.
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.view().fmt(f)
+            }
+        }
+
+        #[expect(private_interfaces, reason = "the trait cannot be named outside")]
+        impl Needs for $description {
+            fn network_name(&self) -> &str {
+                self.name()
+            }
+
+            fn needed_tensors(&self) -> Vec<Needed> {
+                self.needed()
             }
         }
     )*};

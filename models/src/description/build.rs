@@ -34,7 +34,7 @@ impl Description {
     /// # Errors
     /// As [`Self::network`], without [`ModelError::Preparation`].
     pub fn network_regardless(&self, weights: &Weights) -> Result<Network, ModelError> {
-        let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
+        let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
         Ok(Network::new(tensors.finish(parts)?)?)
     }
@@ -54,14 +54,8 @@ impl Description {
                     None => whole = false,
                 },
                 LayerKind::Pool { cell, position, scale } => {
-                    let (name, from) = (layer.name.clone(), layer.reads);
-                    poolings.push(Pooling {
-                        name,
-                        from,
-                        cell: cell.cell,
-                        time: cell.time,
-                        position: *position,
-                    });
+                    let (name, from, position) = (layer.name.clone(), layer.reads, *position);
+                    poolings.push(Pooling { name, from, cell: cell.cell, time: cell.time, position });
                     levels.push(Level { scale: *scale, blocks: Vec::new() });
                 }
                 &LayerKind::Readout { columns, rows, times } => {
@@ -111,11 +105,15 @@ fn refused(layer: &Layer, source: KernelError) -> ModelError {
 
 fn block(layer: &Layer, tensors: &mut Tensors<'_>) -> Result<Option<Block>, ModelError> {
     let LayerKind::Block { conv, norm, .. } = &layer.kind else { return Ok(None) };
+    let Some(mut values) = tensors.all(&layer.tensors()) else { return Ok(None) };
+    let folded = norm.then(|| tensors.norm(&layer.tensor("norm"), layer.outputs).map(|norm| norm.rounded()));
+    if let Some(None) = folded {
+        return Ok(None);
+    }
     let conv = conv
-        .build(&layer.weights, (layer.inputs, layer.outputs), *norm, tensors)
-        .map_err(|e| refused(layer, e))?;
-    let block = |conv| Block { name: layer.name.clone(), input: layer.reads, skip: layer.adds, conv };
-    Ok(conv.map(block))
+        .build((layer.inputs, layer.outputs), &mut values, folded.flatten())
+        .map_err(|source| refused(layer, source))?;
+    Ok(Some(Block { name: layer.name.clone(), input: layer.reads, skip: layer.adds, conv }))
 }
 
 fn dense_layer(
@@ -124,11 +122,9 @@ fn dense_layer(
     tensors: &mut Tensors<'_>,
 ) -> Result<Option<DenseLayer>, ModelError> {
     let LayerKind::Dense { bias, activation } = layer.kind else { return Ok(None) };
-    let (inputs, outputs) = (layer.inputs, layer.outputs);
-    let weight = tensors.get(&layer.tensor("weight"), &[outputs, inputs]);
-    let bias = bias.then(|| tensors.get(&layer.tensor("bias"), &[outputs]));
-    let Some(weight) = weight.filter(|_| !matches!(bias, Some(None))) else { return Ok(None) };
-    let dense = Dense::new(inputs / segment, segment, outputs, weight, bias.flatten(), activation)
-        .map_err(|e| refused(layer, e))?;
+    let Some(mut values) = tensors.all(&layer.tensors()) else { return Ok(None) };
+    let (weight, bias) = (values.take(), bias.then(|| values.take()));
+    let dense = Dense::new(layer.inputs / segment, segment, layer.outputs, weight, bias, activation)
+        .map_err(|source| refused(layer, source))?;
     Ok(Some(DenseLayer { name: layer.name.clone(), dense }))
 }

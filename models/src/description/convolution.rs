@@ -32,7 +32,7 @@ use toml::de::DeValue;
 
 use super::problem::ProblemKind;
 use super::table::{Table, integer};
-use super::tensors::{LARGEST_TENSOR, Listing, Needed, Tensors};
+use super::tensors::{LARGEST_TENSOR, Listing, Values};
 
 /// What a block computes before batch norm and skip addition.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -180,40 +180,24 @@ impl ConvolutionKind {
         }
     }
 
-    /// The convolution from `inputs` to `outputs` channels with the values of its tensors, whose names start with `prefix`;
-    /// `None` where one does not fit, which `tensors` notes.
+    /// The convolution from `inputs` to `outputs` channels with the `values` of its tensors and of batch norm.
     pub(super) fn build(
         &self,
-        prefix: &str,
         (inputs, outputs): (usize, usize),
-        norm: bool,
-        tensors: &mut Tensors<'_>,
-    ) -> Result<Option<GraphConvolution>, KernelError> {
-        // Every tensor is looked up before the first missing one ends the search, so that all missing tensors are reported.
-        let needed = self.tensors(Listing::new(prefix), inputs, outputs).0.needed();
-        let mut parts = Vec::new();
-        for Needed { name, shape, .. } in &needed {
-            parts.push(tensors.get(name, shape).map(<[f32]>::to_vec));
-        }
-        let norm = norm.then(|| tensors.norm(&format!("{prefix}.norm"), outputs).map(|norm| norm.rounded()));
-        let Some(parts) = parts.into_iter().collect::<Option<Vec<Vec<f32>>>>() else { return Ok(None) };
-        let norm = match norm {
-            Some(None) => return Ok(None),
-            norm => norm.flatten(),
-        };
-        let mut parts = parts.into_iter();
-        let mut next = |given: bool| given.then(|| parts.next().unwrap_or_default());
-        let weight = next(true).unwrap_or_default();
-        Ok(Some(match *self {
+        values: &mut Values<'_>,
+        norm: Option<(Vec<f32>, Vec<f32>)>,
+    ) -> Result<GraphConvolution, KernelError> {
+        let weight = values.take().to_vec();
+        Ok(match *self {
             Self::Spline { kernel, root, bias, elu } => {
-                let (root, bias) = (next(root), next(bias));
+                let (root, bias) = (values.take_if(root), values.take_if(bias));
                 let parts = SplineParts { inputs, outputs, kernel, weight, root, bias, norm, elu };
                 SplineConv::new(&parts)?.into()
             }
             Self::PointNet => {
-                let bias = next(true).unwrap_or_default();
+                let bias = values.take().to_vec();
                 PointNetConv::new(&PointNetParts { inputs, outputs, weight, bias, norm })?.into()
             }
-        }))
+        })
     }
 }

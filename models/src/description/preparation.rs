@@ -69,11 +69,11 @@ impl Agreement {
     }
 
     /// Compares the preparation `expected` by a description with the one that `weights` state.
-    fn of(weights: &Weights, expected: Option<&str>, stated: Option<&str>) -> Self {
-        let Some(stated) = stated else {
+    fn of(weights: &Weights, expected: Option<&str>) -> Self {
+        let Some(stated) = stated_or_published(weights) else {
             return if weights.is_drawn() { Self::Drawn } else { Self::Unstated };
         };
-        let (Some(mut expected), Some(found)) = (expected.and_then(entries), entries(stated)) else {
+        let (Some(mut expected), Some(found)) = (expected.and_then(entries), entries(&stated)) else {
             return Self::Other;
         };
         if !found.contains_key(LIFETIME) {
@@ -116,20 +116,12 @@ impl Description {
 
     /// Whether `weights` were trained on graphs as this description builds them, by their own statement.
     pub fn agreement(&self, weights: &Weights) -> Agreement {
-        Agreement::of(weights, Some(&self.preparation()), stated_or_published(weights).as_deref())
+        Agreement::of(weights, Some(&self.preparation()))
     }
 
     /// `Ok` where `weights` state the same preparation as this description, or none.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
-        if self.agreement(weights) != Agreement::Other {
-            return Ok(());
-        }
-        Err(ModelError::Preparation {
-            network: self.name().to_owned(),
-            expected: self.preparation(),
-            found: stated_or_published(weights).unwrap_or_default(),
-            published: weights.is_published().then_some(PUBLISHED),
-        })
+        check(self.name(), Some(self.preparation()), "", weights)
     }
 }
 
@@ -145,23 +137,27 @@ impl FrameDescription {
 
     /// Whether `weights` were trained on frames as this description makes them, by their own statement.
     pub fn agreement(&self, weights: &Weights) -> Agreement {
-        let stated = weights.metadata().get(KEY).map(String::as_str);
-        Agreement::of(weights, self.preparation().as_deref(), stated)
+        Agreement::of(weights, self.preparation().as_deref())
     }
 
     /// `Ok` where `weights` state the same preparation as this description, or none.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
-        if self.agreement(weights) != Agreement::Other {
-            return Ok(());
-        }
-        let none = || format!("none, since frames = {:?}", self.source().word());
-        Err(ModelError::Preparation {
-            network: self.name().to_owned(),
-            expected: self.preparation().unwrap_or_else(none),
-            found: weights.metadata().get(KEY).cloned().unwrap_or_default(),
-            published: None,
-        })
+        check(self.name(), self.preparation(), self.source().word(), weights)
     }
+}
+
+/// `Ok` where `weights` state the preparation that `network` expects, or none. A network without preparation has frames of the
+/// kind `frames`.
+fn check(network: &str, expected: Option<String>, frames: &str, weights: &Weights) -> Result<(), ModelError> {
+    if Agreement::of(weights, expected.as_deref()) != Agreement::Other {
+        return Ok(());
+    }
+    Err(ModelError::Preparation {
+        network: network.to_owned(),
+        expected: expected.unwrap_or_else(|| format!("none, since frames = {frames:?}")),
+        found: stated_or_published(weights).unwrap_or_default(),
+        published: weights.is_published().then_some(PUBLISHED),
+    })
 }
 
 /// The preparation that `weights` state, or that of the published checkpoint where these are its weights.

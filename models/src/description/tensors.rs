@@ -142,30 +142,22 @@ pub(super) fn report_shared<'l>(
 }
 
 /// Names in `weights` that `network` does not read, in order.
-pub(super) fn unused(
-    network: &str,
-    needed: Vec<Needed>,
-    weights: &Weights,
-) -> Result<Vec<String>, ModelError> {
-    let needed: Vec<String> = needed.into_iter().map(|tensor| tensor.name).collect();
-    let prefix = prefix(network, &needed, weights)?;
-    let used: BTreeSet<String> = needed.iter().map(|name| format!("{prefix}{name}")).collect();
+pub(super) fn unused(network: &str, needed: &[Needed], weights: &Weights) -> Result<Vec<String>, ModelError> {
+    let prefix = prefix(network, needed, weights)?;
+    let used: BTreeSet<String> = needed.iter().map(|tensor| format!("{prefix}{}", tensor.name)).collect();
     Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
 }
 
 /// The prefix of all names: none if all names are there without one, else the one prefix under which all names are there,
 /// else the prefix under which most names are there.
-fn prefix(network: &str, needed: &[String], weights: &Weights) -> Result<String, ModelError> {
+fn prefix(network: &str, needed: &[Needed], weights: &Weights) -> Result<String, ModelError> {
     let mut prefixes = BTreeSet::from([String::new()]);
     for name in weights.names() {
-        for needed in needed {
-            if let Some(prefix) = name.strip_suffix(needed.as_str()).filter(|p| p.ends_with('.')) {
-                prefixes.insert(prefix.to_owned());
-            }
-        }
+        let prefix = |needed: &Needed| name.strip_suffix(&*needed.name).filter(|p| p.ends_with('.'));
+        prefixes.extend(needed.iter().filter_map(prefix).map(str::to_owned));
     }
-    let held =
-        |prefix: &str| needed.iter().filter(|name| weights.get(&format!("{prefix}{name}")).is_some()).count();
+    let there = |prefix: &str, tensor: &Needed| weights.get(&format!("{prefix}{}", tensor.name)).is_some();
+    let held = |prefix: &str| needed.iter().filter(|tensor| there(prefix, tensor)).count();
     if held("") == needed.len() {
         return Ok(String::new());
     }
@@ -188,13 +180,8 @@ pub(super) struct Tensors<'a> {
 
 impl<'a> Tensors<'a> {
     /// The tensors of `network`, which needs `needed`.
-    pub(super) fn new(
-        network: &'a str,
-        needed: Vec<Needed>,
-        weights: &'a Weights,
-    ) -> Result<Self, ModelError> {
-        let needed: Vec<String> = needed.into_iter().map(|tensor| tensor.name).collect();
-        let prefix = prefix(network, &needed, weights)?;
+    pub(super) fn new(network: &'a str, needed: &[Needed], weights: &'a Weights) -> Result<Self, ModelError> {
+        let prefix = prefix(network, needed, weights)?;
         Ok(Self { network, weights, prefix, problems: Vec::new() })
     }
 
@@ -211,7 +198,7 @@ impl<'a> Tensors<'a> {
     }
 
     /// The values of the tensor `name`, whose shape must be `expected`.
-    pub(super) fn get(&mut self, name: &str, expected: &[usize]) -> Option<&'a [f32]> {
+    fn get(&mut self, name: &str, expected: &[usize]) -> Option<&'a [f32]> {
         let name = format!("{}{name}", self.prefix);
         let Some(tensor) = self.weights.get(&name) else {
             self.refuse(name, TensorProblemKind::Missing { expected: expected.to_vec() });
@@ -231,6 +218,12 @@ impl<'a> Tensors<'a> {
             return None;
         }
         Some(values)
+    }
+
+    /// The values of all tensors of a layer; `None` where one does not fit. Each of those is noted.
+    pub(super) fn all(&mut self, needed: &[Needed]) -> Option<Values<'a>> {
+        let found: Vec<_> = needed.iter().map(|tensor| self.get(&tensor.name, &tensor.shape)).collect();
+        found.into_iter().collect::<Option<Vec<_>>>().map(|found| Values(found.into_iter()))
     }
 
     /// Batch norm over `channels`, whose scales and shifts are within f32's range.
@@ -269,6 +262,21 @@ impl<'a> Tensors<'a> {
     }
 }
 
+/// The values of a layer's tensors, in the order of their use.
+pub(super) struct Values<'a>(std::vec::IntoIter<&'a [f32]>);
+
+impl<'a> Values<'a> {
+    /// Those of the next tensor.
+    pub(super) fn take(&mut self) -> &'a [f32] {
+        self.0.next().unwrap_or_default()
+    }
+
+    /// Those of the next tensor, if the layer has it.
+    pub(super) fn take_if(&mut self, there: bool) -> Option<Vec<f32>> {
+        there.then(|| self.take().to_vec())
+    }
+}
+
 /// Batch norm as one product and one sum a channel.
 #[derive(Clone, Debug)]
 pub(super) struct Norm {
@@ -298,7 +306,7 @@ mod tests {
             (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
         }));
         let needed = Listing::new("").norm("blocks.0.norm", 8, 1.0).needed();
-        let mut tensors = Tensors::new("any", needed, &weights).expect("one prefix");
+        let mut tensors = Tensors::new("any", &needed, &weights).expect("one prefix");
         let (scale, shift) = tensors.norm("blocks.0.norm", 8).expect("all four tensors").rounded();
         let mut rounded_between = Vec::new();
         for channel in 0..8 {

@@ -7,7 +7,7 @@ use meissner_plot::{Network, Node, Panel, page};
 use super::view::View;
 
 /// The SVG picture of `view`.
-pub(super) fn svg(view: &View<'_>) -> String {
+pub(crate) fn svg(view: &View<'_>) -> String {
     let input = Node {
         name: view.input.name,
         kind: view.input.about.to_owned(),
@@ -18,10 +18,8 @@ pub(super) fn svg(view: &View<'_>) -> String {
         joins: None,
     };
     let boxes = view.rows.iter().map(|row| {
-        let mut shape = row.shapes.join(" \u{2192} ");
-        if row.parameters > 0 {
-            shape += &format!(", {} parameters", row.parameters);
-        }
+        let parameters = (row.parameters > 0).then(|| format!(", {} parameters", row.parameters));
+        let shape = row.shapes.join(" \u{2192} ") + &parameters.unwrap_or_default();
         Node {
             name: row.name,
             kind: row.kind.clone(),
@@ -37,7 +35,7 @@ pub(super) fn svg(view: &View<'_>) -> String {
 }
 
 /// The DOT text of `view`: a cluster for each level, dashed edges for second inputs.
-pub(super) fn dot(view: &View<'_>) -> String {
+pub(crate) fn dot(view: &View<'_>) -> String {
     let mut lines = vec![
         format!("digraph {} {{", quoted(view.name)),
         "  rankdir = TB;".to_owned(),

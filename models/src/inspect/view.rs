@@ -8,47 +8,47 @@ use crate::description::{
 };
 
 /// A network as tables and pictures show it.
-pub(super) struct View<'a> {
-    pub(super) name: &'a str,
+pub(crate) struct View<'a> {
+    pub(crate) name: &'a str,
     /// Below the name of a picture.
-    pub(super) about: String,
+    pub(crate) about: String,
     /// Lines above a table, each with a word for it.
-    pub(super) head: Vec<(&'static str, String)>,
+    pub(crate) head: Vec<(&'static str, String)>,
     /// Headings of the last two columns of a table.
-    pub(super) headings: [&'static str; 2],
+    pub(crate) headings: [&'static str; 2],
     /// Lines below a table.
-    pub(super) foot: Vec<String>,
-    pub(super) input: Input,
+    pub(crate) foot: Vec<String>,
+    pub(crate) input: Input,
     /// Label of each band.
-    pub(super) bands: Vec<String>,
-    pub(super) rows: Vec<Row<'a>>,
+    pub(crate) bands: Vec<String>,
+    pub(crate) rows: Vec<Row<'a>>,
 }
 
 /// The input of a network.
-pub(super) struct Input {
-    pub(super) name: &'static str,
+pub(crate) struct Input {
+    pub(crate) name: &'static str,
     /// One word about it.
-    pub(super) word: &'static str,
+    pub(crate) word: &'static str,
     /// One line about it.
-    pub(super) about: &'static str,
-    pub(super) shape: String,
-    pub(super) band: Option<usize>,
+    pub(crate) about: &'static str,
+    pub(crate) shape: String,
+    pub(crate) band: Option<usize>,
 }
 
 /// A layer.
-pub(super) struct Row<'a> {
-    pub(super) name: &'a str,
-    pub(super) kind: String,
-    pub(super) from: &'a str,
+pub(crate) struct Row<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) kind: String,
+    pub(crate) from: &'a str,
     /// Its second input, and the mark of the connection in a table and in pictures.
-    pub(super) joins: Option<(&'a str, [&'static str; 2])>,
+    pub(crate) joins: Option<(&'a str, [&'static str; 2])>,
     /// Of its input and its output.
-    pub(super) shapes: [String; 2],
-    pub(super) parameters: usize,
+    pub(crate) shapes: [String; 2],
+    pub(crate) parameters: usize,
     /// The last two columns of a table.
-    pub(super) columns: [String; 2],
-    pub(super) fill: &'static str,
-    pub(super) band: Option<usize>,
+    pub(crate) columns: [String; 2],
+    pub(crate) fill: &'static str,
+    pub(crate) band: Option<usize>,
 }
 
 /// Fill of boxes, by kind of layer.
@@ -59,7 +59,7 @@ const DENSE: &str = "#d5ecd0";
 const RECURRENT: &str = "#e4d6f2";
 
 impl Description {
-    pub(super) fn view(&self) -> View<'_> {
+    pub(crate) fn view(&self) -> View<'_> {
         let graph = self.graph_summary();
         let mut head = vec![
             ("network", self.name().to_owned()),
@@ -111,7 +111,7 @@ impl Description {
 }
 
 impl FrameDescription {
-    pub(super) fn view(&self) -> View<'_> {
+    pub(crate) fn view(&self) -> View<'_> {
         let word = self.source().word();
         let state: usize = self.layers().iter().map(|layer| layer.state).sum();
         View {
@@ -140,7 +140,7 @@ impl FrameDescription {
 }
 
 impl AnyDescription {
-    pub(super) fn view(&self) -> View<'_> {
+    pub(crate) fn view(&self) -> View<'_> {
         match self {
             Self::Events(description) => description.view(),
             Self::Frames(description) => description.view(),

@@ -10,6 +10,7 @@
 use meissner_engine::Sensor;
 use thiserror::Error;
 
+use super::{OutputsError, check_outputs};
 use crate::Description;
 
 /// A network does not predict the digits, or a cross-validation cannot have so many folds.
@@ -17,15 +18,8 @@ use crate::Description;
 #[non_exhaustive]
 pub enum DigitsError {
     /// The network predicts other classes or values.
-    #[error("network {network}: expected the outputs {expected}, found {found}")]
-    Outputs {
-        /// Name of the network.
-        network: String,
-        /// Names of the classes.
-        expected: String,
-        /// Names of its outputs.
-        found: String,
-    },
+    #[error(transparent)]
+    Outputs(#[from] OutputsError),
     /// A cross-validation cannot have so many folds.
     #[error("folds: expected 2 to {recordings}, the number of recordings, found {found}")]
     Folds {
@@ -55,15 +49,7 @@ pub fn trained_as(network: &str) -> &str {
 /// # Errors
 /// [`DigitsError::Outputs`] where it predicts something else.
 pub fn check(description: &Description) -> Result<(), DigitsError> {
-    let (names, _) = description.outputs();
-    if names.iter().map(String::as_str).eq(CLASSES) {
-        return Ok(());
-    }
-    Err(DigitsError::Outputs {
-        network: description.name().to_owned(),
-        expected: CLASSES.join(", "),
-        found: names.join(", "),
-    })
+    Ok(check_outputs(description.name(), description.outputs().0, &CLASSES)?)
 }
 
 /// The fold, from 0 to below `count`, of each recording; `classes` has the class of each. O(n log n).

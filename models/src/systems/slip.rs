@@ -14,6 +14,8 @@ mod windows;
 use meissner_engine::representations::RepresentationError;
 use thiserror::Error;
 
+use super::OutputsError;
+
 pub use decision::{Decision, DecisionError, DecisionFilter};
 pub use objects::{Object, ObjectSet, REFERENCES, Reference};
 pub use windows::SlipWindows;
@@ -38,15 +40,8 @@ pub enum SlipError {
         found: &'static str,
     },
     /// The network predicts other classes or values.
-    #[error("network {network}: expected the outputs {expected}, found {found}")]
-    Outputs {
-        /// Name of the network.
-        network: String,
-        /// Names of the classes.
-        expected: String,
-        /// Names of its outputs.
-        found: String,
-    },
+    #[error(transparent)]
+    Outputs(#[from] OutputsError),
     /// No set has the object of a recording.
     #[error("recording {recording}: expected an object of {expected}, found {found:?}")]
     Object {

@@ -12,7 +12,7 @@ use meissner_kernels::Activation;
 
 use super::FrameDescription;
 use super::layer::{FrameKind, FrameLayer};
-use crate::description::tensors::Tensors;
+use crate::description::tensors::{Tensors, Values};
 use crate::error::ModelError;
 use crate::weights::Weights;
 
@@ -33,7 +33,7 @@ impl FrameDescription {
     /// # Errors
     /// As [`Self::network_parts`], without [`ModelError::Preparation`].
     pub fn network_parts_regardless(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
-        let mut tensors = Tensors::new(&self.name, self.needed(), weights)?;
+        let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let layers = parts(&self.layers, &mut tensors);
         let layers = tensors.finish(layers)?;
         Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers })
@@ -48,38 +48,14 @@ pub(in crate::description) fn parts(layers: &[FrameLayer], tensors: &mut Tensors
 }
 
 fn part(layer: &FrameLayer, tensors: &mut Tensors<'_>) -> Option<Part> {
-    let values = Values::read(layer, tensors);
-    let kind = kind(layer, values?, tensors)?;
-    Some(Part { name: layer.name.clone(), from: layer.reads, kind })
-}
-
-/// A layer's tensors, in the order of [`FrameLayer::tensors`].
-struct Values<'a>(std::vec::IntoIter<&'a [f32]>);
-
-impl<'a> Values<'a> {
-    fn read(layer: &FrameLayer, tensors: &mut Tensors<'a>) -> Option<Self> {
-        let needed = layer.tensors();
-        let found: Vec<Option<&[f32]>> = needed.iter().map(|t| tensors.get(&t.name, &t.shape)).collect();
-        found.into_iter().collect::<Option<Vec<_>>>().map(|found| Self(found.into_iter()))
-    }
-
-    fn next(&mut self) -> Option<&'a [f32]> {
-        self.0.next()
-    }
-
-    fn owned(&mut self) -> Option<Vec<f32>> {
-        self.next().map(<[f32]>::to_vec)
-    }
-}
-
-fn kind(layer: &FrameLayer, mut values: Values<'_>, tensors: &mut Tensors<'_>) -> Option<Kind> {
-    Some(match layer.kind {
+    let mut values = tensors.all(&layer.tensors())?;
+    let kind = match layer.kind {
         FrameKind::Conv { channels, kernel, bias, ref norm, activation } => {
             let (weight, bias) = normed(layer, channels, bias, norm.as_deref(), &mut values, tensors)?;
             Kind::Conv { kernel, channels, weight, bias, relu: activation == Activation::Relu }
         }
         FrameKind::UpConv { channels, bias } => {
-            Kind::UpConv { channels, weight: values.owned()?, bias: bias.then(|| values.owned()).flatten() }
+            Kind::UpConv { channels, weight: values.take().to_vec(), bias: values.take_if(bias) }
         }
         FrameKind::MaxPool => Kind::MaxPool,
         FrameKind::AveragePool { size } => Kind::AveragePool { size },
@@ -88,17 +64,18 @@ fn kind(layer: &FrameLayer, mut values: Values<'_>, tensors: &mut Tensors<'_>) -
         FrameKind::Concat { .. } => Kind::Concat { with: layer.joins? },
         FrameKind::SqueezeExcite { reduction } => {
             let FrameShape::Image { channels, .. } = layer.input else { return None };
-            Kind::SqueezeExcite { reduced: channels / reduction, down: values.owned()?, up: values.owned()? }
+            let (down, up) = (values.take().to_vec(), values.take().to_vec());
+            Kind::SqueezeExcite { reduced: channels / reduction, down, up }
         }
         FrameKind::ConvLstm { hidden, peepholes, activation } => {
-            let (weight, bias) = (values.owned()?, values.owned()?);
-            let peepholes = peepholes.then(|| values.owned()).flatten();
+            let (weight, bias) = (values.take().to_vec(), values.take().to_vec());
+            let peepholes = values.take_if(peepholes);
             Kind::ConvLstm { hidden, weight, bias, peepholes, activation }
         }
         FrameKind::Lstm { hidden, layer: number } => {
-            let (weight_ih, weight_hh) = (values.owned()?, values.owned()?);
+            let (weight_ih, weight_hh) = (values.take().to_vec(), values.take().to_vec());
             let name = layer.tensor(&format!("bias_ih_l{number}"));
-            let both = values.next()?.iter().zip(values.next()?).map(|(&a, &b)| f64::from(a) + f64::from(b));
+            let both = values.take().iter().zip(values.take()).map(|(&a, &b)| f64::from(a) + f64::from(b));
             let bias: Option<Vec<f32>> =
                 both.enumerate().map(|(i, sum)| tensors.folded(&name, "bias", i, sum)).collect();
             Kind::Lstm { hidden, weight_ih, weight_hh, bias: bias? }
@@ -109,7 +86,8 @@ fn kind(layer: &FrameLayer, mut values: Values<'_>, tensors: &mut Tensors<'_>) -
             let (weight, bias) = normed(layer, outputs, bias, norm.as_deref(), &mut values, tensors)?;
             Kind::Dense { outputs, weight, bias, activation }
         }
-    })
+    };
+    Some(Part { name: layer.name.clone(), from: layer.reads, kind })
 }
 
 /// Weight and bias of `outputs` rows, with batch norm in them where there is any.
@@ -121,8 +99,7 @@ fn normed(
     values: &mut Values<'_>,
     tensors: &mut Tensors<'_>,
 ) -> Option<(Vec<f32>, Option<Vec<f32>>)> {
-    let weight = values.next()?;
-    let bias = bias.then(|| values.next()).flatten();
+    let (weight, bias) = (values.take(), bias.then(|| values.take()));
     let Some(norm) = norm else { return Some((weight.to_vec(), bias.map(<[f32]>::to_vec))) };
     let norm = tensors.norm(norm, outputs)?;
     let (name, inputs) = (layer.tensor("weight"), weight.len() / outputs);

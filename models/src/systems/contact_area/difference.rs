@@ -1,7 +1,10 @@
 //! Contact without a network: where the image differs from an image without contact.
 //!
 //! d(p) = mean over a box around p (cut at the border) and over the channels of |image - reference|, in levels of 0 to
-//! 255; contact where d > threshold. Boxes are summed in integers, so d is rounded once.
+//! 255; contact where d > threshold. Boxes are summed in integers, so d is rounded once. The sum over a box is formed from the
+//! sums over four rectangles from the top left (Crow 1984, "Summed-area tables for texture mapping").
+
+use std::ops::Range;
 
 use serde::Serialize;
 
@@ -37,10 +40,8 @@ pub struct DifferenceReport {
 pub struct DifferenceBaseline {
     settings: DifferenceSettings,
     reference: Vec<u8>,
-    /// Sums of the differences of all channels over the part of the box that is in the pixel's row.
-    across: Vec<u32>,
-    /// For each column, the sum of `across` over the box's rows.
-    down: Vec<u32>,
+    /// (H + 1, W + 1): the sums of the differences of all channels over the rows above and the columns to the left.
+    sums: Vec<u32>,
     difference: Vec<f32>,
     mask: Vec<bool>,
 }
@@ -59,8 +60,7 @@ impl DifferenceBaseline {
         Ok(Self {
             settings,
             reference: reference.to_owned(),
-            across: vec![0; pixels],
-            down: vec![0; size.width],
+            sums: vec![0; (size.height + 1) * (size.width + 1)],
             difference: vec![0.0; pixels],
             mask: vec![false; pixels],
         })
@@ -73,26 +73,25 @@ impl DifferenceBaseline {
     pub fn measure(&mut self, rgb: &[u8]) -> Result<DifferenceReport, ContactError> {
         same_length("image (3 bytes a pixel)", self.reference.len(), rgb.len())?;
         let ImageSize { width, height } = self.settings.size;
-        self.sum_across(rgb);
-        // A longer reach than the image changes nothing.
-        let reach = self.settings.blur_radius.min(width.max(height));
-        let (mut pixels, mut x_sum, mut y_sum) = (0_usize, 0_usize, 0_usize);
-        self.down.fill(0);
-        for row in 0..reach.min(height) {
-            add(&mut self.down, &self.across[row * width..][..width]);
+        let stride = width + 1;
+        let levels = rgb.chunks_exact(3).zip(self.reference.chunks_exact(3));
+        let mut row_sum = 0;
+        for (at, (image, reference)) in levels.enumerate() {
+            let (x, y) = (at % width, at / width);
+            row_sum = if x == 0 { 0 } else { row_sum };
+            row_sum += image.iter().zip(reference).map(|(a, &b)| u32::from(a.abs_diff(b))).sum::<u32>();
+            self.sums[(y + 1) * stride + x + 1] = self.sums[y * stride + x + 1] + row_sum;
         }
+        let (mut pixels, mut x_sum, mut y_sum) = (0_usize, 0_usize, 0_usize);
         for y in 0..height {
-            if y + reach < height {
-                add(&mut self.down, &self.across[(y + reach) * width..][..width]);
-            }
-            if let Some(row) = y.checked_sub(reach + 1) {
-                let row = &self.across[row * width..][..width];
-                self.down.iter_mut().zip(row).for_each(|(sum, value)| *sum -= value);
-            }
-            let rows = reached(y, reach, height);
+            let rows = reached(y, self.settings.blur_radius, height);
             for x in 0..width {
-                let values = 3 * rows * reached(x, reach, width);
-                let difference = (f64::from(self.down[x]) / values as f64) as f32;
+                let columns = reached(x, self.settings.blur_radius, width);
+                let above = |row: usize| {
+                    self.sums[row * stride + columns.end] - self.sums[row * stride + columns.start]
+                };
+                let (sum, values) = (above(rows.end) - above(rows.start), 3 * rows.len() * columns.len());
+                let difference = (f64::from(sum) / values as f64) as f32;
                 let contact = difference > self.settings.threshold;
                 self.difference[y * width + x] = difference;
                 self.mask[y * width + x] = contact;
@@ -119,37 +118,11 @@ impl DifferenceBaseline {
     pub fn mask(&self) -> &[bool] {
         &self.mask
     }
-
-    /// Fills `across` by running sums along the rows.
-    fn sum_across(&mut self, rgb: &[u8]) {
-        let width = self.settings.size.width;
-        let reach = self.settings.blur_radius.min(width);
-        let rows = rgb.chunks_exact(width * 3).zip(self.reference.chunks_exact(width * 3));
-        for ((image, reference), sums) in rows.zip(self.across.chunks_exact_mut(width)) {
-            let at = |x: usize| -> u32 {
-                (x * 3..x * 3 + 3).map(|i| u32::from(image[i].abs_diff(reference[i]))).sum()
-            };
-            let mut sum: u32 = (0..reach).map(at).sum();
-            for (x, out) in sums.iter_mut().enumerate() {
-                if x + reach < width {
-                    sum += at(x + reach);
-                }
-                if let Some(left) = x.checked_sub(reach + 1) {
-                    sum -= at(left);
-                }
-                *out = sum;
-            }
-        }
-    }
 }
 
-fn add(sums: &mut [u32], row: &[u32]) {
-    sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
-}
-
-/// Number of indices below `length` that are within `reach` of `at`.
-fn reached(at: usize, reach: usize, length: usize) -> usize {
-    (at + reach + 1).min(length) - at.saturating_sub(reach)
+/// The indices below `length` that are within `reach` of `at`.
+fn reached(at: usize, reach: usize, length: usize) -> Range<usize> {
+    at.saturating_sub(reach)..at.saturating_add(reach).saturating_add(1).min(length)
 }
 
 #[cfg(test)]

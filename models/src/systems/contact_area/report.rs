@@ -3,6 +3,8 @@
 //! C is the set of pixels whose force f exceeds the threshold: area = |C| times the area of a pixel, total force = sum of f
 //! over C, centroid = sum of f (x, y) over C / total force. Sums are in f64, in row-major order.
 
+use std::collections::VecDeque;
+
 use serde::Serialize;
 
 use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
@@ -138,9 +140,8 @@ impl ContactMeter {
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunningMedian {
     window: usize,
-    /// The last values; once it is full, in order of arrival from `oldest` on.
-    ring: Vec<f64>,
-    oldest: usize,
+    /// The last values, in order of arrival.
+    ring: VecDeque<f64>,
     sorted: Vec<f64>,
 }
 
@@ -152,21 +153,19 @@ impl RunningMedian {
     pub fn new(window: usize) -> Result<Self, ContactError> {
         let holds = window % 2 == 1 && window < 1 << 16;
         setting("window of the running median", "an odd number up to 65535", window as f64, holds)?;
-        Ok(Self { window, ring: Vec::with_capacity(window), oldest: 0, sorted: Vec::with_capacity(window) })
+        Ok(Self { window, ring: VecDeque::with_capacity(window), sorted: Vec::with_capacity(window) })
     }
 
     /// Takes the next value; returns the median of the last values, including this one.
     pub fn push(&mut self, value: f64) -> f64 {
-        if self.ring.len() < self.window {
-            self.ring.push(value);
-        } else {
-            let left = std::mem::replace(&mut self.ring[self.oldest], value);
-            self.oldest = (self.oldest + 1) % self.window;
-            let at = self.sorted.partition_point(|v| v.total_cmp(&left).is_lt());
-            self.sorted.remove(at);
+        let place = |sorted: &[f64], value: f64| sorted.partition_point(|v| v.total_cmp(&value).is_lt());
+        if self.ring.len() == self.window
+            && let Some(left) = self.ring.pop_front()
+        {
+            self.sorted.remove(place(&self.sorted, left));
         }
-        let at = self.sorted.partition_point(|v| v.total_cmp(&value).is_lt());
-        self.sorted.insert(at, value);
+        self.ring.push_back(value);
+        self.sorted.insert(place(&self.sorted, value), value);
         let middle = self.sorted.len() / 2;
         match self.sorted.len() % 2 {
             1 => self.sorted[middle],
@@ -178,7 +177,6 @@ impl RunningMedian {
     pub fn reset(&mut self) {
         self.ring.clear();
         self.sorted.clear();
-        self.oldest = 0;
     }
 }
 

@@ -9,6 +9,7 @@ use meissner_engine::representations::{
 };
 
 use super::{CLASSES, SlipError};
+use crate::systems::check_outputs;
 use crate::{FrameDescription, FrameSource};
 
 /// Cuts windows for a network.
@@ -34,7 +35,7 @@ impl SlipWindows {
                 return Err(SlipError::NotReadings { network, found });
             }
         };
-        check(description)?;
+        check_outputs(description.name(), description.outputs().0, &CLASSES)?;
         let window = TactileWindow::new(readings.steps, Sampling::Consecutive, readings.scaling, form)?;
         Ok(Self { window, form, scaling: readings.scaling, steps: readings.steps })
     }
@@ -78,19 +79,6 @@ impl SlipWindows {
         }
         Ok(windows)
     }
-}
-
-/// `Ok` where `description` predicts [`CLASSES`].
-fn check(description: &FrameDescription) -> Result<(), SlipError> {
-    let (names, _) = description.outputs();
-    if names.iter().map(String::as_str).eq(CLASSES) {
-        return Ok(());
-    }
-    Err(SlipError::Outputs {
-        network: description.name().to_owned(),
-        expected: CLASSES.join(", "),
-        found: names.join(", "),
-    })
 }
 
 #[cfg(test)]
