@@ -119,6 +119,7 @@ mod tensors;
 mod wiring;
 
 use meissner_engine::{GraphRule, Normalisation};
+use serde::Serialize;
 
 pub use any::AnyDescription;
 pub use convolution::ConvolutionKind;
@@ -144,13 +145,16 @@ use table::Table;
 /// let lines: Vec<usize> = error.problems().iter().map(|problem| problem.line).collect();
 /// assert!(lines.contains(&3), "{error}"); // every inconsistency with its line: `span` is not a key
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
     name: String,
     span_us: i64,
     capacity: usize,
+    #[serde(serialize_with = "layer::serialize_normalisation")]
     normalisation: Normalisation,
+    #[serde(skip)]
     graph: GraphRule,
+    #[serde(skip)]
     scale: f32,
     layers: Vec<Layer>,
     head: Vec<FrameLayer>,

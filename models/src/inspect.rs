@@ -5,7 +5,7 @@
 pub(crate) mod picture;
 mod summary;
 mod table;
-mod view;
+pub(crate) mod view;
 
 pub use summary::{
     AnySummary, EdgeSummary, FrameSummary, GraphSummary, LevelSummary, Summary, TensorSummary,

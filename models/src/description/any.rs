@@ -12,6 +12,7 @@ use super::tensors::{Needed, unused};
 use crate::draw::Needs;
 use crate::error::ModelError;
 use crate::inspect::picture;
+use crate::inspect::view::View;
 use crate::weights::Weights;
 
 /// A checked description of either kind of network. A table `[input]` marks a frame network.
@@ -62,6 +63,10 @@ impl AnyDescription {
 
     pub(crate) fn needed(&self) -> Vec<Needed> {
         either!(self, description => description.needed())
+    }
+
+    fn view(&self) -> View<'_> {
+        either!(self, description => description.view())
     }
 }
 

@@ -1,15 +1,5 @@
 //! The convolution of a block: what a description can choose, and what follows from the choice.
 //!
-//! ```toml
-//! [[layer]]
-//! name = "conv1"
-//! kind = "block"
-//! conv = "pointnet"            # or "spline"
-//! channels = 16
-//! skip = "events"              # optional: a layer of this level with as many channels
-//! norm = true                  # the default: batch norm
-//! ```
-//!
 //! | `conv` | computes, for row i over its in-edges j | keys of its own | tensors |
 //! |---|---|---|---|
 //! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` | `conv.weight` (slot, C, O), `conv.lin.weight` (O, C), `conv.bias` (O) |

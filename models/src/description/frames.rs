@@ -68,6 +68,7 @@ mod shapes;
 mod source;
 
 use meissner_engine::frames::FrameShape;
+use serde::Serialize;
 
 use super::document::{EVENT_NETWORK, FRAME_NETWORK, INPUT, output};
 use super::problem::ProblemKind;
@@ -84,9 +85,10 @@ pub(super) use shapes::{Stack, check, extent, fits};
 pub use source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
 
 /// A checked description of a frame network.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameDescription {
     name: String,
+    #[serde(serialize_with = "serialize_shape")]
     input: FrameShape,
     source: FrameSource,
     layers: Vec<FrameLayer>,
@@ -165,6 +167,11 @@ impl FrameDescription {
     /// Products of weights with values, each with the sum that it enters, for one frame.
     pub fn multiply_adds(&self) -> usize {
         self.layers.iter().map(|layer| layer.multiply_adds).sum()
+    }
+
+    /// Values that it keeps from frame to frame.
+    pub fn state(&self) -> usize {
+        self.layers.iter().map(|layer| layer.state).sum()
     }
 
     pub(crate) fn needed(&self) -> Vec<Needed> {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use meissner_engine::{Fraction, Position};
+use meissner_engine::{Fraction, Normalisation, Position};
 use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
@@ -224,18 +224,13 @@ impl fmt::Display for ReceptiveField {
             FieldStart::Window => return write!(f, "the window"),
         }
         for (i, step) in self.steps.iter().enumerate() {
-            let separator = if i > 0 { ", " } else { "" };
-            let hops = match step.hops {
-                0 if self.from == FieldStart::Row && i == 0 => "1".to_owned(),
-                0 => "its".to_owned(),
-                1 => "1 hop of".to_owned(),
-                n => format!("{n} hops of"),
-            };
-            match (&step.cell, step.hops) {
-                (Some(cell), 0) if hops == "1" => write!(f, "{separator}one {cell} cell")?,
-                (Some(cell), _) => write!(f, "{separator}{hops} {cell} cells")?,
-                (None, 0) if hops == "1" => write!(f, "{separator}one event")?,
-                (None, _) => write!(f, "{separator}{hops} events")?,
+            let rows = step.cell.map_or_else(|| "event".to_owned(), |cell| format!("{cell} cell"));
+            f.write_str(if i > 0 { ", " } else { "" })?;
+            match step.hops {
+                0 if self.from == FieldStart::Row && i == 0 => write!(f, "one {rows}")?,
+                0 => write!(f, "its {rows}s")?,
+                1 => write!(f, "1 hop of {rows}s")?,
+                hops => write!(f, "{hops} hops of {rows}s")?,
             }
         }
         Ok(())
@@ -289,8 +284,24 @@ fn serialize_position<S: Serializer>(position: &Position, s: S) -> Result<S::Ok,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
+pub(super) fn serialize_normalisation<S: Serializer>(
+    normalisation: &Normalisation,
+    s: S,
+) -> Result<S::Ok, S::Error> {
+    s.serialize_str(normalisation_word(*normalisation))
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
 pub(super) fn serialize_activation<S: Serializer>(activation: &Activation, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(activation_word(*activation))
+}
+
+/// The word of a normalisation in a file.
+pub(super) fn normalisation_word(normalisation: Normalisation) -> &'static str {
+    match normalisation {
+        Normalisation::Fixed => "fixed",
+        Normalisation::PerGraph => "per-graph",
+    }
 }
 
 /// The word of an activation in a file.

@@ -30,7 +30,7 @@ use serde_json::{Map, Value, json};
 
 use super::Description;
 use super::frames::{FrameDescription, FrameSource};
-use super::layer::LayerKind;
+use super::layer::{LayerKind, normalisation_word};
 use crate::error::ModelError;
 use crate::weights::Weights;
 
@@ -103,7 +103,7 @@ impl Description {
             }
         }
         let fixed = self.normalisation == Normalisation::Fixed;
-        entries.push(("normalisation", json!(if fixed { "fixed" } else { "per-graph" })));
+        entries.push(("normalisation", json!(normalisation_word(self.normalisation))));
         let mut text: Vec<String> = entries.iter().map(|(key, value)| format!("{key:?}:{value}")).collect();
         if fixed {
             // The shortest digits of an f32. The shortest digits of the equal f64 can be longer.

@@ -25,8 +25,10 @@ impl fmt::Display for Problem {
     }
 }
 
-/// The kinds of inconsistencies.
+/// The kinds of inconsistencies. `expected` and `found` describe values; `key` is the key that has or should have the value;
+/// `first`, `line` and `head` are lines of the file.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the page of the enum and the messages explain the fields")]
 #[non_exhaustive]
 pub enum ProblemKind {
     /// The text is not TOML.
@@ -34,94 +36,34 @@ pub enum ProblemKind {
     Syntax(String),
     /// An unknown key.
     #[error("unknown key {key:?}: expected one of {expected}")]
-    UnknownKey {
-        /// The key.
-        key: String,
-        /// The keys of this table.
-        expected: String,
-    },
+    UnknownKey { key: String, expected: String },
     /// A required key is missing.
     #[error("missing key {key:?}: expected {expected}")]
-    MissingKey {
-        /// The key.
-        key: &'static str,
-        /// The expected value.
-        expected: String,
-    },
+    MissingKey { key: &'static str, expected: String },
     /// A key that has a meaning only with other values.
     #[error("{key}: expected only with {with}")]
-    Inapplicable {
-        /// The key.
-        key: &'static str,
-        /// The values that it needs.
-        with: &'static str,
-    },
+    Inapplicable { key: &'static str, with: &'static str },
     /// A value of another type or out of range, or a reference to a layer that cannot be read here.
     #[error("{key}: expected {expected}, found {found}")]
-    Value {
-        /// The key.
-        key: &'static str,
-        /// The expected value.
-        expected: String,
-        /// The value.
-        found: String,
-    },
+    Value { key: &'static str, expected: String, found: String },
     /// Two layers of one name.
     #[error("name: expected another name than that of the layer on line {first}")]
-    DuplicateName {
-        /// Line of the first layer of this name.
-        first: usize,
-    },
+    DuplicateName { first: usize },
     /// A reference to a layer that the file does not have.
     #[error("{key}: expected {input:?} or the name of a layer {place}, found {found:?}")]
-    UnknownReference {
-        /// The key that refers.
-        key: &'static str,
-        /// Name of the network's input; of a head's, the readout's name.
-        input: String,
-        /// The layers that can be referred to.
-        place: &'static str,
-        /// The name it refers to.
-        found: String,
-    },
+    UnknownReference { key: &'static str, input: String, place: &'static str, found: String },
     /// A reference to a layer that stands further down, in a file whose layers stand in the order of evaluation.
     #[error("{key}: expected a layer above this one, found {found:?} on line {line}")]
-    ForwardReference {
-        /// The key that refers.
-        key: &'static str,
-        /// The name it refers to.
-        found: String,
-        /// Line of that layer.
-        line: usize,
-    },
+    ForwardReference { key: &'static str, found: String, line: usize },
     /// A reference to a layer with another number of channels or another size.
     #[error("{key} {reference:?}: expected {expected}, found {found}")]
-    Size {
-        /// The key that refers.
-        key: &'static str,
-        /// The layer referred to.
-        reference: String,
-        /// The expected size.
-        expected: String,
-        /// The size.
-        found: String,
-    },
+    Size { key: &'static str, reference: String, expected: String, found: String },
     /// A layer whose output would have no pixels, or more values than networks are for.
     #[error("expected {expected}, found {found}")]
-    Extent {
-        /// The bounds of the output.
-        expected: String,
-        /// The output.
-        found: String,
-    },
+    Extent { expected: String, found: String },
     /// A description of the other kind of network.
     #[error("expected {expected}, found {found}")]
-    Family {
-        /// The kind that the caller wants.
-        expected: &'static str,
-        /// The kind that the file describes.
-        found: &'static str,
-    },
+    Family { expected: &'static str, found: &'static str },
     /// Layers that read each other in a cycle.
     #[error("expected an acyclic graph, found the cycle {0}")]
     Cycle(String),
@@ -130,48 +72,24 @@ pub enum ProblemKind {
     Unused,
     /// A dense layer in a file that has a head.
     #[error("expected no dense layer beside the [[head]] that starts on line {head}, found one")]
-    BesideHead {
-        /// Line of the head's first layer.
-        head: usize,
-    },
+    BesideHead { head: usize },
     /// A missing kind of layer that every network needs.
     #[error("expected {expected} layer, found none")]
-    MissingLayer {
-        /// The kind.
-        expected: &'static str,
-    },
+    MissingLayer { expected: &'static str },
     /// A second readout.
     #[error("expected one readout, found another on line {first}")]
-    SecondReadout {
-        /// Line of the first.
-        first: usize,
-    },
+    SecondReadout { first: usize },
     /// More than one dense layer that no other reads.
     #[error(
         "expected one dense layer that no other reads (the prediction), found this one and that of line {first}"
     )]
-    SecondPrediction {
-        /// Line of the first.
-        first: usize,
-    },
+    SecondPrediction { first: usize },
     /// The prediction has another number of values than `[output]` has names.
     #[error("names: expected {expected} (outputs of layer {layer:?}), found {found}")]
-    OutputNames {
-        /// Layer that predicts.
-        layer: String,
-        /// Its outputs.
-        expected: usize,
-        /// Names given.
-        found: usize,
-    },
+    OutputNames { layer: String, expected: usize, found: usize },
     /// Two layers that would read one tensor.
     #[error("weights: expected tensors of its own, found {tensor:?} also read by layer {other:?}")]
-    SharedTensor {
-        /// The tensor's name.
-        tensor: String,
-        /// The layer that reads it too.
-        other: String,
-    },
+    SharedTensor { tensor: String, other: String },
 }
 
 impl ProblemKind {

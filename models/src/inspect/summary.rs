@@ -4,39 +4,26 @@ use meissner_engine::frames::FrameShape;
 use meissner_engine::{Candidates, Lifetime, Normalisation, Reach};
 use serde::Serialize;
 
-use crate::description::frames::{FrameDescription, FrameLayer, FrameSource, serialize_shape};
+use crate::description::frames::{FrameDescription, FrameLayer, serialize_shape};
 use crate::description::{AnyDescription, ConvolutionKind, Description, Layer, LayerKind, Needed};
 
 /// A description as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Summary {
-    /// Name of the network.
-    pub name: String,
-    /// Length of the window in microseconds.
-    pub span_us: i64,
-    /// Most events that the window holds.
-    pub capacity: usize,
-    /// "fixed", or "per-graph" (batch only).
-    pub normalisation: &'static str,
+    /// The network with its layers and outputs.
+    #[serde(flatten)]
+    pub description: Description,
     /// Rule of the event graph.
     pub graph: GraphSummary,
     /// How edge attributes are made on each level.
     pub edge_attributes: EdgeSummary,
-    /// The layers, each after those it reads.
-    pub layers: Vec<Layer>,
-    /// The layers that read the readout as an image, each after those it reads; none where there are dense layers.
-    pub head: Vec<FrameLayer>,
     /// Trained parameters, without running statistics.
     pub parameters: usize,
     /// Values in the tensors it needs, with running statistics.
     pub values: usize,
     /// The tensors it needs.
     pub tensors: Vec<TensorSummary>,
-    /// Names of the predicted values.
-    pub outputs: Vec<String>,
-    /// Their unit.
-    pub unit: String,
     /// The metadata `preparation` of weights that are trained for it.
     pub preparation: String,
 }
@@ -45,15 +32,9 @@ pub struct Summary {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FrameSummary {
-    /// Name of the network.
-    pub name: String,
-    /// Shape of a frame.
-    #[serde(serialize_with = "serialize_shape")]
-    pub input: FrameShape,
-    /// The source of the frames.
-    pub source: FrameSource,
-    /// The layers, each after those it reads.
-    pub layers: Vec<FrameLayer>,
+    /// The network with its layers and outputs.
+    #[serde(flatten)]
+    pub description: FrameDescription,
     /// Trained parameters, without running statistics.
     pub parameters: usize,
     /// Values in the tensors it needs, with running statistics.
@@ -70,10 +51,6 @@ pub struct FrameSummary {
     /// Shape of the prediction.
     #[serde(serialize_with = "serialize_shape")]
     pub output: FrameShape,
-    /// Names of the predicted values, or of the channels of a predicted image.
-    pub outputs: Vec<String>,
-    /// Their unit.
-    pub unit: String,
 }
 
 /// A description of either kind as data; only a frame network has "input".
@@ -178,24 +155,13 @@ impl Description {
         let strides = |l: &Layer| l.convolution().and_then(ConvolutionKind::slot_strides);
         let of_layers = layers.flat_map(|l| TensorSummary::of(&l.name, l.tensors(), strides(l)));
         let tensors: Vec<_> = of_layers.chain(TensorSummary::of_frames(self.head())).collect();
-        let (outputs, unit) = self.outputs();
         Summary {
-            name: self.name().to_owned(),
-            span_us: self.span_us(),
-            capacity: self.capacity(),
-            normalisation: match self.normalisation() {
-                Normalisation::Fixed => "fixed",
-                Normalisation::PerGraph => "per-graph",
-            },
+            description: self.clone(),
             graph: self.graph_summary(),
             edge_attributes: self.edge_summary(),
-            layers: self.layers().to_vec(),
-            head: self.head().to_vec(),
             parameters: self.parameters(),
             values: tensors.iter().map(TensorSummary::values).sum(),
             tensors,
-            outputs: outputs.to_vec(),
-            unit: unit.to_owned(),
             preparation: self.preparation(),
         }
     }
@@ -240,21 +206,15 @@ impl FrameDescription {
     /// The description as data.
     pub fn summary(&self) -> FrameSummary {
         let tensors: Vec<_> = TensorSummary::of_frames(self.layers()).collect();
-        let (outputs, unit) = self.outputs();
         FrameSummary {
-            name: self.name().to_owned(),
-            input: self.input(),
-            source: *self.source(),
-            layers: self.layers().to_vec(),
+            description: self.clone(),
             parameters: self.parameters(),
             values: tensors.iter().map(TensorSummary::values).sum(),
             multiply_adds: self.multiply_adds(),
-            state: self.layers().iter().map(|layer| layer.state).sum(),
+            state: self.state(),
             tensors,
             preparation: self.preparation(),
             output: self.output(),
-            outputs: outputs.to_vec(),
-            unit: unit.to_owned(),
         }
     }
 }

@@ -3,9 +3,7 @@
 //! Enters: a description of either kind. Leaves: a [`View`].
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
-use crate::description::{
-    AnyDescription, Cost, Description, FieldStart, Layer, LayerKind, Needed, Per, ReceptiveField,
-};
+use crate::description::{Cost, Description, FieldStart, Layer, LayerKind, Needed, Per, ReceptiveField};
 
 /// A network as tables and pictures show it.
 pub(crate) struct View<'a> {
@@ -113,7 +111,6 @@ impl Description {
 impl FrameDescription {
     pub(crate) fn view(&self) -> View<'_> {
         let word = self.source().word();
-        let state: usize = self.layers().iter().map(|layer| layer.state).sum();
         View {
             name: self.name(),
             about: format!(
@@ -130,20 +127,15 @@ impl FrameDescription {
             headings: ["multiply-adds", "state"],
             foot: vec![
                 sizes(self.parameters(), &self.needed()),
-                format!("a frame: {} multiply-adds, {state} values kept to the next", self.multiply_adds()),
+                format!(
+                    "a frame: {} multiply-adds, {} values kept to the next",
+                    self.multiply_adds(),
+                    self.state()
+                ),
             ],
             input: Input { name: FRAME, word, about: word, shape: self.input().to_string(), band: None },
             bands: Vec::new(),
             rows: self.layers().iter().map(frame_row).collect(),
-        }
-    }
-}
-
-impl AnyDescription {
-    pub(crate) fn view(&self) -> View<'_> {
-        match self {
-            Self::Events(description) => description.view(),
-            Self::Frames(description) => description.view(),
         }
     }
 }

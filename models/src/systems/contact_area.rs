@@ -25,42 +25,20 @@ pub use normalisation::{ForceNormalisation, ImageNormalisation};
 pub use overlay::{ColourMap, Overlay, Picture};
 pub use report::{ContactMeter, ContactReport, ContactSettings, RunningMedian, force_mae, iou};
 
-/// A setting is out of range, or an image or a map does not fit.
+/// A setting is out of range, or an image or a map does not fit. `what` is the name of the setting, the buffer or the map.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[expect(missing_docs, reason = "the page of the enum and the messages explain the fields")]
 #[non_exhaustive]
 pub enum ContactError {
     /// A setting is out of range.
     #[error("{what}: expected {expected}, found {found}")]
-    Setting {
-        /// Name of the setting.
-        what: &'static str,
-        /// The range.
-        expected: &'static str,
-        /// The setting.
-        found: f64,
-    },
+    Setting { what: &'static str, expected: &'static str, found: f64 },
     /// A buffer has another length than the images.
     #[error("{what}: expected {expected} values, found {found}")]
-    Length {
-        /// Name of the buffer.
-        what: &'static str,
-        /// The right length.
-        expected: usize,
-        /// Its length.
-        found: usize,
-    },
+    Length { what: &'static str, expected: usize, found: usize },
     /// A value of a map is NaN or infinite.
     #[error("{what}: expected finite values, found {found} at column {column}, row {row}")]
-    NotFinite {
-        /// Name of the map.
-        what: &'static str,
-        /// The pixel's column.
-        column: usize,
-        /// The pixel's row.
-        row: usize,
-        /// The value.
-        found: f32,
-    },
+    NotFinite { what: &'static str, column: usize, row: usize, found: f32 },
 }
 
 /// `Ok` where `found` is `expected`.

@@ -3,7 +3,7 @@
 //! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, without the layers that have problems. Invariant: where no
 //! problem was reported, all layers are there, each reads layers above it, and the last one, which predicts, depends on all.
 
-use meissner_engine::frames::FrameShape;
+use meissner_engine::frames::FrameShape::{self, Image, Vector};
 
 use super::layer::{FrameKind, FrameLayer, LONGEST_SIDE, MOST_CHANNELS};
 use crate::description::document::FileLayer;
@@ -14,6 +14,10 @@ use crate::description::wiring::{Reads, Scope, check_names, references, report_u
 
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
 const MOST_VALUES: usize = 1 << 28;
+
+/// The two shapes, as messages ask for them.
+const IMAGE: &str = "an image";
+const VECTOR: &str = "a vector (an image becomes one in a flatten layer)";
 
 /// Layers as they are written, one above the other.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +75,7 @@ pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -
     };
     if let Some(checked) = layers.last().filter(|checked| checked.line == last.line) {
         let expected = match checked.output {
-            FrameShape::Image { channels, .. } if stack.by_channel => channels,
+            Image { channels, .. } if stack.by_channel => channels,
             output => output.values(),
         };
         check_names(stack.names, &last.name, expected, problems);
@@ -100,24 +104,15 @@ impl Shapes<'_> {
         }
     }
 
-    /// Channels, rows and columns of an input; reports a vector.
-    fn image(&mut self, layer: &FileLayer<FrameKind>, (key, line, read): Reference) -> Option<[usize; 3]> {
-        if let FrameShape::Image { channels, height, width } = self.known[read]?.shape {
-            return Some([channels, height, width]);
-        }
-        let (expected, found) = ("an image".to_owned(), self.describe(read));
-        self.report(line, layer, ProblemKind::Value { key, expected, found });
-        None
-    }
-
-    /// Number of values of an input; reports an image.
-    fn vector(&mut self, layer: &FileLayer<FrameKind>, (key, line, read): Reference) -> Option<usize> {
-        if let FrameShape::Vector(values) = self.known[read]?.shape {
-            return Some(values);
-        }
-        let expected = "a vector (an image becomes one in a flatten layer)".to_owned();
+    /// Reports an input that is not as expected.
+    fn refuse(
+        &mut self,
+        layer: &FileLayer<FrameKind>,
+        (key, line, read): Reference,
+        expected: &str,
+    ) -> Option<FrameShape> {
         let found = self.describe(read);
-        self.report(line, layer, ProblemKind::Value { key, expected, found });
+        self.report(line, layer, ProblemKind::value(key, expected, found));
         None
     }
 
@@ -159,43 +154,38 @@ impl Shapes<'_> {
         from: Reference,
         joined: Option<usize>,
     ) -> Option<FrameShape> {
-        let image = |channels, height, width| FrameShape::Image { channels, height, width };
-        let output = match *kind {
-            FrameKind::Dense { outputs, .. } => {
-                self.vector(layer, from)?;
-                FrameShape::Vector(outputs)
+        let input = self.known[from.2]?.shape;
+        let output = match (kind, input) {
+            (FrameKind::Concat { with }, _) => self.joined(layer, with, input, joined?)?,
+            (&FrameKind::Dense { outputs, .. }, Vector(_)) => Vector(outputs),
+            (&FrameKind::Lstm { hidden, .. }, Vector(_)) => Vector(hidden),
+            (&FrameKind::Delay { frames }, Vector(values)) => Vector(values.saturating_mul(frames)),
+            (FrameKind::Dense { .. } | FrameKind::Lstm { .. } | FrameKind::Delay { .. }, _) => {
+                return self.refuse(layer, from, VECTOR);
             }
-            FrameKind::Lstm { hidden, .. } => {
-                self.vector(layer, from)?;
-                FrameShape::Vector(hidden)
-            }
-            FrameKind::Delay { frames } => {
-                FrameShape::Vector(self.vector(layer, from)?.saturating_mul(frames))
-            }
-            FrameKind::Concat { ref with } => self.joined(layer, with, from, joined?)?,
-            _ => {
-                let [channels, height, width] = self.image(layer, from)?;
-                match *kind {
-                    FrameKind::Conv { channels, .. } | FrameKind::ConvLstm { hidden: channels, .. } => {
-                        image(channels, height, width)
-                    }
-                    FrameKind::UpConv { channels, .. } => image(channels, 2 * height, 2 * width),
-                    FrameKind::MaxPool => image(channels, height / 2, width / 2),
-                    FrameKind::AveragePool { size } => image(channels, height / size, width / size),
-                    FrameKind::SqueezeExcite { reduction } => {
-                        if channels < reduction {
-                            let expected = format!("at most the {channels} channels of the image");
-                            let kind = ProblemKind::value("reduction", expected, reduction.to_string());
-                            self.report(layer.line, layer, kind);
-                            return None;
-                        }
-                        image(channels, height, width)
-                    }
-                    FrameKind::Flatten => FrameShape::Vector(channels * height * width),
-                    // A sum or a mean of each channel; the rest has been dealt with.
-                    _ => FrameShape::Vector(channels),
+            (_, Vector(_)) => return self.refuse(layer, from, IMAGE),
+            (kind, Image { channels, height, width }) => match *kind {
+                FrameKind::Conv { channels, .. } | FrameKind::ConvLstm { hidden: channels, .. } => {
+                    Image { channels, height, width }
                 }
-            }
+                FrameKind::UpConv { channels, .. } => {
+                    Image { channels, height: 2 * height, width: 2 * width }
+                }
+                FrameKind::MaxPool => Image { channels, height: height / 2, width: width / 2 },
+                FrameKind::AveragePool { size } => {
+                    Image { channels, height: height / size, width: width / size }
+                }
+                FrameKind::SqueezeExcite { reduction } if channels < reduction => {
+                    let expected = format!("at most the {channels} channels of the image");
+                    let kind = ProblemKind::value("reduction", expected, reduction.to_string());
+                    self.report(layer.line, layer, kind);
+                    return None;
+                }
+                FrameKind::SqueezeExcite { .. } => input,
+                FrameKind::Flatten => Vector(channels * height * width),
+                // A sum or a mean of each channel; the rest has been dealt with.
+                _ => Vector(channels),
+            },
         };
         if fits(output) {
             return Some(output);
@@ -209,26 +199,25 @@ impl Shapes<'_> {
         &mut self,
         layer: &FileLayer<FrameKind>,
         with: &str,
-        (_, _, read): Reference,
+        input: FrameShape,
         joined: usize,
     ) -> Option<FrameShape> {
         let line = layer.second.as_ref().map_or(layer.line, |given| given.line);
-        let joined = ("with", line, joined);
-        let (channels, height, width) = match self.known[read]?.shape {
-            FrameShape::Vector(values) => {
-                return Some(FrameShape::Vector(values.saturating_add(self.vector(layer, joined)?)));
+        match (input, self.known[joined]?.shape) {
+            (Vector(values), Vector(others)) => Some(Vector(values.saturating_add(others))),
+            (Image { channels, height, width }, Image { channels: others, height: rows, width: columns }) => {
+                if [rows, columns] == [height, width] {
+                    return Some(Image { channels: channels + others, height, width });
+                }
+                let expected = format!("an image of {height} x {width} pixels");
+                let found = format!("one of {rows} x {columns}");
+                let kind = ProblemKind::Size { key: "with", reference: with.to_owned(), expected, found };
+                self.report(line, layer, kind);
+                None
             }
-            FrameShape::Image { channels, height, width } => (channels, height, width),
-        };
-        let [others, rows, columns] = self.image(layer, joined)?;
-        if [rows, columns] != [height, width] {
-            let expected = format!("an image of {height} x {width} pixels");
-            let found = format!("one of {rows} x {columns}");
-            let kind = ProblemKind::Size { key: "with", reference: with.to_owned(), expected, found };
-            self.report(line, layer, kind);
-            return None;
+            (Vector(_), _) => self.refuse(layer, ("with", line, joined), VECTOR),
+            (Image { .. }, _) => self.refuse(layer, ("with", line, joined), IMAGE),
         }
-        Some(FrameShape::Image { channels: channels + others, height, width })
     }
 
     /// `checked`, unless the network is too large with it.
@@ -261,8 +250,8 @@ pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
 /// Whether a value of `shape` is within bounds.
 pub(in crate::description) fn fits(shape: FrameShape) -> bool {
     match shape {
-        FrameShape::Vector(values) => values <= MOST_VALUES,
-        FrameShape::Image { channels, height, width } => {
+        Vector(values) => values <= MOST_VALUES,
+        Image { channels, height, width } => {
             let side = 1..=LONGEST_SIDE;
             channels <= MOST_CHANNELS && side.contains(&height) && side.contains(&width)
         }

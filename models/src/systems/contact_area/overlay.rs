@@ -138,11 +138,5 @@ impl ColourMap {
     }
 }
 
-impl Default for ColourMap {
-    fn default() -> Self {
-        Self::HEAT
-    }
-}
-
 #[cfg(test)]
 mod tests;
