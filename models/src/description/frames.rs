@@ -75,7 +75,6 @@ use super::problem::ProblemKind;
 use super::table::{self, NAME, Table};
 use super::tensors::{Needed, report_shared};
 use super::wiring::Scope;
-use input::Input;
 
 pub(super) use build::parts;
 pub(super) use file::read_head;
@@ -110,21 +109,21 @@ impl FrameDescription {
             name = table.value("name", NAME, None, table::name);
             table.finish();
         }
-        let input = root.table(INPUT, "a table with a frame's shape and source").map(input::read);
+        let input = root.table(INPUT, "a table with a frame's shape and source");
+        let (shape, source) = input.map_or((None, None), input::read);
         let output = output(&mut root);
         let layers = file::read_layers(&mut root);
         let problems = root.finish();
         let stack = Stack {
             layers: &layers,
             scope: Scope { input: FRAME, second: "with", place: "in this file", above: true },
-            shape: input.as_ref().and_then(|input| input.shape),
+            shape,
             state: true,
             names: output.names.as_ref(),
             by_channel: true,
         };
         let layers = check(stack, problems);
         report_shared(layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors())), problems);
-        let Input { shape, source } = input?;
         let (outputs, unit) = (output.names?.value, output.unit);
         Some(Self { name, input: shape?, source: source?, layers, outputs, unit })
     }

@@ -61,9 +61,6 @@ pub struct ImageSize {
 }
 
 impl ImageSize {
-    /// The images that `CANFnet` reads: 320 x 240.
-    pub const CANFNET: Self = Self { width: 320, height: 240 };
-
     /// Pixels of an image, at most (4 Mi): sums of 3 x 255 a pixel over a whole image stay within 32 bits.
     pub const MOST_PIXELS: usize = 4 << 20;
 

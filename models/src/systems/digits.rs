@@ -15,6 +15,7 @@ use crate::Description;
 
 /// A network does not predict the digits, or a cross-validation cannot have so many folds.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 #[non_exhaustive]
 pub enum DigitsError {
     /// The network predicts other classes or values.
@@ -22,12 +23,7 @@ pub enum DigitsError {
     Outputs(#[from] OutputsError),
     /// A cross-validation cannot have so many folds.
     #[error("folds: expected 2 to {recordings}, the number of recordings, found {found}")]
-    Folds {
-        /// Number of recordings.
-        recordings: usize,
-        /// Requested number of folds.
-        found: usize,
-    },
+    Folds { recordings: usize, found: usize },
 }
 
 /// Names of the classes, in the order of their indices.

@@ -26,6 +26,7 @@ pub const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
 
 /// A network or a recording does not belong to direction of slip.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 #[non_exhaustive]
 pub enum SlipError {
     /// The network does not read electrodes.
@@ -33,25 +34,13 @@ pub enum SlipError {
         "network {network}: expected a network over readings of electrodes (frames = \"tactile-image\" or \
          \"electrodes\"), found frames = {found:?}"
     )]
-    NotReadings {
-        /// Name of the network.
-        network: String,
-        /// The kind of its frames.
-        found: &'static str,
-    },
+    NotReadings { network: String, found: &'static str },
     /// The network predicts other classes or values.
     #[error(transparent)]
     Outputs(#[from] OutputsError),
     /// No set has the object of a recording.
     #[error("recording {recording}: expected an object of {expected}, found {found:?}")]
-    Object {
-        /// Name of the recording.
-        recording: String,
-        /// The sets and their objects.
-        expected: String,
-        /// Name of the object.
-        found: String,
-    },
+    Object { recording: String, expected: String, found: String },
     /// A window cannot take a reading.
     #[error(transparent)]
     Reading(#[from] RepresentationError),

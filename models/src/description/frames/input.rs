@@ -1,6 +1,6 @@
 //! The `[input]` table: shape and source of the frames.
 //!
-//! Enters: a table. Leaves: an [`Input`], with `None` for whatever was reported as a problem.
+//! Enters: a table. Leaves: both, with `None` for whatever was reported as a problem.
 
 use std::ops::RangeInclusive;
 
@@ -20,15 +20,8 @@ const TIMES_US: RangeInclusive<i64> = 1..=3_600_000_000;
 /// The range that the engine accepts.
 const STEPS: RangeInclusive<i64> = 1..=1 << 16;
 
-/// A network's input.
-#[derive(Debug)]
-pub(super) struct Input {
-    pub(super) shape: Option<FrameShape>,
-    pub(super) source: Option<FrameSource>,
-}
-
-/// Reads the table.
-pub(super) fn read(mut table: Table<'_, '_>) -> Input {
+/// Shape and source of the frames.
+pub(super) fn read(mut table: Table<'_, '_>) -> (Option<FrameShape>, Option<FrameSource>) {
     let shape = match table.choice("kind", &[("image", true), ("vector", false)]) {
         Some(true) => table.known(|table| FrameShape::Image {
             channels: table.size("channels", CHANNELS, None),
@@ -44,7 +37,7 @@ pub(super) fn read(mut table: Table<'_, '_>) -> Input {
     };
     let words = ["event-counts", "signed", "tactile-image", "electrodes", "picture"];
     let Some(word) = table.choice("frames", &words.map(|word| (word, word))) else {
-        return Input { shape, source: None };
+        return (shape, None);
     };
     let source = match word {
         "event-counts" => table.known(event_counts),
@@ -60,7 +53,7 @@ pub(super) fn read(mut table: Table<'_, '_>) -> Input {
         table.refuse(line, "kind", expected, shape.to_string());
     }
     table.finish();
-    Input { shape, source }
+    (shape, source)
 }
 
 fn event_counts(table: &mut Table<'_, '_>) -> FrameSource {

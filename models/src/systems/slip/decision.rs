@@ -10,20 +10,15 @@ use thiserror::Error;
 
 /// A filter cannot have these settings.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 #[non_exhaustive]
 pub enum DecisionError {
     /// No window would have to agree.
     #[error("windows that have to agree: expected at least 1, found {found}")]
-    Hold {
-        /// The setting.
-        found: u32,
-    },
+    Hold { found: u32 },
     /// The least probability is not a probability.
     #[error("least probability of a window that votes: expected 0 to 1, found {found}")]
-    LeastProbability {
-        /// The setting.
-        found: f32,
-    },
+    LeastProbability { found: f32 },
 }
 
 /// A decision and its age.

@@ -16,9 +16,8 @@ use crate::{FrameDescription, FrameSource};
 #[derive(Clone, Debug)]
 pub struct SlipWindows {
     window: TactileWindow,
-    form: TactileForm,
-    scaling: Scaling,
     steps: usize,
+    shape: &'static [usize],
 }
 
 impl SlipWindows {
@@ -37,7 +36,12 @@ impl SlipWindows {
         };
         check_outputs(description.name(), description.outputs().0, &CLASSES)?;
         let window = TactileWindow::new(readings.steps, Sampling::Consecutive, readings.scaling, form)?;
-        Ok(Self { window, form, scaling: readings.scaling, steps: readings.steps })
+        let shape: &[usize] = match (form, readings.scaling) {
+            (TactileForm::Image, _) => &[1, TACTILE_ROWS, TACTILE_COLUMNS],
+            (TactileForm::Reading, Scaling::ReadingAndRange { .. }) => &[2 * ELECTRODES],
+            (TactileForm::Reading, _) => &[ELECTRODES],
+        };
+        Ok(Self { window, steps: readings.steps, shape })
     }
 
     /// Number of readings in a window.
@@ -47,16 +51,12 @@ impl SlipWindows {
 
     /// Shape of a frame: (1, 12, 11) for images, (24) for readings, (48) for readings that are scaled twice.
     pub fn frame_shape(&self) -> &'static [usize] {
-        match (self.form, self.scaling) {
-            (TactileForm::Image, _) => &[1, TACTILE_ROWS, TACTILE_COLUMNS],
-            (TactileForm::Reading, Scaling::ReadingAndRange { .. }) => &[2 * ELECTRODES],
-            (TactileForm::Reading, _) => &[ELECTRODES],
-        }
+        self.shape
     }
 
     /// Number of values of a frame.
     pub fn frame_len(&self) -> usize {
-        self.frame_shape().iter().product()
+        self.shape.iter().product()
     }
 
     /// Appends the windows of `stretch` to `frames`, (windows, steps, frame), and returns their number,
