@@ -14,7 +14,7 @@ use std::hash::Hasher;
 
 use fnv::FnvHasher;
 
-use crate::description::{Needed, Role};
+use crate::description::Role;
 use crate::random::Random;
 use crate::weights::{Tensor, Weights};
 
@@ -43,27 +43,21 @@ mod sealed {
 pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
     Weights::new(description.needed_tensors().into_iter().map(|needed| {
         let mut stream = Random::new(seed.wrapping_add(hash(&needed.name)));
-        let draw = distribution(&needed);
-        let values = (0..needed.values()).map(|_| draw(&mut stream) as f32).collect();
+        let values = (0..needed.values()).map(|_| value(needed.role, &mut stream) as f32).collect();
         let tensor = Tensor::new(needed.shape, values).expect("as many values as the shape has");
         (needed.name, tensor)
     }))
 }
 
-/// The distribution of the values of a tensor, which depends on its role.
-fn distribution(needed: &Needed) -> Box<dyn Fn(&mut Random) -> f64> {
-    let uniform = |low: f64, high: f64| -> Box<dyn Fn(&mut Random) -> f64> {
-        Box::new(move |stream| low + (high - low) * stream.uniform())
+/// The next value of a tensor with this role.
+fn value(role: Role, stream: &mut Random) -> f64 {
+    let (low, high) = match role {
+        Role::Weight { inputs } => return (2.0 / inputs as f64).sqrt() * normal(stream),
+        Role::Scale => (0.8, 1.2),
+        Role::Variance { about } => (0.4 * about, 1.6 * about),
+        Role::Mean | Role::Shift => (-0.1, 0.1),
     };
-    match needed.role {
-        Role::Weight { inputs } => {
-            let deviation = (2.0 / inputs as f64).sqrt();
-            Box::new(move |stream| deviation * normal(stream))
-        }
-        Role::Scale => uniform(0.8, 1.2),
-        Role::Variance { about } => uniform(0.4 * about, 1.6 * about),
-        Role::Mean | Role::Shift => uniform(-0.1, 0.1),
-    }
+    low + (high - low) * stream.uniform()
 }
 
 /// FNV-1a, 64 bits.

@@ -145,27 +145,31 @@ impl ConvolutionKind {
         matches!(self, Self::PointNet)
     }
 
-    /// `tensors` with those of the convolution from `c` to `o` channels, in the order of their use; and the running variance
-    /// that batch norm is expected to have after it.
-    pub(super) fn tensors<'l>(&self, tensors: Listing<'l>, c: usize, o: usize) -> (Listing<'l>, f64) {
+    /// Adds the tensors of the convolution from `c` to `o` channels to `tensors`, in the order of their use. Returns the running
+    /// variance that batch norm is expected to have after it.
+    pub(super) fn list(&self, tensors: &mut Listing<'_>, c: usize, o: usize) -> f64 {
         const BIAS: &str = "bias: (output channel)";
         match *self {
             Self::Spline { kernel, root, bias, .. } => {
                 let slots = kernel.iter().product();
                 let meaning = "spline kernel: (slot, input channel, output channel)";
-                let of_root = "what the row itself is read through: (output channel, input channel)";
-                let tensors = tensors
-                    .weight("conv.weight", &[slots, c, o], c, meaning)
-                    .when(root, |tensors| tensors.weight("conv.lin.weight", &[o, c], c, of_root))
-                    .when(bias, |tensors| tensors.shift("conv.bias", &[o], BIAS));
+                tensors.weight("conv.weight", &[slots, c, o], c, meaning);
+                if root {
+                    let meaning = "what the row itself is read through: (output channel, input channel)";
+                    tensors.weight("conv.lin.weight", &[o, c], c, meaning);
+                }
+                if bias {
+                    tensors.shift("conv.bias", &[o], BIAS);
+                }
                 // Averaging over edges shrinks the variance. Running variances are drawn small, as trained ones are.
-                (tensors, 0.25)
+                0.25
             }
             Self::PointNet => {
                 let meaning = "PointNet's linear layer: (output channel, input channel, then the offset along x, y and t)";
-                let tensors = tensors.weight("conv.weight", &[o, c + 3], c + 3, meaning);
+                tensors.weight("conv.weight", &[o, c + 3], c + 3, meaning);
+                tensors.shift("conv.bias", &[o], BIAS);
                 // The maximum over edges is larger than each of them. Running variances are drawn large.
-                (tensors.shift("conv.bias", &[o], BIAS), 4.0)
+                4.0
             }
         }
     }

@@ -251,17 +251,22 @@ impl Layer {
     /// The tensors it needs, in the order of their use.
     pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (c, o) = (self.inputs, self.outputs);
-        let tensors = Listing::new(&self.weights);
-        let tensors = match self.kind {
+        let mut tensors = Listing::new(&self.weights);
+        match self.kind {
             LayerKind::Block { ref conv, norm, .. } => {
-                let (tensors, variance) = conv.tensors(tensors, c, o);
-                tensors.when(norm, |tensors| tensors.norm(&self.tensor("norm"), o, variance))
+                let variance = conv.list(&mut tensors, c, o);
+                if norm {
+                    tensors.norm(&self.tensor("norm"), o, variance);
+                }
             }
-            LayerKind::Dense { bias, .. } => tensors
-                .weight("weight", &[o, c], c, DENSE)
-                .when(bias, |tensors| tensors.shift("bias", &[o], "bias: (output)")),
-            LayerKind::Pool { .. } | LayerKind::Readout { .. } => tensors,
-        };
+            LayerKind::Dense { bias, .. } => {
+                tensors.weight("weight", &[o, c], c, DENSE);
+                if bias {
+                    tensors.shift("bias", &[o], "bias: (output)");
+                }
+            }
+            LayerKind::Pool { .. } | LayerKind::Readout { .. } => {}
+        }
         tensors.needed()
     }
 }

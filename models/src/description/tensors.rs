@@ -77,41 +77,29 @@ impl<'l> Listing<'l> {
         Self { prefix, needed: Vec::new() }
     }
 
-    fn with(mut self, part: &str, shape: &[usize], role: Role, meaning: &'static str) -> Self {
-        let name = format!("{}.{part}", self.prefix);
+    fn add(&mut self, prefix: &str, part: &str, shape: &[usize], role: Role, meaning: &'static str) {
+        let name = format!("{prefix}.{part}");
         self.needed.push(Needed { name, shape: shape.to_vec(), role, meaning });
-        self
     }
 
     /// Factors of products, of which `inputs` enter a sum.
-    pub(crate) fn weight(self, part: &str, shape: &[usize], inputs: usize, meaning: &'static str) -> Self {
-        self.with(part, shape, Role::Weight { inputs }, meaning)
+    pub(crate) fn weight(&mut self, part: &str, shape: &[usize], inputs: usize, meaning: &'static str) {
+        self.add(self.prefix, part, shape, Role::Weight { inputs }, meaning);
     }
 
     /// Terms of sums.
-    pub(crate) fn shift(self, part: &str, shape: &[usize], meaning: &'static str) -> Self {
-        self.with(part, shape, Role::Shift, meaning)
-    }
-
-    /// The result of `add` if `there`.
-    pub(crate) fn when(self, there: bool, add: impl FnOnce(Self) -> Self) -> Self {
-        if there { add(self) } else { self }
+    pub(crate) fn shift(&mut self, part: &str, shape: &[usize], meaning: &'static str) {
+        self.add(self.prefix, part, shape, Role::Shift, meaning);
     }
 
     /// Batch norm over `channels`, with tensors of a prefix of their own. Running variances are drawn around `about`.
-    pub(crate) fn norm(mut self, prefix: &str, channels: usize, about: f64) -> Self {
-        let norm = Listing::new(prefix)
-            .with("weight", &[channels], Role::Scale, "batch norm's gamma: (channel)")
-            .shift("bias", &[channels], "batch norm's beta: (channel)")
-            .with("running_mean", &[channels], Role::Mean, "batch norm's running mean: (channel)")
-            .with(
-                "running_var",
-                &[channels],
-                Role::Variance { about },
-                "batch norm's running variance, to which 1e-5 is added: (channel)",
-            );
-        self.needed.extend(norm.needed);
-        self
+    pub(crate) fn norm(&mut self, prefix: &str, channels: usize, about: f64) {
+        const VARIANCE: &str = "batch norm's running variance, to which 1e-5 is added: (channel)";
+        let shape = [channels];
+        self.add(prefix, "weight", &shape, Role::Scale, "batch norm's gamma: (channel)");
+        self.add(prefix, "bias", &shape, Role::Shift, "batch norm's beta: (channel)");
+        self.add(prefix, "running_mean", &shape, Role::Mean, "batch norm's running mean: (channel)");
+        self.add(prefix, "running_var", &shape, Role::Variance { about }, VARIANCE);
     }
 
     /// The tensors.
@@ -305,7 +293,9 @@ mod tests {
             let values = (0..8).map(|channel| value(part, channel)).collect();
             (format!("w.blocks.0.norm.{name}"), Tensor::new(vec![8], values).expect("eight values"))
         }));
-        let needed = Listing::new("").norm("blocks.0.norm", 8, 1.0).needed();
+        let mut needed = Listing::new("");
+        needed.norm("blocks.0.norm", 8, 1.0);
+        let needed = needed.needed();
         let mut tensors = Tensors::new("any", &needed, &weights).expect("one prefix");
         let (scale, shift) = tensors.norm("blocks.0.norm", 8).expect("all four tensors").rounded();
         let mut rounded_between = Vec::new();

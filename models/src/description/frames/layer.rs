@@ -221,45 +221,34 @@ impl FrameLayer {
     }
 
     /// The tensors it needs, in the order of their use.
-    pub(crate) fn tensors<'l>(&'l self) -> Vec<Needed> {
+    pub(crate) fn tensors(&self) -> Vec<Needed> {
         let (i, [rows, columns]) = extents(self.input);
-        let biased = |tensors: Listing<'l>, bias: bool, o: usize| {
-            tensors.when(bias, |tensors| tensors.shift("bias", &[o], "bias: (output channel)"))
-        };
-        let normed = |tensors: Listing<'l>, norm: &Option<String>, o: usize| match norm {
-            Some(prefix) => tensors.norm(prefix, o, GAIN * self.square),
-            None => tensors,
-        };
-        let tensors = Listing::new(&self.weights);
-        let tensors = match self.kind {
-            FrameKind::Conv { channels: o, kernel: k, bias, ref norm, .. } => {
-                let tensors = tensors.weight("weight", &[o, i, k, k], k * k * i, CONV);
-                normed(biased(tensors, bias, o), norm, o)
+        let mut tensors = Listing::new(&self.weights);
+        match self.kind {
+            FrameKind::Conv { channels: o, kernel: k, .. } => {
+                tensors.weight("weight", &[o, i, k, k], k * k * i, CONV);
             }
-            FrameKind::UpConv { channels: o, bias } => {
-                biased(tensors.weight("weight", &[i, o, 2, 2], i, UPCONV), bias, o)
-            }
+            FrameKind::UpConv { channels: o, .. } => tensors.weight("weight", &[i, o, 2, 2], i, UPCONV),
             FrameKind::SqueezeExcite { reduction } => {
                 let reduced = i / reduction;
-                tensors.weight("down.weight", &[reduced, i], i, "from means: (value, channel)").weight(
-                    "up.weight",
-                    &[i, reduced],
-                    reduced,
-                    "to factors: (channel, value)",
-                )
+                tensors.weight("down.weight", &[reduced, i], i, "from means: (value, channel)");
+                tensors.weight("up.weight", &[i, reduced], reduced, "to factors: (channel, value)");
             }
-            FrameKind::ConvLstm { hidden: h, peepholes, .. } => tensors
-                .weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h), GATES)
-                .shift("gates.bias", &[4 * h], GATE_BIAS)
-                .when(peepholes, |tensors| tensors.shift("peephole", &[3, h, rows, columns], PEEPHOLE)),
-            FrameKind::Lstm { hidden: h, layer } => tensors
-                .weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i, LSTM_INPUT)
-                .weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h, LSTM_HIDDEN)
-                .shift(&format!("bias_ih_l{layer}"), &[4 * h], GATE_BIAS)
-                .shift(&format!("bias_hh_l{layer}"), &[4 * h], GATE_BIAS),
-            FrameKind::Dense { outputs: o, bias, ref norm, .. } => {
-                let tensors = tensors.weight("weight", &[o, i], i, "dense layer: (output, input)");
-                normed(biased(tensors, bias, o), norm, o)
+            FrameKind::ConvLstm { hidden: h, peepholes, .. } => {
+                tensors.weight("gates.weight", &[4 * h, i + h, 3, 3], 9 * (i + h), GATES);
+                tensors.shift("gates.bias", &[4 * h], GATE_BIAS);
+                if peepholes {
+                    tensors.shift("peephole", &[3, h, rows, columns], PEEPHOLE);
+                }
+            }
+            FrameKind::Lstm { hidden: h, layer } => {
+                tensors.weight(&format!("weight_ih_l{layer}"), &[4 * h, i], i, LSTM_INPUT);
+                tensors.weight(&format!("weight_hh_l{layer}"), &[4 * h, h], h, LSTM_HIDDEN);
+                tensors.shift(&format!("bias_ih_l{layer}"), &[4 * h], GATE_BIAS);
+                tensors.shift(&format!("bias_hh_l{layer}"), &[4 * h], GATE_BIAS);
+            }
+            FrameKind::Dense { outputs: o, .. } => {
+                tensors.weight("weight", &[o, i], i, "dense layer: (output, input)");
             }
             FrameKind::MaxPool
             | FrameKind::AveragePool { .. }
@@ -267,8 +256,19 @@ impl FrameLayer {
             | FrameKind::Sum
             | FrameKind::Concat { .. }
             | FrameKind::Delay { .. }
-            | FrameKind::Flatten => tensors,
-        };
+            | FrameKind::Flatten => {}
+        }
+        if let FrameKind::Conv { channels: o, bias: true, .. }
+        | FrameKind::UpConv { channels: o, bias: true }
+        | FrameKind::Dense { outputs: o, bias: true, .. } = self.kind
+        {
+            tensors.shift("bias", &[o], "bias: (output channel)");
+        }
+        if let FrameKind::Conv { channels: o, norm: Some(prefix), .. }
+        | FrameKind::Dense { outputs: o, norm: Some(prefix), .. } = &self.kind
+        {
+            tensors.norm(prefix, *o, GAIN * self.square);
+        }
         tensors.needed()
     }
 
