@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use meissner_engine::representations::RepresentationError;
 use meissner_engine::{EngineError, Sensor};
-use meissner_io::datasets::DatasetError;
-use meissner_io::{Format, ImageError, IoError, Place};
+use meissner_io::{IoError, Place};
 use meissner_kernels::KernelError;
 use meissner_live::LiveError;
 use meissner_models::ModelError;
@@ -25,8 +24,7 @@ fn errors() -> Vec<(Box<dyn Error>, usize)> {
         let source = KernelError::Length { tensor: "weight", expected: 3, found: 2 };
         EngineError::Layer { layer: "conv1".to_owned(), source }
     };
-    let bytes = || IoError::UnknownFormat { length: 3, start: "abc".to_owned() };
-    let image = || ImageError::UnknownFormat { length: 3, start: "abc".to_owned() };
+    let bytes = || IoError::Unsupported { expected: "some", actual: "other".to_owned() };
     let reading = RepresentationError::Reading { electrode: 3, value: f32::NAN };
     vec![
         (Box::new(layer()), 1),
@@ -40,18 +38,14 @@ fn errors() -> Vec<(Box<dyn Error>, usize)> {
         (Box::new(IoError::File { action: "open", path: path(), source: denied() }), 1),
         (
             Box::new(IoError::Stream {
-                format: Format::Csv,
+                format: "CSV",
                 action: "read",
                 place: Place::Line(2),
                 source: denied(),
             }),
             1,
         ),
-        (Box::new(ImageError::File { action: "open", path: path(), source: denied() }), 1),
-        (Box::new(ImageError::Content { path: path(), source: Box::new(image()) }), 1),
-        (Box::new(DatasetError::List { path: path(), source: denied() }), 1),
-        (Box::new(DatasetError::File(IoError::File { action: "open", path: path(), source: denied() })), 1),
-        (Box::new(DatasetError::Recording { path: path(), source: bytes() }), 1),
+        (Box::new(IoError::Content { path: path(), source: Box::new(bytes()) }), 1),
     ]
 }
 

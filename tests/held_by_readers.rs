@@ -4,7 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use meissner_io::{CsvEvents, Format, decode_as, decode_image};
+use meissner_io::{CsvEvents, Format, decode_image, decode_with};
 use meissner_models::{AnyDescription, Weights};
 
 /// The system's allocator, counted.
@@ -61,7 +61,7 @@ fn lengths_that_no_file_has_make_no_reader_hold_more() {
     };
     for shape in ["9223372036854775808", "18446744073709551615", "4294967295"] {
         let bytes = npy(shape);
-        assert!(held(|| decode_as(Format::Npy, &bytes)) < LITTLE, "{shape}");
+        assert!(held(|| decode_with(&bytes, Format::Npy)) < LITTLE, "{shape}");
     }
     for (shape, end) in
         [("9223372036854775808", "16"), ("4294967296,4294967296", "16"), ("4", "9223372036854775808")]

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use meissner_engine::EngineError;
 use meissner_evaluate::{EvaluateError, RequestPart};
-use meissner_io::{Format, ImageError, IoError, Kind};
+use meissner_io::{IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::DecisionError;
@@ -201,7 +201,10 @@ fn hint(error: &PipelineError) -> Option<String> {
         PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
         PipelineError::OtherNetwork { .. } => "`meissner inspect` shows the network",
         PipelineError::ManyFrames { .. } => "--for takes a part of the recording",
-        PipelineError::Image(ImageError::OtherKind { found, .. }) => return readers(*found),
+        PipelineError::Image(IoError::Content { source, .. }) => {
+            let IoError::OtherKind { found, .. } = **source else { return None };
+            return readers(found);
+        }
         PipelineError::IsRecording { .. } => "`meissner info` shows a recording",
         PipelineError::Recording { salvaged: Some(salvaged), .. } => {
             return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
@@ -228,12 +231,10 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
             "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
              of time with --time-unit s, ms, us or ns"
         }
-        IoError::UnknownFormat { start, length } if *length > 0 && !start.contains("\\x") => {
+        IoError::UnknownFormat { start, length, .. } if *length > 0 && !start.contains("\\x") => {
             "if it is a text of events, say the order of its columns, such as --columns xytp"
         }
-        IoError::Malformed { format: Format::Csv, what, .. }
-            if !matches!(*what, "header" | "row" | "field") =>
-        {
+        IoError::Malformed { format: "CSV", what, .. } if !matches!(*what, "header" | "row" | "field") => {
             "if the columns stand in another order or the times have another unit, say so: --columns, such as \
              --columns xytp, and --time-unit s, ms, us or ns"
         }

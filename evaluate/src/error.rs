@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use meissner_engine::EngineError;
-use meissner_io::datasets::DatasetError;
+use meissner_io::IoError;
 use meissner_models::ModelError;
 use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::SlipError;
@@ -23,7 +23,7 @@ pub enum EvaluateError {
     Pipeline(Box<PipelineError>),
     /// A data set is missing or has another layout; the source names the path.
     #[error(transparent)]
-    Dataset(#[from] DatasetError),
+    Dataset(#[from] IoError),
     /// An image is larger than any sensor.
     #[error("{}: expected at most 65535 x 65535 pixels, found {width} x {height}", path.display())]
     ImageSize {

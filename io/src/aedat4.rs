@@ -24,9 +24,9 @@ use std::collections::BTreeMap;
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::error::{IoError, Place, check_pixel};
+use crate::error::{IoError, Place};
 use crate::format::Format;
-use crate::recording::{Recording, Salvage, StreamKind, Tally};
+use crate::recording::{Recording, StreamKind, StreamSummary};
 use header::Header;
 use packet::{Inflater, Table, check_name};
 
@@ -40,67 +40,66 @@ const STRIDE: usize = 16;
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Aedat4;
-    let header = Header::parse(Bytes::new(format, bytes, Place::Byte(0)), salvage)?;
-    let mut inflater = Inflater::new(header.compression, bytes.len() as u64);
-    let rest = |what, at: usize| {
-        let bytes_not_read = (bytes.len() - at) as u64;
-        Some(Salvage { what, place: Place::Byte(at as u64), bytes_not_read })
-    };
+    let file = Bytes::file(format.name(), bytes);
+    let Header { compression, mut streams, packets: mut at, table, is_cut } = Header::parse(file, salvage)?;
+    let mut inflater = Inflater::new(compression, file);
     // Without the table, the packets end with the file.
-    let mut salvaged = if header.is_cut { rest("the packets before their table", bytes.len()) } else { None };
-    if let Some(table) = header.table {
-        let checked = inflater.prefix(&bytes[table..], table, TABLE_START).and_then(|start| {
-            check_name(Bytes::new(format, start, packet_place(table)), "packet table", *b"FTAB")
-        });
-        match checked {
+    let mut salvaged = is_cut.then(|| file.salvage("the packets before their table", bytes.len()));
+    if let Some(table) = table {
+        let start = inflater.prefix(&bytes[table..], table, TABLE_START);
+        match start.and_then(|start| check_name(of_packet(file, start, table), "packet table", *b"FTAB")) {
             // The table holds no events.
-            Err(_) if salvage => salvaged = rest("the packet table", table),
+            Err(_) if salvage => salvaged = Some(file.salvage("the packet table", table)),
             checked => checked?,
         }
     }
 
-    let streams = &header.streams;
-    let main = streams.iter().position(|stream| stream.kind == StreamKind::Events);
+    let main = streams.iter().position(|stream| stream.summary.kind == StreamKind::Events);
     let sensor = main.and_then(|main| streams[main].sensor);
-    let mut tallies: Vec<Tally> = streams.iter().map(|_| Tally::default()).collect();
     let mut events = Vec::new();
     // A header may declare a thousand streams, and a packet takes 8 bytes.
     let index_of: BTreeMap<i32, usize> = streams.iter().map(|stream| stream.id).zip(0..).collect();
 
-    let packets = Bytes::new(format, &bytes[..header.table.unwrap_or(bytes.len())], Place::Byte(0));
-    let mut at = header.packets;
+    let packets = Bytes { data: &bytes[..table.unwrap_or(bytes.len())], ..file };
     while at < packets.len() {
         if salvage && !is_whole(packets, at) {
-            salvaged = rest("the last packet", at);
+            salvaged = Some(file.salvage("the last packet", at));
             break;
         }
         let id = packets.i32("header of a packet", at)?;
         let size = packets.i32("header of a packet", at + 4)?;
         let Ok(size) = usize::try_from(size) else {
-            return Err(packets.malformed("size of a packet", at + 4, "0 and above", size.to_string()));
+            return Err(packets.malformed("size of a packet", at + 4, "0 and above", size));
         };
         let Some(&index) = index_of.get(&id) else {
             let expected = format!("one of the {} that the header declares", streams.len());
-            return Err(packets.malformed("stream of a packet", at, expected, id.to_string()));
+            return Err(packets.malformed("stream of a packet", at, expected, id));
         };
         let packet = packets.get("packet", at + PACKET_HEADER, size)?;
-        match streams[index].kind {
-            // Streams without events are not decompressed.
-            StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => tallies[index].add(1),
-            kind => {
-                let content = Bytes::new(format, inflater.inflate(packet, at)?, packet_place(at));
-                if Some(index) == main {
-                    append_events(content, sensor, &mut events)?;
-                } else {
-                    tallies[index].add(count_elements(content, kind)?);
-                }
+        let stream = &mut streams[index].summary;
+        let layout = match stream.kind {
+            StreamKind::Events => Some(("packet of events", *b"EVTS", STRIDE)),
+            // Samples and triggers are tables; a vector holds their offsets of four bytes.
+            StreamKind::Imu => Some(("packet", *b"IMUS", 4)),
+            StreamKind::Triggers => Some(("packet", *b"TRIG", 4)),
+            // They are not decompressed.
+            StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => None,
+        };
+        if let Some((what, name, stride)) = layout {
+            let content = of_packet(file, inflater.inflate(packet, at)?, at);
+            let (start, elements) = Table::root(content, what, name)?.vector(0, stride)?;
+            if Some(index) == main {
+                append_events(content, start, elements, sensor, &mut events)?;
+            } else {
+                stream.add((elements.len() / stride) as u64);
             }
+        } else {
+            stream.add(1);
         }
         at += PACKET_HEADER + size;
     }
-    let other_streams =
-        tallies.iter().zip(streams).filter_map(|(tally, stream)| tally.summary(&stream.name, stream.kind));
-    Ok(Recording { format, sensor, events, other_streams: other_streams.collect(), salvaged })
+    let other_streams = StreamSummary::present(streams.into_iter().map(|stream| stream.summary));
+    Ok(Recording { format, sensor, events, other_streams, salvaged })
 }
 
 /// Whether the packet at byte `at` is complete, header and content; true where its size is negative.
@@ -109,14 +108,19 @@ fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
     usize::try_from(size).is_ok_and(|size| size <= packets.len() - at - PACKET_HEADER) || size < 0
 }
 
-/// The first byte of the content of the packet at byte `at`.
-fn packet_place(at: usize) -> Place {
-    Place::Packet { packet: at as u64, byte: 0 }
+/// The decompressed content of the packet at byte `at` of `file`.
+fn of_packet<'a>(file: Bytes<'_>, content: &'a [u8], at: usize) -> Bytes<'a> {
+    Bytes { format: file.format, data: content, origin: Place::Packet { packet: at as u64, byte: 0 } }
 }
 
-/// Appends the events of a packet EVTS to `events`.
-fn append_events(content: Bytes<'_>, sensor: Option<Sensor>, events: &mut Vec<Event>) -> Result<(), IoError> {
-    let (start, elements) = Table::root(content, "packet of events", *b"EVTS")?.vector(0, STRIDE)?;
+/// Appends the events in `elements`, which start at byte `start` of a packet.
+fn append_events(
+    content: Bytes<'_>,
+    start: usize,
+    elements: &[u8],
+    sensor: Option<Sensor>,
+    events: &mut Vec<Event>,
+) -> Result<(), IoError> {
     events.reserve(elements.len() / STRIDE);
     for (index, element) in elements.chunks_exact(STRIDE).enumerate() {
         let t_us = i64::from_le_bytes(array(element));
@@ -126,26 +130,13 @@ fn append_events(content: Bytes<'_>, sensor: Option<Sensor>, events: &mut Vec<Ev
             let actual = format!("x = {x}, y = {y}");
             return Err(content.malformed("pixel", at + 8, "x and y of 0 and above", actual));
         };
-        check_pixel(content.format, sensor, (x, y), || content.place(at + 8))?;
+        content.check_pixel(sensor, x, y, at + 8)?;
         let on = match element[12] {
             0 => false,
             1 => true,
-            other => return Err(content.malformed("polarity", at + 12, "0 or 1", other.to_string())),
+            other => return Err(content.malformed("polarity", at + 12, "0 or 1", other)),
         };
         events.push(Event { t_us, x, y, on });
     }
     Ok(())
-}
-
-/// The number of elements of a packet of `kind`.
-fn count_elements(content: Bytes<'_>, kind: StreamKind) -> Result<u64, IoError> {
-    // Samples and triggers are tables; a vector holds their offsets of four bytes.
-    let (name, stride) = match kind {
-        StreamKind::Events => (*b"EVTS", STRIDE),
-        StreamKind::Imu => (*b"IMUS", 4),
-        StreamKind::Triggers => (*b"TRIG", 4),
-        StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => return Ok(1),
-    };
-    let (_, elements) = Table::root(content, "packet", name)?.vector(0, stride)?;
-    Ok((elements.len() / stride) as u64)
 }

@@ -1,9 +1,8 @@
 //! Checked reads of the bytes of a file or a packet; every error names its place.
 
-use std::slice::ChunksExact;
+use meissner_engine::Sensor;
 
 use crate::error::{IoError, Place};
-use crate::format::Format;
 use crate::recording::Salvage;
 
 /// A slice of bytes and its place in the file.
@@ -11,16 +10,17 @@ use crate::recording::Salvage;
 /// Invariant: no method indexes beyond the slice; a position or length of any size gives an error.
 #[derive(Clone, Copy)]
 pub(crate) struct Bytes<'a> {
-    pub(crate) format: Format,
-    data: &'a [u8],
+    /// Name of the format, for messages.
+    pub(crate) format: &'static str,
+    pub(crate) data: &'a [u8],
     /// The place of byte 0.
-    origin: Place,
+    pub(crate) origin: Place,
 }
 
 impl<'a> Bytes<'a> {
-    /// `data` starts at `origin`.
-    pub(crate) fn new(format: Format, data: &'a [u8], origin: Place) -> Self {
-        Self { format, data, origin }
+    /// A whole file.
+    pub(crate) fn file(format: &'static str, data: &'a [u8]) -> Self {
+        Self { format, data, origin: Place::Byte(0) }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -39,16 +39,10 @@ impl<'a> Bytes<'a> {
     /// The `len` bytes at `at`.
     pub(crate) fn get(&self, what: &'static str, at: usize, len: usize) -> Result<&'a [u8], IoError> {
         let tail = self.data.get(at..).unwrap_or_default();
-        tail.get(..len).ok_or_else(|| IoError::Truncated {
-            format: self.format,
-            what,
-            place: self.place(at),
-            expected: len as u64,
-            actual: tail.len() as u64,
-        })
+        tail.get(..len).ok_or_else(|| self.truncated(what, at, len as u64, false))
     }
 
-    fn array<const N: usize>(&self, what: &'static str, at: usize) -> Result<[u8; N], IoError> {
+    pub(crate) fn array<const N: usize>(&self, what: &'static str, at: usize) -> Result<[u8; N], IoError> {
         self.get(what, at, N).map(array)
     }
 
@@ -64,19 +58,81 @@ impl<'a> Bytes<'a> {
         self.array(what, at).map(i32::from_le_bytes)
     }
 
-    pub(crate) fn i64(&self, what: &'static str, at: usize) -> Result<i64, IoError> {
-        self.array(what, at).map(i64::from_le_bytes)
+    /// The records of `N` bytes from byte `start` on, each with its position. An incomplete last record is an error, or is
+    /// left out with `salvage`.
+    pub(crate) fn records<const N: usize>(
+        &self,
+        what: &'static str,
+        start: usize,
+        salvage: bool,
+    ) -> Result<(impl ExactSizeIterator<Item = (usize, [u8; N])> + use<'a, N>, Option<Salvage>), IoError>
+    {
+        let (records, rest) = self.data[start..].as_chunks::<N>();
+        let end = self.len() - rest.len();
+        if !rest.is_empty() && !salvage {
+            return Err(self.truncated(what, end, N as u64, false));
+        }
+        let placed = records.iter().enumerate().map(move |(index, record)| (start + index * N, *record));
+        Ok((placed, (!rest.is_empty()).then(|| self.salvage(what, end))))
     }
 
-    /// An error about the bytes at `at`.
+    /// The incomplete end from byte `at` on, which is left out.
+    pub(crate) fn salvage(&self, what: &'static str, at: usize) -> Salvage {
+        Salvage { what, place: self.place(at), bytes_not_read: (self.len() - at) as u64 }
+    }
+
+    /// The error of a part at `at` that needs `expected` bytes; `at_least`: or more.
+    #[cold]
+    pub(crate) fn truncated(&self, what: &'static str, at: usize, expected: u64, at_least: bool) -> IoError {
+        let actual = self.len().saturating_sub(at) as u64;
+        IoError::Truncated { format: self.format, what, place: self.place(at), expected, actual, at_least }
+    }
+
+    /// The error of a malformed part at `at`.
+    #[cold]
     pub(crate) fn malformed(
         &self,
         what: &'static str,
         at: usize,
         expected: impl Into<String>,
-        actual: impl Into<String>,
+        actual: impl ToString,
     ) -> IoError {
-        IoError::malformed(self.format, what, self.place(at), expected, actual)
+        let (expected, actual) = (expected.into(), actual.to_string());
+        IoError::Malformed { format: self.format, what, place: self.place(at), expected, actual }
+    }
+
+    /// The error of a part at `at` of more than `limit` bytes; `at_least`: it may have more than `actual`.
+    pub(crate) fn too_large(
+        &self,
+        what: &'static str,
+        at: usize,
+        limit: u64,
+        actual: u64,
+        at_least: bool,
+    ) -> IoError {
+        let (format, place, unit) = (self.format, self.place(at), "bytes");
+        IoError::TooLarge { format, what, place, unit, limit, actual, at_least }
+    }
+
+    /// Refuses the pixel of an event at `at` that lies outside `sensor`, where the sensor is known.
+    #[inline]
+    pub(crate) fn check_pixel(
+        &self,
+        sensor: Option<Sensor>,
+        x: u16,
+        y: u16,
+        at: usize,
+    ) -> Result<(), IoError> {
+        match sensor {
+            Some(sensor) if !sensor.contains(x, y) => Err(self.outside(sensor, x.into(), y, at)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The error of an event at `at` that lies outside `sensor`.
+    #[cold]
+    pub(crate) fn outside(&self, sensor: Sensor, x: u32, y: u16, at: usize) -> IoError {
+        IoError::OutsideSensor { format: self.format, place: self.place(at), sensor, x, y: y.into() }
     }
 }
 
@@ -87,25 +143,4 @@ impl<'a> Bytes<'a> {
 #[inline]
 pub(crate) fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("a slice cut to size")
-}
-
-/// The units of `size` bytes from byte `start` of a file on. An incomplete last unit is an error, or is left out with
-/// `salvage`.
-pub(crate) fn units<'a>(
-    format: Format,
-    what: &'static str,
-    bytes: &'a [u8],
-    start: usize,
-    size: usize,
-    salvage: bool,
-) -> Result<(ChunksExact<'a, u8>, Option<Salvage>), IoError> {
-    let units = bytes[start..].chunks_exact(size);
-    let rest = units.remainder().len();
-    let place = Place::Byte((bytes.len() - rest) as u64);
-    let cut = (rest > 0).then_some(Salvage { what, place, bytes_not_read: rest as u64 });
-    if cut.is_some() && !salvage {
-        let (expected, actual) = (size as u64, rest as u64);
-        return Err(IoError::Truncated { format, what, place, expected, actual });
-    }
-    Ok((units, cut))
 }

@@ -20,13 +20,12 @@ use crate::{aedat4, dat, evt2, evt3, nmnist, npy};
 /// use meissner_io::{Format, ReadOptions, decode_with};
 ///
 /// // An event of five bytes, and the first byte of a second one.
-/// let options = ReadOptions::new().format(Format::Nmnist).salvage(true);
-/// let recording = decode_with(&[1, 2, 0x80, 0, 7, 3], &options)?;
+/// let options = ReadOptions { salvage: true, ..Format::Nmnist.into() };
+/// let recording = decode_with(&[1, 2, 0x80, 0, 7, 3], options)?;
 /// assert_eq!(recording.events.len(), 1);
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct ReadOptions {
     /// The format; `None`: the format is found from the content.
     pub format: Option<Format>,
@@ -40,59 +39,29 @@ pub struct ReadOptions {
     pub salvage: bool,
 }
 
-impl ReadOptions {
-    /// Options that find everything from the content.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Sets the format.
-    #[must_use]
-    pub fn format(mut self, format: impl Into<Option<Format>>) -> Self {
-        self.format = format.into();
-        self
-    }
-
-    /// Sets the layout of a text.
-    #[must_use]
-    pub fn text(mut self, text: TextOptions) -> Self {
-        self.text = text;
-        self
-    }
-
-    /// Sets whether a file that was cut short is read up to the cut.
-    #[must_use]
-    pub fn salvage(mut self, salvage: bool) -> Self {
-        self.salvage = salvage;
-        self
+impl From<Format> for ReadOptions {
+    /// A file of this format; the other options have their defaults.
+    fn from(format: Format) -> Self {
+        Self { format: Some(format), ..Self::default() }
     }
 }
 
 /// Reads the recording in the file at `path`, in any format; the file name has no influence.
 ///
+/// # Errors
+/// Those of [`read_with`].
+pub fn read(path: &Path) -> Result<Recording, IoError> {
+    read_with(path, ReadOptions::default())
+}
+
+/// Reads the recording in the file at `path` with these options, which may be a [`Format`].
+///
 /// The file is held in memory while it is decoded; [`crate::limits`] bounds the rest.
 ///
 /// # Errors
 /// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of
-/// [`decode`].
-pub fn read(path: &Path) -> Result<Recording, IoError> {
-    read_with(path, &ReadOptions::new())
-}
-
-/// Reads the recording in the file at `path`, which has this format.
-///
-/// # Errors
-/// Those of [`read`] and [`decode_as`].
-pub fn read_as(format: Format, path: &Path) -> Result<Recording, IoError> {
-    read_with(path, &ReadOptions::new().format(format))
-}
-
-/// Reads the recording in the file at `path` with these options.
-///
-/// # Errors
-/// Those of [`read`] and [`decode_with`].
-pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Recording, IoError> {
+/// [`decode_with`].
+pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     if path.is_dir() {
         return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
     }
@@ -102,31 +71,25 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Recording, IoErro
 /// Decodes `bytes`, the whole content of a file in any format.
 ///
 /// # Errors
-/// [`IoError::OtherKind`] where the content is known and not a recording that can be read, [`IoError::UnknownFormat`] or
-/// [`IoError::Unsupported`] where it has none of the formats, and those of [`decode_as`].
+/// Those of [`decode_with`].
 pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, &ReadOptions::new())
+    decode_with(bytes, ReadOptions::default())
 }
 
-/// Decodes `bytes`, the whole content of a file of `format`.
+/// Decodes `bytes`, the whole content of a file, with these options, which may be a [`Format`].
 ///
 /// # Errors
-/// [`IoError::Truncated`] where the content is cut short, [`IoError::Malformed`] where it contradicts the format,
-/// [`IoError::OutsideSensor`] where an event lies outside the sensor that the file names, [`IoError::TooLarge`] where a bound
-/// of [`crate::limits`] is exceeded, [`IoError::Unsupported`] where the content has a related format,
-/// [`IoError::Undecided`] where a text can be read in several ways. After an error there is no recording: the events before
-/// the fault are not returned.
-pub fn decode_as(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, &ReadOptions::new().format(format))
-}
-
-/// Decodes `bytes`, the whole content of a file, with these options.
+/// - Without a format: [`IoError::OtherKind`] where the content is known and not a recording that can be read,
+///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
+/// - [`IoError::Truncated`] where the content is cut short; with [`ReadOptions::salvage`] only where its header is.
+/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::OutsideSensor`] where an event lies outside the
+///   sensor that the file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
+///   [`IoError::Unsupported`] where the content has a related format, [`IoError::Undecided`] where a text can be read in
+///   several ways.
 ///
-/// # Errors
-/// Those of [`decode`] and [`decode_as`]; with [`ReadOptions::salvage`] there is no error for a file that is merely cut short
-/// after its header.
-pub fn decode_with(bytes: &[u8], options: &ReadOptions) -> Result<Recording, IoError> {
-    let ReadOptions { format, text, salvage } = *options;
+/// After an error there is no recording: the events before the fault are not returned.
+pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
+    let ReadOptions { format, text, salvage } = options.into();
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,
@@ -179,7 +142,7 @@ pub fn encode(
     check(format, sensor, events)?;
     let mut counted = Counted { out, written: 0 };
     put(format, sensor, events, &mut counted).map_err(|source| IoError::Stream {
-        format,
+        format: format.name(),
         action: "write",
         place: Place::Byte(counted.written),
         source,
@@ -197,22 +160,7 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }
     };
-    if let Some(sensor) = sensor {
-        let sides = 1..=capacity.side;
-        if !sides.contains(&sensor.width) || !sides.contains(&sensor.height) {
-            let actual = format!("{sensor} for {format}");
-            return Err(IoError::Unsupported { expected: capacity.sensor, actual });
-        }
-        if let Some(index) = events.iter().position(|e| !sensor.contains(e.x, e.y)) {
-            let (field, side, actual) = match events[index] {
-                Event { x, .. } if x >= sensor.width => ("x", sensor.width, x),
-                Event { y, .. } => ("y", sensor.height, y),
-            };
-            let expected = format!("below {side}, the sensor's");
-            return Err(IoError::cannot_hold(format, index, field, expected, actual));
-        }
-    }
-    capacity.check(format, events)
+    capacity.check(format, sensor, events)
 }
 
 /// Writes events that [`check`] accepted.

@@ -9,8 +9,8 @@ use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::{Bytes, array, units};
-use crate::error::{IoError, Place, beginning, check_pixel};
+use crate::bytes::Bytes;
+use crate::error::{IoError, beginning};
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording};
@@ -26,8 +26,8 @@ const TIME_RANGE: i64 = 1 << 32;
 
 /// The events that the format can hold.
 pub(crate) const CAPACITY: Capacity = Capacity {
-    times: 0..TIME_RANGE,
-    side: SIDE,
+    times: 0..=TIME_RANGE - 1,
+    side: SIDE as u32,
     sensor: "a sensor of 1 to 16384 pixels a side",
     steps: "in order, or less than 2^31 us earlier",
     is_wrap: |newest_us, t_us| newest_us - t_us >= TIME_RANGE / 2,
@@ -36,35 +36,32 @@ pub(crate) const CAPACITY: Capacity = Capacity {
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Dat;
-    let header = Header::parse(format, bytes)?;
+    let file = Bytes::file(format.name(), bytes);
+    let header = Header::parse(file)?;
     // A file without a version is older than version 2 and has another layout.
     if header.version.as_deref() != Some("2") {
         let version = |version: String| format!("version {}", beginning(&version, 40));
         let actual = header.version.map_or("no version".to_owned(), version);
         return Err(IoError::Unsupported { expected: "DAT of version 2", actual });
     }
-    let sensor = header.sensor(format, SIDE)?;
-    let file = Bytes::new(format, bytes, Place::Byte(0));
+    let sensor = header.sensor(file, SIDE)?;
     let what = "type and size of the events";
-    let [kind, size] = array(file.get(what, header.end, 2)?);
+    let [kind, size] = file.array(what, header.end)?;
     if !CHANGES.contains(&kind) || usize::from(size) != STRIDE {
         let expected = "type 0x0c or 0x00 and 8 bytes an event";
-        let actual = format!("type {kind:#04x} and {size} bytes");
-        return Err(file.malformed(what, header.end, expected, actual));
+        return Err(file.malformed(what, header.end, expected, format!("type {kind:#04x} and {size} bytes")));
     }
 
-    let start = header.end + 2;
-    let (chunks, salvaged) = units(format, "the last event", bytes, start, STRIDE, salvage)?;
-    let mut events = Vec::with_capacity(chunks.len());
+    let (records, salvaged) = file.records::<STRIDE>("the last event", header.end + 2, salvage)?;
+    let mut events = Vec::with_capacity(records.len());
     let mut clock = WrappingClock::new(TIME_RANGE);
-    for (index, chunk) in chunks.enumerate() {
-        let both = u64::from_le_bytes(array(chunk));
+    for (at, record) in records {
+        let both = u64::from_le_bytes(record);
         let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
         let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
-        let at = start + index * STRIDE;
-        check_pixel(format, sensor, (x, y), || file.place(at))?;
+        file.check_pixel(sensor, x, y, at)?;
         if pixel >> 29 != 0 {
-            return Err(file.malformed("polarity", at, "0 or 1", (pixel >> 28).to_string()));
+            return Err(file.malformed("polarity", at, "0 or 1", pixel >> 28));
         }
         events.push(Event::new(clock.advance(time), x, y, pixel >> 28 == 1));
     }

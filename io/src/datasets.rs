@@ -6,87 +6,78 @@
 use std::ffi::OsStr;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use meissner_engine::Event;
-use thiserror::Error;
 
-use crate::codec::read_as;
+use crate::codec::read_with;
 use crate::electrodes::{ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 use crate::error::IoError;
 use crate::files::entries;
 use crate::format::Format;
 
-/// Why a folder could not be read as a data set.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DatasetError {
-    /// The folder does not exist.
-    #[error("{}: expected a folder with folders {}, found {found}", path.display(), expected.join(", "))]
-    NoFolder {
-        /// The folder.
-        path: PathBuf,
-        /// The names of its subfolders.
-        expected: Vec<String>,
-        /// `a file` or `nothing`.
-        found: &'static str,
-    },
-    /// A folder cannot be listed.
-    #[error("cannot list {}", path.display())]
-    List {
-        /// The folder.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// Subfolders have unknown names.
-    #[error("{}: expected folders {}, found also {}", path.display(), expected.join(", "), found.join(", "))]
-    UnknownClasses {
-        /// The folder.
-        path: PathBuf,
-        /// The known names.
-        expected: Vec<String>,
-        /// The unknown names, in natural order.
-        found: Vec<String>,
-    },
-    /// No class has a recording.
-    #[error("{}: expected recordings {layout} of the classes {}, found none", path.display(), expected.join(", "))]
-    NoRecordings {
-        /// The data set.
-        path: PathBuf,
-        /// The layout of a data set.
-        layout: &'static str,
-        /// The classes.
-        expected: Vec<String>,
-    },
-    /// A recording's name does not contain its object.
-    #[error("{}: expected an object's name and a number, such as pen178.csv, found {found:?}", path.display())]
-    Name {
-        /// The recording.
-        path: PathBuf,
-        /// Its name.
-        found: String,
-    },
-    /// A recording is empty.
-    #[error("{}: expected {expected}, found none", path.display())]
-    Empty {
-        /// The recording.
-        path: PathBuf,
-        /// The content of a recording.
-        expected: &'static str,
-    },
-    /// A recording cannot be opened.
-    #[error(transparent)]
-    File(IoError),
-    /// A recording cannot be read; the source has the place.
-    #[error("recording {}", path.display())]
-    Recording {
-        /// The recording.
-        path: PathBuf,
-        /// The reason.
-        source: IoError,
-    },
+/// A labelled set of recordings.
+#[derive(Debug)]
+pub struct Dataset<R> {
+    /// The recordings: by split (training first), by class, and by file name in natural order.
+    pub recordings: Vec<R>,
+    /// Files that are not recordings, in the order of reading.
+    pub passed_over: Vec<PathBuf>,
+}
+
+impl<R> Dataset<R> {
+    /// A set without recordings.
+    fn new() -> Self {
+        Self { recordings: Vec::new(), passed_over: Vec::new() }
+    }
+
+    /// The subfolders of `folder` with their indices in `names`, ascending; other names are refused. Files are passed over.
+    fn subfolders(&mut self, folder: &Path, names: &[&str]) -> Result<Vec<(usize, PathBuf)>, IoError> {
+        let refuse =
+            |found: String| Err(IoError::unfit(folder, format!("folders {}", names.join(", ")), found));
+        if !folder.is_dir() {
+            return refuse(if folder.exists() { "a file" } else { "nothing" }.to_owned());
+        }
+        let (folders, files): (Vec<_>, Vec<_>) =
+            visible_entries(folder)?.into_iter().partition(|path| path.is_dir());
+        self.passed_over.extend(files);
+        let index = |path: &Path| names.iter().position(|sought| name(path) == *sought);
+        let unknown: Vec<_> =
+            folders.iter().filter(|path| index(path).is_none()).map(|path| name(path)).collect();
+        if !unknown.is_empty() {
+            return refuse(format!("also {}", unknown.join(", ")));
+        }
+        let mut known: Vec<_> = folders.into_iter().filter_map(|path| Some((index(&path)?, path))).collect();
+        known.sort_unstable();
+        Ok(known)
+    }
+
+    /// Reads the recordings of `folder`: its files with this extension in upper or lower case. Other entries are passed over.
+    fn extend(
+        &mut self,
+        folder: &Path,
+        extension: &str,
+        read: impl Fn(&Path) -> Result<R, IoError>,
+    ) -> Result<(), IoError> {
+        for path in visible_entries(folder)? {
+            if path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
+                self.recordings.push(read(&path)?);
+            } else {
+                self.passed_over.push(path);
+            }
+        }
+        Ok(())
+    }
+
+    /// The set, which must have a recording.
+    fn not_empty(self, folder: &Path, layout: &str, classes: &[&str]) -> Result<Self, IoError> {
+        if self.recordings.is_empty() {
+            let expected = format!("recordings {layout} of the classes {}", classes.join(", "));
+            return Err(IoError::unfit(folder, expected, "none"));
+        }
+        Ok(self)
+    }
 }
 
 /// Names of the classes of N-MNIST, which are the folders of a split.
@@ -142,57 +133,33 @@ pub struct NmnistRecording {
 /// Every folder is a split or a digit, and every recording has an event. Every `.bin` file is read as [`Format::Nmnist`],
 /// whatever its content. Source: Orchard, Jayawant, Cohen and Thakor, "Converting static image datasets to spiking
 /// neuromorphic datasets using saccades", 2015.
-#[derive(Debug)]
-pub struct NmnistDataset {
-    /// The recordings: training first, then by class and by file name in natural order.
-    pub recordings: Vec<NmnistRecording>,
-    /// Files that are not recordings, in the order of reading.
-    pub passed_over: Vec<PathBuf>,
-}
+pub type NmnistDataset = Dataset<NmnistRecording>;
 
 impl NmnistDataset {
     /// Reads the data set in `folder`, which has one or both splits. O(bytes); all events are held in memory.
     ///
     /// # Errors
-    /// [`DatasetError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or
-    /// has no events.
-    pub fn read(folder: impl AsRef<Path>) -> Result<Self, DatasetError> {
+    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
+    /// events.
+    pub fn read(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let folder = folder.as_ref();
-        let splits = class_folders(folder, &Split::ALL.map(Split::name))?;
-        let mut set = Self { recordings: Vec::new(), passed_over: splits.files };
-        for (index, folder) in splits.folders {
-            let split = Split::ALL[index];
-            let digits = class_folders(&folder, &DIGITS)?;
-            set.passed_over.extend(digits.files);
-            for (class, folder) in digits.folders {
-                let (recordings, others) = files(&folder, "bin")?;
-                for path in recordings {
-                    set.recordings.push(NmnistRecording::read(&path, split, class)?);
-                }
-                set.passed_over.extend(others);
+        let mut set = Self::new();
+        for (split, folder) in set.subfolders(folder, &Split::ALL.map(Split::name))? {
+            for (class, folder) in set.subfolders(&folder, &DIGITS)? {
+                set.extend(&folder, "bin", |path| NmnistRecording::read(path, Split::ALL[split], class))?;
             }
         }
-        if set.recordings.is_empty() {
-            let (path, layout) = (folder.to_owned(), "<train|test>/<digit>/<number>.bin");
-            let expected = DIGITS.map(str::to_owned).to_vec();
-            return Err(DatasetError::NoRecordings { path, layout, expected });
-        }
-        Ok(set)
+        set.not_empty(folder, "<train|test>/<digit>/<number>.bin", &DIGITS)
     }
 }
 
 impl NmnistRecording {
-    fn read(path: &Path, split: Split, class: usize) -> Result<Self, DatasetError> {
-        let recording = read_as(Format::Nmnist, path).map_err(|source| match source {
-            // This error has the path already.
-            IoError::File { .. } => DatasetError::File(source),
-            _ => DatasetError::Recording { path: path.to_owned(), source },
-        })?;
-        if recording.events.is_empty() {
-            return Err(DatasetError::Empty { path: path.to_owned(), expected: "events of five bytes" });
+    fn read(path: &Path, split: Split, class: usize) -> Result<Self, IoError> {
+        let events = read_with(path, Format::Nmnist).map_err(IoError::content(path))?.events;
+        if events.is_empty() {
+            return Err(IoError::unfit(path, "events of five bytes", "none"));
         }
-        let stem = path.file_stem().and_then(OsStr::to_str).unwrap_or_default();
-        Ok(Self { name: format!("{split}/{class}/{stem}"), split, class, events: recording.events })
+        Ok(Self { name: format!("{split}/{class}/{}", stem(path)), split, class, events })
     }
 }
 
@@ -239,12 +206,23 @@ pub struct SlipRecording {
 /// ```
 ///
 /// Every folder is a class. Every `.csv` file is read as [`Electrodes`] reads it.
-#[derive(Debug)]
-pub struct SlipDataset {
-    /// The recordings, by class and then by file name in natural order.
-    pub recordings: Vec<SlipRecording>,
-    /// Files that are not recordings, in the order of reading.
-    pub passed_over: Vec<PathBuf>,
+pub type SlipDataset = Dataset<SlipRecording>;
+
+impl SlipDataset {
+    /// Reads the data set in `folder`, whose folders are some or all of `classes`; a recording's class is an index into
+    /// `classes`, and classes come in that order. O(bytes); all readings are held in memory.
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
+    /// readings; with the line too for a row that is no reading, where `bad_rows` refuses it.
+    pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, IoError> {
+        let folder = folder.as_ref();
+        let mut set = Self::new();
+        for (class, folder) in set.subfolders(folder, classes)? {
+            set.extend(&folder, "csv", |path| SlipRecording::read(path, (class, classes[class]), bad_rows))?;
+        }
+        set.not_empty(folder, "<class>/<object><number>.csv", classes)
+    }
 }
 
 impl SlipRecording {
@@ -261,106 +239,39 @@ impl SlipRecording {
         });
         stretches.filter(|stretch| !stretch.is_empty())
     }
-}
-
-impl SlipDataset {
-    /// Reads the data set in `folder`, whose folders are some or all of `classes`; a recording's class is an index into
-    /// `classes`, and classes come in that order. O(bytes); all readings are held in memory.
-    ///
-    /// # Errors
-    /// [`DatasetError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or
-    /// has no readings; with the line too for a row that is no reading, where `bad_rows` refuses it.
-    pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, DatasetError> {
-        let folder = folder.as_ref();
-        let Classes { folders, files: beside } = class_folders(folder, classes)?;
-        let mut set = Self { recordings: Vec::new(), passed_over: beside };
-        for (class, folder) in folders {
-            let (recordings, others) = files(&folder, "csv")?;
-            for path in recordings {
-                set.recordings.push(SlipRecording::read(&path, (class, classes[class]), bad_rows)?);
-            }
-            set.passed_over.extend(others);
-        }
-        if set.recordings.is_empty() {
-            let (path, layout) = (folder.to_owned(), "<class>/<object><number>.csv");
-            let expected = classes.iter().map(|&class| class.to_owned()).collect();
-            return Err(DatasetError::NoRecordings { path, layout, expected });
-        }
-        Ok(set)
-    }
-}
-
-impl SlipRecording {
-    fn read(path: &Path, class: (usize, &str), bad_rows: BadRows) -> Result<Self, DatasetError> {
-        let file =
-            File::open(path).map_err(|source| DatasetError::File(IoError::file("open", path)(source)))?;
-        let stem = path.file_stem().and_then(OsStr::to_str).unwrap_or_default();
+    fn read(path: &Path, class: (usize, &str), bad_rows: BadRows) -> Result<Self, IoError> {
+        let file = File::open(path).map_err(IoError::file("open", path))?;
+        let stem = stem(path);
         let object = stem.trim_end_matches(|c: char| c.is_ascii_digit());
         if object.is_empty() || object.len() == stem.len() {
-            return Err(DatasetError::Name { path: path.to_owned(), found: name(path) });
+            let expected = "an object's name and a number, such as pen178.csv";
+            return Err(IoError::unfit(path, expected, format!("{:?}", name(path))));
         }
-        let mut rows = Electrodes::new(BufReader::new(file), ElectrodeSettings::new());
+        let mut rows = Electrodes::new(BufReader::new(file), ElectrodeSettings::default());
         let (mut readings, mut refused) = (Vec::new(), Vec::new());
         for row in rows.by_ref() {
             match row {
                 Ok(reading) => readings.push(reading),
-                Err(problem) if bad_rows == BadRows::PassOver && is_of_a_row(&problem) => {
+                // The error is about one row, not about the header or the file.
+                Err(problem @ IoError::Malformed { what: "row" | "field", .. })
+                    if bad_rows == BadRows::PassOver =>
+                {
                     refused.push(RefusedRow { after: readings.len(), problem });
                 }
-                Err(source) => return Err(DatasetError::Recording { path: path.to_owned(), source }),
+                Err(problem) => return Err(IoError::content(path)(problem)),
             }
         }
         if readings.is_empty() {
-            return Err(DatasetError::Empty {
-                path: path.to_owned(),
-                expected: "rows of readings below a header",
-            });
+            return Err(IoError::unfit(path, "rows of readings below a header", "none"));
         }
         let (name, object) = (format!("{}/{stem}", class.1), object.to_owned());
         Ok(Self { name, class: class.0, object, readings, refused, warnings: rows.warnings() })
     }
 }
 
-/// Whether an error is about one row, not about the header or the file.
-fn is_of_a_row(problem: &IoError) -> bool {
-    matches!(problem, IoError::Malformed { what: "row" | "field", .. })
-}
-
-/// The content of a folder whose subfolders are some or all of a list of names.
-struct Classes {
-    /// Index into the names, and the subfolder of that name, ascending.
-    folders: Vec<(usize, PathBuf)>,
-    /// Files beside the subfolders, in natural order.
-    files: Vec<PathBuf>,
-}
-
-/// The content of `folder`, whose subfolders must have some of these names.
-fn class_folders(folder: &Path, names: &[&str]) -> Result<Classes, DatasetError> {
-    let expected = || names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-    if !folder.is_dir() {
-        let found = if folder.exists() { "a file" } else { "nothing" };
-        return Err(DatasetError::NoFolder { path: folder.to_owned(), expected: expected(), found });
-    }
-    let (folders, files): (Vec<_>, Vec<_>) =
-        visible_entries(folder)?.into_iter().partition(|path| path.is_dir());
-    let unknown = folders.iter().map(|path| name(path)).filter(|name| !names.contains(&name.as_str()));
-    let unknown: Vec<_> = unknown.collect();
-    if !unknown.is_empty() {
-        let (path, expected) = (folder.to_owned(), expected());
-        return Err(DatasetError::UnknownClasses { path, expected, found: unknown });
-    }
-    let find = |(index, sought): (usize, &&str)| {
-        folders.iter().find(|path| name(path) == *sought).map(|path| (index, path.clone()))
-    };
-    Ok(Classes { folders: names.iter().enumerate().filter_map(find).collect(), files })
-}
-
-/// The files in `folder` with this extension in either case, and its other entries, both in natural order.
-fn files(folder: &Path, extension: &str) -> Result<(Vec<PathBuf>, Vec<PathBuf>), DatasetError> {
-    let fits = |path: &PathBuf| {
-        path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
-    };
-    Ok(visible_entries(folder)?.into_iter().partition(fits))
+/// The file name without its extension.
+fn stem(path: &Path) -> &str {
+    path.file_stem().and_then(OsStr::to_str).unwrap_or_default()
 }
 
 /// The last part of `path`.
@@ -369,9 +280,8 @@ fn name(path: &Path) -> String {
 }
 
 /// The entries of a folder in natural order of their names, without hidden ones.
-fn visible_entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let mut paths =
-        entries(folder).map_err(|source| DatasetError::List { path: folder.to_owned(), source })?;
+fn visible_entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
+    let mut paths = entries(folder)?;
     paths.retain(|path| !name(path).starts_with('.'));
     Ok(paths)
 }

@@ -12,7 +12,7 @@ use crate::csv::columns::{is_csv, is_of_events};
 use crate::electrodes::header::names_electrodes;
 use crate::error::{IoError, beginning, shown};
 use crate::format::{Foreign, Format, ImageFormat, Kind};
-use crate::prophesee::{Encoding, Header, has_header};
+use crate::prophesee::{Header, has_header};
 use crate::text::{content_lines, text_start};
 use crate::{aedat4, nmnist, npy};
 
@@ -39,10 +39,8 @@ impl Kind {
         }
         if has_header(bytes) {
             match Header::scan(bytes).encoding() {
-                Some(Encoding::Known(format)) => return Some(Self::Events(format)),
-                Some(Encoding::Unknown(name)) => {
-                    return matches!(name.as_str(), "2.1" | "EVT21").then_some(Self::Foreign(EVT21));
-                }
+                Some(Ok(format)) => return Some(Self::Events(format)),
+                Some(Err(name)) => return matches!(name, "2.1" | "EVT21").then_some(Self::Foreign(EVT21)),
                 // The comments of a text may start like this header.
                 None => {}
             }
@@ -89,11 +87,13 @@ pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
         None if is_csv(bytes) => return Ok(Format::Csv),
         None => {}
     }
-    if let Some(Encoding::Unknown(name)) = Header::scan(bytes).encoding() {
-        let actual = format!("encoding `{}`", beginning(&name, 40));
+    if let Some(Err(name)) = Header::scan(bytes).encoding() {
+        let actual = format!("encoding `{}`", beginning(name, 40));
         return Err(IoError::Unsupported { expected: "EVT 2.0 or 3.0", actual });
     }
-    Err(IoError::UnknownFormat { length: bytes.len() as u64, start: shown(&bytes[..bytes.len().min(16)]) })
+    let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(16)]));
+    let expected = "AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy";
+    Err(IoError::UnknownFormat { what: "format", expected, length, start })
 }
 
 /// The error of an input that starts with `start` and has another known kind than `wanted`.

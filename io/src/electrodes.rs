@@ -23,7 +23,7 @@ use std::str::FromStr;
 use crate::detect::other_kind;
 use crate::error::{IoError, shown};
 use crate::format::Kind;
-use crate::text::{Line, Lines, bare};
+use crate::text::{Line, Lines, Separator};
 pub use header::ELECTRODES;
 use header::{Columns, Role, expected};
 
@@ -56,7 +56,7 @@ pub struct Reading {
 ///
 /// let names: Vec<String> = (1..=24).map(|e| format!("ff_e{e}")).collect();
 /// let text = format!("{}\n{}\n", names.join(","), ["3500"; 24].join(","));
-/// let mut readings = Electrodes::new(text.as_bytes(), ElectrodeSettings::new());
+/// let mut readings = Electrodes::new(text.as_bytes(), ElectrodeSettings::default());
 /// let reading = readings.next().expect("one row")?;
 /// assert_eq!((reading.line, reading.values, reading.time_s), (2, [3500.0; 24], None));
 /// assert_eq!(readings.warnings().values_out_of_range, 0);
@@ -68,10 +68,8 @@ pub struct Electrodes<R: BufRead> {
     settings: ElectrodeSettings,
     columns: Option<Columns>,
     warnings: ElectrodeWarnings,
-    /// Time of the row before, if it was a reading with a time.
-    last_s: Option<f64>,
-    /// Whether the row before was a reading.
-    unbroken: bool,
+    /// The time of the row before; `None`: that row was not a reading.
+    before: Option<Option<f64>>,
     follows: bool,
     ended: bool,
 }
@@ -84,8 +82,7 @@ impl<R: BufRead> Electrodes<R> {
             settings,
             columns: None,
             warnings: ElectrodeWarnings::default(),
-            last_s: None,
-            unbroken: false,
+            before: None,
             follows: false,
             ended: false,
         }
@@ -120,12 +117,11 @@ impl<R: BufRead> Electrodes<R> {
             };
             self.ended = false;
             // The interval across a refused row is not judged.
-            let last_s = self.last_s.take();
-            let unbroken = std::mem::take(&mut self.unbroken);
+            let before = self.before.take();
             let reading = columns.reading(line)?;
-            self.last_s = reading.time_s;
-            self.unbroken = true;
-            self.follows = self.settings.count(&reading, last_s, &mut self.warnings) && unbroken;
+            self.before = Some(reading.time_s);
+            let fits = self.settings.count(&reading, before.flatten(), &mut self.warnings);
+            self.follows = fits && before.is_some();
             return Ok(Some(reading));
         }
         match self.columns {
@@ -148,22 +144,22 @@ impl<R: BufRead> Iterator for Electrodes<R> {
 impl Columns {
     /// The reading of a row.
     fn reading(&self, line: Line<'_>) -> Result<Reading, IoError> {
-        let count = line.text.split(|&b| b == b',').count();
-        if count != self.count() {
+        let count = Separator::Comma.fields(line.text).count();
+        if count != self.0.len() {
             let actual = format!("{count} in {}", shown(line.text));
-            return Err(line.malformed("row", format!("{} fields", self.count()), actual));
+            return Err(line.malformed("row", format!("{} fields", self.0.len()), actual));
         }
         let mut reading = Reading { line: line.number, values: [0.0; ELECTRODES], time_s: None };
-        for (index, field) in line.text.split(|&b| b == b',').enumerate() {
-            let Some((role, name)) = self.role(index) else { continue };
+        for (column, field) in self.0.iter().zip(Separator::Comma.fields(line.text)) {
+            let Some((role, name)) = column else { continue };
             let refuse = || {
                 let expected = format!("a finite number in column {}", shown(name.as_bytes()));
-                line.malformed("field", expected, shown(bare(field)))
+                line.malformed("field", expected, shown(field))
             };
             match role {
                 Role::Electrode(electrode) => {
                     let value = parse(field).filter(|value: &f32| value.is_finite());
-                    reading.values[electrode] = value.ok_or_else(refuse)?;
+                    reading.values[*electrode] = value.ok_or_else(refuse)?;
                 }
                 Role::Time { seconds } => {
                     let value = parse(field).filter(|value: &f64| value.is_finite());
@@ -177,16 +173,17 @@ impl Columns {
 
 /// The number in a field; f32 and f64 each round once from the text.
 fn parse<T: FromStr>(field: &[u8]) -> Option<T> {
-    str::from_utf8(bare(field)).ok()?.parse().ok()
+    str::from_utf8(field).ok()?.parse().ok()
 }
 
 /// The expected range and rate of readings; a reading that differs is counted and delivered.
 ///
 /// ```
-/// let settings = meissner_io::ElectrodeSettings::new().rate_hz(50.0).rate_tolerance(0.1);
+/// use meissner_io::ElectrodeSettings;
+///
+/// let settings = ElectrodeSettings { rate_hz: 50.0, rate_tolerance: 0.1, ..ElectrodeSettings::default() };
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct ElectrodeSettings {
     /// Range of the values, in the sensor's counts; 0 to 4095 (12 bits) by default.
     pub range: RangeInclusive<f32>,
@@ -224,40 +221,6 @@ pub struct ElectrodeWarnings {
 }
 
 impl ElectrodeSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Sets the range of the values, in the sensor's counts.
-    #[must_use]
-    pub fn range(mut self, range: RangeInclusive<f32>) -> Self {
-        self.range = range;
-        self
-    }
-
-    /// Sets the readings per second.
-    #[must_use]
-    pub fn rate_hz(mut self, rate_hz: f64) -> Self {
-        self.rate_hz = rate_hz;
-        self
-    }
-
-    /// Sets the largest relative difference between an interval and `1 / rate_hz`.
-    #[must_use]
-    pub fn rate_tolerance(mut self, tolerance: f64) -> Self {
-        self.rate_tolerance = tolerance;
-        self
-    }
-
-    /// Sets the longest interval, in periods of `rate_hz`, after which a reading still follows the one before.
-    #[must_use]
-    pub fn longest_gap(mut self, periods: f64) -> Self {
-        self.longest_gap = periods;
-        self
-    }
-
     /// Counts the suspicious properties of a reading; `last_s` is the time of the row before. Returns whether the reading
     /// follows that row: their times have neither a gap nor a step back between them.
     fn count(&self, reading: &Reading, last_s: Option<f64>, warnings: &mut ElectrodeWarnings) -> bool {

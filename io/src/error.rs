@@ -1,4 +1,4 @@
-//! Errors of recordings: each has the place, the expected and the actual value.
+//! Errors of all readers and writers: each has the place, the expected and the actual value.
 
 use std::fmt;
 use std::io;
@@ -34,25 +34,45 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a recording could not be read or written.
+/// Why a recording, readings of electrodes or an image could not be read or written.
+///
+/// `format` is the name of the format being read or written, as [`Format`] and [`ImageFormat`](crate::ImageFormat) show it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {
-    /// The operating system refused a file.
+    /// The operating system refused a file or a folder.
     #[error("cannot {action} {}", path.display())]
     File {
-        /// `open`, `read`, `create` or `write`.
+        /// `open`, `read`, `list`, `create` or `write`.
         action: &'static str,
-        /// The file.
+        /// The file or folder.
         path: PathBuf,
         /// The operating system's reason.
         source: io::Error,
     },
+    /// The content of a file cannot be read; the source has the place.
+    #[error("cannot read {}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// The fault of its content.
+        source: Box<IoError>,
+    },
+    /// A file or folder does not fit into its sequence of images or its data set.
+    #[error("{}: expected {expected}, found {actual}", path.display())]
+    Unfit {
+        /// The file or folder.
+        path: PathBuf,
+        /// The content, name or size that fits.
+        expected: String,
+        /// The content, name or size.
+        actual: String,
+    },
     /// Reading from or writing to a stream failed.
     #[error("{format}: cannot {action} at {place}")]
     Stream {
-        /// The format being read or written.
-        format: Format,
+        /// Name of the format.
+        format: &'static str,
         /// `read` or `write`.
         action: &'static str,
         /// The position reached.
@@ -64,10 +84,12 @@ pub enum IoError {
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
     /// The content has none of the formats.
-    #[error(
-        "unknown format: expected AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy, found {length} bytes starting with {start}"
-    )]
+    #[error("unknown {what}: expected {expected}, found {length} bytes starting with {start}")]
     UnknownFormat {
+        /// `format` or `image format`.
+        what: &'static str,
+        /// The known formats.
+        expected: &'static str,
         /// Length of the content in bytes.
         length: u64,
         /// Its first bytes.
@@ -82,27 +104,32 @@ pub enum IoError {
         actual: String,
     },
     /// The input ends too early.
-    #[error("{format}: {what} at {place} is cut short: expected {expected} bytes, found {actual}")]
+    #[error(
+        "{format}: {what} at {place} is cut short: expected {expected} bytes, found {actual}{}",
+        if *.at_least { " and no end" } else { "" }
+    )]
     Truncated {
-        /// The format being read.
-        format: Format,
+        /// Name of the format.
+        format: &'static str,
         /// The part that is cut short.
         what: &'static str,
         /// Where the part starts.
         place: Place,
-        /// Length of the part in bytes.
+        /// Length of the part in bytes, or one more than the bytes present.
         expected: u64,
         /// Bytes present.
         actual: u64,
+        /// Whether `expected` is only a lower bound, as for data with an end marker in place of a length.
+        at_least: bool,
     },
     /// The content contradicts the format.
     #[error("{format}: {what} at {place}: expected {expected}, found {actual}")]
     Malformed {
-        /// The format being read.
-        format: Format,
+        /// Name of the format.
+        format: &'static str,
         /// The malformed part.
         what: &'static str,
-        /// Where the part is.
+        /// Where the part is, or the position reached.
         place: Place,
         /// The values that the format allows.
         expected: String,
@@ -110,17 +137,22 @@ pub enum IoError {
         actual: String,
     },
     /// A length exceeds a bound of [`crate::limits`].
-    #[error("{format}: {what} at {place} is too large: expected at most {limit} bytes, found {actual}{}", if *.at_least { " or more" } else { "" })]
+    #[error(
+        "{format}: {what} at {place} is too large: expected at most {limit} {unit}, found {actual}{}",
+        if *.at_least { " or more" } else { "" }
+    )]
     TooLarge {
-        /// The format being read.
-        format: Format,
+        /// Name of the format.
+        format: &'static str,
         /// The part that is too large.
         what: &'static str,
         /// Where the part starts.
         place: Place,
-        /// The bound in bytes.
+        /// `bytes` or `pixels`.
+        unit: &'static str,
+        /// The bound.
         limit: u64,
-        /// Length of the part in bytes.
+        /// Size of the part.
         actual: u64,
         /// Whether reading stopped after `actual` bytes, so that the part may be longer.
         at_least: bool,
@@ -128,8 +160,8 @@ pub enum IoError {
     /// An event lies outside the recording's sensor.
     #[error("{format}: pixel at {place}: expected x < {} and y < {}, found x = {x}, y = {y}", sensor.width, sensor.height)]
     OutsideSensor {
-        /// The format being read.
-        format: Format,
+        /// Name of the format.
+        format: &'static str,
         /// Where the event is.
         place: Place,
         /// The sensor of the recording.
@@ -141,11 +173,9 @@ pub enum IoError {
     },
     /// A text of events can be read in several ways, and neither the text nor the options decide.
     #[error(
-        "{format}: {what} at {place}: expected a text or options that say it, found {line}, which can be {readings}"
+        "CSV: {what} at {place}: expected a text or options that say it, found {line}, which can be {readings}"
     )]
     Undecided {
-        /// The format being read.
-        format: Format,
         /// `order of the columns` or `unit of time`.
         what: &'static str,
         /// The first event's line.
@@ -177,50 +207,41 @@ pub enum IoError {
         /// The event's value.
         actual: String,
     },
+    /// Pixels to be written do not have the image's size.
+    #[error(
+        "expected {expected} bytes of RGB for {width}x{height} pixels (each side at least 1), found {actual}"
+    )]
+    Buffer {
+        /// Width of the image.
+        width: usize,
+        /// Height of the image.
+        height: usize,
+        /// Bytes of such an image.
+        expected: u64,
+        /// Bytes given.
+        actual: u64,
+    },
 }
 
 impl IoError {
+    /// The error of the operating system for `action` on the file at `path`.
     pub(crate) fn file(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::File { action, path, source }
     }
 
-    #[cold]
-    pub(crate) fn malformed(
-        format: Format,
-        what: &'static str,
-        place: Place,
-        expected: impl Into<String>,
-        actual: impl Into<String>,
-    ) -> Self {
-        Self::Malformed { format, what, place, expected: expected.into(), actual: actual.into() }
-    }
-
-    #[cold]
-    pub(crate) fn cannot_hold(
-        format: Format,
-        index: usize,
-        field: &'static str,
-        expected: impl Into<String>,
-        actual: impl ToString,
-    ) -> Self {
-        Self::CannotHold { format, index, field, expected: expected.into(), actual: actual.to_string() }
-    }
-}
-
-/// Refuses a pixel outside `sensor`, where the sensor is known.
-#[inline]
-pub(crate) fn check_pixel(
-    format: Format,
-    sensor: Option<Sensor>,
-    (x, y): (u16, u16),
-    place: impl FnOnce() -> Place,
-) -> Result<(), IoError> {
-    match sensor {
-        Some(sensor) if !sensor.contains(x, y) => {
-            Err(IoError::OutsideSensor { format, place: place(), sensor, x: x.into(), y: y.into() })
+    /// The error of the content of the file at `path`.
+    pub(crate) fn content(path: &Path) -> impl FnOnce(Self) -> Self {
+        let path = path.to_owned();
+        move |source| match source {
+            // This error has the path already.
+            Self::File { .. } => source,
+            _ => Self::Content { path, source: Box::new(source) },
         }
-        _ => Ok(()),
+    }
+
+    pub(crate) fn unfit(path: &Path, expected: impl Into<String>, actual: impl Into<String>) -> Self {
+        Self::Unfit { path: path.to_owned(), expected: expected.into(), actual: actual.into() }
     }
 }
 

@@ -14,14 +14,12 @@
 
 use meissner_engine::Event;
 
-use crate::bytes::{array, units};
-use crate::error::{IoError, Place, check_pixel};
+use crate::bytes::Bytes;
+use crate::error::IoError;
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock};
-use crate::recording::{Recording, StreamKind, Tally};
+use crate::recording::{Recording, StreamKind, StreamSummary};
 
-/// Bytes of a word.
-const WORD: usize = 4;
 /// Bits of an event's own time.
 const LOW_BITS: u32 = 6;
 /// Time words count from 0 to this value - 1, and wrap.
@@ -32,21 +30,23 @@ const SIDE: u16 = 2048;
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Evt2;
-    let header = Header::parse(format, bytes)?;
-    let sensor = header.sensor(format, SIDE)?;
-    let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
+    let file = Bytes::file(format.name(), bytes);
+    let header = Header::parse(file)?;
+    let sensor = header.sensor(file, SIDE)?;
+    let (words, salvaged) = file.records("the last word", header.end, salvage)?;
 
     let mut events = Vec::with_capacity(words.len());
     let (mut clock, mut base_us) = (WrappingClock::new(HIGH_RANGE), None);
-    let (mut triggers, mut vendor, mut unplaced) = (Tally::default(), Tally::default(), Tally::default());
-    for (index, word) in words.enumerate() {
-        let word = u32::from_le_bytes(array(word));
-        let place = || Place::Byte((header.end + index * WORD) as u64);
+    let mut triggers = StreamSummary::new("external triggers", StreamKind::Triggers);
+    let mut vendor = StreamSummary::new("vendor's words", StreamKind::Other);
+    let mut unplaced = StreamSummary::new("before the first time word", StreamKind::Unplaced);
+    for (at, word) in words {
+        let word = u32::from_le_bytes(word);
         match word >> 28 {
             polarity @ (0x0 | 0x1) => {
                 let low = i64::from(word >> 22 & 0x3f);
                 let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
-                check_pixel(format, sensor, (x, y), place)?;
+                file.check_pixel(sensor, x, y, at)?;
                 match base_us {
                     Some(base_us) => events.push(Event::new(base_us + low, x, y, polarity == 1)),
                     None => unplaced.add(1),
@@ -56,16 +56,11 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
             0xa => triggers.add(1),
             0xe | 0xf => vendor.add(1),
             reserved => {
-                let (expected, actual) = ("0x0, 0x1, 0x8, 0xa, 0xe or 0xf", format!("{reserved:#x}"));
-                return Err(IoError::malformed(format, "type of a word", place(), expected, actual));
+                let expected = "0x0, 0x1, 0x8, 0xa, 0xe or 0xf";
+                return Err(file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
             }
         }
     }
-    let other_streams = [
-        triggers.summary("external triggers", StreamKind::Triggers),
-        vendor.summary("vendor's words", StreamKind::Other),
-        unplaced.summary("before the first time word", StreamKind::Unplaced),
-    ];
-    let other_streams = other_streams.into_iter().flatten().collect();
+    let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
     Ok(Recording { format, sensor, events, other_streams, salvaged })
 }

@@ -29,11 +29,11 @@ use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::{array, units};
-use crate::error::{IoError, Place};
+use crate::bytes::Bytes;
+use crate::error::IoError;
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock};
-use crate::recording::{Capacity, Recording, StreamKind, Tally};
+use crate::recording::{Capacity, Recording, StreamKind, StreamSummary};
 
 /// Coordinates have 11 bits.
 const SIDE: u16 = 2048;
@@ -57,59 +57,39 @@ mod word {
     pub(super) const CONTINUED_12: u16 = 0xf;
 }
 
-/// Bytes of a word.
-const WORD: usize = 2;
-
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Evt3;
-    let header = Header::parse(format, bytes)?;
-    let sensor = header.sensor(format, SIDE)?;
-    let (words, salvaged) = units(format, "the last word", bytes, header.end, WORD, salvage)?;
+    let file = Bytes::file(format.name(), bytes);
+    let header = Header::parse(file)?;
+    let sensor = header.sensor(file, SIDE)?;
+    let (words, salvaged) = file.records("the last word", header.end, salvage)?;
 
-    let mut decoder = Decoder::new(sensor, words.len());
-    for (index, word) in words.enumerate() {
-        let word = u16::from_le_bytes(array(word));
-        decoder.push(word).map_err(|refusal| refusal.at(header.end + index * WORD, sensor))?;
+    let mut decoder = Decoder {
+        file,
+        bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
+        clock: WrappingClock::new(HIGH_RANGE.into()),
+        high: None,
+        t_us: 0,
+        y: None,
+        base: None,
+        // Usually there are about half as many events as words.
+        events: Vec::with_capacity(words.len() / 2),
+        triggers: StreamSummary::new("external triggers", StreamKind::Triggers),
+        vendor: StreamSummary::new("vendor's words", StreamKind::Other),
+        unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
+    };
+    for (at, word) in words {
+        decoder.push(u16::from_le_bytes(word), at)?;
     }
-    let other_streams = [
-        decoder.triggers.summary("external triggers", StreamKind::Triggers),
-        decoder.vendor.summary("vendor's words", StreamKind::Other),
-        decoder.unplaced.summary("before the first time and row", StreamKind::Unplaced),
-    ];
-    let other_streams = other_streams.into_iter().flatten().collect();
-    Ok(Recording { format, sensor, events: decoder.events, other_streams, salvaged })
-}
-
-/// Why a word is refused; small, so that the loop over the words stays small.
-enum Refusal {
-    Reserved(u16),
-    Outside { x: u32, y: u16 },
-    VectorWithoutBase,
-}
-
-impl Refusal {
-    #[cold]
-    fn at(self, byte: usize, sensor: Option<Sensor>) -> IoError {
-        let (format, place) = (Format::Evt3, Place::Byte(byte as u64));
-        let malformed = |what, expected, actual| IoError::malformed(format, what, place, expected, actual);
-        match self {
-            Self::Outside { x, y } => {
-                let sensor = sensor.unwrap_or(Sensor::new(SIDE, SIDE));
-                IoError::OutsideSensor { format, place, sensor, x, y: y.into() }
-            }
-            Self::Reserved(kind) => {
-                malformed("type of a word", "0x0, 0x2 to 0x8, 0xa, 0xe or 0xf", format!("{kind:#x}"))
-            }
-            Self::VectorWithoutBase => {
-                malformed("vector of events", "a word of its base column before it", "none".to_owned())
-            }
-        }
-    }
+    let Decoder { events, triggers, vendor, unplaced, .. } = decoder;
+    let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
+    Ok(Recording { format, sensor, events, other_streams, salvaged })
 }
 
 /// The state that the words change.
-struct Decoder {
+struct Decoder<'a> {
+    file: Bytes<'a>,
     /// The sensor, or the range of 11 bits.
     bounds: Sensor,
     clock: WrappingClock,
@@ -121,49 +101,35 @@ struct Decoder {
     /// Base column of the next vector, and its polarity.
     base: Option<(u32, bool)>,
     events: Vec<Event>,
-    triggers: Tally,
-    vendor: Tally,
-    unplaced: Tally,
+    triggers: StreamSummary,
+    vendor: StreamSummary,
+    unplaced: StreamSummary,
 }
 
-impl Decoder {
-    /// For a file of `words` words; usually about half as many events.
-    fn new(sensor: Option<Sensor>, words: usize) -> Self {
-        Self {
-            bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
-            clock: WrappingClock::new(HIGH_RANGE.into()),
-            high: None,
-            t_us: 0,
-            y: None,
-            base: None,
-            events: Vec::with_capacity(words / 2),
-            triggers: Tally::default(),
-            vendor: Tally::default(),
-            unplaced: Tally::default(),
-        }
-    }
-
+impl Decoder<'_> {
+    /// Takes the word at byte `at`.
     #[inline]
-    fn push(&mut self, word: u16) -> Result<(), Refusal> {
+    fn push(&mut self, word: u16, at: usize) -> Result<(), IoError> {
         let value = word & 0x0fff;
         let (flag, coordinate) = (word & 0x0800 != 0, word & 0x07ff);
         match word >> 12 {
-            word::Y => {
-                if coordinate >= self.bounds.height {
-                    return Err(Refusal::Outside { x: 0, y: coordinate });
-                }
-                self.y = Some(coordinate);
+            word::Y if coordinate >= self.bounds.height => {
+                return Err(self.file.outside(self.bounds, 0, coordinate, at));
             }
-            word::X => self.pixels(coordinate.into(), 1, flag)?,
+            word::Y => self.y = Some(coordinate),
+            word::X => self.pixels(coordinate.into(), 1, flag, at)?,
             word::BASE => self.base = Some((coordinate.into(), flag)),
-            word::VECTOR_12 => self.vector(value, 12)?,
-            word::VECTOR_8 => self.vector(value & 0xff, 8)?,
+            word::VECTOR_12 => self.vector(value, 12, at)?,
+            word::VECTOR_8 => self.vector(value & 0xff, 8, at)?,
             word::TIME_LOW => self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value),
             word::TIME_HIGH => self.time_high(value),
             word::TRIGGER => self.triggers.add(1),
             word::VENDOR => self.vendor.add(1),
             word::CONTINUED_4 | word::CONTINUED_12 => {}
-            reserved => return Err(Refusal::Reserved(reserved)),
+            reserved => {
+                let expected = "0x0, 0x2 to 0x8, 0xa, 0xe or 0xf";
+                return Err(self.file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
+            }
         }
         Ok(())
     }
@@ -176,11 +142,12 @@ impl Decoder {
         }
     }
 
-    fn vector(&mut self, bits: u16, length: u32) -> Result<(), Refusal> {
+    fn vector(&mut self, bits: u16, length: u32, at: usize) -> Result<(), IoError> {
         let Some((x, on)) = self.base else {
-            return Err(Refusal::VectorWithoutBase);
+            let expected = "a word of its base column before it";
+            return Err(self.file.malformed("vector of events", at, expected, "none"));
         };
-        self.pixels(x, bits, on)?;
+        self.pixels(x, bits, on, at)?;
         // A base beyond the sensor is an error only with the next event, so it must stop growing somewhere.
         self.base = Some(((x + length).min(u32::from(u16::MAX)), on));
         Ok(())
@@ -188,7 +155,7 @@ impl Decoder {
 
     /// An event at `x` + i for every set bit i.
     #[inline]
-    fn pixels(&mut self, x: u32, mut bits: u16, on: bool) -> Result<(), Refusal> {
+    fn pixels(&mut self, x: u32, mut bits: u16, on: bool, at: usize) -> Result<(), IoError> {
         let (Some(y), Some(_)) = (self.y, self.high) else {
             self.unplaced.add(bits.count_ones().into());
             return Ok(());
@@ -196,7 +163,7 @@ impl Decoder {
         while bits != 0 {
             let x = x + bits.trailing_zeros();
             if x >= u32::from(self.bounds.width) {
-                return Err(Refusal::Outside { x, y });
+                return Err(self.file.outside(self.bounds, x, y, at));
             }
             self.events.push(Event::new(self.t_us, x as u16, y, on));
             bits &= bits - 1;
@@ -210,8 +177,8 @@ const LATEST_US: i64 = (1 << 40) - 1;
 
 /// The events that the format can hold.
 pub(crate) const CAPACITY: Capacity = Capacity {
-    times: 0..LATEST_US + 1,
-    side: SIDE,
+    times: 0..=LATEST_US,
+    side: SIDE as u32,
     sensor: "a sensor of 1 to 2048 pixels a side",
     steps: "in order, or less than 2^23 us earlier in the same 2^24 us",
     is_wrap: |newest_us, t_us| {
@@ -255,27 +222,23 @@ impl Written {
             self.period += 1;
         }
         self.write_high((event.t_us >> TIME_BITS) as u16 & (HIGH_RANGE - 1), out)?;
-        let low = event.t_us as u16 & (HIGH_RANGE - 1);
-        if self.low != Some(low) {
-            put(word::TIME_LOW, low, out)?;
-            self.low = Some(low);
-        }
-        if self.y != Some(event.y) {
-            put(word::Y, event.y, out)?;
-            self.y = Some(event.y);
-        }
+        put_change(&mut self.low, word::TIME_LOW, event.t_us as u16 & (HIGH_RANGE - 1), out)?;
+        put_change(&mut self.y, word::Y, event.y, out)?;
         put(word::X, event.x | u16::from(event.on) << 11, out)
     }
 
     fn write_high(&mut self, high: u16, out: &mut impl Write) -> io::Result<()> {
         if self.high != Some(high) {
-            put(word::TIME_HIGH, high, out)?;
-            self.high = Some(high);
             // Some readers keep the lower bits after this word, others do not: they are written again.
             self.low = None;
         }
-        Ok(())
+        put_change(&mut self.high, word::TIME_HIGH, high, out)
     }
+}
+
+/// Writes a word if its value is not the `newest` one.
+fn put_change(newest: &mut Option<u16>, kind: u16, value: u16, out: &mut impl Write) -> io::Result<()> {
+    if newest.replace(value) == Some(value) { Ok(()) } else { put(kind, value, out) }
 }
 
 fn put(kind: u16, value: u16, out: &mut impl Write) -> io::Result<()> {

@@ -60,8 +60,9 @@ fn sync_folder(path: &Path) -> io::Result<()> {
 }
 
 /// The entries of a folder in natural order of their names.
-pub(crate) fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
+pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
+    let listed = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut paths: Vec<PathBuf> = listed.map_err(IoError::file("list", folder))?;
     let name = |path: &'_ PathBuf| path.file_name().unwrap_or_default().as_encoded_bytes().to_vec();
     paths.sort_by(|a, b| compare(&name(a), &name(b)));
     Ok(paths)

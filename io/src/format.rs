@@ -58,6 +58,11 @@ impl Format {
     pub const ALL: [Self; 7] =
         [Self::Aedat4, Self::Evt2, Self::Evt3, Self::Dat, Self::Nmnist, Self::Csv, Self::Npy];
 
+    /// The name for people.
+    pub(crate) const fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
     /// The name for people, the name for options, and the usual file extension.
     const fn names(self) -> [&'static str; 3] {
         match self {
@@ -102,7 +107,7 @@ impl Format {
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.names()[0])
+        f.pad(self.name())
     }
 }
 
@@ -131,6 +136,15 @@ pub enum ImageFormat {
 }
 
 impl ImageFormat {
+    /// The name for people.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+            Self::Pnm => "PNM",
+        }
+    }
+
     /// The format of a file that starts with `bytes`; the first three bytes decide.
     pub fn detect(bytes: &[u8]) -> Option<Self> {
         match bytes {
@@ -154,11 +168,7 @@ impl ImageFormat {
 
 impl fmt::Display for ImageFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Png => "PNG",
-            Self::Jpeg => "JPEG",
-            Self::Pnm => "PNM",
-        })
+        f.pad(self.name())
     }
 }
 

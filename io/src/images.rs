@@ -10,7 +10,7 @@
 //! the range 0..=m becomes round(255 v / m), so that a 16-bit sample that repeats 8 bits gives these 8 bits. Gamma, colour
 //! profiles and the camera's orientation are ignored.
 //!
-//! Invariant: a file that is cut short or corrupt gives an [`ImageError`] with the place; an image of more than
+//! Invariant: a file that is cut short or corrupt gives an [`IoError`] with the place; an image of more than
 //! [`crate::limits::IMAGE_PIXELS`] pixels is refused before memory of its size is allocated.
 
 mod image;
@@ -23,53 +23,53 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::vec;
 
-use crate::error::{Place, shown};
+use crate::bytes::Bytes;
+use crate::error::{IoError, Place, shown};
 use crate::files::entries;
 use crate::format::{ImageFormat, Kind};
 use crate::limits::IMAGE_BYTES;
 use crate::text::BYTE_ORDER_MARK;
-pub use image::{Image, ImageError};
+pub use image::Image;
 pub use png::{encode_png, write_png};
 
 /// Reads the image of the file at `path`.
 ///
 /// # Errors
-/// [`ImageError::File`] where the file cannot be read, [`ImageError::Content`] with its path and the errors of
+/// [`IoError::File`] where the file cannot be read, [`IoError::Content`] with its path and the errors of
 /// [`decode_image`] where its content is malformed or longer than [`IMAGE_BYTES`].
-pub fn read_image(path: &Path) -> Result<Image, ImageError> {
-    let bytes = read_bounded(path)?;
-    decode_image(&bytes)
-        .map_err(|source| ImageError::Content { path: path.to_owned(), source: Box::new(source) })
+pub fn read_image(path: &Path) -> Result<Image, IoError> {
+    decode_image(&read_bounded(path)?).map_err(IoError::content(path))
 }
 
 /// Decodes `bytes`, the whole content of an image file.
 ///
 /// # Errors
-/// [`ImageError::UnknownFormat`], or [`ImageError::Truncated`], [`ImageError::Malformed`] and
-/// [`ImageError::TooLarge`] where the content is malformed.
-pub fn decode_image(bytes: &[u8]) -> Result<Image, ImageError> {
-    match ImageFormat::detect(bytes) {
-        Some(ImageFormat::Png) => png::decode(bytes),
-        Some(ImageFormat::Jpeg) => jpeg::decode(bytes),
-        Some(ImageFormat::Pnm) => pnm::decode(bytes),
-        None => Err(ImageError::UnknownFormat {
-            length: bytes.len() as u64,
-            start: shown(&bytes[..bytes.len().min(8)]),
-        }),
+/// [`IoError::UnknownFormat`], or [`IoError::Truncated`], [`IoError::Malformed`] and [`IoError::TooLarge`] where the content
+/// is malformed.
+pub fn decode_image(bytes: &[u8]) -> Result<Image, IoError> {
+    let Some(format) = ImageFormat::detect(bytes) else {
+        let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(8)]));
+        let expected = "PNG, JPEG, binary PPM or PGM";
+        return Err(IoError::UnknownFormat { what: "image format", expected, length, start });
+    };
+    let file = Bytes::file(format.name(), bytes);
+    match format {
+        ImageFormat::Png => png::decode(file),
+        ImageFormat::Jpeg => jpeg::decode(file),
+        ImageFormat::Pnm => pnm::decode(file),
     }
 }
 
 /// The bytes of a file, at most [`IMAGE_BYTES`].
-fn read_bounded(path: &Path) -> Result<Vec<u8>, ImageError> {
-    let refused = |action| move |source| ImageError::File { action, path: path.to_owned(), source };
-    let file = File::open(path).map_err(refused("open"))?;
+fn read_bounded(path: &Path) -> Result<Vec<u8>, IoError> {
+    let file = File::open(path).map_err(IoError::file("open", path))?;
     let mut bytes = Vec::new();
     // The length that the file system reports may be wrong: the bytes read are counted.
-    file.take(IMAGE_BYTES + 1).read_to_end(&mut bytes).map_err(refused("read"))?;
+    file.take(IMAGE_BYTES + 1).read_to_end(&mut bytes).map_err(IoError::file("read", path))?;
     let actual = bytes.len() as u64;
     if actual > IMAGE_BYTES {
-        let source = Box::new(ImageError::TooLarge { what: "bytes of a file", limit: IMAGE_BYTES, actual });
-        return Err(ImageError::Content { path: path.to_owned(), source });
+        let error = Bytes::file("image", &bytes).too_large("file", 0, IMAGE_BYTES, actual, true);
+        return Err(IoError::content(path)(error));
     }
     Ok(bytes)
 }
@@ -94,33 +94,38 @@ impl ImageSequence {
     ///   lines that start with `#` are skipped; spaces around a path are not part of it.
     ///
     /// # Errors
-    /// [`ImageError::File`] where `path` cannot be read, [`ImageError::NoImages`] where it has no image,
-    /// [`ImageError::OtherKind`] where it has another known kind, [`ImageError::List`] where it is neither an image nor a
-    /// text, [`ImageError::Content`] where it is longer than [`crate::limits::IMAGE_BYTES`].
-    pub fn open(path: &Path) -> Result<Self, ImageError> {
+    /// [`IoError::File`] where `path` cannot be read, [`IoError::Unfit`] where it has no image, [`IoError::Content`] where it
+    /// has another known kind, is neither an image nor a text, or is longer than [`crate::limits::IMAGE_BYTES`].
+    pub fn open(path: &Path) -> Result<Self, IoError> {
         if path.is_dir() {
-            let expected = "a file with the extension png, jpg, jpeg, ppm, pgm or pnm";
-            return Self::new(folder(path)?, path, expected);
+            return Self::new(
+                folder(path)?,
+                path,
+                "a file with the extension png, jpg, jpeg, ppm, pgm or pnm",
+            );
         }
-        let content = match read_bounded(path) {
+        let content = read_bounded(path);
+        let kind = match &content {
+            Ok(content) => Kind::of(content),
             // A long recording is refused by its kind, not by its length.
-            Err(ImageError::Content { .. }) if let Ok(Some(found)) = Kind::of_file(path) => {
-                return Err(ImageError::OtherKind { path: path.to_owned(), found });
-            }
-            content => content?,
+            Err(IoError::Content { .. }) => Kind::of_file(path).unwrap_or(None),
+            Err(_) => None,
         };
-        if ImageFormat::detect(&content).is_some() {
-            return Self::new(vec![path.to_owned()], path, "this one");
-        }
-        match Kind::of(&content) {
-            None => Self::new(list(path, &content)?, path, "a line with a path"),
-            Some(found) => Err(ImageError::OtherKind { path: path.to_owned(), found }),
+        match kind {
+            Some(Kind::Picture(_)) => {
+                content.and_then(|_| Self::new(vec![path.to_owned()], path, "this one"))
+            }
+            Some(found) => {
+                let expected = "a picture, a folder or a list of them";
+                Err(IoError::content(path)(IoError::OtherKind { expected, found }))
+            }
+            None => Self::new(list(path, &content?)?, path, "a line with a path"),
         }
     }
 
-    fn new(paths: Vec<PathBuf>, path: &Path, expected: &'static str) -> Result<Self, ImageError> {
+    fn new(paths: Vec<PathBuf>, path: &Path, expected: &str) -> Result<Self, IoError> {
         if paths.is_empty() {
-            return Err(ImageError::NoImages { path: path.to_owned(), expected });
+            return Err(IoError::unfit(path, format!("at least one image ({expected})"), "none"));
         }
         Ok(Self { paths: paths.into_iter(), size: None })
     }
@@ -132,17 +137,17 @@ impl ImageSequence {
 }
 
 impl Iterator for ImageSequence {
-    type Item = Result<(PathBuf, Image), ImageError>;
+    type Item = Result<(PathBuf, Image), IoError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let path = self.paths.next()?;
         Some(read_image(&path).and_then(|image| {
             let (expected, found) = (*self.size.get_or_insert(image.size()), image.size());
             if found == expected {
-                Ok((path, image))
-            } else {
-                Err(ImageError::Size { path, expected, found })
+                return Ok((path, image));
             }
+            let expected = format!("{}x{} pixels as in the first image", expected.0, expected.1);
+            Err(IoError::unfit(&path, expected, format!("{}x{}", found.0, found.1)))
         }))
     }
 
@@ -154,28 +159,27 @@ impl Iterator for ImageSequence {
 impl ExactSizeIterator for ImageSequence {}
 
 /// The image files of a folder in natural order of their names.
-fn folder(path: &Path) -> Result<Vec<PathBuf>, ImageError> {
-    let refused = |source| ImageError::File { action: "list", path: path.to_owned(), source };
-    let mut files = entries(path).map_err(refused)?;
+fn folder(path: &Path) -> Result<Vec<PathBuf>, IoError> {
+    let mut files = entries(path)?;
     files.retain(|file| ImageFormat::from_path(file).is_some() && file.is_file());
     Ok(files)
 }
 
 /// The paths of a list.
-fn list(path: &Path, content: &[u8]) -> Result<Vec<PathBuf>, ImageError> {
+fn list(path: &Path, content: &[u8]) -> Result<Vec<PathBuf>, IoError> {
     let beside = path.parent().unwrap_or(Path::new(""));
     let content = content.strip_prefix(BYTE_ORDER_MARK).unwrap_or(content);
     let mut paths = Vec::new();
-    for (index, line) in content.split(|&b| b == b'\n').enumerate() {
-        let line = line.trim_ascii();
+    for (line, number) in content.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).zip(1..) {
         if line.is_empty() || line.starts_with(b"#") {
             continue;
         }
         match str::from_utf8(line) {
             Ok(text) if !text.contains(char::is_control) => paths.push(beside.join(text)),
             _ => {
-                let (place, actual) = (Place::Line(index as u64 + 1), shown(line));
-                return Err(ImageError::List { path: path.to_owned(), place, actual });
+                let line = Bytes { format: "list of images", data: line, origin: Place::Line(number) };
+                let error = line.malformed("path", 0, "a path in UTF-8", shown(line.data));
+                return Err(IoError::content(path)(error));
             }
         }
     }

@@ -57,12 +57,12 @@ mod prophesee;
 mod recording;
 mod text;
 
-pub use codec::{ReadOptions, decode, decode_as, decode_with, encode, read, read_as, read_with, write};
+pub use codec::{ReadOptions, decode, decode_with, encode, read, read_with, write};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
 pub use files::replace_file;
 pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
-pub use images::{Image, ImageError, ImageSequence, decode_image, encode_png, read_image, write_png};
+pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};

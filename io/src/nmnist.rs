@@ -8,8 +8,8 @@
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::{array, units};
-use crate::error::{IoError, Place, check_pixel};
+use crate::bytes::Bytes;
+use crate::error::IoError;
 use crate::format::Format;
 use crate::recording::Recording;
 
@@ -31,12 +31,12 @@ pub(crate) fn is_nmnist(bytes: &[u8]) -> bool {
 /// The events of `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Nmnist;
-    let sensor = Some(Sensor::new(u16::from(SIDE), u16::from(SIDE)));
-    let (chunks, salvaged) = units(format, "the last event", bytes, 0, STRIDE, salvage)?;
-    let mut events = Vec::with_capacity(chunks.len());
-    for (index, chunk) in chunks.enumerate() {
-        let [x, y, high, middle, low] = array(chunk);
-        check_pixel(format, sensor, (x.into(), y.into()), || Place::Byte((index * STRIDE) as u64))?;
+    let sensor = Some(Sensor::new(SIDE.into(), SIDE.into()));
+    let file = Bytes::file(format.name(), bytes);
+    let (records, salvaged) = file.records::<STRIDE>("the last event", 0, salvage)?;
+    let mut events = Vec::with_capacity(records.len());
+    for (at, [x, y, high, middle, low]) in records {
+        file.check_pixel(sensor, x.into(), y.into(), at)?;
         let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
         events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
     }

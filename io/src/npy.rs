@@ -13,10 +13,10 @@ use std::io::{self, Write};
 use meissner_engine::Event;
 
 use crate::bytes::{Bytes, array};
-use crate::error::{IoError, Place, shown};
+use crate::error::{IoError, shown};
 use crate::format::{Format, POLARITY, TIME, X, Y};
 use crate::limits::NPY_HEADER_BYTES;
-use crate::recording::{Recording, Salvage};
+use crate::recording::Recording;
 
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
@@ -24,24 +24,17 @@ pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let format = Format::Npy;
-    let file = Bytes::new(format, bytes, Place::Byte(0));
+    let file = Bytes::file(format.name(), bytes);
     let layout = Layout::parse(file)?;
     let records = &bytes[layout.start..];
     let promised = layout.count.saturating_mul(layout.stride as u64);
     let there = records.len() as u64;
     let salvaged = (there < promised && salvage).then(|| {
         let rest = records.len().checked_rem(layout.stride).unwrap_or(0);
-        let place = file.place(bytes.len() - rest);
-        Salvage { what: "array", place, bytes_not_read: rest as u64 }
+        file.salvage("array", bytes.len() - rest)
     });
     if there < promised && !salvage {
-        return Err(IoError::Truncated {
-            format,
-            what: "array",
-            place: file.place(layout.start),
-            expected: promised,
-            actual: there,
-        });
+        return Err(file.truncated("array", layout.start, promised, false));
     }
     if there > promised {
         let expected = format!("the end of the file after {} events", layout.count);
@@ -52,7 +45,7 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     for (index, record) in records.chunks_exact(layout.stride).enumerate() {
         let event = event(&layout, record).map_err(|(what, field, expected)| {
             let at = layout.start + index * layout.stride + field.offset;
-            file.malformed(what, at, expected, value(field, record).to_string())
+            file.malformed(what, at, expected, value(field, record))
         })?;
         events.push(event);
     }
@@ -144,13 +137,11 @@ impl Layout {
             (true, 2 | 3) => (u64::from(file.u32("length of the header", 8)?), 12),
             _ => {
                 let expected = "\\x93NUMPY and version 1, 2 or 3";
-                return Err(file.malformed(what, 0, expected, magic.escape_ascii().to_string()));
+                return Err(file.malformed(what, 0, expected, magic.escape_ascii()));
             }
         };
         if length > NPY_HEADER_BYTES {
-            let (format, what, place) = (file.format, "header", file.place(text_at));
-            let (limit, actual) = (NPY_HEADER_BYTES, length);
-            return Err(IoError::TooLarge { format, what, place, limit, actual, at_least: false });
+            return Err(file.too_large("header", text_at, NPY_HEADER_BYTES, length, false));
         }
         let mut scanner = Scanner::new(file, text_at, length as usize)?;
         let (mut record, mut count) = (None, None);

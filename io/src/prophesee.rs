@@ -6,11 +6,10 @@
 //! `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the vendor's pages on the RAW and
 //! DAT file formats.
 
-use std::ops::Range;
-
 use meissner_engine::Sensor;
 
-use crate::error::{IoError, Place, shown};
+use crate::bytes::Bytes;
+use crate::error::{IoError, shown};
 use crate::format::Format;
 
 /// A clock that counts from 0 to `range` - 1 and wraps.
@@ -50,24 +49,8 @@ pub(crate) struct Header {
     encoding: Option<String>,
     /// Version of DAT.
     pub(crate) version: Option<String>,
-    width: Option<Number>,
-    height: Option<Number>,
-}
-
-/// A number in the header: its text, and the bytes of its line.
-#[derive(Debug)]
-struct Number {
-    text: String,
-    line: Range<usize>,
-}
-
-/// The encoding of the binary part.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Encoding {
-    /// An encoding that this crate reads.
-    Known(Format),
-    /// An encoding of the same family that it does not read.
-    Unknown(String),
+    /// Width and height as text, each with the first byte of its line.
+    sides: [Option<(String, usize)>; 2],
 }
 
 /// Whether the bytes start as such a header does.
@@ -76,18 +59,13 @@ pub(crate) fn has_header(bytes: &[u8]) -> bool {
 }
 
 impl Header {
-    /// Reads the header at the start of `bytes`; a file without one has an empty header.
-    pub(crate) fn parse(format: Format, bytes: &[u8]) -> Result<Self, IoError> {
-        let header = Self::scan(bytes);
-        let tail = &bytes[header.end..];
+    /// Reads the header at the start of `file`; a file without one has an empty header.
+    pub(crate) fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+        let header = Self::scan(file.data);
+        let tail = &file.data[header.end..];
         if has_header(tail) && !header.ended {
-            return Err(IoError::Truncated {
-                format,
-                what: "the header's last line, which has no line feed,",
-                place: Place::Byte(header.end as u64),
-                expected: tail.len() as u64 + 1,
-                actual: tail.len() as u64,
-            });
+            let what = "the header's last line, which has no line feed,";
+            return Err(file.truncated(what, header.end, tail.len() as u64 + 1, false));
         }
         Ok(header)
     }
@@ -104,37 +82,38 @@ impl Header {
             let line = line.trim();
             header.ended = line == "end";
             if let Some((key, value)) = line.split_once(char::is_whitespace) {
-                header.set(key, value.trim(), start..header.end);
+                header.set(key, value.trim(), start);
             }
         }
         header
     }
 
-    fn set(&mut self, key: &str, value: &str, line: Range<usize>) {
-        let number = |text: &str| Some(Number { text: text.trim().to_owned(), line: line.clone() });
+    /// Takes the value of the line that starts at byte `line`.
+    fn set(&mut self, key: &str, value: &str, line: usize) {
+        let mut side = |index: usize, text: &str| self.sides[index] = Some((text.trim().to_owned(), line));
         match key.to_ascii_lowercase().as_str() {
             "evt" => self.encoding = Some(value.to_owned()),
             "version" => self.version = Some(value.to_owned()),
-            "width" => self.width = number(value),
-            "height" => self.height = number(value),
+            "width" => side(0, value),
+            "height" => side(1, value),
             "geometry" => {
                 let (width, height) = value.split_once('x').unwrap_or((value, ""));
-                self.width = number(width);
-                self.height = number(height);
+                side(0, width);
+                side(1, height);
             }
             "format" => {
                 let mut parts = value.split(';');
-                let name = parts.next().unwrap_or_default().trim();
                 // Only exact names become versions: the words of `EVT21` differ from those of `EVT2`.
-                self.encoding = Some(match name {
-                    "EVT2" => "2.0".to_owned(),
-                    "EVT3" => "3.0".to_owned(),
-                    other => other.to_owned(),
-                });
+                let encoding = match parts.next().unwrap_or_default().trim() {
+                    "EVT2" => "2.0",
+                    "EVT3" => "3.0",
+                    other => other,
+                };
+                self.encoding = Some(encoding.to_owned());
                 for part in parts {
                     match part.split_once('=') {
-                        Some(("width", value)) => self.width = number(value),
-                        Some(("height", value)) => self.height = number(value),
+                        Some(("width", value)) => side(0, value),
+                        Some(("height", value)) => side(1, value),
                         _ => {}
                     }
                 }
@@ -143,32 +122,28 @@ impl Header {
         }
     }
 
-    /// The encoding of the binary part: DAT if the header has a version and names no encoding of events.
-    pub(crate) fn encoding(&self) -> Option<Encoding> {
+    /// The format of the binary part, or the name of an encoding that is not read. DAT has a version and names no encoding.
+    pub(crate) fn encoding(&self) -> Option<Result<Format, &str>> {
         match (self.encoding.as_deref(), &self.version) {
-            (Some("2.0" | "2"), _) => Some(Encoding::Known(Format::Evt2)),
-            (Some("3.0" | "3"), _) => Some(Encoding::Known(Format::Evt3)),
-            (Some(other), _) => Some(Encoding::Unknown(other.to_owned())),
-            (None, Some(_)) => Some(Encoding::Known(Format::Dat)),
+            (Some("2.0" | "2"), _) => Some(Ok(Format::Evt2)),
+            (Some("3.0" | "3"), _) => Some(Ok(Format::Evt3)),
+            (Some(other), _) => Some(Err(other)),
+            (None, Some(_)) => Some(Ok(Format::Dat)),
             (None, None) => None,
         }
     }
 
-    /// The sensor that the header names; `None`: it names none. Each side has at most `most` pixels, the range of the
-    /// format's coordinates.
-    pub(crate) fn sensor(&self, format: Format, most: u16) -> Result<Option<Sensor>, IoError> {
-        let side = |what, number: &Option<Number>| -> Result<Option<u16>, IoError> {
-            let Some(number) = number else { return Ok(None) };
-            match number.text.parse() {
-                Ok(side) if (1..=most).contains(&side) => Ok(Some(side)),
-                _ => {
-                    let place = Place::Byte(number.line.start as u64);
-                    let (expected, actual) = (format!("1 to {most} pixels"), shown(number.text.as_bytes()));
-                    Err(IoError::malformed(format, what, place, expected, actual))
-                }
-            }
+    /// The sensor that the header of `file` names; `None`: it names none. Each side has at most `most` pixels, the range of
+    /// the format's coordinates.
+    pub(crate) fn sensor(&self, file: Bytes<'_>, most: u16) -> Result<Option<Sensor>, IoError> {
+        let side = |what, side: &Option<(String, usize)>| {
+            let Some((text, line)) = side else { return Ok(None) };
+            let pixels = text.parse().ok().filter(|pixels| (1..=most).contains(pixels));
+            let expected = || format!("1 to {most} pixels");
+            pixels.map(Some).ok_or_else(|| file.malformed(what, *line, expected(), shown(text.as_bytes())))
         };
-        let (width, height) = (side("sensor width", &self.width)?, side("sensor height", &self.height)?);
+        let [width, height] = &self.sides;
+        let (width, height) = (side("sensor width", width)?, side("sensor height", height)?);
         Ok(width.zip(height).map(|(width, height)| Sensor { width, height }))
     }
 }

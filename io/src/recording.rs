@@ -2,7 +2,7 @@
 //! encoders: the limits on the events that a format can hold.
 
 use std::fmt;
-use std::ops::Range;
+use std::ops::RangeInclusive;
 
 use meissner_engine::{Event, Sensor};
 
@@ -79,36 +79,30 @@ impl fmt::Display for StreamKind {
     }
 }
 
-/// Counts the packets and elements of a stream that is not decoded.
-#[derive(Default)]
-pub(crate) struct Tally {
-    packets: u64,
-    elements: u64,
-}
+impl StreamSummary {
+    /// A stream without elements.
+    pub(crate) fn new(name: &str, kind: StreamKind) -> Self {
+        Self { name: name.to_owned(), kind, packets: 0, elements: 0 }
+    }
 
-impl Tally {
+    /// The streams that have elements.
+    pub(crate) fn present(streams: impl IntoIterator<Item = Self>) -> Vec<Self> {
+        streams.into_iter().filter(|stream| stream.packets > 0).collect()
+    }
+
+    /// Counts a packet with so many elements.
     pub(crate) fn add(&mut self, elements: u64) {
         self.packets += 1;
         self.elements += elements;
-    }
-
-    /// The summary; `None` for an empty stream.
-    pub(crate) fn summary(&self, name: &str, kind: StreamKind) -> Option<StreamSummary> {
-        (self.packets > 0).then(|| StreamSummary {
-            name: name.to_owned(),
-            kind,
-            packets: self.packets,
-            elements: self.elements,
-        })
     }
 }
 
 /// The events that a format can hold.
 pub(crate) struct Capacity {
     /// Times in microseconds.
-    pub(crate) times: Range<i64>,
+    pub(crate) times: RangeInclusive<i64>,
     /// One past the last column and row, and the longest side of a sensor.
-    pub(crate) side: u16,
+    pub(crate) side: u32,
     /// The sensors that the format can hold, in words.
     pub(crate) sensor: &'static str,
     /// The times that can follow another time, in words.
@@ -120,28 +114,41 @@ pub(crate) struct Capacity {
 impl Capacity {
     /// Every event.
     pub(crate) const UNLIMITED: Self = Self {
-        times: i64::MIN..i64::MAX,
-        side: u16::MAX,
+        times: i64::MIN..=i64::MAX,
+        side: 1 << 16,
         sensor: "a sensor of 1 to 65535 pixels a side",
         steps: "",
         is_wrap: |_, _| false,
     };
 
-    /// Refuses the first event that `format` cannot hold.
-    pub(crate) fn check(&self, format: Format, events: &[Event]) -> Result<(), IoError> {
-        if self.times == Self::UNLIMITED.times {
-            return Ok(());
+    /// Refuses a sensor that `format` cannot hold, and the first event that it cannot hold or that lies outside `sensor`.
+    pub(crate) fn check(
+        &self,
+        format: Format,
+        sensor: Option<Sensor>,
+        events: &[Event],
+    ) -> Result<(), IoError> {
+        let fits = |side: u16| (1..=self.side).contains(&side.into());
+        if let Some(sensor) = sensor.filter(|sensor| !fits(sensor.width) || !fits(sensor.height)) {
+            return Err(IoError::Unsupported {
+                expected: self.sensor,
+                actual: format!("{sensor} for {format}"),
+            });
         }
+        let (width, height) = sensor.map_or((self.side, self.side), |s| (s.width.into(), s.height.into()));
+        let owner = if sensor.is_some() { ", the sensor's" } else { "" };
         let mut newest_us = 0;
         for (index, &Event { t_us, x, y, .. }) in events.iter().enumerate() {
             let refuse = |field, expected: String, actual: String| {
-                Err(IoError::cannot_hold(format, index, field, expected, actual))
+                Err(IoError::CannotHold { format, index, field, expected, actual })
             };
-            if !self.times.contains(&t_us) {
-                return refuse("t_us", format!("0 to {}", self.times.end - 1), t_us.to_string());
+            for (field, value, side) in [("x", x, width), ("y", y, height)] {
+                if u32::from(value) >= side {
+                    return refuse(field, format!("below {side}{owner}"), value.to_string());
+                }
             }
-            if let Some((field, value)) = [("x", x), ("y", y)].into_iter().find(|&(_, v)| v >= self.side) {
-                return refuse(field, format!("below {}", self.side), value.to_string());
+            if !self.times.contains(&t_us) {
+                return refuse("t_us", format!("0 to {}", self.times.end()), t_us.to_string());
             }
             if (self.is_wrap)(newest_us, t_us) {
                 return refuse("t_us", self.steps.to_owned(), format!("{t_us} after {newest_us}"));

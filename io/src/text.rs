@@ -3,8 +3,9 @@
 //! Input: any buffered reader. Output: one line at a time, each as soon as its line feed is there. Invariant: a line has at
 //! most [`LINE_BYTES`] bytes, and nothing beyond its line feed is requested from the reader.
 
-use std::io::{BufRead, ErrorKind};
+use std::io::{BufRead, Read};
 
+use crate::bytes::Bytes;
 use crate::error::{IoError, Place, shown};
 use crate::format::Format;
 use crate::limits::LINE_BYTES;
@@ -20,21 +21,26 @@ pub(crate) struct Line<'a> {
     pub(crate) number: u64,
 }
 
-impl Line<'_> {
+impl<'a> Line<'a> {
+    /// Its bytes, all at the place of the line.
+    pub(crate) fn bytes(self) -> Bytes<'a> {
+        Bytes { format: Format::Csv.name(), data: self.text, origin: Place::Line(self.number) }
+    }
+
     /// The error of a malformed part of this line.
     pub(crate) fn malformed(
         self,
         what: &'static str,
         expected: impl Into<String>,
-        actual: impl Into<String>,
+        actual: impl ToString,
     ) -> IoError {
-        IoError::malformed(Format::Csv, what, Place::Line(self.number), expected, actual)
+        self.bytes().malformed(what, 0, expected, actual)
     }
 
     /// The error of a line that can be read in several ways.
     pub(crate) fn undecided(self, what: &'static str, readings: impl Into<String>) -> IoError {
         let (place, line) = (Place::Line(self.number), shown(self.text));
-        IoError::Undecided { format: Format::Csv, what, place, line, readings: readings.into() }
+        IoError::Undecided { what, place, line, readings: readings.into() }
     }
 }
 
@@ -52,7 +58,7 @@ impl<R: BufRead> Lines<R> {
         Self { input, line: Vec::new(), number: 0 }
     }
 
-    /// The bytes of the newest line, at most [`LINE_BYTES`].
+    /// The bytes of the newest line.
     pub(crate) fn raw(&self) -> &[u8] {
         &self.line
     }
@@ -73,39 +79,22 @@ impl<R: BufRead> Lines<R> {
         {
             return Err(error);
         }
-        Ok(if read? { Some(self.current()) } else { None })
+        Ok(read?.then(|| self.current()))
     }
 
     /// Reads the next line; whether there is one.
     fn read(&mut self) -> Result<bool, IoError> {
         self.line.clear();
         self.number += 1;
-        let (format, place) = (Format::Csv, Place::Line(self.number));
-        loop {
-            let buffer = match self.input.fill_buf() {
-                Ok(buffer) => buffer,
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(source) => return Err(IoError::Stream { format, action: "read", place, source }),
-            };
-            if buffer.is_empty() {
-                return Ok(!self.line.is_empty());
-            }
-            let end = buffer.iter().position(|&b| b == b'\n');
-            let length = end.map_or(buffer.len(), |end| end + 1);
-            let actual = (self.line.len() + length) as u64;
-            if actual > LINE_BYTES {
-                // The start of the line shows which kind of input it is.
-                let room = LINE_BYTES as usize - self.line.len();
-                self.line.extend_from_slice(&buffer[..room]);
-                let (limit, at_least) = (LINE_BYTES, end.is_none());
-                return Err(IoError::TooLarge { format, what: "line", place, limit, actual, at_least });
-            }
-            self.line.extend_from_slice(&buffer[..length]);
-            self.input.consume(length);
-            if end.is_some() {
-                return Ok(true);
-            }
+        let (format, place) = (Format::Csv.name(), Place::Line(self.number));
+        let read = (&mut self.input).take(LINE_BYTES + 1).read_until(b'\n', &mut self.line);
+        read.map_err(|source| IoError::Stream { format, action: "read", place, source })?;
+        let (limit, actual) = (LINE_BYTES, self.line.len() as u64);
+        if actual > limit {
+            let (unit, at_least) = ("bytes", !self.line.ends_with(b"\n"));
+            return Err(IoError::TooLarge { format, what: "line", place, unit, limit, actual, at_least });
         }
+        Ok(actual > 0)
     }
 
     /// The newest line.
@@ -164,9 +153,10 @@ impl Separator {
     }
 
     /// The fields of `line`, without the blanks and the quotes around them.
-    pub(crate) fn fields(self, line: &[u8]) -> Fields<'_> {
-        let rest = if self == Self::Blanks { line.trim_ascii_start() } else { line };
-        Fields { separator: self, rest: Some(rest) }
+    pub(crate) fn fields(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
+        let fields = line.split(move |&byte| self.separates(byte));
+        // A run of blanks separates once.
+        fields.filter(move |field| self != Self::Blanks || !field.is_empty()).map(bare)
     }
 
     fn separates(self, byte: u8) -> bool {
@@ -175,26 +165,6 @@ impl Separator {
             Self::Semicolon => byte == b';',
             Self::Blanks => byte.is_ascii_whitespace(),
         }
-    }
-}
-
-/// The fields of a line.
-pub(crate) struct Fields<'a> {
-    separator: Separator,
-    rest: Option<&'a [u8]>,
-}
-
-impl<'a> Iterator for Fields<'a> {
-    type Item = &'a [u8];
-
-    fn next(&mut self) -> Option<&'a [u8]> {
-        let rest = self.rest?;
-        let end = rest.iter().position(|&byte| self.separator.separates(byte));
-        self.rest = end.map(|end| &rest[end + 1..]);
-        if self.separator == Separator::Blanks {
-            self.rest = self.rest.map(<[u8]>::trim_ascii_start).filter(|rest| !rest.is_empty());
-        }
-        Some(bare(&rest[..end.unwrap_or(rest.len())]))
     }
 }
 

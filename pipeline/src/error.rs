@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
-use meissner_io::{Format, ImageError, IoError};
+use meissner_io::{Format, IoError};
 use meissner_live::LiveError;
 use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
@@ -156,7 +156,7 @@ pub enum PipelineError {
     },
     /// An image cannot be read or written; the source names it.
     #[error(transparent)]
-    Image(#[from] ImageError),
+    Image(#[from] IoError),
     /// A setting of the contact measurement is refused.
     #[error(transparent)]
     Contact(#[from] ContactError),
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn an_error_does_not_repeat_its_source() {
         let path = PathBuf::from("some.file");
-        let format = IoError::UnknownFormat { length: 3, start: "abc".to_owned() };
+        let format = IoError::Unsupported { expected: "some", actual: "other".to_owned() };
         let engine = || EngineError::Sensor(Sensor::new(0, 1));
         for error in [
             PipelineError::recording("some.file", format),

@@ -74,7 +74,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
         let events = events.map_err(|e| PipelineError::recording(STDIN_NAME, e))?;
         return Ok(text(lines.sensor(), events));
     }
-    let recording = meissner_io::read_with(path, options).map_err(|source| refused(path, options, source))?;
+    let recording =
+        meissner_io::read_with(path, *options).map_err(|source| refused(path, options, source))?;
     if let Some(salvaged) = Salvaged::of(&recording) {
         log::warn!("{}: salvaged: {salvaged}", path.display());
     }
@@ -88,7 +89,7 @@ fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError
     let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
     if may_be_cut
         && !options.salvage
-        && let Ok(recording) = meissner_io::read_with(path, &options.salvage(true))
+        && let Ok(recording) = meissner_io::read_with(path, ReadOptions { salvage: true, ..*options })
         && let Some(salvaged) = Salvaged::of(&recording)
     {
         let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));

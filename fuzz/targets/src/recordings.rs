@@ -7,7 +7,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
 use meissner_io::{
     CsvEvents, ElectrodeSettings, Electrodes, Format, IoError, ReadOptions, Recording, TextOptions, TimeUnit,
-    decode, decode_as, decode_with, encode,
+    decode, decode_with, encode,
 };
 
 use crate::choices::Choices;
@@ -24,7 +24,7 @@ const REWRITTEN: usize = 4096;
 /// If a promise is broken, as every function here.
 pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
     salvaged(format, bytes);
-    match decode_as(format, bytes) {
+    match decode_with(bytes, format) {
         Ok(recording) => {
             assert_eq!(recording.format, format);
             keeps_its_promises(bytes, &recording);
@@ -41,7 +41,7 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
 /// If a promise is broken.
 pub(crate) fn csv(bytes: &[u8]) -> Verdict {
     let columns = "txyp".parse().ok();
-    let said = TextOptions::new().columns(columns).time_unit(TimeUnit::Microseconds);
+    let said = TextOptions { columns, time_unit: Some(TimeUnit::Microseconds) };
     for options in [TextOptions::default(), said] {
         let items = |capacity| -> Vec<Result<Event, String>> {
             let items = CsvEvents::with_options(BufReader::with_capacity(capacity, bytes), options);
@@ -55,8 +55,8 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
         assert_eq!((whole.len(), known(&whole)), (pieces.len(), known(&pieces)));
         let lines = bytes.split(|&b| b == b'\n').count();
         assert!(whole.len() <= lines, "{} items of {lines} lines", whole.len());
-        let asked = ReadOptions::new().format(Format::Csv).text(options);
-        let read = decode_with(bytes, &asked).map(|recording| recording.events);
+        let asked = ReadOptions { text: options, ..Format::Csv.into() };
+        let read = decode_with(bytes, asked).map(|recording| recording.events);
         if options == said {
             assert_eq!(read.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
         }
@@ -71,7 +71,7 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
 pub(crate) fn any_recording(bytes: &[u8]) -> Verdict {
     match decode(bytes) {
         Ok(recording) => {
-            assert_eq!(decode_as(recording.format, bytes).ok().as_ref(), Some(&recording));
+            assert_eq!(decode_with(bytes, recording.format).ok().as_ref(), Some(&recording));
             keeps_its_promises(bytes, &recording);
             Verdict::Accepted
         }
@@ -98,15 +98,15 @@ pub(crate) fn convert(bytes: &[u8]) -> Verdict {
 
 /// The whole part of a file that may be cut short. Of a file that is not cut short, this is everything.
 fn salvaged(format: Format, bytes: &[u8]) {
-    let asked = ReadOptions::new().format(format).salvage(true);
-    let salvaged = decode_with(bytes, &asked);
+    let asked = ReadOptions { salvage: true, ..format.into() };
+    let salvaged = decode_with(bytes, asked);
     match &salvaged {
         Ok(recording) => keeps_its_promises(bytes, recording),
         Err(error) => drop(refused(error)),
     }
     // A last line without a line feed is no whole one, and may be what tells the order of the columns.
     if format != Format::Csv
-        && let Ok(whole) = decode_as(format, bytes)
+        && let Ok(whole) = decode_with(bytes, format)
     {
         assert_eq!(salvaged.ok().map(|recording| recording.events), Some(whole.events));
     }
@@ -142,7 +142,7 @@ fn rewritten(sensor: Option<Sensor>, events: &[Event]) -> usize {
             assert!(bytes.is_empty(), "{format}: written before it was refused");
             return false;
         }
-        let again = decode_as(format, &bytes).unwrap_or_else(|e| panic!("{format}, written here: {e}"));
+        let again = decode_with(&bytes, format).unwrap_or_else(|e| panic!("{format}, written here: {e}"));
         assert_eq!(again.events, events, "{format}");
         if format != Format::Npy {
             assert_eq!(again.sensor, sensor, "{format}");

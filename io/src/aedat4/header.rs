@@ -5,10 +5,9 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::packet::{Compression, Table};
 use crate::bytes::Bytes;
-use crate::error::{IoError, Place, beginning, shown};
-use crate::format::Format;
+use crate::error::{IoError, beginning, shown};
 use crate::limits::HEADER_BYTES;
-use crate::recording::StreamKind;
+use crate::recording::{StreamKind, StreamSummary};
 
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"#!AER-DAT4.0\r\n";
@@ -28,27 +27,26 @@ pub(super) struct Header {
 impl Header {
     /// Reads the magic number and the header at the start of `file`; with `salvage`, the file may end before its packet table.
     pub(super) fn parse(file: Bytes<'_>, salvage: bool) -> Result<Self, IoError> {
-        let (format, what, start) = (file.format, "header", MAGIC.len());
+        let (what, start) = ("header", MAGIC.len());
         let magic = file.get("magic", 0, start)?;
         if magic != MAGIC {
             return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
         }
         let size = file.u32("size of the header", start)?;
         if u64::from(size) > HEADER_BYTES {
-            let (place, limit, actual) = (file.place(start), HEADER_BYTES, u64::from(size));
-            return Err(IoError::TooLarge { format, what, place, limit, actual, at_least: false });
+            return Err(file.too_large(what, start, HEADER_BYTES, size.into(), false));
         }
-        let length = 4 + size as usize;
-        let content = Bytes::new(format, file.get(what, start, length)?, file.place(start));
+        let packets = start + 4 + size as usize;
+        let data = file.get(what, start, packets - start)?;
+        let content = Bytes { data, origin: file.place(start), ..file };
         let root = Table::root(content, what, *b"IOHE")?;
-        let compression = match root.i32(0, 0)? {
+        let compression = match root.field(0)?.map_or(0, i32::from_le_bytes) {
             0 => Compression::None,
             1 | 2 => Compression::Lz4,
             3 | 4 => Compression::Zstd,
-            other => return Err(file.malformed("compression", start, "0 to 4", other.to_string())),
+            other => return Err(file.malformed("compression", start, "0 to 4", other)),
         };
-        let packets = start + length;
-        let (table, is_cut) = match root.i64(1, -1)? {
+        let (table, is_cut) = match root.field(1)?.map_or(-1, i64::from_le_bytes) {
             -1 => (None, false),
             at => match Self::table(file, packets, at) {
                 Err(IoError::Truncated { .. }) if salvage => (None, true),
@@ -56,32 +54,22 @@ impl Header {
             },
         };
         let (xml_at, xml) = root.vector(2, 1)?;
-        let streams = parse_streams(format, xml, content.place(xml_at))?;
+        let streams = parse_streams(Bytes { data: xml, origin: content.place(xml_at), ..file })?;
         Ok(Self { compression, streams, packets, table, is_cut })
     }
 
     /// The position of the packet table, which the recorder writes last: a file that ends before it is cut short.
     fn table(file: Bytes<'_>, packets: usize, at: i64) -> Result<usize, IoError> {
-        let position = u64::try_from(at).ok().filter(|&at| at >= packets as u64);
-        let Some(position) = position else {
-            let expected = format!("-1, or {packets} and above");
-            return Err(file.malformed(
-                "position of the packet table",
-                MAGIC.len(),
-                expected,
-                at.to_string(),
-            ));
-        };
-        if position > file.len() as u64 {
-            return Err(IoError::Truncated {
-                format: file.format,
-                what: "the recording before its packet table",
-                place: Place::Byte(0),
-                expected: position,
-                actual: file.len() as u64,
-            });
+        match u64::try_from(at) {
+            Ok(position) if position > file.len() as u64 => {
+                Err(file.truncated("the recording before its packet table", 0, position, false))
+            }
+            Ok(position) if position >= packets as u64 => Ok(position as usize),
+            _ => {
+                let expected = format!("-1, or {packets} and above");
+                Err(file.malformed("position of the packet table", MAGIC.len(), expected, at))
+            }
         }
-        Ok(position as usize)
     }
 }
 
@@ -91,47 +79,40 @@ const NODES: u32 = 1 << 16;
 /// A stream that the header declares.
 pub(super) struct Stream {
     pub(super) id: i32,
-    pub(super) name: String,
-    pub(super) kind: StreamKind,
     pub(super) sensor: Option<Sensor>,
+    /// Its name and kind; nothing is counted yet.
+    pub(super) summary: StreamSummary,
 }
 
-/// The streams that the XML at `place` of the file declares, in its order.
+/// The streams that the XML declares, in its order.
 ///
 /// `<dv><node name="outInfo"><node name="ID"><attr key="typeIdentifier">EVTS</attr>..<node name="info"><attr
 /// key="sizeX">346</attr>..`: a node for each stream, named by the number in the headers of its packets.
-fn parse_streams(format: Format, xml: &[u8], place: Place) -> Result<Vec<Stream>, IoError> {
-    let malformed =
-        |what, expected: &str, actual: String| IoError::malformed(format, what, place, expected, actual);
-    let text =
-        std::str::from_utf8(xml).map_err(|e| malformed("XML of the streams", "UTF-8", e.to_string()))?;
+fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
+    let what = "XML of the streams";
+    let malformed = |what, expected, actual: String| xml.malformed(what, 0, expected, actual);
+    let text = str::from_utf8(xml.data).map_err(|e| malformed(what, "UTF-8", e.to_string()))?;
     // The parser copies and compares all name spaces for each element: 64 KiB of them take a minute.
     if text.contains("xmlns") {
-        return Err(malformed("XML of the streams", "no name spaces", "`xmlns`".to_owned()));
+        return Err(malformed(what, "no name spaces", "`xmlns`".to_owned()));
     }
     let options = ParsingOptions { nodes_limit: NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)
-        .map_err(|e| malformed("XML of the streams", "well-formed XML", beginning(&e.to_string(), 200)))?;
-    let Some(root) = document.descendants().find(|node| is_node(*node, "outInfo")) else {
-        return Err(malformed("XML of the streams", "a node outInfo", "none".to_owned()));
-    };
+        .map_err(|e| malformed(what, "well-formed XML", beginning(&e.to_string(), 200)))?;
+    let root = document.descendants().find(|node| is_node(*node, "outInfo"));
+    let root = root.ok_or_else(|| malformed(what, "a node outInfo", "none".to_owned()))?;
 
     let mut streams: Vec<Stream> = Vec::new();
     for node in root.children().filter(|node| node.has_tag_name("node")) {
         let id = node.attribute("name").unwrap_or_default();
-        let id = id
-            .parse()
-            .map_err(|_| malformed("number of a stream", "an integer of 32 bits", shown(id.as_bytes())))?;
+        let no_number = |_| malformed("number of a stream", "an integer of 32 bits", shown(id.as_bytes()));
+        let id = id.parse().map_err(no_number)?;
         if streams.iter().any(|stream| stream.id == id) {
             return Err(malformed("number of a stream", "a number once", format!("{id} twice")));
         }
-        let Some(identifier) = attr(node, "typeIdentifier") else {
-            return Err(malformed(
-                "type of a stream",
-                "an attr typeIdentifier",
-                format!("none in stream {id}"),
-            ));
-        };
+        let identifier = attr(node, "typeIdentifier").ok_or_else(|| {
+            malformed("type of a stream", "an attr typeIdentifier", format!("none in stream {id}"))
+        })?;
         let kind = match identifier {
             "EVTS" => StreamKind::Events,
             "FRME" => StreamKind::Frames,
@@ -139,18 +120,18 @@ fn parse_streams(format: Format, xml: &[u8], place: Place) -> Result<Vec<Stream>
             "TRIG" => StreamKind::Triggers,
             _ => StreamKind::Other,
         };
-        let side = |key| {
-            let text = node.children().find(|n| is_node(*n, "info")).and_then(|info| attr(info, key));
-            text.map(|text| match text.parse() {
-                // Coordinates are i16.
-                Ok(side) if (1..=1 << 15).contains(&side) => Ok(side),
-                _ => Err(malformed("size of a sensor", "1 to 32768 pixels", shown(text.as_bytes()))),
-            })
-            .transpose()
+        let info = node.children().find(|child| is_node(*child, "info"));
+        let side = |key| match info.and_then(|info| attr(info, key)).map(|text| (text, text.parse())) {
+            None => Ok(None),
+            // Coordinates are i16.
+            Some((_, Ok(side))) if (1..=1 << 15).contains(&side) => Ok(Some(side)),
+            Some((text, _)) => {
+                Err(malformed("size of a sensor", "1 to 32768 pixels", shown(text.as_bytes())))
+            }
         };
         let sensor = side("sizeX")?.zip(side("sizeY")?).map(|(width, height)| Sensor { width, height });
-        let name = attr(node, "originalOutputName").unwrap_or(identifier).to_owned();
-        streams.push(Stream { id, name, kind, sensor });
+        let name = attr(node, "originalOutputName").unwrap_or(identifier);
+        streams.push(Stream { id, sensor, summary: StreamSummary::new(name, kind) });
     }
     Ok(streams)
 }

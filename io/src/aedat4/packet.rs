@@ -11,9 +11,8 @@ use std::io::Read;
 use lz4_flex::frame::FrameDecoder as Lz4;
 use ruzstd::decoding::{FrameDecoder as Zstd, StreamingDecoder};
 
-use crate::bytes::{Bytes, array};
-use crate::error::{IoError, Place, shown};
-use crate::format::Format;
+use crate::bytes::Bytes;
+use crate::error::{IoError, shown};
 use crate::limits::{EXPANSION, PACKET_BYTES};
 
 /// Bytes of the size before a buffer.
@@ -35,8 +34,8 @@ impl<'a> Table<'a> {
     pub(super) fn root(bytes: Bytes<'a>, what: &'static str, name: [u8; 4]) -> Result<Self, IoError> {
         let size = bytes.u32(what, 0)? as usize;
         if size != bytes.len() - PREFIX {
-            let actual = (bytes.len() - PREFIX).to_string();
-            return Err(bytes.malformed(what, 0, format!("a content of {size} bytes"), actual));
+            let expected = format!("a content of {size} bytes");
+            return Err(bytes.malformed(what, 0, expected, bytes.len() - PREFIX));
         }
         check_name(bytes, what, name)?;
         let at = PREFIX.saturating_add(bytes.u32(what, PREFIX)? as usize);
@@ -50,7 +49,7 @@ impl<'a> Table<'a> {
     }
 
     /// The position of field `index`; `None`: it has its default value.
-    fn field(&self, index: usize) -> Result<Option<usize>, IoError> {
+    fn position(&self, index: usize) -> Result<Option<usize>, IoError> {
         let entry = 4 + 2 * index;
         if entry + 2 > self.length {
             return Ok(None);
@@ -59,19 +58,14 @@ impl<'a> Table<'a> {
         Ok((offset != 0).then_some(self.at + offset))
     }
 
-    /// A field of 32 bits.
-    pub(super) fn i32(&self, index: usize, default: i32) -> Result<i32, IoError> {
-        self.field(index)?.map_or(Ok(default), |at| self.bytes.i32(self.what, at))
-    }
-
-    /// A field of 64 bits.
-    pub(super) fn i64(&self, index: usize, default: i64) -> Result<i64, IoError> {
-        self.field(index)?.map_or(Ok(default), |at| self.bytes.i64(self.what, at))
+    /// The `N` bytes of field `index`; `None`: it has its default value.
+    pub(super) fn field<const N: usize>(&self, index: usize) -> Result<Option<[u8; N]>, IoError> {
+        self.position(index)?.map(|at| self.bytes.array(self.what, at)).transpose()
     }
 
     /// A vector of elements of `stride` bytes: its position and its bytes. Empty where the field is missing.
     pub(super) fn vector(&self, index: usize, stride: usize) -> Result<(usize, &'a [u8]), IoError> {
-        let Some(at) = self.field(index)? else { return Ok((0, &[])) };
+        let Some(at) = self.position(index)? else { return Ok((0, &[])) };
         let start = at.saturating_add(self.bytes.u32(self.what, at)? as usize);
         let count = self.bytes.u32(self.what, start)? as usize;
         let elements = self.bytes.get(self.what, start + 4, count.saturating_mul(stride))?;
@@ -82,11 +76,8 @@ impl<'a> Table<'a> {
 /// Refuses a buffer with another name of four letters.
 pub(super) fn check_name(bytes: Bytes<'_>, what: &'static str, name: [u8; 4]) -> Result<(), IoError> {
     let at = PREFIX + 4;
-    let actual: [u8; 4] = array(bytes.get(what, at, 4)?);
-    if actual == name {
-        return Ok(());
-    }
-    Err(bytes.malformed(what, at, shown(&name), shown(&actual)))
+    let actual: [u8; 4] = bytes.array(what, at)?;
+    if actual == name { Ok(()) } else { Err(bytes.malformed(what, at, shown(&name), shown(&actual))) }
 }
 
 /// How the packets of a file are compressed.
@@ -101,31 +92,30 @@ pub(super) enum Compression {
 ///
 /// Invariant: a packet has at most [`PACKET_BYTES`], and all packets together at most [`EXPANSION`] times the length of the
 /// file more, whatever the compressed bytes are.
-pub(super) struct Inflater {
+pub(super) struct Inflater<'a> {
     compression: Compression,
+    file: Bytes<'a>,
     buffer: Vec<u8>,
     zstd: Zstd,
     /// Bytes that the file may still decompress to.
     budget: u64,
 }
 
-impl Inflater {
-    /// For the packets of a file of `file_bytes` bytes.
-    pub(super) fn new(compression: Compression, file_bytes: u64) -> Self {
+impl<'f> Inflater<'f> {
+    /// For the packets of `file`.
+    pub(super) fn new(compression: Compression, file: Bytes<'f>) -> Self {
         let mut zstd = Zstd::new();
         zstd.set_max_window_size(PACKET_BYTES);
-        let budget = PACKET_BYTES.saturating_add(file_bytes.saturating_mul(EXPANSION));
-        Self { compression, buffer: Vec::new(), zstd, budget }
+        let budget = PACKET_BYTES.saturating_add((file.len() as u64).saturating_mul(EXPANSION));
+        Self { compression, file, buffer: Vec::new(), zstd, budget }
     }
 
     /// The content of `packet`, whose header is at byte `at` of the file.
     pub(super) fn inflate<'a>(&'a mut self, packet: &'a [u8], at: usize) -> Result<&'a [u8], IoError> {
         let limit = PACKET_BYTES.min(self.budget);
-        let content = self.prefix(packet, at, limit + 1)?;
-        let actual = content.len() as u64;
+        let actual = self.prefix(packet, at, limit + 1)?.len() as u64;
         if actual > limit {
-            let (format, what, place) = (Format::Aedat4, "decompressed packet", Place::Byte(at as u64));
-            return Err(IoError::TooLarge { format, what, place, limit, actual, at_least: true });
+            return Err(self.file.too_large("decompressed packet", at, limit, actual, true));
         }
         if self.compression == Compression::None {
             return Ok(packet);
@@ -142,9 +132,8 @@ impl Inflater {
         at: usize,
         most: u64,
     ) -> Result<&'a [u8], IoError> {
-        let malformed = |expected: &str, actual: String| {
-            IoError::malformed(Format::Aedat4, "compressed packet", Place::Byte(at as u64), expected, actual)
-        };
+        let file = self.file;
+        let malformed = |expected, actual: String| file.malformed("compressed packet", at, expected, actual);
         self.buffer.clear();
         let mut rest = packet;
         let (expected, unpacked) = match self.compression {
@@ -153,9 +142,10 @@ impl Inflater {
                 ("one LZ4 frame", Lz4::new(&mut rest).take(most).read_to_end(&mut self.buffer))
             }
             Compression::Zstd => {
+                let expected = "one Zstandard frame";
                 let stream = StreamingDecoder::new_with_decoder(&mut rest, &mut self.zstd)
-                    .map_err(|error| malformed("one Zstandard frame", error.to_string()))?;
-                ("one Zstandard frame", stream.take(most).read_to_end(&mut self.buffer))
+                    .map_err(|error| malformed(expected, error.to_string()))?;
+                (expected, stream.take(most).read_to_end(&mut self.buffer))
             }
         };
         unpacked.map_err(|error| malformed(expected, error.to_string()))?;

@@ -33,38 +33,16 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1,
 /// ```
 /// use meissner_io::{TextOptions, TimeUnit};
 ///
-/// let options = TextOptions::new().columns("xytp".parse::<meissner_io::ColumnOrder>()?).time_unit(TimeUnit::Seconds);
+/// let (columns, time_unit) = (Some("xytp".parse()?), Some(TimeUnit::Seconds));
+/// let options = TextOptions { columns, time_unit };
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct TextOptions {
     /// The order of the columns, in place of a header.
     pub columns: Option<ColumnOrder>,
     /// The unit of the times.
     pub time_unit: Option<TimeUnit>,
-}
-
-impl TextOptions {
-    /// Options that leave everything to the text.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Sets the order of the columns, in place of a header.
-    #[must_use]
-    pub fn columns(mut self, columns: impl Into<Option<ColumnOrder>>) -> Self {
-        self.columns = columns.into();
-        self
-    }
-
-    /// Sets the unit of the times.
-    #[must_use]
-    pub fn time_unit(mut self, unit: impl Into<Option<TimeUnit>>) -> Self {
-        self.time_unit = unit.into();
-        self
-    }
 }
 
 /// How times are written.
@@ -166,12 +144,11 @@ impl Layout {
         let t_us = self.time_us(t, line)?;
         let refuse = |what, expected: &str, field| line.malformed(what, expected, shown(field));
         let side = "a whole number from 0 to 65535";
-        Ok(Event {
-            t_us,
-            x: coordinate(x).ok_or_else(|| refuse("column x", side, x))?,
-            y: coordinate(y).ok_or_else(|| refuse("row y", side, y))?,
-            on: polarity(p).ok_or_else(|| refuse("polarity p", "0, 1, -1 or +1", p))?,
-        })
+        let x = coordinate(x).ok_or_else(|| refuse("column x", side, x))?;
+        let y = coordinate(y).ok_or_else(|| refuse("row y", side, y))?;
+        let on = polarity(p).ok_or_else(|| refuse("polarity p", "0, 1, -1 or +1", p))?;
+        line.bytes().check_pixel(self.sensor, x, y, 0)?;
+        Ok(Event { t_us, x, y, on })
     }
 
     /// A time in microseconds; the first that is not 0 decides the unit.
@@ -276,7 +253,8 @@ pub(super) struct Evidence {
 impl Evidence {
     /// The evidence of one line.
     pub(super) fn of(separator: Separator, line: &[u8]) -> Self {
-        let mut evidence = Self { separator, columns: Vec::new(), lines: 0 };
+        let columns = vec![Column::EMPTY; separator.fields(line).count()];
+        let mut evidence = Self { separator, columns, lines: 0 };
         evidence.add(line);
         evidence
     }
@@ -286,14 +264,11 @@ impl Evidence {
     pub(super) fn add(&mut self, line: &[u8]) {
         let fields = || self.separator.fields(line);
         let count = fields().count();
-        if self.lines == 0 && self.columns.is_empty() {
-            self.columns = vec![Column::EMPTY; count];
-        }
         let words = || fields().any(|field| Number::parse(field).is_none() && polarity(field).is_none());
         if count != self.columns.len() || (count == COLUMNS && words()) {
             return;
         }
-        for (column, field) in self.columns.iter_mut().zip(self.separator.fields(line)) {
+        for (column, field) in self.columns.iter_mut().zip(fields()) {
             column.add(field);
         }
         self.lines += 1;

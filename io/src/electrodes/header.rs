@@ -1,7 +1,7 @@
 //! The header of a text of electrodes: the content of each column. The names are described in [`crate::electrodes`].
 
 use crate::error::{IoError, shown};
-use crate::text::{Line, bare};
+use crate::text::{Line, Separator};
 
 /// Electrodes of the array.
 pub const ELECTRODES: usize = 24;
@@ -19,16 +19,16 @@ pub(super) enum Role {
 ///
 /// Invariant: each electrode has one column, and at most one column is the time.
 #[derive(Debug)]
-pub(super) struct Columns {
-    /// Role and name of every column; `None`: the column is skipped.
-    columns: Vec<Option<(Role, String)>>,
-}
+pub(super) struct Columns(
+    /// Role and name, in lower case, of every column; `None`: the column is skipped.
+    pub(super) Vec<Option<(Role, String)>>,
+);
 
 impl Columns {
     /// The columns that a header names.
     pub(super) fn from_header(line: Line<'_>) -> Result<Self, IoError> {
-        let name = |field| String::from_utf8_lossy(bare(field)).to_ascii_lowercase();
-        let names: Vec<String> = line.text.split(|&b| b == b',').map(name).collect();
+        let name = |field| String::from_utf8_lossy(field).to_ascii_lowercase();
+        let names: Vec<String> = Separator::Comma.fields(line.text).map(name).collect();
         let electrodes: Vec<_> = names.iter().map(|name| electrode(name)).collect();
         let refuse = |expected: String, actual: String| Err(line.malformed("header", expected, actual));
         let mut prefixes: Vec<&str> = electrodes.iter().flatten().map(|(prefix, _)| *prefix).collect();
@@ -63,17 +63,7 @@ impl Columns {
                 .or_else(|| unit_of_time(&name).map(|seconds| Role::Time { seconds }))?;
             Some((role, name))
         });
-        Ok(Self { columns: roles.collect() })
-    }
-
-    /// How many columns there are.
-    pub(super) fn count(&self) -> usize {
-        self.columns.len()
-    }
-
-    /// The content of column `index`, and its name in lower case.
-    pub(super) fn role(&self, index: usize) -> Option<(Role, &str)> {
-        self.columns[index].as_ref().map(|(role, name)| (*role, name.as_str()))
+        Ok(Self(roles.collect()))
     }
 }
 
@@ -84,7 +74,7 @@ pub(super) fn expected() -> String {
 
 /// Whether a line names at least half of the electrodes, and so is a header of electrodes.
 pub(crate) fn names_electrodes(line: &[u8]) -> bool {
-    let names = line.split(|&b| b == b',').filter_map(|name| str::from_utf8(bare(name)).ok());
+    let names = Separator::Comma.fields(line).filter_map(|name| str::from_utf8(name).ok());
     names.filter(|name| electrode(&name.to_ascii_lowercase()).is_some()).take(ELECTRODES / 2).count()
         == ELECTRODES / 2
 }

@@ -10,21 +10,18 @@ use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image::{Image, ImageError, pixels};
-use crate::format::ImageFormat;
+use super::image::{Image, pixels};
+use crate::bytes::Bytes;
+use crate::error::IoError;
 use crate::limits::JPEG_SCANS;
 
 /// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled components have at least
 /// half as many blocks as one component of all pixels.
 const MOST_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
-fn malformed(what: &'static str, at: usize, expected: &str, actual: impl ToString) -> ImageError {
-    ImageError::malformed(ImageFormat::Jpeg, what, at, expected, actual)
-}
-
 /// Refuses sampling factors that the decoder does not support: it reads beyond its rows if a component has more columns or
 /// rows than the first. `content` is the content of the frame header at `at`.
-fn check_sampling(content: &[u8], at: usize) -> Result<(), ImageError> {
+fn check_sampling(file: Bytes<'_>, content: &[u8], at: usize) -> Result<(), IoError> {
     const FIRST: [u8; 6] = [0x11, 0x12, 0x14, 0x21, 0x22, 0x41];
     // After precision, height, width and the number of components come an identifier, the factors and a table for each.
     let factors: Vec<u8> = content.iter().skip(7).step_by(3).copied().collect();
@@ -32,24 +29,19 @@ fn check_sampling(content: &[u8], at: usize) -> Result<(), ImageError> {
     if !FIRST.contains(first) || others.iter().any(|&other| other != 0x11) {
         let expected = "1x1, 1x2, 1x4, 2x1, 2x2 or 4x1 of the first component, 1x1 of others";
         let shown: Vec<String> = factors.iter().map(|f| format!("{}x{}", f >> 4, f & 15)).take(4).collect();
-        return Err(malformed("sampling factors", at, expected, shown.join(", ")));
+        return Err(file.malformed("sampling factors", at, expected, shown.join(", ")));
     }
     Ok(())
 }
 
 /// Checks the segments up to the end-of-image marker, with at most [`JPEG_SCANS`] scans; returns where the first scan's data
 /// starts.
-fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
-    let truncated = |what, at: usize, expected: usize, at_least| {
-        ImageError::truncated(ImageFormat::Jpeg, what, at, expected as u64, bytes.len(), at_least)
-    };
+fn first_scan(file: Bytes<'_>) -> Result<usize, IoError> {
     let (mut at, mut scan, mut scans) = (2, None, 0);
     loop {
-        let Some(&[mark, code]) = bytes[at..].first_chunk() else {
-            return Err(truncated("marker", at, 2, false));
-        };
+        let [mark, code] = file.array("marker", at)?;
         if mark != 0xff {
-            return Err(malformed("marker", at, "0xff", format!("{mark:#04x}")));
+            return Err(file.malformed("marker", at, "0xff", format!("{mark:#04x}")));
         }
         match code {
             // Markers may be padded with further bytes 0xff.
@@ -62,43 +54,42 @@ fn first_scan(bytes: &[u8]) -> Result<usize, ImageError> {
                 at += 2;
                 continue;
             }
-            0xd9 => return scan.ok_or_else(|| malformed("end of the image", at, "a scan before it", "none")),
+            0xd9 => {
+                let no_scan = || file.malformed("end of the image", at, "a scan before it", "none");
+                return scan.ok_or_else(no_scan);
+            }
             _ => {}
         }
-        let Some(&[high, low]) = bytes[at + 2..].first_chunk() else {
-            return Err(truncated("segment", at, 4, true));
-        };
+        let [_, _, high, low] = file.array("segment", at)?;
         let length = usize::from(u16::from_be_bytes([high, low]));
         if length < 2 {
-            return Err(malformed("length of a segment", at + 2, "its own 2 bytes at least", length));
+            return Err(file.malformed("length of a segment", at + 2, "its own 2 bytes at least", length));
         }
-        let end = at + 2 + length;
-        if end > bytes.len() {
-            return Err(truncated("segment", at, 2 + length, false));
-        }
+        let segment = file.get("segment", at, 2 + length)?;
+        let end = at + segment.len();
         if matches!(code, 0xc0..=0xc2) {
-            check_sampling(&bytes[at + 4..end], at)?;
+            check_sampling(file, &segment[4..], at)?;
         }
+        at = end;
         if code == 0xda {
             scans += 1;
             if scans > JPEG_SCANS {
-                let expected = format!("at most {JPEG_SCANS} scans");
-                return Err(malformed("scan", at, &expected, "one more"));
+                let start = end - segment.len();
+                return Err(file.malformed("scan", start, format!("at most {JPEG_SCANS} scans"), "one more"));
             }
             scan.get_or_insert(end);
             // Entropy-coded data end at the first 0xff that is neither stuffed (0x00) nor a restart marker.
             let is_end = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xd0..=0xd7);
-            let length = bytes[end..].windows(2).position(is_end);
-            at = end + length.ok_or_else(|| truncated("scan", end, bytes.len() - end + 1, true))?;
-        } else {
-            at = end;
+            let rest = &file.data[end..];
+            let endless = || file.truncated("scan", end, rest.len() as u64 + 1, true);
+            at += rest.windows(2).position(is_end).ok_or_else(endless)?;
         }
     }
 }
 
-/// Decodes `bytes`, which start with a start-of-image marker.
-pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
-    let scan = first_scan(bytes)?;
+/// Decodes a file that starts with a start-of-image marker.
+pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
+    let scan = first_scan(file)?;
     // Only the number of pixels is limited below: a thin image may be as long as the format allows.
     let options = DecoderOptions::new_safe()
         .set_strict_mode(true)
@@ -106,25 +97,25 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
         .set_max_height(u16::MAX.into())
         .jpeg_set_max_scans(JPEG_SCANS)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
+    let mut decoder = JpegDecoder::new_with_options(Cursor::new(file.data), options);
     let valid = "valid segments of a supported kind";
-    decoder.decode_headers().map_err(|e| malformed("header", 0, valid, format!("{e:?}")))?;
+    decoder.decode_headers().map_err(|e| file.malformed("header", 0, valid, format!("{e:?}")))?;
     let Some((width, height)) = decoder.dimensions() else {
-        return Err(malformed("header", 0, "the size of the image", "none"));
+        return Err(file.malformed("header", 0, "the size of the image", "none"));
     };
-    let count = pixels(width as u64, height as u64)?;
+    let count = pixels(file, width as u64, height as u64)?;
     let least = count.div_ceil(MOST_PIXELS_OF_A_BYTE);
-    if bytes.len() < least {
+    if file.len() < least {
         let expected = format!("at least {least} bytes for {width}x{height} pixels");
-        return Err(malformed("header", 0, &expected, bytes.len()));
+        return Err(file.malformed("header", 0, expected, file.len()));
     }
     let data = decoder
         .decode()
-        .map_err(|e| malformed("scan", scan, "valid entropy-coded data", format!("{e:?}")))?;
+        .map_err(|e| file.malformed("scan", scan, "valid entropy-coded data", format!("{e:?}")))?;
     let colour = decoder.output_colorspace();
     if colour != Some(ColorSpace::RGB) || data.len() != count * Image::CHANNELS {
         let actual = format!("{colour:?} in {} bytes", data.len());
-        return Err(malformed("colours", 0, "what can be had as RGB", actual));
+        return Err(file.malformed("colours", 0, "what can be had as RGB", actual));
     }
     Ok(Image { width, height, data })
 }

@@ -9,8 +9,9 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
 
-use super::image::{Image, ImageError, pixels, to_8_bits};
-use crate::format::ImageFormat;
+use super::image::{Image, pixels, sample, to_8_bits};
+use crate::bytes::{Bytes, array};
+use crate::error::IoError;
 
 /// Bytes before the first chunk.
 const SIGNATURE: usize = 8;
@@ -24,69 +25,48 @@ const DEFLATE_MOST: u64 = 1032;
 /// Longest side that the format allows.
 const MOST_SIDE: u32 = (1 << 31) - 1;
 
-fn malformed(
-    what: &'static str,
-    at: usize,
-    expected: impl Into<String>,
-    actual: impl ToString,
-) -> ImageError {
-    ImageError::malformed(ImageFormat::Png, what, at, expected, actual)
-}
-
 /// Checks the chunks up to IEND; returns the number of bytes of all IDAT chunks.
-fn compressed_bytes(bytes: &[u8]) -> Result<u64, ImageError> {
-    let truncated = |what, at: usize, expected: u64| {
-        ImageError::truncated(ImageFormat::Png, what, at, expected, bytes.len(), false)
-    };
+fn compressed_bytes(file: Bytes<'_>) -> Result<u64, IoError> {
+    file.get("signature", 0, SIGNATURE)?;
     let (mut at, mut compressed) = (SIGNATURE, 0);
-    if bytes.len() < SIGNATURE {
-        return Err(truncated("signature", 0, SIGNATURE as u64));
-    }
     loop {
-        let rest = &bytes[at..];
-        let Some((length, rest)) = rest.split_first_chunk() else {
-            return Err(truncated("chunk", at, AROUND as u64));
-        };
-        let whole = u64::from(u32::from_be_bytes(*length)) + AROUND as u64;
-        if whole > (bytes.len() - at) as u64 {
-            return Err(truncated("chunk", at, whole));
-        }
-        match &rest[..4] {
-            b"IDAT" => compressed += whole - AROUND as u64,
+        let start = file.get("chunk", at, AROUND)?;
+        let length = u32::from_be_bytes(array(start)) as usize;
+        let chunk = file.get("chunk", at, length.saturating_add(AROUND))?;
+        match &chunk[4..8] {
+            b"IDAT" => compressed += length as u64,
             // The decoder relies on complete entries.
-            b"PLTE" if !(whole - AROUND as u64).is_multiple_of(3) => {
-                let found = format!("{} bytes", whole - AROUND as u64);
-                return Err(malformed("palette", at, "entries of 3 bytes", found));
+            b"PLTE" if !length.is_multiple_of(3) => {
+                return Err(file.malformed("palette", at, "entries of 3 bytes", format!("{length} bytes")));
             }
             b"IEND" => return Ok(compressed),
             _ => {}
         }
-        // Not beyond the end of `bytes`, which has been checked.
-        at += whole as usize;
+        at += chunk.len();
     }
 }
 
-/// Decodes `bytes`, which start with the signature.
-pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
-    let compressed = compressed_bytes(bytes)?;
-    let mut cursor = Cursor::new(bytes);
+/// Decodes a file that starts with the signature.
+pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
+    let compressed = compressed_bytes(file)?;
+    let mut cursor = Cursor::new(file.data);
     let mut decoder = Decoder::new(&mut cursor);
     // Palettes and fewer than 8 bits become 8 bits per channel; 16 bits are rounded in `to_rgb`.
     decoder.set_transformations(Transformations::EXPAND);
     // Texts and profiles are not decompressed.
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
-    let info = decoder.read_header_info().map_err(|e| malformed("header", 0, "a valid IHDR", e))?;
+    let info = decoder.read_header_info().map_err(|e| file.malformed("header", 0, "a valid IHDR", e))?;
     let (width, height) = (info.width, info.height);
-    let count = pixels(width.into(), height.into())?;
+    let count = pixels(file, width.into(), height.into())?;
     let least = (count as u64 * info.bits_per_pixel() as u64).div_ceil(8).div_ceil(DEFLATE_MOST);
     if compressed < least {
         let expected = format!("at least {least} bytes for {width}x{height} pixels");
-        return Err(malformed("compressed pixels", SIGNATURE, expected, compressed));
+        return Err(file.malformed("compressed pixels", SIGNATURE, expected, compressed));
     }
     let samples = samples(decoder);
     let (samples, colour, depth) = samples
-        .map_err(|e| malformed("content", cursor.position() as usize, "valid chunks and pixels", e))?;
+        .map_err(|e| file.malformed("content", cursor.position() as usize, "valid chunks and pixels", e))?;
     let data = to_rgb(&samples, colour, depth);
     debug_assert_eq!(data.len(), count * Image::CHANNELS);
     Ok(Image { width: width as usize, height: height as usize, data })
@@ -108,32 +88,27 @@ fn samples(
 /// Samples of any colour type with 8 or 16 bits, big-endian, as 8-bit RGB.
 fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
     let channels = colour.samples();
-    let sample = |bytes: &[u8]| match *bytes {
-        [high, low] => to_8_bits(u16::from_be_bytes([high, low]).into(), u16::MAX.into()),
-        _ => bytes[0],
-    };
-    let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
+    let (wide, largest) = if depth == BitDepth::Sixteen { (2, 0xffff) } else { (1, 0xff) };
     // Without colour, grey is the first channel; alpha, if any, comes last.
     let [r, g, b] = if channels < 3 { [0, 0, 0] } else { [0, 1, 2] };
     let pixels = samples.chunks_exact(channels * wide);
-    pixels
-        .flat_map(|pixel| [r, g, b].map(|channel| sample(&pixel[channel * wide..(channel + 1) * wide])))
-        .collect()
+    let value = |pixel: &[u8], at: usize| to_8_bits(sample(&pixel[at * wide..(at + 1) * wide]), largest);
+    pixels.flat_map(|pixel| [r, g, b].map(|channel| value(pixel, channel))).collect()
 }
 
 /// Encodes interleaved RGB as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// [`ImageError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side is 0 or beyond 2^31 - 1.
+/// [`IoError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side is 0 or beyond 2^31 - 1.
 ///
 /// # Panics
 /// Never: an image of this size can be encoded, and writing to memory does not fail.
-pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, ImageError> {
+pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, IoError> {
     let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MOST_SIDE);
     let expected = (width as u64).saturating_mul(height as u64).saturating_mul(Image::CHANNELS as u64);
     let actual = rgb.len() as u64;
     let (Some(columns), Some(rows), true) = (side(width), side(height), expected == actual) else {
-        return Err(ImageError::Buffer { width, height, expected, actual });
+        return Err(IoError::Buffer { width, height, expected, actual });
     };
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, columns, rows);
@@ -148,12 +123,7 @@ pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Im
 /// Writes interleaved RGB to the file at `path` as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// Those of [`encode_png`], and [`ImageError::File`] where the file cannot be written.
-pub fn write_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), ImageError> {
-    let bytes = encode_png(width, height, rgb)?;
-    fs::write(path, bytes).map_err(|source| ImageError::File {
-        action: "write",
-        path: path.to_owned(),
-        source,
-    })
+/// Those of [`encode_png`], and [`IoError::File`] where the file cannot be written.
+pub fn write_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), IoError> {
+    fs::write(path, encode_png(width, height, rgb)?).map_err(IoError::file("write", path))
 }

@@ -1,7 +1,7 @@
 //! DAT of version 2, read and written.
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{Format, IoError, Place, decode, decode_as};
+use meissner_io::{Format, IoError, Place, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::{encoded, sorted_events};
@@ -35,7 +35,7 @@ fn the_time_goes_on_where_its_32_bits_wrap_and_a_small_step_back_is_no_wrap() {
 fn another_version_is_refused() {
     let error = decode(&dat("% Version 1\n", CD, &[])).unwrap_err();
     assert_eq!(error.to_string(), "unsupported: expected DAT of version 2, found version 1");
-    let error = decode_as(Format::Dat, &dat("", CD, &[])).unwrap_err();
+    let error = decode_with(&dat("", CD, &[]), Format::Dat).unwrap_err();
     assert_eq!(error.to_string(), "unsupported: expected DAT of version 2, found no version");
 }
 

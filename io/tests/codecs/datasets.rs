@@ -4,7 +4,8 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use meissner_io::datasets::{BadRows, DatasetError, SlipDataset};
+use meissner_io::IoError;
+use meissner_io::datasets::{BadRows, SlipDataset};
 use tempfile::TempDir;
 
 use crate::shared_files::shared;
@@ -29,7 +30,7 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-fn read(folder: &Path) -> Result<SlipDataset, DatasetError> {
+fn read(folder: &Path) -> Result<SlipDataset, IoError> {
     SlipDataset::read(folder, &CLASSES, BadRows::Refuse)
 }
 
@@ -106,7 +107,7 @@ fn a_bad_row_is_an_error_with_path_and_line() {
     let text = csv(3).replacen("1,1,", "1,x,", 1);
     let folder = folder(&[("n/pen1.csv", &text)]);
     let error = read(folder.path()).unwrap_err();
-    assert!(matches!(error, DatasetError::Recording { .. }));
+    assert!(matches!(error, IoError::Content { .. }));
     let message = format!("{error}: {}", error.source().expect("why"));
     assert!(
         message.contains("n/pen1.csv") && message.contains("line 3") && message.contains("`x`"),

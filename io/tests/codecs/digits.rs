@@ -5,7 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use meissner_engine::Event;
-use meissner_io::datasets::{DatasetError, NmnistDataset, Split};
+use meissner_io::IoError;
+use meissner_io::datasets::{NmnistDataset, Split};
 use tempfile::TempDir;
 
 use crate::shared_files::shared;
@@ -94,7 +95,7 @@ fn a_bad_recording_is_an_error_with_path_and_byte() {
     let broken = [&digit(2)[..], &[1, 2]].concat();
     let folder = folder(&[("train/3/00123.bin", &broken)]);
     let error = NmnistDataset::read(folder.path()).unwrap_err();
-    assert!(matches!(error, DatasetError::Recording { .. }));
+    assert!(matches!(error, IoError::Content { .. }));
     let message = format!("{error}: {}", error.source().expect("why"));
     let place = Path::new("train").join("3").join("00123.bin");
     assert!(message.contains(place.to_str().unwrap()) && message.contains("byte 10"), "{message}");

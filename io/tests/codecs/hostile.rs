@@ -1,7 +1,7 @@
 //! Truncations, flipped bits, absurd lengths and bombs: an error or a whole result, never a panic.
 
 use meissner_io::limits::{HEADER_BYTES, PACKET_BYTES};
-use meissner_io::{Format, IoError, decode, decode_as};
+use meissner_io::{Format, IoError, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::aedat4::{Compression, File, event_packet, header, outputs, vector};
@@ -14,7 +14,7 @@ fn a_file_cut_at_any_length_gives_an_error_or_whole_events_from_its_start() {
         for length in 0..bytes.len() {
             let cut = &bytes[..length];
             let _ = decode(cut);
-            if let Ok(recording) = decode_as(format, cut) {
+            if let Ok(recording) = decode_with(cut, format) {
                 assert!(whole.starts_with(&recording.events), "{format} cut at {length}");
             }
         }
@@ -26,7 +26,7 @@ fn a_file_that_says_its_length_gives_an_error_or_everything_wherever_it_is_cut()
     for (format, bytes) in samples().into_iter().filter(|(f, _)| matches!(f, Format::Aedat4 | Format::Npy)) {
         let whole = decode(&bytes).unwrap();
         for length in 0..bytes.len() {
-            match decode_as(format, &bytes[..length]) {
+            match decode_with(&bytes[..length], format) {
                 // The table after the packets of AEDAT4 may be cut.
                 Ok(recording) => assert!(format == Format::Aedat4 && recording == whole, "cut at {length}"),
                 Err(error) => assert!(
@@ -44,7 +44,7 @@ fn any_flipped_bit_gives_an_error_or_a_recording() {
         for bit in 0..bytes.len() * 8 {
             bytes[bit / 8] ^= 1 << (bit % 8);
             let _ = decode(&bytes);
-            let _ = decode_as(format, &bytes);
+            let _ = decode_with(&bytes, format);
             bytes[bit / 8] ^= 1 << (bit % 8);
         }
     }
@@ -59,7 +59,7 @@ fn an_absurd_length_anywhere_gives_an_error_or_a_recording() {
                 for width in [2, 4, 8] {
                     let mut changed = bytes.clone();
                     changed[at..at + width].copy_from_slice(&length.to_le_bytes()[8 - width..]);
-                    let _ = decode_as(format, &changed);
+                    let _ = decode_with(&changed, format);
                 }
             }
         }
@@ -245,14 +245,14 @@ proptest! {
         bytes.truncate((bytes.len() as f64 * keep) as usize);
         bytes.extend(noise);
         let _ = decode(&bytes);
-        let _ = decode_as(format, &bytes);
+        let _ = decode_with(&bytes, format);
     }
 
     #[test]
     fn noise_is_an_error_or_a_recording_of_any_format(noise in prop::collection::vec(any::<u8>(), 0..300)) {
         let _ = decode(&noise);
         for format in Format::ALL {
-            let _ = decode_as(format, &noise);
+            let _ = decode_with(&noise, format);
         }
     }
 }

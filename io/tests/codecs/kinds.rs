@@ -3,7 +3,7 @@
 use std::io::BufReader;
 
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, ImageError, ImageSequence, IoError, Kind, decode, read,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, ImageSequence, IoError, Kind, decode, read,
 };
 
 use crate::support::samples;
@@ -38,6 +38,13 @@ fn electrodes() -> String {
 fn found(error: &IoError) -> Kind {
     match error {
         IoError::OtherKind { found, .. } => *found,
+        error => panic!("{error}"),
+    }
+}
+
+fn found_in_file(error: &IoError) -> Kind {
+    match error {
+        IoError::Content { source, .. } => found(source),
         error => panic!("{error}"),
     }
 }
@@ -97,14 +104,11 @@ fn events_electrodes_and_pictures_are_told_apart_by_each_others_readers() {
         std::fs::write(&path, bytes).unwrap();
         assert_eq!(Kind::of_file(&path).unwrap(), Some(Kind::Events(format)));
         let error = ImageSequence::open(&path).unwrap_err();
-        assert!(
-            matches!(error, ImageError::OtherKind { found: Kind::Events(f), .. } if f == format),
-            "{error}"
-        );
+        assert_eq!(found_in_file(&error), Kind::Events(format), "{error}");
     }
     std::fs::write(&path, electrodes).unwrap();
     let error = ImageSequence::open(&path).unwrap_err();
-    assert!(matches!(error, ImageError::OtherKind { found: Kind::Electrodes, .. }), "{error}");
+    assert_eq!(found_in_file(&error), Kind::Electrodes, "{error}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! N-MNIST: five bytes an event, no header.
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{Format, IoError, Place, decode, decode_as};
+use meissner_io::{Format, IoError, Place, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::{any_event, nmnist};
@@ -15,13 +15,13 @@ fn polarity_is_the_top_bit_of_a_time_of_23_bits() {
 
 #[test]
 fn a_pixel_beside_the_sensor_is_refused_with_its_byte() {
-    let error = decode_as(Format::Nmnist, &[0, 0, 0, 0, 0, 34, 0, 0, 0, 0]).unwrap_err();
+    let error = decode_with(&[0, 0, 0, 0, 0, 34, 0, 0, 0, 0], Format::Nmnist).unwrap_err();
     assert!(matches!(error, IoError::OutsideSensor { place: Place::Byte(5), x: 34, .. }), "{error}");
 }
 
 #[test]
 fn a_cut_event_is_refused_with_its_byte() {
-    let error = decode_as(Format::Nmnist, &[0; 13]).unwrap_err();
+    let error = decode_with(&[0; 13], Format::Nmnist).unwrap_err();
     assert_eq!(
         error.to_string(),
         "N-MNIST: the last event at byte 10 is cut short: expected 5 bytes, found 3"

@@ -1,7 +1,7 @@
 //! `NumPy` structured arrays, read and written.
 
 use meissner_engine::Event;
-use meissner_io::{Format, IoError, Place, decode, decode_as};
+use meissner_io::{Format, IoError, Place, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::{SENSOR, any_event, encoded};
@@ -134,7 +134,7 @@ fn the_records_start_at_a_multiple_of_64_bytes() {
 
 #[test]
 fn the_magic_is_checked_where_the_format_is_given() {
-    assert!(matches!(decode_as(Format::Npy, b"\x93NUMPX\x01\x00").unwrap_err(), IoError::Malformed { .. }));
+    assert!(matches!(decode_with(b"\x93NUMPX\x01\x00", Format::Npy).unwrap_err(), IoError::Malformed { .. }));
 }
 
 proptest! {

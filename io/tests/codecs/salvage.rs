@@ -1,13 +1,13 @@
 //! Recordings that were cut short: refused, or read as far as they are whole where that is asked for.
 
 use meissner_engine::Event;
-use meissner_io::{Format, IoError, Place, ReadOptions, Recording, decode, decode_as, decode_with};
+use meissner_io::{Format, IoError, Place, ReadOptions, Recording, decode, decode_with};
 
 use crate::support::aedat4::{Compression, File, event_packet};
 use crate::support::{SENSOR, encoded, events, samples};
 
 fn salvage(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, &ReadOptions::new().format(format).salvage(true))
+    decode_with(bytes, ReadOptions { salvage: true, ..format.into() })
 }
 
 /// Where a salvaged part of `bytes` ends.
@@ -36,7 +36,7 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
             lines.filter(|line| line[0].is_ascii_digit()).count()
         }
         // Cut exactly between two words: checked against the reader itself, which the other tests hold.
-        _ => decode_as(format, &bytes[..length - content.len() % 2]).unwrap().events.len(),
+        _ => decode_with(&bytes[..length - content.len() % 2], format).unwrap().events.len(),
     })
 }
 
@@ -53,9 +53,9 @@ fn salvage_gives_exactly_the_whole_events_before_a_cut_at_any_byte() {
             assert!(end(&salvaged, cut) <= length);
             // Where nothing is left out, the cut is one that nobody can tell, or the array's promise is not kept.
             if salvaged.salvaged.is_none() {
-                assert_eq!(decode_as(format, cut).unwrap().events, salvaged.events);
+                assert_eq!(decode_with(cut, format).unwrap().events, salvaged.events);
             } else if format != Format::Csv {
-                let error = decode_as(format, cut).unwrap_err();
+                let error = decode_with(cut, format).unwrap_err();
                 assert!(matches!(error, IoError::Truncated { .. }), "{format} cut at {length}: {error}");
             }
         }
@@ -116,7 +116,7 @@ fn a_damaged_recording_is_refused_with_salvage_as_without() {
         damaged.push((format, changed));
     }
     for (format, bytes) in damaged {
-        assert!(decode_as(format, &bytes).is_err(), "{format}");
+        assert!(decode_with(&bytes, format).is_err(), "{format}");
         let refused = salvage(format, &bytes).unwrap_err();
         assert!(!matches!(refused, IoError::Truncated { .. }), "{format}: {refused}");
     }
@@ -131,7 +131,7 @@ fn a_damaged_recording_is_refused_with_salvage_as_without() {
 fn digits_that_were_cut_within_an_event_are_known_and_refused_as_cut() {
     let bytes: Vec<u8> = (0..20).flat_map(|i| [i, 33 - i, 0x80, 0, i]).collect();
     let error = decode(&bytes[..98]).unwrap_err();
-    assert!(matches!(error, IoError::Truncated { format: Format::Nmnist, .. }), "{error}");
+    assert!(matches!(error, IoError::Truncated { format: "N-MNIST", .. }), "{error}");
     let salvaged = salvage(Format::Nmnist, &bytes[..98]).unwrap();
     assert_eq!((salvaged.events.len(), salvaged.salvaged.unwrap().bytes_not_read), (19, 3));
 }

@@ -22,7 +22,7 @@ fn lines(events: &[Event], line: impl Fn(&Event) -> String) -> String {
 
 fn options(columns: Option<&str>, time_unit: Option<TimeUnit>) -> ReadOptions {
     let columns = columns.map(|columns| columns.parse().unwrap());
-    ReadOptions::new().text(TextOptions::new().columns(columns).time_unit(time_unit))
+    ReadOptions { text: TextOptions { columns, time_unit }, ..ReadOptions::default() }
 }
 
 fn seconds(t_us: i64) -> String {
@@ -108,7 +108,7 @@ fn a_text_that_can_be_read_in_several_ways_is_refused_with_its_line_and_the_ways
         let IoError::Undecided { what, line, readings: found, .. } = &error else { panic!("{error}") };
         assert_eq!((*what, found.as_str()), ("order of the columns", readings), "{text}");
         assert!(text.contains(line.trim_matches('`')) && error.to_string().contains(line), "{error}");
-        let said = decode_with(text.as_bytes(), &options(Some("xytp"), None)).unwrap();
+        let said = decode_with(text.as_bytes(), options(Some("xytp"), None)).unwrap();
         assert_eq!(said.events.len(), text.lines().filter(|line| !line.starts_with('#')).count());
     }
 }
@@ -121,7 +121,7 @@ fn columns_in_another_order_are_never_taken_for_late_events() {
     let text = lines(&events, |e| format!("{},{},{},{}", e.x, e.y, e.t_us, u8::from(e.on)));
     let error = decode(text.as_bytes()).unwrap_err();
     assert!(matches!(error, IoError::Undecided { .. }), "{error}");
-    let recording = decode_with(text.as_bytes(), &options(Some("xytp"), None)).unwrap();
+    let recording = decode_with(text.as_bytes(), options(Some("xytp"), None)).unwrap();
     assert_eq!(recording.events, events);
     // Beyond 65535 the time cannot be a pixel, late or not.
     let text = lines(&events, |e| format!("{},{},{},{}", e.x, e.y, e.t_us + 70_000, u8::from(e.on)));
@@ -139,7 +139,7 @@ fn a_fraction_that_may_be_of_seconds_or_milliseconds_is_refused_until_the_unit_i
     let error = first(text).unwrap_err();
     assert!(matches!(error, IoError::Undecided { what: "unit of time", .. }), "{error}");
     for (unit, times) in [(TimeUnit::Seconds, [500_000, 1_250_000]), (TimeUnit::Milliseconds, [500, 1_250])] {
-        let recording = decode_with(text.as_bytes(), &options(None, Some(unit))).unwrap();
+        let recording = decode_with(text.as_bytes(), options(None, Some(unit))).unwrap();
         assert_eq!(recording.events.iter().map(|e| e.t_us).collect::<Vec<_>>(), times);
     }
 }
@@ -174,7 +174,7 @@ fn the_first_line_of_a_stream_decides_or_is_refused() {
     let mut ambiguous = CsvEvents::new("5 1 2 1\n6 1 2 1\n".as_bytes());
     assert!(matches!(ambiguous.next(), Some(Err(IoError::Undecided { place: Place::Line(1), .. }))));
     assert!(ambiguous.next().is_none(), "the order does not become known behind it");
-    let said = TextOptions::new().columns("txyp".parse::<ColumnOrder>().unwrap());
+    let said = TextOptions { columns: Some("txyp".parse::<ColumnOrder>().unwrap()), time_unit: None };
     let events: Result<Vec<_>, _> = CsvEvents::with_options("5 1 2 1\n6 1 2 1\n".as_bytes(), said).collect();
     assert_eq!(events.unwrap().len(), 2);
 }
@@ -191,13 +191,13 @@ fn a_bad_first_line_decides_nothing() {
 #[test]
 fn options_stand_in_place_of_a_header_and_pass_columns_over() {
     let recording =
-        decode_with(b"a,b,c,d,e\n1,2,9,5000,0\n", &options(Some("xy_tp"), Some(TimeUnit::Nanoseconds)));
+        decode_with(b"a,b,c,d,e\n1,2,9,5000,0\n", options(Some("xy_tp"), Some(TimeUnit::Nanoseconds)));
     assert_eq!(recording.unwrap().events, [Event::new(5, 1, 2, false)]);
     let text = b"1;2;-;0.01;0\n3;4;-;0.02;1\n";
     assert!(matches!(decode(text), Err(IoError::UnknownFormat { .. })), "five columns say nothing");
-    let recording = decode_with(text, &options(Some("xy_tp"), Some(TimeUnit::Milliseconds)));
+    let recording = decode_with(text, options(Some("xy_tp"), Some(TimeUnit::Milliseconds)));
     assert_eq!(recording.unwrap().events, [Event::new(10, 1, 2, false), Event::new(20, 3, 4, true)]);
-    let error = decode_with(b"1,2,3,1\n", &options(Some("xy_tp"), None)).unwrap_err();
+    let error = decode_with(b"1,2,3,1\n", options(Some("xy_tp"), None)).unwrap_err();
     assert!(error.to_string().contains("expected 5 fields"), "{error}");
     for wrong in ["", "txy", "txypp", "txyq", "ttxyp", "txyp ", "TXYP"] {
         assert!(wrong.parse::<ColumnOrder>().is_err(), "{wrong}");
@@ -244,7 +244,7 @@ proptest! {
         if let Ok(recording) = decode(text.as_bytes()) && !documented {
             prop_assert_eq!(&recording.events, &events);
         }
-        let said = decode_with(text.as_bytes(), &options(Some(order), Some(TimeUnit::Microseconds))).unwrap();
+        let said = decode_with(text.as_bytes(), options(Some(order), Some(TimeUnit::Microseconds))).unwrap();
         prop_assert_eq!(said.events, events);
     }
 }

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use meissner_io::limits::{IMAGE_PIXELS, JPEG_SCANS};
-use meissner_io::{ImageError, Place, decode_image};
+use meissner_io::{IoError, Place, decode_image};
 
 use crate::support::{Ihdr, chunk, png_with};
 
@@ -135,7 +135,7 @@ fn a_jpeg_of_the_most_scans_over_the_most_pixels_is_read_in_seconds() {
 #[test]
 fn a_jpeg_of_more_scans_than_anyone_writes_is_refused_at_the_first_too_many() {
     let refused = |file: &[u8], at: usize| match decode_image(file).unwrap_err() {
-        ImageError::Malformed { what: "scan", place, expected, .. } => {
+        IoError::Malformed { what: "scan", place, expected, .. } => {
             assert_eq!((place, expected.as_str()), (Place::Byte(at as u64), "at most 100 scans"));
         }
         error => panic!("{error}"),
@@ -169,7 +169,7 @@ fn a_progressive_jpeg_that_was_cut_or_flipped_anywhere_gives_an_error_or_an_imag
     assert_eq!(decode_image(&file).unwrap().size(), (16, 16));
     for length in 0..file.len() {
         let error = decode_image(&file[..length]).unwrap_err();
-        assert!(length < 3 || matches!(error, ImageError::Truncated { .. }), "{length}: {error}");
+        assert!(length < 3 || matches!(error, IoError::Truncated { .. }), "{length}: {error}");
     }
     for bit in 0..8 * file.len() {
         let mut flipped = file.clone();

@@ -3,7 +3,7 @@
 use std::fs::File;
 
 use meissner_io::limits::{IMAGE_BYTES, IMAGE_PIXELS};
-use meissner_io::{ImageError, decode_image, read_image};
+use meissner_io::{IoError, decode_image, read_image};
 use proptest::prelude::*;
 
 use crate::support::{Ihdr, chunk, jpeg, png, png_with, samples};
@@ -14,8 +14,8 @@ fn a_file_cut_at_any_length_gives_an_error() {
         assert!(decode_image(&file).is_ok(), "{name}");
         for length in 0..file.len() {
             match decode_image(&file[..length]) {
-                Err(ImageError::Truncated { .. }) => {}
-                Err(ImageError::UnknownFormat { .. }) if length < 3 => {}
+                Err(IoError::Truncated { .. }) => {}
+                Err(IoError::UnknownFormat { .. }) if length < 3 => {}
                 other => panic!("{name} cut at {length}: {other:?}"),
             }
         }
@@ -83,13 +83,13 @@ fn sizes_beyond_the_limit_are_refused_by_the_header() {
     ];
     for file in files {
         let error = decode_image(&file).unwrap_err();
-        assert!(matches!(error, ImageError::TooLarge { limit: IMAGE_PIXELS, .. }), "{error}");
+        assert!(matches!(error, IoError::TooLarge { limit: IMAGE_PIXELS, .. }), "{error}");
     }
     let mut file = jpeg(8, 8, &[[10, 128, 128]]);
     let sof = file.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
     file[sof + 5..sof + 9].fill(0xff);
     let error = decode_image(&file).unwrap_err();
-    assert!(matches!(error, ImageError::TooLarge { actual: 4_294_836_225, .. }), "{error}");
+    assert!(matches!(error, IoError::TooLarge { actual: 4_294_836_225, .. }), "{error}");
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn a_file_that_is_too_long_is_refused() {
     let path = folder.path().join("long.png");
     File::create(&path).unwrap().set_len(IMAGE_BYTES + 1).unwrap();
     match read_image(&path).unwrap_err() {
-        ImageError::Content { source, .. } => assert!(matches!(*source, ImageError::TooLarge { .. })),
+        IoError::Content { source, .. } => assert!(matches!(*source, IoError::TooLarge { .. })),
         error => panic!("{error}"),
     }
 }

@@ -1,6 +1,6 @@
 //! JPEG: blocks of one colour, of which every pixel is known.
 
-use meissner_io::{Image, ImageError, decode_image};
+use meissner_io::{Image, IoError, decode_image};
 
 use crate::support::jpeg;
 
@@ -40,11 +40,11 @@ fn bytes_behind_the_end_are_passed_over() {
 fn a_scan_without_an_end_is_cut_short() {
     let file = jpeg(8, 8, &[[10, 128, 128]]);
     match decode_image(&file[..file.len() - 1]).unwrap_err() {
-        ImageError::Truncated { what: "scan", at_least: true, .. } => {}
+        IoError::Truncated { what: "scan", at_least: true, .. } => {}
         error => panic!("{error}"),
     }
     match decode_image(&file[..20]).unwrap_err() {
-        ImageError::Truncated { what: "segment", expected: 69, actual: 18, .. } => {}
+        IoError::Truncated { what: "segment", expected: 69, actual: 18, .. } => {}
         error => panic!("{error}"),
     }
 }

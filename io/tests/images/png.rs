@@ -1,6 +1,6 @@
 //! PNG: every colour type against pixels that are known, and what is written against what is read.
 
-use meissner_io::{Image, ImageError, decode_image, encode_png, read_image, write_png};
+use meissner_io::{Image, IoError, decode_image, encode_png, read_image, write_png};
 use proptest::prelude::*;
 
 use crate::support::{Ihdr, png, png_with, samples};
@@ -74,10 +74,10 @@ fn a_missing_chunk_is_named_by_its_place() {
 fn pixels_that_do_not_fill_the_image_are_not_written() {
     for (width, height, bytes) in [(2, 2, 11), (2, 2, 13), (0, 2, 0), (2, 0, 0), (1 << 31, 0, 0)] {
         let error = encode_png(width, height, &vec![0; bytes]).unwrap_err();
-        assert!(matches!(error, ImageError::Buffer { .. }), "{error}");
+        assert!(matches!(error, IoError::Buffer { .. }), "{error}");
     }
     let error = encode_png(usize::MAX, usize::MAX, &[]).unwrap_err();
-    assert!(matches!(error, ImageError::Buffer { .. }), "{error}");
+    assert!(matches!(error, IoError::Buffer { .. }), "{error}");
 }
 
 #[test]
@@ -87,9 +87,9 @@ fn a_written_file_is_read_back_and_a_folder_that_is_not_there_is_named() {
     write_png(&path, 1, 2, &data).unwrap();
     assert_eq!(read_image(&path).unwrap(), Image { width: 1, height: 2, data: data.clone() });
     let error = write_png(&folder.path().join("none/a.png"), 1, 2, &data).unwrap_err();
-    assert!(matches!(error, ImageError::File { action: "write", .. }), "{error}");
+    assert!(matches!(error, IoError::File { action: "write", .. }), "{error}");
     let error = read_image(&folder.path().join("b.png")).unwrap_err();
-    assert!(matches!(error, ImageError::File { action: "open", .. }), "{error}");
+    assert!(matches!(error, IoError::File { action: "open", .. }), "{error}");
 }
 
 proptest! {

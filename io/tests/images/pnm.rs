@@ -1,6 +1,6 @@
 //! PPM and PGM: headers as people write them, samples of any range.
 
-use meissner_io::{Image, ImageError, Place, decode_image};
+use meissner_io::{Image, IoError, Place, decode_image};
 use proptest::prelude::*;
 
 fn rgb(bytes: &[u8]) -> Vec<u8> {
@@ -46,7 +46,7 @@ fn a_header_that_is_wrong_is_refused_at_its_byte() {
     ];
     for (file, expected, at) in cases {
         match decode_image(file).unwrap_err() {
-            ImageError::Malformed { what, place, .. } => {
+            IoError::Malformed { what, place, .. } => {
                 assert_eq!((what, place), (expected, Place::Byte(at)));
             }
             error => panic!("{error}"),

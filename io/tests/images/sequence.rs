@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use meissner_io::{Image, ImageError, ImageSequence, Place, write_png};
+use meissner_io::{Image, ImageSequence, IoError, Place, write_png};
 
 fn image(path: &Path, width: usize, height: usize, value: u8) {
     write_png(path, width, height, &vec![value; width * height * 3]).unwrap();
@@ -63,7 +63,7 @@ fn an_image_of_another_size_or_at_fault_is_an_error_and_the_next_is_read() {
     image(&path("4.png"), 2, 1, 3);
     let mut sequence = ImageSequence::open(folder.path()).unwrap();
     let error = sequence.next().unwrap().unwrap_err();
-    assert!(matches!(&error, ImageError::Content { path: at, .. } if *at == path("1.png")), "{error}");
+    assert!(matches!(&error, IoError::Content { path: at, .. } if *at == path("1.png")), "{error}");
     assert_eq!(sequence.next().unwrap().unwrap().1.data, [1; 6]);
     let error = sequence.next().unwrap().unwrap_err().to_string();
     let expected =
@@ -77,17 +77,18 @@ fn an_image_of_another_size_or_at_fault_is_an_error_and_the_next_is_read() {
 fn what_names_no_image_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let error = ImageSequence::open(folder.path()).unwrap_err();
-    assert!(matches!(error, ImageError::NoImages { .. }), "{error}");
+    assert!(matches!(error, IoError::Unfit { .. }), "{error}");
     let list = folder.path().join("list.txt");
     fs::write(&list, "# nothing\n").unwrap();
-    assert!(matches!(ImageSequence::open(&list), Err(ImageError::NoImages { .. })));
+    assert!(matches!(ImageSequence::open(&list), Err(IoError::Unfit { .. })));
     fs::write(&list, b"a.png\n\x00\x01\n").unwrap();
     match ImageSequence::open(&list).unwrap_err() {
-        ImageError::List { place, actual, .. } => {
+        IoError::Content { source, .. } => {
+            let IoError::Malformed { place, actual, .. } = *source else { panic!("{source}") };
             assert_eq!((place, actual.as_str()), (Place::Line(2), "`\\x00\\x01`"));
         }
         error => panic!("{error}"),
     }
     let missing = ImageSequence::open(&folder.path().join("none"));
-    assert!(matches!(missing, Err(ImageError::File { action: "open", .. })));
+    assert!(matches!(missing, Err(IoError::File { action: "open", .. })));
 }
