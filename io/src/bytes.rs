@@ -58,22 +58,20 @@ impl<'a> Bytes<'a> {
         self.array(what, at).map(i32::from_le_bytes)
     }
 
-    /// The records of `N` bytes from byte `start` on, each with its position. An incomplete last record is an error, or is
-    /// left out with `salvage`.
+    /// The records of `N` bytes from byte `start` on. An incomplete last record is an error, or is left out with `salvage`.
     pub(crate) fn records<const N: usize>(
         &self,
         what: &'static str,
         start: usize,
         salvage: bool,
-    ) -> Result<(impl ExactSizeIterator<Item = (usize, [u8; N])> + use<'a, N>, Option<Salvage>), IoError>
-    {
-        let (records, rest) = self.data[start..].as_chunks::<N>();
+    ) -> Result<(&'a [[u8; N]], Option<Salvage>), IoError> {
+        let (records, rest) = self.data[start..].as_chunks();
         let end = self.len() - rest.len();
-        if !rest.is_empty() && !salvage {
-            return Err(self.truncated(what, end, N as u64, false));
+        match rest {
+            [] => Ok((records, None)),
+            _ if salvage => Ok((records, Some(self.salvage(what, end)))),
+            _ => Err(self.truncated(what, end, N as u64, false)),
         }
-        let placed = records.iter().enumerate().map(move |(index, record)| (start + index * N, *record));
-        Ok((placed, (!rest.is_empty()).then(|| self.salvage(what, end))))
     }
 
     /// The incomplete end from byte `at` on, which is left out.

@@ -52,11 +52,12 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
         return Err(file.malformed(what, header.end, expected, format!("type {kind:#04x} and {size} bytes")));
     }
 
-    let (records, salvaged) = file.records::<STRIDE>("the last event", header.end + 2, salvage)?;
+    let start = header.end + 2;
+    let (records, salvaged) = file.records("the last event", start, salvage)?;
     let mut events = Vec::with_capacity(records.len());
     let mut clock = WrappingClock::new(TIME_RANGE);
-    for (at, record) in records {
-        let both = u64::from_le_bytes(record);
+    for (record, at) in records.iter().zip((start..).step_by(STRIDE)) {
+        let both = u64::from_le_bytes(*record);
         let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
         let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
         file.check_pixel(sensor, x, y, at)?;

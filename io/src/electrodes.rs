@@ -68,8 +68,8 @@ pub struct Electrodes<R: BufRead> {
     settings: ElectrodeSettings,
     columns: Option<Columns>,
     warnings: ElectrodeWarnings,
-    /// The time of the row before; `None`: that row was not a reading.
-    before: Option<Option<f64>>,
+    /// The row before, if it was a reading.
+    before: Option<Reading>,
     follows: bool,
     ended: bool,
 }
@@ -119,8 +119,9 @@ impl<R: BufRead> Electrodes<R> {
             // The interval across a refused row is not judged.
             let before = self.before.take();
             let reading = columns.reading(line)?;
-            self.before = Some(reading.time_s);
-            let fits = self.settings.count(&reading, before.flatten(), &mut self.warnings);
+            self.before = Some(reading);
+            let last_s = before.and_then(|before| before.time_s);
+            let fits = self.settings.count(&reading, last_s, &mut self.warnings);
             self.follows = fits && before.is_some();
             return Ok(Some(reading));
         }

@@ -40,8 +40,8 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     let mut triggers = StreamSummary::new("external triggers", StreamKind::Triggers);
     let mut vendor = StreamSummary::new("vendor's words", StreamKind::Other);
     let mut unplaced = StreamSummary::new("before the first time word", StreamKind::Unplaced);
-    for (at, word) in words {
-        let word = u32::from_le_bytes(word);
+    for (word, at) in words.iter().zip((header.end..).step_by(4)) {
+        let word = u32::from_le_bytes(*word);
         match word >> 28 {
             polarity @ (0x0 | 0x1) => {
                 let low = i64::from(word >> 22 & 0x3f);

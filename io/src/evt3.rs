@@ -79,8 +79,8 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
         vendor: StreamSummary::new("vendor's words", StreamKind::Other),
         unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
     };
-    for (at, word) in words {
-        decoder.push(u16::from_le_bytes(word), at)?;
+    for (word, at) in words.iter().zip((header.end..).step_by(2)) {
+        decoder.push(u16::from_le_bytes(*word), at)?;
     }
     let Decoder { events, triggers, vendor, unplaced, .. } = decoder;
     let other_streams = StreamSummary::present([triggers, vendor, unplaced]);

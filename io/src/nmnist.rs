@@ -33,9 +33,9 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     let format = Format::Nmnist;
     let sensor = Some(Sensor::new(SIDE.into(), SIDE.into()));
     let file = Bytes::file(format.name(), bytes);
-    let (records, salvaged) = file.records::<STRIDE>("the last event", 0, salvage)?;
+    let (records, salvaged) = file.records("the last event", 0, salvage)?;
     let mut events = Vec::with_capacity(records.len());
-    for (at, [x, y, high, middle, low]) in records {
+    for (&[x, y, high, middle, low], at) in records.iter().zip((0..).step_by(STRIDE)) {
         file.check_pixel(sensor, x.into(), y.into(), at)?;
         let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
         events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
