@@ -29,13 +29,13 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     let records = &bytes[layout.start..];
     let promised = layout.count.saturating_mul(layout.stride as u64);
     let there = records.len() as u64;
-    let salvaged = (there < promised && salvage).then(|| {
-        let rest = records.len().checked_rem(layout.stride).unwrap_or(0);
-        file.salvage("array", bytes.len() - rest)
-    });
     if there < promised && !salvage {
         return Err(file.truncated("array", layout.start, promised, false));
     }
+    let salvaged = (there < promised).then(|| {
+        let rest = records.len().checked_rem(layout.stride).unwrap_or(0);
+        file.salvage("array", bytes.len() - rest)
+    });
     if there > promised {
         let expected = format!("the end of the file after {} events", layout.count);
         return Err(file.malformed("array", layout.start, expected, format!("{there} bytes of events")));
@@ -43,75 +43,61 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
 
     let mut events = Vec::with_capacity((layout.count as usize).min(records.len()));
     for (index, record) in records.chunks_exact(layout.stride).enumerate() {
-        let event = event(&layout, record).map_err(|(what, field, expected)| {
-            let at = layout.start + index * layout.stride + field.offset;
-            file.malformed(what, at, expected, value(field, record))
-        })?;
-        events.push(event);
+        let values @ [t, x, y, p] = layout.fields.map(|field| field.value(record));
+        let (field, what, expected) = match (t.try_into(), x.try_into(), y.try_into(), p) {
+            (Ok(t_us), Ok(x), Ok(y), -1..=1) => {
+                events.push(Event { t_us, x, y, on: p == 1 });
+                continue;
+            }
+            (Err(_), ..) => (0, "time t", "a time from -2^63 to 2^63 - 1"),
+            (_, Err(_), ..) => (1, "column x", "0 to 65535"),
+            (_, _, Err(_), _) => (2, "row y", "0 to 65535"),
+            _ => (3, "polarity p", "0, 1 or -1"),
+        };
+        let at = layout.start + index * layout.stride + layout.fields[field].offset;
+        return Err(file.malformed(what, at, expected, values[field]));
     }
     Ok(Recording { format, sensor: None, events, other_streams: Vec::new(), salvaged })
 }
 
-/// The event of a record, or the field with a value that no event has: its name, its position, and the expected values.
-fn event(layout: &Layout, record: &[u8]) -> Result<Event, (&'static str, Field, &'static str)> {
-    let Layout { t, x, y, p, .. } = *layout;
-    Ok(Event {
-        t_us: value(t, record).try_into().map_err(|_| ("time t", t, "a time from -2^63 to 2^63 - 1"))?,
-        x: value(x, record).try_into().map_err(|_| ("column x", x, "0 to 65535"))?,
-        y: value(y, record).try_into().map_err(|_| ("row y", y, "0 to 65535"))?,
-        on: match value(p, record) {
-            1 => true,
-            0 | -1 => false,
-            _ => return Err(("polarity p", p, "0, 1 or -1")),
-        },
-    })
-}
-
-/// The value of a field; wide enough for every integer type.
-#[inline]
-fn value(field: Field, record: &[u8]) -> i128 {
-    let bytes = &record[field.offset..];
-    let Integer { bytes: width, signed, big_endian } = field.kind;
-    let unsigned = match (width, big_endian) {
-        (1, _) => bytes[0].into(),
-        (2, false) => u16::from_le_bytes(array(bytes)).into(),
-        (2, true) => u16::from_be_bytes(array(bytes)).into(),
-        (4, false) => u32::from_le_bytes(array(bytes)).into(),
-        (4, true) => u32::from_be_bytes(array(bytes)).into(),
-        (_, false) => u64::from_le_bytes(array(bytes)),
-        (_, true) => u64::from_be_bytes(array(bytes)),
-    };
-    if signed {
-        // The shift up and back down fills the upper bits with the sign bit of the narrow type.
-        let shift = 64 - 8 * width as u32;
-        i128::from((unsigned << shift) as i64 >> shift)
-    } else {
-        unsigned.into()
-    }
-}
-
-/// The position and type of a field in a record.
-#[derive(Clone, Copy, Debug)]
+/// An integer in a record; a boolean is a byte without a sign.
+#[derive(Clone, Copy)]
 struct Field {
     offset: usize,
-    kind: Integer,
-}
-
-/// An integer type; a boolean is a byte without a sign.
-#[derive(Clone, Copy, Debug)]
-struct Integer {
-    bytes: usize,
+    /// 1, 2, 4 or 8 bytes.
+    width: usize,
     signed: bool,
     big_endian: bool,
 }
 
+impl Field {
+    /// Its value in `record`; wide enough for every integer type.
+    #[inline]
+    fn value(self, record: &[u8]) -> i128 {
+        let bytes = &record[self.offset..];
+        let unsigned = match (self.width, self.big_endian) {
+            (1, _) => bytes[0].into(),
+            (2, false) => u16::from_le_bytes(array(bytes)).into(),
+            (2, true) => u16::from_be_bytes(array(bytes)).into(),
+            (4, false) => u32::from_le_bytes(array(bytes)).into(),
+            (4, true) => u32::from_be_bytes(array(bytes)).into(),
+            (_, false) => u64::from_le_bytes(array(bytes)),
+            (_, true) => u64::from_be_bytes(array(bytes)),
+        };
+        if self.signed {
+            // The shift up and back down fills the upper bits with the sign bit of the narrow type.
+            let shift = 64 - 8 * self.width as u32;
+            i128::from((unsigned << shift) as i64 >> shift)
+        } else {
+            unsigned.into()
+        }
+    }
+}
+
 /// The layout of the records.
-#[derive(Debug)]
 struct Layout {
-    t: Field,
-    x: Field,
-    y: Field,
-    p: Field,
+    /// Time, column, row and polarity.
+    fields: [Field; 4],
     /// Bytes of a record.
     stride: usize,
     /// Number of records according to the header.
@@ -120,12 +106,8 @@ struct Layout {
     start: usize,
 }
 
-/// A field of the record; `kind` is `None` if the field is skipped for its type.
-struct Column<'a> {
-    name: &'a [u8],
-    offset: usize,
-    kind: Option<Integer>,
-}
+/// A column of the records by its name; `None`: it is skipped for its type.
+type Column<'a> = (&'a [u8], Option<Field>);
 
 impl Layout {
     /// Reads magic, version and header.
@@ -143,7 +125,8 @@ impl Layout {
         if length > NPY_HEADER_BYTES {
             return Err(file.too_large("header", text_at, NPY_HEADER_BYTES, length, false));
         }
-        let mut scanner = Scanner::new(file, text_at, length as usize)?;
+        let start = text_at + file.get("header", text_at, length as usize)?.len();
+        let mut scanner = Scanner { file: Bytes { data: &file.data[..start], ..file }, at: text_at };
         let (mut record, mut count) = (None, None);
         scanner.expect(b'{')?;
         while !scanner.eat(b'}') {
@@ -166,27 +149,20 @@ impl Layout {
         let Some(((columns, stride), count)) = record.zip(count) else {
             return Err(scanner.error("the keys descr and shape"));
         };
-        let find = |name: &'static str, known: &[&str]| {
-            let mut found =
-                columns.iter().filter(|c| known.iter().any(|k| c.name.eq_ignore_ascii_case(k.as_bytes())));
-            match (found.next(), found.next()) {
-                (Some(&Column { offset, kind: Some(kind), .. }), None) => Ok(Field { offset, kind }),
-                (Some(_), None) => Err(file.malformed(name, text_at, "integers", "another type")),
-                (None, _) => {
-                    Err(file.malformed(name, text_at, format!("a field {}", known.join(" or ")), "none"))
-                }
-                (Some(_), Some(_)) => Err(file.malformed(name, text_at, "one field", "two")),
-            }
+        let find = |what: &'static str, known: &[&str]| {
+            let is_known = |name: &[u8]| known.iter().any(|k| name.eq_ignore_ascii_case(k.as_bytes()));
+            let mut found = columns.iter().filter(|(name, _)| is_known(name));
+            let (expected, actual) = match (found.next(), found.next()) {
+                (Some(&(_, Some(field))), None) => return Ok(field),
+                (Some(_), None) => ("integers".to_owned(), "another type"),
+                (None, _) => (format!("a field {}", known.join(" or ")), "none"),
+                (Some(_), Some(_)) => ("one field".to_owned(), "two"),
+            };
+            Err(file.malformed(what, text_at, expected, actual))
         };
-        Ok(Self {
-            t: find("field t (time)", TIME)?,
-            x: find("field x", X)?,
-            y: find("field y", Y)?,
-            p: find("field p (polarity)", POLARITY)?,
-            stride,
-            count,
-            start: text_at + length as usize,
-        })
+        let (t, x) = (find("field t (time)", TIME)?, find("field x", X)?);
+        let (y, p) = (find("field y", Y)?, find("field p (polarity)", POLARITY)?);
+        Ok(Self { fields: [t, x, y, p], stride, count, start })
     }
 }
 
@@ -207,13 +183,13 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
             scanner.expect(b')')?;
         }
         scanner.expect(b',')?;
-        let kind_at = scanner.string()?;
-        let Some((kind, bytes)) = kind(kind_at) else {
-            let expected = format!("a type of fixed size before this, not {}", shown(kind_at));
+        let text = scanner.string()?;
+        let Some((field, bytes)) = column(text, stride) else {
+            let expected = format!("a type of fixed size before this, not {}", shown(text));
             return Err(scanner.error(&expected));
         };
         scanner.expect(b')')?;
-        columns.push(Column { name, offset: stride, kind });
+        columns.push((name, field));
         // At most 2^16 bytes of header, each field below 2^32 bytes: no overflow in 64 bits, saturated in 32.
         stride = stride.saturating_add(bytes);
         if scanner.peek() != Some(b']') {
@@ -223,8 +199,8 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
     Ok((columns, stride))
 }
 
-/// The type that a type string names if an event can have it, and the type's size in bytes. `None`: the size is not fixed.
-fn kind(text: &[u8]) -> Option<(Option<Integer>, usize)> {
+/// The field at `offset` of the type that `text` names, if an event can have it, and its bytes. `None`: the size is not fixed.
+fn column(text: &[u8], offset: usize) -> Option<(Option<Field>, usize)> {
     let (big_endian, text) = match text {
         [b'>', rest @ ..] => (true, rest),
         [b'<' | b'=' | b'|', rest @ ..] => (false, rest),
@@ -233,17 +209,14 @@ fn kind(text: &[u8]) -> Option<(Option<Integer>, usize)> {
     let (&class, size) = text.split_first()?;
     // The unit of `M8[us]` and `m8[us]` is in brackets.
     let digits = size.split(|&b| b == b'[').next().unwrap_or_default();
-    let size: u32 = std::str::from_utf8(digits).ok()?.parse().ok()?;
-    let bytes = size as usize;
-    let integer = |signed| {
-        matches!(size, 1 | 2 | 4 | 8).then_some((Some(Integer { bytes, signed, big_endian }), bytes))
-    };
-    match class {
-        b'b' if size == 1 => integer(false),
-        b'i' => integer(true),
-        b'u' => integer(false),
-        b'f' | b'c' | b'V' | b'S' | b'M' | b'm' => Some((None, bytes)),
-        b'U' => Some((None, bytes.saturating_mul(4))),
+    let size: u32 = str::from_utf8(digits).ok()?.parse().ok()?;
+    let width = size as usize;
+    match (class, size) {
+        (b'b', 1) | (b'i' | b'u', 1 | 2 | 4 | 8) => {
+            Some((Some(Field { offset, width, signed: class == b'i', big_endian }), width))
+        }
+        (b'f' | b'c' | b'V' | b'S' | b'M' | b'm', _) => Some((None, width)),
+        (b'U', _) => Some((None, width.saturating_mul(4))),
         _ => None,
     }
 }
@@ -251,37 +224,33 @@ fn kind(text: &[u8]) -> Option<(Option<Integer>, usize)> {
 /// The length of an array of one dimension.
 fn shape(scanner: &mut Scanner<'_>) -> Result<u64, IoError> {
     scanner.expect(b'(')?;
-    let count = scanner.number()?;
+    let before = scanner.at;
+    let Some(count) = str::from_utf8(scanner.word()).ok().and_then(|digits| digits.parse().ok()) else {
+        scanner.at = before;
+        return Err(scanner.error("an integer from 0 to 2^64 - 1"));
+    };
     scanner.expect(b',')?;
-    if !scanner.eat(b')') {
-        return Err(scanner.error("an array of one dimension"));
-    }
-    Ok(count)
+    if scanner.eat(b')') { Ok(count) } else { Err(scanner.error("an array of one dimension")) }
 }
 
 /// A tokenizer of the few Python literals of a header.
 ///
 /// It does not recurse: the grammar of a header is fixed, so nested text cannot use up the stack.
 struct Scanner<'a> {
+    /// The file up to the end of the header.
     file: Bytes<'a>,
-    text: &'a [u8],
-    /// Byte of the file at which `text` starts.
-    start: usize,
     at: usize,
 }
 
 impl<'a> Scanner<'a> {
-    /// The text of `length` bytes at byte `start` of the file.
-    fn new(file: Bytes<'a>, start: usize, length: usize) -> Result<Self, IoError> {
-        Ok(Self { file, text: file.get("header", start, length)?, start, at: 0 })
+    fn tail(&self) -> &'a [u8] {
+        &self.file.data[self.at..]
     }
 
     /// The next byte that is not a space, without taking it.
     fn peek(&mut self) -> Option<u8> {
-        while self.text.get(self.at).is_some_and(u8::is_ascii_whitespace) {
-            self.at += 1;
-        }
-        self.text.get(self.at).copied()
+        self.at = self.file.len() - self.tail().trim_ascii_start().len();
+        self.tail().first().copied()
     }
 
     /// Takes the byte if it comes next.
@@ -300,9 +269,8 @@ impl<'a> Scanner<'a> {
         let Some(quote @ (b'\'' | b'"')) = self.peek() else {
             return Err(self.error("a string"));
         };
-        let tail = &self.text[self.at + 1..];
-        let length = tail.iter().position(|&b| b == quote || b == b'\\');
-        match length {
+        let tail = &self.tail()[1..];
+        match tail.iter().position(|&b| b == quote || b == b'\\') {
             Some(length) if tail[length] == quote => {
                 self.at += length + 2;
                 Ok(&tail[..length])
@@ -311,34 +279,22 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// An integer that is not negative.
-    fn number(&mut self) -> Result<u64, IoError> {
-        self.peek();
-        let tail = &self.text[self.at..];
-        let length = tail.iter().take_while(|b| b.is_ascii_digit()).count();
-        let parsed = std::str::from_utf8(&tail[..length]).ok().and_then(|digits| digits.parse().ok());
-        let number = parsed.ok_or_else(|| self.error("an integer from 0 to 2^64 - 1"))?;
-        self.at += length;
-        Ok(number)
-    }
-
-    /// A name such as `True`.
+    /// A name such as `True`, or a number.
     fn word(&mut self) -> &'a [u8] {
         self.peek();
-        let tail = &self.text[self.at..];
-        let length = tail.iter().take_while(|b| b.is_ascii_alphanumeric()).count();
+        let word = self.tail();
+        let length = word.iter().take_while(|b| b.is_ascii_alphanumeric()).count();
         self.at += length;
-        &tail[..length]
+        &word[..length]
     }
 
     /// The error of a text that differs from `expected` at this position.
     fn error(&self, expected: &str) -> IoError {
-        let tail = &self.text[self.at.min(self.text.len())..];
-        let actual = match &tail[..tail.len().min(24)] {
+        let actual = match self.tail() {
             [] => "the end of the header".to_owned(),
-            some => shown(some),
+            tail => shown(&tail[..tail.len().min(24)]),
         };
-        self.file.malformed("header", self.start + self.at, expected, actual)
+        self.file.malformed("header", self.at, expected, actual)
     }
 }
 
@@ -346,29 +302,21 @@ impl<'a> Scanner<'a> {
 const ALIGNMENT: usize = 64;
 /// Magic, version, and length of the header.
 const FIXED: usize = 10;
-/// Bytes of a record.
-const STRIDE: usize = 13;
 
 /// Writes the header and a record for each of `events`.
 pub(crate) fn encode(events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    let mut header = format!(
-        "{{'descr': [('t', '<i8'), ('x', '<u2'), ('y', '<u2'), ('p', '|u1')], 'fortran_order': False, 'shape': ({},), }}",
-        events.len()
-    );
+    let fields = "[('t', '<i8'), ('x', '<u2'), ('y', '<u2'), ('p', '|u1')]";
+    let header = format!("{{'descr': {fields}, 'fortran_order': False, 'shape': ({},), }}", events.len());
     let length = (FIXED + header.len() + 1).next_multiple_of(ALIGNMENT) - FIXED;
-    header.extend(std::iter::repeat_n(' ', length - 1 - header.len()));
-    header.push('\n');
     out.write_all(MAGIC)?;
     out.write_all(&[1, 0])?;
     out.write_all(&(length as u16).to_le_bytes())?;
-    out.write_all(header.as_bytes())?;
+    writeln!(out, "{header:0$}", length - 1)?;
     for event in events {
-        let mut record = [0; STRIDE];
-        record[..8].copy_from_slice(&event.t_us.to_le_bytes());
-        record[8..10].copy_from_slice(&event.x.to_le_bytes());
-        record[10..12].copy_from_slice(&event.y.to_le_bytes());
-        record[12] = event.on.into();
-        out.write_all(&record)?;
+        out.write_all(&event.t_us.to_le_bytes())?;
+        out.write_all(&event.x.to_le_bytes())?;
+        out.write_all(&event.y.to_le_bytes())?;
+        out.write_all(&[event.on.into()])?;
     }
     Ok(())
 }

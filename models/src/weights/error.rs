@@ -35,12 +35,12 @@ pub enum FormatError {
         found: String,
     },
     /// The archive holds no state dict.
-    #[error("expected a state dict, or a checkpoint with one as {expected}; found {found}")]
+    #[error(
+        "expected a state dict, or a checkpoint with one as \"state_dict\", \"model_state_dict\" or \"model\"; found {found}"
+    )]
     NoStateDict {
-        /// The keys of a checkpoint that may hold a state dict.
-        expected: &'static str,
         /// The content.
-        found: String,
+        found: &'static str,
     },
     /// A tensor does not fit the bytes that it refers to.
     #[error("tensor {tensor:?}: {what}: expected {expected}, found {found}")]
@@ -54,6 +54,21 @@ pub enum FormatError {
         /// The value.
         found: String,
     },
+}
+
+impl FormatError {
+    pub(super) fn zip(what: &str, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Zip { what: quoted(what), expected: expected.into(), found: found.into() }
+    }
+
+    pub(super) fn tensor(
+        tensor: &str,
+        what: &'static str,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Tensor { tensor: quoted(tensor), what, expected: expected.into(), found: found.into() }
+    }
 }
 
 /// The start of a name, without control characters, for messages.

@@ -5,19 +5,21 @@
 //! BUILD only drops attributes. Invariant: every value costs at least one byte of input, and containers live in arenas.
 //! Memory is therefore linear in the input, and deeply nested values need no recursion.
 
-use super::error::FormatError;
-use super::tensor::Float;
+use safetensors::Dtype;
 
-/// A value. Containers are indices into an arena.
-#[derive(Clone, Copy, Debug, PartialEq)]
+use super::error::FormatError;
+
+/// A value. Containers are indices into an arena. Values that no state dict needs have only their kind.
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Value<'a> {
+    /// The start of the items of the next tuple, list or dict.
+    Mark,
     None,
-    Bool(bool),
+    Bool,
     Int(i64),
-    Float(f64),
+    Float,
     Str(&'a str),
     Tuple(usize),
-    /// A list, whose contents no state dict needs.
     List,
     Dict(usize),
     Global(Global),
@@ -26,7 +28,7 @@ pub(super) enum Value<'a> {
 }
 
 /// A global that a pickle may name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Global {
     OrderedDict,
     RebuildTensor,
@@ -35,15 +37,32 @@ pub(super) enum Global {
 }
 
 /// Type of a storage's values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Scalar {
-    Float(Float),
+    Float(Dtype),
     /// Integers and truth values, by their `PyTorch` name.
     Other(&'static str),
 }
 
+/// Modules, names and the globals that they name.
+const GLOBALS: [(&str, &str, Global); 13] = [
+    ("collections", "OrderedDict", Global::OrderedDict),
+    ("torch._utils", "_rebuild_tensor_v2", Global::RebuildTensor),
+    ("torch._utils", "_rebuild_parameter", Global::RebuildParameter),
+    ("torch", "FloatStorage", Global::Storage(Scalar::Float(Dtype::F32))),
+    ("torch", "DoubleStorage", Global::Storage(Scalar::Float(Dtype::F64))),
+    ("torch", "HalfStorage", Global::Storage(Scalar::Float(Dtype::F16))),
+    ("torch", "BFloat16Storage", Global::Storage(Scalar::Float(Dtype::BF16))),
+    ("torch", "LongStorage", Global::Storage(Scalar::Other("int64"))),
+    ("torch", "IntStorage", Global::Storage(Scalar::Other("int32"))),
+    ("torch", "ShortStorage", Global::Storage(Scalar::Other("int16"))),
+    ("torch", "CharStorage", Global::Storage(Scalar::Other("int8"))),
+    ("torch", "ByteStorage", Global::Storage(Scalar::Other("uint8"))),
+    ("torch", "BoolStorage", Global::Storage(Scalar::Other("bool"))),
+];
+
 /// An entry of the archive, by its key.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Storage<'a> {
     pub(super) key: &'a str,
     pub(super) scalar: Scalar,
@@ -52,7 +71,7 @@ pub(super) struct Storage<'a> {
 }
 
 /// A tensor as a view of a storage.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(super) struct View<'a> {
     pub(super) storage: Storage<'a>,
     pub(super) offset: usize,
@@ -85,10 +104,9 @@ struct Unpickler<'a> {
     at: usize,
     /// Where the current instruction starts, for messages.
     opcode: usize,
+    /// Values and marks.
     stack: Vec<Value<'a>>,
-    /// Heights of the stack at the marks.
-    marks: Vec<usize>,
-    memo: std::collections::BTreeMap<u32, Value<'a>>,
+    memo: std::collections::BTreeMap<u64, Value<'a>>,
     tuples: Vec<Vec<Value<'a>>>,
     dicts: Vec<Vec<(Value<'a>, Value<'a>)>>,
     tensors: Vec<View<'a>>,
@@ -100,14 +118,11 @@ impl<'a> Unpickler<'a> {
     }
 
     fn take(&mut self, length: usize) -> Result<&'a [u8], FormatError> {
-        let taken = self.at.checked_add(length).and_then(|end| self.bytes.get(self.at..end));
-        match taken {
-            Some(taken) => {
-                self.at += length;
-                Ok(taken)
-            }
-            None => self.refuse("more bytes", "the end of the pickle"),
-        }
+        let Some(taken) = self.bytes[self.at..].get(..length) else {
+            return self.refuse("more bytes", "the end of the pickle");
+        };
+        self.at += length;
+        Ok(taken)
     }
 
     /// A little-endian number of `length` bytes, at most 8.
@@ -118,13 +133,12 @@ impl<'a> Unpickler<'a> {
 
     fn text(&mut self, length: usize) -> Result<&'a str, FormatError> {
         let taken = self.take(length)?;
-        std::str::from_utf8(taken).or_else(|_| self.refuse("text in UTF-8", "other bytes"))
+        str::from_utf8(taken).or_else(|_| self.refuse("text in UTF-8", "other bytes"))
     }
 
     /// A line of text, without its end.
     fn line(&mut self) -> Result<&'a str, FormatError> {
-        let rest = &self.bytes[self.at..];
-        let Some(length) = rest.iter().position(|&b| b == b'\n') else {
+        let Some(length) = self.bytes[self.at..].iter().position(|&b| b == b'\n') else {
             return self.refuse("a line", "the end of the pickle");
         };
         let line = self.text(length)?;
@@ -132,21 +146,28 @@ impl<'a> Unpickler<'a> {
         Ok(line)
     }
 
-    fn pop(&mut self) -> Result<Value<'a>, FormatError> {
-        // Values below a mark belong to it.
-        let floor = self.marks.last().copied().unwrap_or(0);
-        match self.stack.pop() {
-            Some(value) if self.stack.len() >= floor => Ok(value),
-            _ => self.refuse("a value on the stack", "none"),
+    /// The value on top of the stack. Values below a mark belong to it.
+    fn top(&self) -> Result<Value<'a>, FormatError> {
+        match self.stack.last() {
+            None | Some(Value::Mark) => self.refuse("a value on the stack", "none"),
+            Some(&value) => Ok(value),
         }
+    }
+
+    fn pop(&mut self) -> Result<Value<'a>, FormatError> {
+        let value = self.top()?;
+        self.stack.pop();
+        Ok(value)
     }
 
     /// The values above the last mark, which is removed.
     fn pop_mark(&mut self) -> Result<Vec<Value<'a>>, FormatError> {
-        match self.marks.pop() {
-            Some(height) => Ok(self.stack.split_off(height.min(self.stack.len()))),
-            None => self.refuse("a mark on the stack", "none"),
-        }
+        let Some(mark) = self.stack.iter().rposition(|value| matches!(value, Value::Mark)) else {
+            return self.refuse("a mark on the stack", "none");
+        };
+        let values = self.stack.split_off(mark + 1);
+        self.stack.pop();
+        Ok(values)
     }
 
     fn push_tuple(&mut self, values: Vec<Value<'a>>) {
@@ -154,34 +175,21 @@ impl<'a> Unpickler<'a> {
         self.stack.push(Value::Tuple(self.tuples.len() - 1));
     }
 
-    fn tuple_of(&mut self, count: usize) -> Result<(), FormatError> {
-        let mut values = Vec::new();
-        for _ in 0..count {
-            values.push(self.pop()?);
-        }
-        values.reverse();
-        self.push_tuple(values);
-        Ok(())
-    }
-
     fn push_dict(&mut self) {
         self.dicts.push(Vec::new());
         self.stack.push(Value::Dict(self.dicts.len() - 1));
     }
 
+    /// Puts keys and values, one after the other, into the dict on top of the stack.
     fn set(&mut self, items: &[Value<'a>]) -> Result<(), FormatError> {
-        let Some(&Value::Dict(dict)) = self.stack.last() else {
-            return self.refuse("a dict to put values into", self.kind_on_top());
+        let Value::Dict(dict) = self.top()? else {
+            return self.refuse("a dict to put values into", self.top()?.kind());
         };
-        if !items.len().is_multiple_of(2) {
+        let (pairs, []) = items.as_chunks() else {
             return self.refuse("pairs of keys and values", "a key alone");
-        }
-        self.dicts[dict].extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1])));
+        };
+        self.dicts[dict].extend(pairs.iter().map(|&[key, value]| (key, value)));
         Ok(())
-    }
-
-    fn kind_on_top(&self) -> &'static str {
-        self.stack.last().map_or("nothing", |v| v.kind())
     }
 
     /// Reads one instruction; returns the result at STOP.
@@ -193,10 +201,9 @@ impl<'a> Unpickler<'a> {
                 other => return self.refuse("protocol 2", format!("protocol {other}")),
             },
             b'.' => return self.pop().map(Some),
-            b'(' => self.marks.push(self.stack.len()),
+            b'(' => self.stack.push(Value::Mark),
             b'N' => self.stack.push(Value::None),
-            0x88 => self.stack.push(Value::Bool(true)),
-            0x89 => self.stack.push(Value::Bool(false)),
+            0x88 | 0x89 => self.stack.push(Value::Bool),
             b'K' => self.push_integer(1, false)?,
             b'M' => self.push_integer(2, false)?,
             b'J' => self.push_integer(4, true)?,
@@ -205,8 +212,8 @@ impl<'a> Unpickler<'a> {
                 self.push_integer(length, true)?;
             }
             b'G' => {
-                let bits = self.number(8)?.swap_bytes();
-                self.stack.push(Value::Float(f64::from_bits(bits)));
+                self.take(8)?;
+                self.stack.push(Value::Float);
             }
             b'X' => {
                 let length = self.number(4)? as usize;
@@ -214,13 +221,24 @@ impl<'a> Unpickler<'a> {
                 self.stack.push(Value::Str(text));
             }
             b')' => self.push_tuple(Vec::new()),
-            0x85..=0x87 => self.tuple_of(usize::from(opcode - 0x84))?,
+            0x85..=0x87 => {
+                let mut values = (0x84..opcode).map(|_| self.pop()).collect::<Result<Vec<_>, _>>()?;
+                values.reverse();
+                self.push_tuple(values);
+            }
             b't' => {
                 let values = self.pop_mark()?;
                 self.push_tuple(values);
             }
             b']' => self.stack.push(Value::List),
-            b'a' | b'e' => self.append(opcode)?,
+            b'a' => {
+                self.pop()?;
+                self.append()?;
+            }
+            b'e' => {
+                self.pop_mark()?;
+                self.append()?;
+            }
             b'}' => self.push_dict(),
             b's' => {
                 let (value, key) = (self.pop()?, self.pop()?);
@@ -231,14 +249,11 @@ impl<'a> Unpickler<'a> {
                 self.set(&items)?;
             }
             b'q' | b'r' => {
-                let place = self.number(if opcode == b'q' { 1 } else { 4 })? as u32;
-                let Some(&value) = self.stack.last() else {
-                    return self.refuse("a value to remember", "none");
-                };
-                self.memo.insert(place, value);
+                let place = self.number(if opcode == b'q' { 1 } else { 4 })?;
+                self.memo.insert(place, self.top()?);
             }
             b'h' | b'j' => {
-                let place = self.number(if opcode == b'h' { 1 } else { 4 })? as u32;
+                let place = self.number(if opcode == b'h' { 1 } else { 4 })?;
                 let Some(&value) = self.memo.get(&place) else {
                     return self.refuse("a remembered value", format!("none at {place}"));
                 };
@@ -268,67 +283,38 @@ impl<'a> Unpickler<'a> {
     }
 
     /// APPEND and APPENDS: the contents of a list are dropped.
-    fn append(&mut self, opcode: u8) -> Result<(), FormatError> {
-        if opcode == b'a' {
-            self.pop()?;
-        } else {
-            self.pop_mark()?;
-        }
-        match self.stack.last() {
-            Some(Value::List) => Ok(()),
-            _ => self.refuse("a list to append to", self.kind_on_top()),
+    fn append(&self) -> Result<(), FormatError> {
+        match self.top()? {
+            Value::List => Ok(()),
+            other => self.refuse("a list to append to", other.kind()),
         }
     }
 
     fn global(&mut self) -> Result<(), FormatError> {
         let (module, name) = (self.line()?, self.line()?);
-        let storage = |name: &str| {
-            Some(Global::Storage(match name {
-                "FloatStorage" => Scalar::Float(Float::F32),
-                "DoubleStorage" => Scalar::Float(Float::F64),
-                "HalfStorage" => Scalar::Float(Float::F16),
-                "BFloat16Storage" => Scalar::Float(Float::Bf16),
-                "LongStorage" => Scalar::Other("int64"),
-                "IntStorage" => Scalar::Other("int32"),
-                "ShortStorage" => Scalar::Other("int16"),
-                "CharStorage" => Scalar::Other("int8"),
-                "ByteStorage" => Scalar::Other("uint8"),
-                "BoolStorage" => Scalar::Other("bool"),
-                _ => return None,
-            }))
-        };
-        let global = match (module, name) {
-            ("collections", "OrderedDict") => Some(Global::OrderedDict),
-            ("torch._utils", "_rebuild_tensor_v2") => Some(Global::RebuildTensor),
-            ("torch._utils", "_rebuild_parameter") => Some(Global::RebuildParameter),
-            ("torch", name) => storage(name),
-            _ => None,
-        };
-        let Some(global) = global else {
+        let Some((_, _, global)) = GLOBALS.iter().find(|(m, n, _)| (*m, *n) == (module, name)) else {
             let found = format!("{module}.{name}").chars().take(120).collect::<String>();
             return self.refuse("OrderedDict, a tensor, a parameter or a storage", format!("{found:?}"));
         };
-        self.stack.push(Value::Global(global));
+        self.stack.push(Value::Global(*global));
         Ok(())
     }
 
     /// BINPERSID: ("storage", type, key, location, number of values).
     fn persistent(&mut self) -> Result<(), FormatError> {
         let id = self.pop()?;
-        let fields = self.tuple(id)?;
-        match fields {
-            &[
-                Value::Str("storage"),
-                Value::Global(Global::Storage(scalar)),
-                Value::Str(key),
-                Value::Str(_),
-                Value::Int(values),
-            ] if values >= 0 => {
-                self.stack.push(Value::Storage(Storage { key, scalar, values: values as usize }));
-                Ok(())
-            }
-            _ => self.refuse("a storage's type, key, location and number of values", "other fields"),
-        }
+        let &[
+            Value::Str("storage"),
+            Value::Global(Global::Storage(scalar)),
+            Value::Str(key),
+            Value::Str(_),
+            Value::Int(values @ 0..),
+        ] = self.tuple(id)?
+        else {
+            return self.refuse("a storage's type, key, location and number of values", "other fields");
+        };
+        self.stack.push(Value::Storage(Storage { key, scalar, values: values as usize }));
+        Ok(())
     }
 
     fn tuple(&self, value: Value<'a>) -> Result<&[Value<'a>], FormatError> {
@@ -340,11 +326,11 @@ impl<'a> Unpickler<'a> {
 
     /// A tuple of numbers from 0.
     fn sizes(&self, value: Value<'a>) -> Result<Vec<usize>, FormatError> {
-        let sizes = self.tuple(value)?.iter().map(|v| match *v {
-            Value::Int(size) => usize::try_from(size).ok(),
-            _ => None,
+        let sizes = self.tuple(value)?.iter().map(|value| match *value {
+            Value::Int(size @ 0..) => Ok(size as usize),
+            _ => self.refuse("a tuple of numbers from 0", "others"),
         });
-        sizes.collect::<Option<_>>().map_or_else(|| self.refuse("a tuple of numbers from 0", "others"), Ok)
+        sizes.collect()
     }
 
     /// REDUCE: the three callables there are.
@@ -357,34 +343,26 @@ impl<'a> Unpickler<'a> {
                 Value::Global(Global::RebuildTensor),
                 &[
                     Value::Storage(storage),
-                    Value::Int(offset),
+                    Value::Int(offset @ 0..),
                     shape,
                     strides,
-                    Value::Bool(_),
+                    Value::Bool,
                     Value::Dict(_),
                     ..,
                 ],
-            ) if arguments.len() <= 7 && offset >= 0 => {
-                let view = View {
-                    storage,
-                    offset: offset as usize,
-                    shape: self.sizes(shape)?,
-                    strides: self.sizes(strides)?,
-                };
-                if view.shape.len() != view.strides.len() || view.shape.len() > 16 {
-                    return self
-                        .refuse("as many strides as sizes, at most 16", view.strides.len().to_string());
+            ) if arguments.len() <= 7 => {
+                let (shape, strides) = (self.sizes(shape)?, self.sizes(strides)?);
+                if shape.len() != strides.len() || shape.len() > 16 {
+                    return self.refuse("as many strides as sizes, at most 16", strides.len().to_string());
                 }
-                self.tensors.push(view);
+                self.tensors.push(View { storage, offset: offset as usize, shape, strides });
                 self.stack.push(Value::Tensor(self.tensors.len() - 1));
             }
             (
                 Value::Global(Global::RebuildParameter),
-                &[tensor @ Value::Tensor(_), Value::Bool(_), Value::Dict(_)],
+                &[tensor @ Value::Tensor(_), Value::Bool, Value::Dict(_)],
             ) => self.stack.push(tensor),
-            (callable, _) => {
-                return self.refuse("an OrderedDict(), a tensor or a parameter", callable.kind());
-            }
+            _ => return self.refuse("an OrderedDict(), a tensor or a parameter", callable.kind()),
         }
         Ok(())
     }
@@ -392,9 +370,9 @@ impl<'a> Unpickler<'a> {
     /// BUILD: attributes of an `OrderedDict` (a state dict's `_metadata`), which do not concern its tensors.
     fn build(&mut self) -> Result<(), FormatError> {
         self.pop()?;
-        match self.stack.last() {
-            Some(Value::Dict(_)) => Ok(()),
-            _ => self.refuse("an OrderedDict to give attributes", self.kind_on_top()),
+        match self.top()? {
+            Value::Dict(_) => Ok(()),
+            other => self.refuse("an OrderedDict to give attributes", other.kind()),
         }
     }
 }
@@ -403,10 +381,11 @@ impl Value<'_> {
     /// Its kind, for messages.
     pub(super) fn kind(&self) -> &'static str {
         match self {
+            Self::Mark => "a mark",
             Self::None => "None",
-            Self::Bool(_) => "a truth value",
+            Self::Bool => "a truth value",
             Self::Int(_) => "an integer",
-            Self::Float(_) => "a float",
+            Self::Float => "a float",
             Self::Str(_) => "a string",
             Self::Tuple(_) => "a tuple",
             Self::List => "a list",

@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
 use super::error::{FormatError, quoted};
-use super::tensor::{Float, Tensor};
+use super::tensor::{Tensor, float, is_float};
 
 /// Longest header: about 100,000 tensors. One byte of a header can take ten bytes of memory.
 const LARGEST_HEADER: u64 = 1 << 24;
@@ -39,27 +39,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<Contents, FormatError> {
     let file = SafeTensors::deserialize(bytes).map_err(invalid)?;
     let mut tensors = BTreeMap::new();
     for (name, view) in file.iter() {
-        let float = match view.dtype() {
-            Dtype::F16 => Some(Float::F16),
-            Dtype::BF16 => Some(Float::Bf16),
-            Dtype::F32 => Some(Float::F32),
-            Dtype::F64 => Some(Float::F64),
-            _ => None,
-        };
-        let shape = view.shape().to_vec();
-        let tensor = match float {
-            None => Tensor::other(shape, format!("{:?}", view.dtype())),
-            Some(float) => {
-                let count = view.data().len() / float.size();
-                let values = (0..count).filter_map(|i| float.get(view.data(), i)).collect();
-                let sizes = || FormatError::Tensor {
-                    tensor: quoted(name),
-                    what: "values",
-                    expected: format!("as many as shape {:?} has", view.shape()),
-                    found: count.to_string(),
-                };
-                Tensor::new(shape, values).ok_or_else(sizes)?
-            }
+        let (dtype, shape) = (view.dtype(), view.shape().to_vec());
+        let tensor = if is_float(dtype) {
+            let count = view.data().len() / (dtype.bitsize() / 8);
+            let values = (0..count).filter_map(|i| float(dtype, view.data(), i)).collect();
+            Tensor::new(shape, values).ok_or_else(|| {
+                let expected = format!("as many as shape {:?} has", view.shape());
+                FormatError::tensor(name, "values", expected, count.to_string())
+            })?
+        } else {
+            Tensor::other(shape, format!("{dtype:?}"))
         };
         tensors.insert(name.to_owned(), tensor);
     }

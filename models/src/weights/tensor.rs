@@ -2,6 +2,8 @@
 //!
 //! Values become f32: exactly where f32 holds the value, else rounded to nearest.
 
+use safetensors::Dtype;
+
 /// A tensor of a weights file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
@@ -50,35 +52,22 @@ impl Tensor {
     }
 }
 
-/// A floating-point type in little-endian bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Float {
-    F16,
-    Bf16,
-    F32,
-    F64,
+/// Whether values of this type become f32.
+pub(super) fn is_float(dtype: Dtype) -> bool {
+    matches!(dtype, Dtype::F16 | Dtype::BF16 | Dtype::F32 | Dtype::F64)
 }
 
-impl Float {
-    /// Bytes of one value.
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::F16 | Self::Bf16 => 2,
-            Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Value `index` of `bytes`; `None` past the end.
-    pub(super) fn get(self, bytes: &[u8], index: usize) -> Option<f32> {
-        let bytes = bytes.get(index.checked_mul(self.size())?..)?.get(..self.size())?;
-        Some(match self {
-            Self::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
-            Self::Bf16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),
-            Self::F32 => f32::from_le_bytes(bytes.try_into().ok()?),
-            Self::F64 => f64::from_le_bytes(bytes.try_into().ok()?) as f32,
-        })
-    }
+/// Value `index` of little-endian values of a floating-point type; `None` past the end, and for other types.
+pub(super) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
+    let size = dtype.bitsize() / 8;
+    let bytes = bytes.get(index.checked_mul(size)?..)?.get(..size)?;
+    Some(match dtype {
+        Dtype::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
+        Dtype::BF16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),
+        Dtype::F32 => f32::from_le_bytes(bytes.try_into().ok()?),
+        Dtype::F64 => f64::from_le_bytes(bytes.try_into().ok()?) as f32,
+        _ => return None,
+    })
 }
 
 /// IEEE 754 binary16 as f32, exactly.
@@ -98,7 +87,9 @@ fn f16_to_f32(bits: u16) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Float, f16_to_f32};
+    use safetensors::Dtype;
+
+    use super::{f16_to_f32, float};
 
     #[test]
     fn every_half_is_the_value_its_definition_gives() {
@@ -121,8 +112,8 @@ mod tests {
 
     #[test]
     fn a_value_past_the_end_is_none() {
-        assert_eq!(Float::F32.get(&[0; 7], 1), None);
-        assert_eq!(Float::F64.get(&[0; 8], usize::MAX / 4), None);
-        assert_eq!(Float::Bf16.get(&[0, 0, 0x80, 0x3f], 1), Some(1.0));
+        assert_eq!(float(Dtype::F32, &[0; 7], 1), None);
+        assert_eq!(float(Dtype::F64, &[0; 8], usize::MAX / 4), None);
+        assert_eq!(float(Dtype::BF16, &[0, 0, 0x80, 0x3f], 1), Some(1.0));
     }
 }
