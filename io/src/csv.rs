@@ -34,7 +34,7 @@ use crate::detect::other_kind;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
 use crate::recording::{Recording, Salvage};
-use crate::text::{Line, Lines, is_comment};
+use crate::text::{Lines, is_comment, lines_of};
 
 /// The events of a text, each as soon as its line is there: for a pipe or a socket as well as for a file.
 ///
@@ -143,30 +143,18 @@ impl<'a> CsvEvents<&'a [u8]> {
 fn layout_of(text: &[u8], options: TextOptions) -> Result<Layout, IoError> {
     let mut layout = Layout::new(options);
     let has_points = text.contains(&b'.');
-    let mut lines = Lines::new(text);
-    let mut first: Option<(Vec<u8>, u64)> = None;
-    let mut evidence: Option<Evidence> = None;
-    while let Ok(Some(line)) = lines.next(|_| None) {
-        if line.text.is_empty() {
-            continue;
-        }
-        if let Some(evidence) = &mut evidence {
-            if !is_comment(line.text) {
-                evidence.add(line.text);
-            }
-            continue;
-        }
+    let mut lines = lines_of(text).filter(|line| !line.text.is_empty());
+    while let Some(line) = lines.next() {
         match layout.preamble(line) {
             Ok(true) => {}
             Ok(false) if !layout.is_known(has_points) => {
-                first = Some((line.text.to_vec(), line.number));
-                evidence = Some(Evidence::of(layout.separator(line.text), line.text));
+                let more = lines.map(|line| line.text).filter(|text| !is_comment(text));
+                let evidence = Evidence::of(layout.separator(line.text), line.text, more);
+                layout.decide(&evidence, line)?;
+                return Ok(layout);
             }
             Ok(false) | Err(_) => return Ok(layout),
         }
-    }
-    if let Some(((text, number), evidence)) = first.zip(evidence) {
-        layout.decide(&evidence, Line { text: &text, number })?;
     }
     Ok(layout)
 }

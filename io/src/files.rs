@@ -71,34 +71,19 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
 /// Compares two names: runs of digits by value (`img2` before `img10`), other bytes one by one; names that are equal so far
 /// (`img1`, `img01`) byte by byte. A total order; O(length), numbers of any length.
 fn compare(a: &[u8], b: &[u8]) -> Ordering {
-    let (mut x, mut y) = (a, b);
-    loop {
-        let order = match (x.first(), y.first()) {
-            (Some(i), Some(j)) if i.is_ascii_digit() && j.is_ascii_digit() => {
-                let (m, n) = (number(&mut x), number(&mut y));
-                m.len().cmp(&n.len()).then_with(|| m.cmp(n))
-            }
-            (Some(i), Some(j)) => {
-                let order = i.cmp(j);
-                (x, y) = (&x[1..], &y[1..]);
-                order
-            }
-            (None, None) => return a.cmp(b),
-            (i, j) => i.cmp(&j),
-        };
-        if order.is_ne() {
-            return order;
-        }
-    }
+    let parts = |name| <[u8]>::chunk_by(name, |x: &u8, y: &u8| x.is_ascii_digit() && y.is_ascii_digit());
+    let order = |(x, y): (&[u8], &[u8])| match (number(x), number(y)) {
+        (Some(m), Some(n)) => m.len().cmp(&n.len()).then_with(|| m.cmp(n)),
+        _ => x.cmp(y),
+    };
+    let unequal = parts(a).zip(parts(b)).map(order).find(|order| order.is_ne());
+    unequal.unwrap_or_else(|| parts(a).count().cmp(&parts(b).count()).then_with(|| a.cmp(b)))
 }
 
-/// Takes the digits at the start of `text`; returns them without leading zeros.
-fn number<'a>(text: &mut &'a [u8]) -> &'a [u8] {
-    let length = text.iter().position(|b| !b.is_ascii_digit()).unwrap_or(text.len());
-    let (digits, rest) = text.split_at(length);
-    *text = rest;
-    let zeros = digits.iter().position(|&b| b != b'0').unwrap_or(length);
-    &digits[zeros..]
+/// The digits of a run of digits without leading zeros; `None`: it is no such run.
+fn number(part: &[u8]) -> Option<&[u8]> {
+    let zeros = part.iter().take_while(|&&b| b == b'0').count();
+    part[0].is_ascii_digit().then(|| &part[zeros..])
 }
 
 #[cfg(test)]

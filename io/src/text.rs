@@ -4,6 +4,7 @@
 //! most [`LINE_BYTES`] bytes, and nothing beyond its line feed is requested from the reader.
 
 use std::io::{BufRead, Read};
+use std::iter;
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place, shown};
@@ -105,6 +106,13 @@ impl<R: BufRead> Lines<R> {
         }
         Line { text: line.trim_ascii(), number: self.number }
     }
+}
+
+/// The lines of a whole text up to the first that [`Lines`] refuses.
+pub(crate) fn lines_of(text: &[u8]) -> impl Iterator<Item = Line<'_>> {
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+    let lines = text.split(|&b| b == b'\n').take_while(|line| line.len() as u64 <= LINE_BYTES);
+    lines.zip(1..).map(|(line, number)| Line { text: line.trim_ascii(), number })
 }
 
 /// Whether `line` is a comment.
@@ -213,23 +221,18 @@ impl<'a> Number<'a> {
 
     /// The number times 10^`power`, rounded to the nearest integer, halves away from zero; `None` beyond 128 bits.
     pub(crate) fn scaled(self, power: i32) -> Option<i128> {
-        let fraction = self.fraction.unwrap_or_default();
-        let digit = |index: usize| {
-            self.integer.get(index).or_else(|| fraction.get(index - self.integer.len())).copied()
-        };
         // The digits before this position are kept, the digit at this position rounds.
         let end = self.integer.len() as i64 + i64::from(power);
-        let kept = end.max(0) as usize;
-        let digits = (0..kept).map(|index| digit(index).unwrap_or(b'0') - b'0');
+        let digits = self.integer.iter().chain(self.fraction.unwrap_or_default()).map(|digit| digit - b'0');
+        let mut digits = digits.chain(iter::repeat(0));
+        let mut kept = digits.by_ref().take(end.max(0) as usize);
         // 18 digits fit in 64 bits, which is faster.
-        let mut value = if kept <= 18 {
-            digits.fold(0_u64, |value, digit| value * 10 + u64::from(digit)).into()
+        let mut value = if end <= 18 {
+            kept.fold(0_u64, |value, digit| value * 10 + u64::from(digit)).into()
         } else {
-            digits
-                .into_iter()
-                .try_fold(0_i128, |value, digit| value.checked_mul(10)?.checked_add(digit.into()))?
+            kept.try_fold(0_i128, |value, digit| value.checked_mul(10)?.checked_add(digit.into()))?
         };
-        let rounds_up = usize::try_from(end).ok().and_then(digit).is_some_and(|digit| digit >= b'5');
+        let rounds_up = end >= 0 && digits.next().is_some_and(|digit| digit >= 5);
         value = value.checked_add(i128::from(rounds_up))?;
         Some(if self.negative { -value } else { value })
     }

@@ -1,6 +1,5 @@
 //! The errors between a description, a weights file and a network.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -37,12 +36,12 @@ pub enum ModelError {
     #[error(transparent)]
     Format(#[from] FormatError),
     /// Weights lack tensors of a network, or have other tensors in their place.
-    #[error("weights do not fit network {network:?}: {problems}")]
+    #[error("weights do not fit network {network:?}: {}", lines(problems))]
     Weights {
         /// Name of the network.
         network: String,
-        /// Every tensor that does not fit.
-        problems: TensorProblems,
+        /// Every tensor that does not fit, in the order of their use.
+        problems: Vec<TensorProblem>,
     },
     /// Weights hold all tensors of a network more than once.
     #[error(
@@ -88,17 +87,8 @@ pub enum ModelError {
     Engine(#[from] meissner_engine::EngineError),
 }
 
-/// The tensors that do not fit, in the order of their use.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TensorProblems(pub Vec<TensorProblem>);
-
-impl fmt::Display for TensorProblems {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, problem) in self.0.iter().enumerate() {
-            write!(f, "{}{problem}", if i > 0 { "\n" } else { "" })?;
-        }
-        Ok(())
-    }
+fn lines(problems: &[TensorProblem]) -> String {
+    problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// A tensor that does not fit.

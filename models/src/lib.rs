@@ -38,7 +38,7 @@ pub use description::{
     ProblemKind,
 };
 pub use draw::{Drawable, draw};
-pub use error::{ModelError, TensorProblem, TensorProblemKind, TensorProblems};
+pub use error::{ModelError, TensorProblem, TensorProblemKind};
 pub use inspect::Summary;
 pub use shipped::{DEFAULT_NETWORK, DRAWN, drawn_file};
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

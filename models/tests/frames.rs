@@ -265,7 +265,7 @@ fn every_tensor_that_does_not_fit_is_reported() {
     });
     let error = description.network_parts(&Weights::new(broken)).expect_err("three tensors do not fit");
     let ModelError::Weights { problems, .. } = &error else { panic!("{error}") };
-    let names: Vec<&str> = problems.0.iter().map(|problem| problem.tensor.as_str()).collect();
+    let names: Vec<&str> = problems.iter().map(|problem| problem.tensor.as_str()).collect();
     assert_eq!(names, ["cells.1.peephole", "norm.running_var", "fc2.bias"], "{error}");
 }
 

@@ -69,7 +69,7 @@ fn every_tensor_of_layers_and_head_that_does_not_fit_is_reported() {
     let weights = Weights::new(kept.map(|(name, tensor)| (name.to_owned(), tensor.clone())));
     let error = description.network(&weights).expect_err("three tensors are missing");
     let ModelError::Weights { problems, .. } = &error else { panic!("{error}") };
-    let names: Vec<&str> = problems.0.iter().map(|problem| problem.tensor.as_str()).collect();
+    let names: Vec<&str> = problems.iter().map(|problem| problem.tensor.as_str()).collect();
     assert_eq!(names, ["conv1.conv.weight", "image.bias", "fc.bias"], "{error}");
 }
 

@@ -269,8 +269,8 @@ fn refusals(change: impl Fn(&Tensor) -> Tensor) -> [(String, ModelError); 2] {
 /// The only problem of each refusal, which names its tensor.
 fn problems(change: impl Fn(&Tensor) -> Tensor) -> [TensorProblemKind; 2] {
     refusals(change).map(|(name, error)| match error {
-        ModelError::Weights { mut problems, .. } if problems.0.len() == 1 => {
-            let problem = problems.0.remove(0);
+        ModelError::Weights { mut problems, .. } if problems.len() == 1 => {
+            let problem = problems.remove(0);
             assert_eq!(problem.tensor, name);
             problem.kind
         }

@@ -379,7 +379,7 @@ fn with(name: &str, tensor: Option<Tensor>) -> Vec<(String, TensorProblemKind)> 
     let weights = Weights::new(others.chain(tensor.map(|t| (name.to_owned(), t))));
     match description.network(&weights) {
         Err(ModelError::Weights { problems, .. }) => {
-            problems.0.into_iter().map(|p| (p.tensor, p.kind)).collect()
+            problems.into_iter().map(|p| (p.tensor, p.kind)).collect()
         }
         other => panic!("{other:?}"),
     }
@@ -417,7 +417,7 @@ fn every_tensor_that_does_not_fit_is_reported_at_once() {
     let description = small();
     let error = description.network(&Weights::new([])).expect_err("nothing there");
     let ModelError::Weights { problems, .. } = &error else { panic!("{error}") };
-    assert_eq!(problems.0.len(), description.tensors().len());
+    assert_eq!(problems.len(), description.tensors().len());
 }
 
 #[test]
@@ -443,7 +443,7 @@ fn a_first_dense_layer_that_does_not_fit_leaves_the_others_to_be_checked() {
     let others = weights.iter().filter(|(name, _)| *name != "hidden.weight");
     let weights = Weights::new(others.map(|(name, t)| (name.to_owned(), t.clone())));
     let error = description.network(&weights).expect_err("a tensor is missing");
-    assert!(matches!(&error, ModelError::Weights { problems, .. } if problems.0.len() == 1), "{error}");
+    assert!(matches!(&error, ModelError::Weights { problems, .. } if problems.len() == 1), "{error}");
 }
 
 #[test]

@@ -7,22 +7,23 @@ use crate::error::{IoError, shown};
 use crate::format::{POLARITY, UnknownName, X, Y};
 use crate::text::{Line, Number, Separator, content_lines, text_start};
 
+/// The letters of an order of columns.
+const LETTERS: [char; 4] = ['t', 'x', 'y', 'p'];
+
 /// The order of the columns of a text of events.
 ///
 /// It is written as one letter per column: `t`, `x`, `y` and `p` once each, and `_` for a column that is skipped, such as
 /// `xytp` or `t_xyp`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnOrder {
-    pub(super) t: usize,
-    pub(super) x: usize,
-    pub(super) y: usize,
-    pub(super) p: usize,
+    /// The columns of t, x, y and p.
+    pub(super) at: [usize; 4],
     pub(super) count: usize,
 }
 
 impl ColumnOrder {
     /// Columns t, x, y, p.
-    pub(super) const PLAIN: Self = Self { t: 0, x: 1, y: 2, p: 3, count: 4 };
+    pub(super) const PLAIN: Self = Self { at: [0, 1, 2, 3], count: 4 };
     /// Longest order, in letters.
     const MOST: usize = 64;
 
@@ -55,14 +56,9 @@ impl ColumnOrder {
         };
         let times = "t, ts, time, timestamp, each also with _s, _ms, _us or _ns";
         let t = find("column t of the header", &|name| time_column(name).0, times)?;
-        let columns = Self {
-            t,
-            x: one_of("column x of the header", X)?,
-            y: one_of("column y of the header", Y)?,
-            p: one_of("column p of the header", POLARITY)?,
-            count: names.len(),
-        };
-        Ok((columns, time_column(&names[t]).1))
+        let (x, y) = (one_of("column x of the header", X)?, one_of("column y of the header", Y)?);
+        let p = one_of("column p of the header", POLARITY)?;
+        Ok((Self { at: [t, x, y, p], count: names.len() }, time_column(&names[t]).1))
     }
 
     /// The fields t, x, y and p of a line.
@@ -70,8 +66,7 @@ impl ColumnOrder {
         let mut parts = [&[][..]; 4];
         let mut count = 0;
         for (index, field) in separator.fields(line.text).enumerate() {
-            let part = [self.t, self.x, self.y, self.p].iter().position(|&column| column == index);
-            if let Some(part) = part {
+            if let Some(part) = self.at.iter().position(|&column| column == index) {
                 parts[part] = field;
             }
             count += 1;
@@ -86,8 +81,7 @@ impl ColumnOrder {
 
 impl fmt::Display for ColumnOrder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let letters = [(self.t, 't'), (self.x, 'x'), (self.y, 'y'), (self.p, 'p')];
-        let letter = |column| letters.iter().find(|(c, _)| *c == column).map_or('_', |(_, letter)| *letter);
+        let letter = |index| self.at.iter().position(|&at| at == index).map_or('_', |part| LETTERS[part]);
         f.pad(&(0..self.count).map(letter).collect::<String>())
     }
 }
@@ -96,16 +90,18 @@ impl FromStr for ColumnOrder {
     type Err = UnknownName;
 
     fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let place = |letter| {
-            let mut found = text.match_indices(letter).map(|(at, _)| at);
-            found.next().filter(|_| found.next().is_none())
-        };
-        let known = text.len() <= Self::MOST && text.bytes().all(|b| b"txyp_".contains(&b));
-        let parse = || {
-            Some(Self { t: place('t')?, x: place('x')?, y: place('y')?, p: place('p')?, count: text.len() })
-        };
-        let expected = "the letters t, x, y and p once each, such as xytp, with _ for each other column";
-        parse().filter(|_| known).ok_or_else(|| UnknownName::new("order of columns", expected, text))
+        let is_known = text.len() <= Self::MOST && text.bytes().all(|b| b"txyp_".contains(&b));
+        let once = |letter| text.find(letter).filter(|at| text.rfind(letter) == Some(*at));
+        match LETTERS.map(once) {
+            [Some(t), Some(x), Some(y), Some(p)] if is_known => {
+                Ok(Self { at: [t, x, y, p], count: text.len() })
+            }
+            _ => {
+                let expected =
+                    "the letters t, x, y and p once each, such as xytp, with _ for each other column";
+                Err(UnknownName::new("order of columns", expected, text))
+            }
+        }
     }
 }
 

@@ -121,7 +121,7 @@ impl Layout {
     }
 
     /// Decides by all lines of a text whatever is not known yet; `first` is the first event's line.
-    pub(super) fn decide(&mut self, evidence: &Evidence, first: Line<'_>) -> Result<(), IoError> {
+    pub(super) fn decide(&mut self, evidence: &Evidence<'_>, first: Line<'_>) -> Result<(), IoError> {
         let columns = match self.columns {
             Some(columns) => columns,
             None => evidence.columns(self.sensor, first)?.unwrap_or(ColumnOrder::PLAIN),
@@ -137,7 +137,8 @@ impl Layout {
     pub(super) fn event(&mut self, line: Line<'_>) -> Result<Event, IoError> {
         let separator = self.separator(line.text);
         if self.columns.is_none() {
-            self.columns = Evidence::of(separator, line.text).columns(self.sensor, line)?;
+            self.columns =
+                Evidence::of(separator, line.text, std::iter::empty()).columns(self.sensor, line)?;
         }
         // A line that is no event in any order is refused by the plain order; the next line may be an event.
         let [t, x, y, p] = self.columns.unwrap_or(ColumnOrder::PLAIN).fields(separator, line)?;
@@ -187,113 +188,58 @@ fn sensor(text: &[u8], separates: impl Fn(char) -> bool) -> Option<Sensor> {
     Some(Sensor { width: side(width)?, height: side(height)? })
 }
 
-/// The common properties of a column's values.
-#[derive(Clone, Copy)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a question of its own")]
-struct Column {
-    numbers: bool,
-    polarities: bool,
-    /// All are whole and from 0 to 65535.
-    pixels: bool,
-    largest: u16,
-    /// Any has a fraction.
-    fractions: bool,
-    /// All except 0 have a point.
-    points: bool,
-    /// Most digits after a point.
-    decimals: usize,
-    /// None is less than the one before it.
-    rises: bool,
-    /// The newest in 1e-9.
-    newest: i128,
-}
-
-impl Column {
-    const EMPTY: Self = Self {
-        numbers: true,
-        polarities: true,
-        pixels: true,
-        largest: 0,
-        fractions: false,
-        points: true,
-        decimals: 0,
-        rises: true,
-        newest: i128::MIN,
-    };
-
-    fn add(&mut self, field: &[u8]) {
-        self.polarities &= polarity(field).is_some();
-        match coordinate(field) {
-            Some(pixel) => self.largest = self.largest.max(pixel),
-            None => self.pixels = false,
-        }
-        let Some((number, value)) = Number::parse(field).and_then(|n| Some((n, n.scaled(9)?))) else {
-            self.numbers = false;
-            return;
-        };
-        self.fractions |= !number.is_whole();
-        self.points &= number.has_point() || number.is_zero();
-        self.decimals = self.decimals.max(number.decimals());
-        self.rises &= value >= self.newest;
-        self.newest = value;
-    }
-
-    fn fits(&self, side: Option<u16>) -> bool {
-        self.pixels && side.is_none_or(|side| self.largest < side)
-    }
-}
-
-/// The common properties of the lines of a text.
-pub(super) struct Evidence {
+/// The lines of a text that can be events.
+pub(super) struct Evidence<'a> {
     separator: Separator,
-    columns: Vec<Column>,
-    lines: usize,
+    /// Fields of the first line.
+    count: usize,
+    lines: Vec<&'a [u8]>,
 }
 
-impl Evidence {
-    /// The evidence of one line.
-    pub(super) fn of(separator: Separator, line: &[u8]) -> Self {
-        let columns = vec![Column::EMPTY; separator.fields(line).count()];
-        let mut evidence = Self { separator, columns, lines: 0 };
-        evidence.add(line);
-        evidence
+impl<'a> Evidence<'a> {
+    /// The evidence of these lines. A line with another number of fields than the `first`, or with words in place of values,
+    /// is ignored: it is refused later.
+    pub(super) fn of(separator: Separator, first: &'a [u8], more: impl Iterator<Item = &'a [u8]>) -> Self {
+        let count = separator.fields(first).count();
+        let is_word = |field: &[u8]| Number::parse(field).is_none() && polarity(field).is_none();
+        let can_be = |line: &&[u8]| {
+            separator.fields(line).count() == count
+                && (count != COLUMNS || !separator.fields(line).any(is_word))
+        };
+        Self { separator, count, lines: std::iter::once(first).chain(more).filter(can_be).collect() }
     }
 
-    /// Adds a line. A line with another number of fields than the first, or with words in place of values, is ignored: it is
-    /// refused later.
-    pub(super) fn add(&mut self, line: &[u8]) {
-        let fields = || self.separator.fields(line);
-        let count = fields().count();
-        let words = || fields().any(|field| Number::parse(field).is_none() && polarity(field).is_none());
-        if count != self.columns.len() || (count == COLUMNS && words()) {
-            return;
-        }
-        for (column, field) in self.columns.iter_mut().zip(fields()) {
-            column.add(field);
-        }
-        self.lines += 1;
+    /// The fields of a column.
+    fn column(&self, index: usize) -> impl Iterator<Item = &'a [u8]> {
+        self.lines.iter().map(move |line| self.separator.fields(line).nth(index).unwrap_or_default())
     }
 
     /// The order of the columns; `None`: no order fits, or the only one that fits is not certain. `first` is the first
     /// event's line.
     fn columns(&self, sensor: Option<Sensor>, first: Line<'_>) -> Result<Option<ColumnOrder>, IoError> {
-        if self.columns.len() != COLUMNS || self.lines == 0 {
+        if self.count != COLUMNS || self.lines.is_empty() {
             return Ok(None);
         }
-        let fits = |order: &ColumnOrder| {
-            self.columns[order.t].numbers
-                && self.columns[order.p].polarities
-                && self.columns[order.x].fits(sensor.map(|sensor| sensor.width))
-                && self.columns[order.y].fits(sensor.map(|sensor| sensor.height))
+        let pixels = |column, side: Option<u16>| {
+            let fits = |field| coordinate(field).is_some_and(|at| side.is_none_or(|side| at < side));
+            self.column(column).all(fits)
         };
-        let orders = ORDERS.map(|[t, x, p]| ColumnOrder { t, x, y: x + 1, p, count: COLUMNS });
+        let fits = |order: &ColumnOrder| {
+            let [t, x, y, p] = order.at;
+            pixels(x, sensor.map(|sensor| sensor.width))
+                && pixels(y, sensor.map(|sensor| sensor.height))
+                && self.column(p).all(|field| polarity(field).is_some())
+                && self.column(t).all(|field| nanoseconds(field).is_some())
+        };
+        let orders = ORDERS.map(|[t, x, p]| ColumnOrder { at: [t, x, x + 1, p], count: COLUMNS });
         let possible: Vec<_> = orders.into_iter().filter(fits).collect();
-        let plausible: Vec<_> = possible.iter().copied().filter(|o| self.columns[o.t].rises).collect();
-        let (many, plain) = (self.lines >= ENOUGH, ColumnOrder::PLAIN);
+        let rises = |order: &ColumnOrder| self.column(order.at[0]).map(nanoseconds).is_sorted();
+        let plausible: Vec<_> = possible.iter().copied().filter(rises).collect();
+        let (many, plain) = (self.lines.len() >= ENOUGH, ColumnOrder::PLAIN);
         match (&possible[..], &plausible[..]) {
             ([], _) => Ok(None),
             // A few lines with small numbers can fit by accident.
-            (&[only], _) => Ok(Some(only).filter(|o| *o == plain || many || !self.columns[o.t].pixels)),
+            (&[only], _) => Ok(Some(only).filter(|o| *o == plain || many || !pixels(o.at[0], None))),
             (_, &[only]) if many => Ok(Some(only)),
             _ if !many && self.separator == Separator::Comma && plausible.contains(&plain) => Ok(Some(plain)),
             ([others @ .., last], _) => {
@@ -305,14 +251,20 @@ impl Evidence {
 
     /// How the times of a whole text are written.
     fn time(&self, columns: ColumnOrder, first: Line<'_>) -> Result<Time, IoError> {
-        match self.columns.get(columns.t) {
-            Some(column) if column.fractions && column.points => {
-                if column.decimals >= DECIMALS_OF_SECONDS {
-                    return Ok(Time::Pointed);
-                }
-                Err(first.undecided("unit of time", "seconds or milliseconds"))
-            }
-            _ => Ok(Time::Whole),
+        let times =
+            || self.column(columns.at[0]).filter(|t| nanoseconds(t).is_some()).filter_map(Number::parse);
+        let is_pointed = |time: Number<'_>| time.has_point() || time.is_zero();
+        if times().all(Number::is_whole) || !times().all(is_pointed) {
+            return Ok(Time::Whole);
         }
+        if times().any(|time| time.decimals() >= DECIMALS_OF_SECONDS) {
+            return Ok(Time::Pointed);
+        }
+        Err(first.undecided("unit of time", "seconds or milliseconds"))
     }
+}
+
+/// A number in 1e-9, as for times in seconds; `None`: it is none, or too large.
+fn nanoseconds(field: &[u8]) -> Option<i128> {
+    Number::parse(field)?.scaled(9)
 }

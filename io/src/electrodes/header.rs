@@ -29,24 +29,21 @@ impl Columns {
     pub(super) fn from_header(line: Line<'_>) -> Result<Self, IoError> {
         let name = |field| String::from_utf8_lossy(field).to_ascii_lowercase();
         let names: Vec<String> = Separator::Comma.fields(line.text).map(name).collect();
-        let electrodes: Vec<_> = names.iter().map(|name| electrode(name)).collect();
+        let electrodes = || names.iter().filter_map(|name| electrode(name));
         let refuse = |expected: String, actual: String| Err(line.malformed("header", expected, actual));
-        let mut prefixes: Vec<&str> = electrodes.iter().flatten().map(|(prefix, _)| *prefix).collect();
+        let mut prefixes: Vec<&str> = electrodes().map(|(prefix, _)| prefix).collect();
         prefixes.sort_unstable();
         prefixes.dedup();
         let [prefix] = prefixes[..] else {
-            let actual = match prefixes.len() {
-                0 => shown(line.text),
-                more => {
-                    let first: Vec<String> = prefixes.iter().take(3).map(|p| shown(p.as_bytes())).collect();
-                    let dots = if more > first.len() { " .." } else { "" };
-                    format!("the prefixes {}{dots}", first.join(", "))
-                }
-            };
-            return refuse(expected(), actual);
+            if prefixes.is_empty() {
+                return refuse(expected(), shown(line.text));
+            }
+            let first: Vec<String> = prefixes.iter().take(3).map(|p| shown(p.as_bytes())).collect();
+            let dots = if prefixes.len() > first.len() { " .." } else { "" };
+            return refuse(expected(), format!("the prefixes {}{dots}", first.join(", ")));
         };
         for index in 0..ELECTRODES {
-            let found = electrodes.iter().flatten().filter(|(_, e)| *e == index).count();
+            let found = electrodes().filter(|(_, e)| *e == index).count();
             if found != 1 {
                 let name = format!("{prefix}{}", index + 1);
                 return refuse(format!("one column {}", shown(name.as_bytes())), format!("{found}"));
@@ -56,11 +53,11 @@ impl Columns {
         if times > 1 {
             return refuse("at most one column of time".to_owned(), format!("{times}"));
         }
-        let electrodes: Vec<Option<usize>> = electrodes.iter().map(|e| e.map(|(_, index)| index)).collect();
-        let roles = names.into_iter().zip(electrodes).map(|(name, electrode)| {
-            let role = electrode
-                .map(Role::Electrode)
-                .or_else(|| unit_of_time(&name).map(|seconds| Role::Time { seconds }))?;
+        let roles = names.into_iter().map(|name| {
+            let role = match electrode(&name) {
+                Some((_, index)) => Role::Electrode(index),
+                None => Role::Time { seconds: unit_of_time(&name)? },
+            };
             Some((role, name))
         });
         Ok(Self(roles.collect()))

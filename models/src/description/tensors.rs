@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::problem::{ProblemKind, Problems};
-use crate::error::{TensorProblem, TensorProblemKind, TensorProblems};
+use crate::error::{TensorProblem, TensorProblemKind};
 use crate::{ModelError, Weights};
 
 /// The term that batch norm adds to a variance.
@@ -175,10 +175,9 @@ impl<'a> Tensors<'a> {
 
     /// `parts`, unless a tensor did not fit.
     pub(super) fn finish<T>(self, parts: Option<T>) -> Result<T, ModelError> {
-        parts.filter(|_| self.problems.is_empty()).ok_or_else(|| ModelError::Weights {
-            network: self.network.to_owned(),
-            problems: TensorProblems(self.problems),
-        })
+        parts
+            .filter(|_| self.problems.is_empty())
+            .ok_or_else(|| ModelError::Weights { network: self.network.to_owned(), problems: self.problems })
     }
 
     fn refuse(&mut self, tensor: String, kind: TensorProblemKind) {

@@ -118,18 +118,12 @@ impl TensorFile {
         self.add(name, Dtype::F32, shape, values.iter().copied().map(f32::to_le_bytes));
     }
 
-    /// Adds an array of I32, row-major.
-    ///
-    /// # Panics
-    /// As [`Self::f32`].
+    /// Adds an array of I32, row-major, with the panics of [`Self::f32`].
     pub fn i32(&mut self, name: &str, shape: &[usize], values: &[i32]) {
         self.add(name, Dtype::I32, shape, values.iter().copied().map(i32::to_le_bytes));
     }
 
-    /// Adds an array of I64, row-major.
-    ///
-    /// # Panics
-    /// As [`Self::f32`].
+    /// Adds an array of I64, row-major, with the panics of [`Self::f32`].
     pub fn i64(&mut self, name: &str, shape: &[usize], values: &[i64]) {
         self.add(name, Dtype::I64, shape, values.iter().copied().map(i64::to_le_bytes));
     }
