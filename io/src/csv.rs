@@ -76,10 +76,7 @@ impl<R: BufRead> CsvEvents<R> {
 
     /// The events of `input`, with the layout as far as `options` give it.
     pub fn with_options(input: R, options: TextOptions) -> Self {
-        Self::with_layout(input, Layout::new(options))
-    }
-
-    fn with_layout(input: R, layout: Layout) -> Self {
+        let layout = Layout::new(options);
         Self { lines: Lines::new(input), layout, marks: Vec::new(), begun: false, ended: false }
     }
 
@@ -135,7 +132,8 @@ impl<'a> CsvEvents<&'a [u8]> {
     /// # Errors
     /// [`IoError::Undecided`] where several layouts fit all lines.
     pub fn of_text(text: &'a [u8], options: TextOptions) -> Result<Self, IoError> {
-        Ok(Self::with_layout(text, layout_of(text, options)?))
+        let layout = layout_of(text, options)?;
+        Ok(Self { layout, ..Self::new(text) })
     }
 }
 

@@ -98,11 +98,9 @@ impl ImageSequence {
     /// has another known kind, is neither an image nor a text, or is longer than [`crate::limits::IMAGE_BYTES`].
     pub fn open(path: &Path) -> Result<Self, IoError> {
         if path.is_dir() {
-            return Self::new(
-                folder(path)?,
-                path,
-                "a file with the extension png, jpg, jpeg, ppm, pgm or pnm",
-            );
+            let mut files = entries(path)?;
+            files.retain(|file| ImageFormat::from_path(file).is_some() && file.is_file());
+            return Self::new(files, path, "a file with the extension png, jpg, jpeg, ppm, pgm or pnm");
         }
         let content = read_bounded(path);
         let kind = match &content {
@@ -157,13 +155,6 @@ impl Iterator for ImageSequence {
 }
 
 impl ExactSizeIterator for ImageSequence {}
-
-/// The image files of a folder in natural order of their names.
-fn folder(path: &Path) -> Result<Vec<PathBuf>, IoError> {
-    let mut files = entries(path)?;
-    files.retain(|file| ImageFormat::from_path(file).is_some() && file.is_file());
-    Ok(files)
-}
 
 /// The paths of a list.
 fn list(path: &Path, content: &[u8]) -> Result<Vec<PathBuf>, IoError> {
