@@ -34,8 +34,9 @@ impl<R> Dataset<R> {
 
     /// The subfolders of `folder` with their indices in `names`, ascending; other names are refused. Files are passed over.
     fn subfolders(&mut self, folder: &Path, names: &[&str]) -> Result<Vec<(usize, PathBuf)>, IoError> {
-        let refuse =
-            |found: String| Err(IoError::unfit(folder, format!("folders {}", names.join(", ")), found));
+        let refuse = |found: String| {
+            Err(IoError::unfit(folder, format!("a folder with folders {}", names.join(", ")), found))
+        };
         if !folder.is_dir() {
             return refuse(if folder.exists() { "a file" } else { "nothing" }.to_owned());
         }

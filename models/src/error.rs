@@ -10,25 +10,14 @@ use crate::weights::FormatError;
 /// A description or weights could not be read, or do not fit together.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum ModelError {
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     /// A file is too large.
     #[error("{}: expected at most {limit} bytes, found {found}", path.display())]
-    Large {
-        /// The file.
-        path: PathBuf,
-        /// Largest size.
-        limit: u64,
-        /// Its size.
-        found: u64,
-    },
+    Large { path: PathBuf, limit: u64, found: u64 },
     /// A description is inconsistent.
     #[error(transparent)]
     Description(#[from] DescriptionError),
@@ -37,23 +26,13 @@ pub enum ModelError {
     Format(#[from] FormatError),
     /// Weights lack tensors of a network, or have other tensors in their place.
     #[error("weights do not fit network {network:?}: {}", lines(problems))]
-    Weights {
-        /// Name of the network.
-        network: String,
-        /// Every tensor that does not fit, in the order of their use.
-        problems: Vec<TensorProblem>,
-    },
+    Weights { network: String, problems: Vec<TensorProblem> },
     /// Weights hold all tensors of a network more than once.
     #[error(
         "weights fit network {network:?} under more than one prefix: expected one, found {}",
         prefixes.join(", ")
     )]
-    Ambiguous {
-        /// Name of the network.
-        network: String,
-        /// The prefixes.
-        prefixes: Vec<String>,
-    },
+    Ambiguous { network: String, prefixes: Vec<String> },
     /// Weights were trained on graphs or frames of another preparation than the description's.
     #[error(
         "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its description says, \
@@ -63,25 +42,15 @@ pub enum ModelError {
         ))
     )]
     Preparation {
-        /// Name of the network.
         network: String,
-        /// The description's preparation.
         expected: String,
-        /// The preparation of the weights.
         found: String,
         /// The shipped network that fits them, for the weights of the published checkpoint.
         published: Option<&'static str>,
     },
     /// Metadata of weights has an invalid value.
     #[error("weights: expected metadata {key:?} with {expected}, found {found:?}")]
-    Metadata {
-        /// The key.
-        key: &'static str,
-        /// The expected value.
-        expected: &'static str,
-        /// The value.
-        found: String,
-    },
+    Metadata { key: &'static str, expected: &'static str, found: String },
     /// The engine refused the network.
     #[error(transparent)]
     Engine(#[from] meissner_engine::EngineError),
@@ -104,51 +73,33 @@ pub struct TensorProblem {
 /// Why a tensor does not fit.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum TensorProblemKind {
     /// It is missing.
     #[error("expected shape {expected:?}, found no such tensor")]
-    Missing {
-        /// The shape it should have.
-        expected: Vec<usize>,
-    },
+    Missing { expected: Vec<usize> },
     /// It has another shape.
     #[error("expected shape {expected:?}, found {found:?}")]
-    Shape {
-        /// The shape it should have.
-        expected: Vec<usize>,
-        /// The shape it has.
-        found: Vec<usize>,
-    },
+    Shape { expected: Vec<usize>, found: Vec<usize> },
     /// Its values are not floating-point numbers.
     #[error("expected floating-point values, found {found}")]
-    Dtype {
-        /// Their type.
-        found: String,
-    },
+    Dtype { found: String },
     /// A value is NaN or infinite (as f32).
     #[error("expected finite values, found {value} at index {index}")]
     NotFinite {
         /// Its index in row-major order.
         index: usize,
-        /// The value.
         value: f32,
     },
     /// A running variance is negative.
     #[error("expected variances of at least 0, found {value} at index {index}")]
-    Variance {
-        /// Its index.
-        index: usize,
-        /// The value.
-        value: f32,
-    },
+    Variance { index: usize, value: f32 },
     /// Batch norm, folded into a product and a sum, is out of f32's range.
     #[error("expected a {what} within f32's range once folded, found {value} for channel {index}")]
     Folded {
         /// "scale" or "shift".
         what: &'static str,
-        /// The channel.
         index: usize,
-        /// The folded value.
         value: f64,
     },
 }

@@ -5,6 +5,7 @@ use thiserror::Error;
 /// The bytes are not a weights file that can be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum FormatError {
     /// Not a valid safetensors file (and not a zip archive).
     #[error("expected a safetensors file or a zip archive of torch.save, found neither: {0}")]
@@ -16,44 +17,23 @@ pub enum FormatError {
     Legacy,
     /// A zip archive that is damaged, or that `torch.save` would not write.
     #[error("zip archive: {what}: expected {expected}, found {found}")]
-    Zip {
-        /// The entry or record.
-        what: String,
-        /// The expected content.
-        expected: String,
-        /// The content.
-        found: String,
-    },
+    Zip { what: String, expected: String, found: String },
     /// The archive's pickle has an instruction, a global or a value that no state dict needs.
     #[error("pickle, byte {at}: expected {expected}, found {found}")]
     Pickle {
         /// Offset in `data.pkl`.
         at: usize,
-        /// The content of a state dict at this place.
         expected: &'static str,
-        /// The content.
         found: String,
     },
     /// The archive holds no state dict.
     #[error(
         "expected a state dict, or a checkpoint with one as \"state_dict\", \"model_state_dict\" or \"model\"; found {found}"
     )]
-    NoStateDict {
-        /// The content.
-        found: &'static str,
-    },
+    NoStateDict { found: &'static str },
     /// A tensor does not fit the bytes that it refers to.
     #[error("tensor {tensor:?}: {what}: expected {expected}, found {found}")]
-    Tensor {
-        /// Its name.
-        tensor: String,
-        /// The part of the tensor that does not fit.
-        what: &'static str,
-        /// The expected value.
-        expected: String,
-        /// The value.
-        found: String,
-    },
+    Tensor { tensor: String, what: &'static str, expected: String, found: String },
 }
 
 impl FormatError {
