@@ -7,7 +7,7 @@
 //! are empty, and their products change no sum.
 
 use crate::elementary::{elu, sigmoid, tanh};
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
 
@@ -58,11 +58,7 @@ impl Dense {
     ) -> Result<Self, KernelError> {
         // A product that saturates is the length of no tensor.
         let inputs = segments.saturating_mul(channels);
-        for (what, found) in [("inputs", inputs), ("outputs", outputs)] {
-            if found == 0 {
-                return Err(KernelError::Size { what, expected: "at least 1", found });
-            }
-        }
+        check_sizes([("inputs", inputs), ("outputs", outputs)])?;
         check("weight", weight, inputs.saturating_mul(outputs))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;

@@ -62,6 +62,32 @@ pub enum KernelError {
     },
 }
 
+/// Largest number of channels of a convolution.
+pub(crate) const MOST_CHANNELS: usize = 1 << 16;
+
+/// Refuses sizes of zero.
+///
+/// # Errors
+/// [`KernelError::Size`].
+pub(crate) fn check_sizes<const N: usize>(sizes: [(&'static str, usize); N]) -> Result<(), KernelError> {
+    let zero = sizes.into_iter().find(|&(_, size)| size == 0);
+    zero.map_or(Ok(()), |(what, found)| Err(KernelError::Size { what, expected: "at least 1", found }))
+}
+
+/// Refuses numbers of channels of zero or above [`MOST_CHANNELS`].
+///
+/// # Errors
+/// [`KernelError::Size`].
+pub(crate) fn check_channels(inputs: &[usize], outputs: usize) -> Result<(), KernelError> {
+    let sizes = inputs.iter().map(|&inputs| ("input channels", inputs)).chain([("output channels", outputs)]);
+    for (what, found) in sizes {
+        if found == 0 || found > MOST_CHANNELS {
+            return Err(KernelError::Size { what, expected: "1 to 65536", found });
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a tensor of the wrong length, or one that holds NaN or an infinity.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 //! They are plain arrays with loops over them. The compiler turns each operation into one vector instruction if the
 //! instruction set has it, and otherwise into scalar code with the same bits.
 
-use std::ops::{Add, Mul};
+use std::ops::Add;
 
 /// Values in one [`Lanes`].
 pub const LANES: usize = 8;
@@ -91,25 +91,5 @@ impl Add for Lanes {
             *a += b;
         }
         Self(out)
-    }
-}
-
-impl Mul for Lanes {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        let mut out = self.0;
-        for (a, b) in out.iter_mut().zip(other.0) {
-            *a *= b;
-        }
-        Self(out)
-    }
-}
-
-impl Mul<f32> for Lanes {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: f32) -> Self {
-        self * Self::splat(other)
     }
 }

@@ -1,5 +1,7 @@
-//! Weights packed for kernels whose vectors run over outputs.
+//! Parameters packed for kernels whose vectors run over outputs.
 
+use crate::error::{KernelError, check};
+use crate::isa::flat;
 use crate::lanes::{LANES, Lanes, Wide};
 
 /// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; a remainder of
@@ -22,6 +24,16 @@ impl Packed {
         Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
     }
 
+    /// Packs `weight`, (O, I) as in a linear layer.
+    pub(crate) fn transposed(weight: &[f32], outputs: usize) -> Self {
+        Self::new(&transpose(weight, weight.len() / outputs), outputs)
+    }
+
+    /// The weights as in a linear layer, (O, I).
+    pub(crate) fn untransposed(&self, outputs: usize) -> Vec<f32> {
+        transpose(&self.unpacked(outputs), outputs)
+    }
+
     /// The weights in their original layout: rows of `outputs` values.
     pub(crate) fn unpacked(&self, outputs: usize) -> Vec<f32> {
         let blocks = Lanes::count(outputs) / 2;
@@ -42,5 +54,43 @@ impl Packed {
     #[inline(always)]
     pub(crate) fn last(&self) -> &[Lanes] {
         &self.last
+    }
+}
+
+/// Turns rows of `columns` values into columns.
+fn transpose(values: &[f32], columns: usize) -> Vec<f32> {
+    (0..columns).flat_map(|column| values.iter().copied().skip(column).step_by(columns)).collect()
+}
+
+/// Bias and batch norm after a graph convolution, one value per output.
+#[derive(Clone, Debug)]
+pub(crate) struct Affine {
+    pub(crate) bias: Vec<Lanes>,
+    pub(crate) scale: Vec<Lanes>,
+    pub(crate) shift: Vec<Lanes>,
+}
+
+impl Affine {
+    /// Checks and packs a bias and a norm of `outputs` values; without a norm, the identity.
+    ///
+    /// # Errors
+    /// A tensor of the wrong length, or a value that is not finite.
+    pub(crate) fn new(
+        bias: &[f32],
+        norm: Option<&(Vec<f32>, Vec<f32>)>,
+        outputs: usize,
+    ) -> Result<Self, KernelError> {
+        let identity = (vec![1.0; outputs], vec![0.0; outputs]);
+        let (scale, shift) = norm.unwrap_or(&identity);
+        check("bias", bias, outputs)?;
+        check("batch norm scale", scale, outputs)?;
+        check("batch norm shift", shift, outputs)?;
+        Ok(Self { bias: Lanes::pack(bias), scale: Lanes::pack(scale), shift: Lanes::pack(shift) })
+    }
+
+    /// The bias and the norm, of `outputs` values each.
+    pub(crate) fn unpacked(&self, outputs: usize) -> (Vec<f32>, (Vec<f32>, Vec<f32>)) {
+        let values = |lanes: &[Lanes]| flat(lanes)[..outputs].to_vec();
+        (values(&self.bias), (values(&self.scale), values(&self.shift)))
     }
 }

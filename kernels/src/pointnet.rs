@@ -12,13 +12,12 @@
 //! `ReLU` is the 0 in the maximum, which makes the result independent of the order of edges and of tiles of edges. If
 //! any a(e,o) is NaN, so is y(o).
 
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, check, check_channels};
 use crate::graph::{GraphRow, Neighbour};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate, flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
-use crate::packed::Packed;
-use crate::spline::SplineConv;
+use crate::packed::{Affine, Packed};
 
 /// Axes of an offset.
 const AXES: usize = 3;
@@ -47,9 +46,7 @@ pub struct PointNetConv {
     outputs: usize,
     /// (C + 3, O).
     weight: Packed,
-    bias: Vec<Lanes>,
-    scale: Vec<Lanes>,
-    shift: Vec<Lanes>,
+    affine: Affine,
 }
 
 /// Working space of [`PointNetConv::rows`]; grows to the widest block seen and is reused.
@@ -79,46 +76,21 @@ impl PointNetConv {
     /// Checks and packs `parts`.
     ///
     /// # Errors
-    /// A size of zero or beyond [`SplineConv::MOST_CHANNELS`], a tensor of the wrong length, or a value that is not finite.
+    /// A size of zero or beyond [`SplineConv::MOST_CHANNELS`](crate::SplineConv::MOST_CHANNELS), a tensor of the wrong length, or a value that is not finite.
     pub fn new(parts: &PointNetParts) -> Result<Self, KernelError> {
         let PointNetParts { inputs, outputs, .. } = *parts;
-        for (what, size) in [("input channels", inputs), ("output channels", outputs)] {
-            if size == 0 || size > SplineConv::MOST_CHANNELS {
-                return Err(KernelError::Size { what, expected: "1 to 65536", found: size });
-            }
-        }
-        let columns = inputs + AXES;
-        check("weight", &parts.weight, outputs * columns)?;
-        check("bias", &parts.bias, outputs)?;
-        let trivial = || (vec![1.0; outputs], vec![0.0; outputs]);
-        let (scale, shift) = parts.norm.clone().unwrap_or_else(trivial);
-        check("batch norm scale", &scale, outputs)?;
-        check("batch norm shift", &shift, outputs)?;
-        let of_column = |c: usize| parts.weight.iter().copied().skip(c).step_by(columns);
-        let transposed: Vec<f32> = (0..columns).flat_map(of_column).collect();
-        Ok(Self {
-            inputs,
-            outputs,
-            weight: Packed::new(&transposed, outputs),
-            bias: Lanes::pack(&parts.bias),
-            scale: Lanes::pack(&scale),
-            shift: Lanes::pack(&shift),
-        })
+        check_channels(&[inputs], outputs)?;
+        check("weight", &parts.weight, outputs * (inputs + AXES))?;
+        let affine = Affine::new(&parts.bias, parts.norm.as_ref(), outputs)?;
+        Ok(Self { inputs, outputs, weight: Packed::transposed(&parts.weight, outputs), affine })
     }
 
     /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
     /// without a norm, the result has an identity norm. O(parameters).
     pub fn parts(&self) -> PointNetParts {
-        let values = |lanes: &[Lanes]| flat(lanes)[..self.outputs].to_vec();
-        let packed = self.weight.unpacked(self.outputs);
-        let of_output = |o: usize| packed.iter().copied().skip(o).step_by(self.outputs);
-        PointNetParts {
-            inputs: self.inputs,
-            outputs: self.outputs,
-            weight: (0..self.outputs).flat_map(of_output).collect(),
-            bias: values(&self.bias),
-            norm: Some((values(&self.scale), values(&self.shift))),
-        }
+        let Self { inputs, outputs, ref weight, ref affine } = *self;
+        let (bias, norm) = affine.unpacked(outputs);
+        PointNetParts { inputs, outputs, weight: weight.untransposed(outputs), bias, norm: Some(norm) }
     }
 
     /// C, input channels.
@@ -174,7 +146,7 @@ impl Task for Run<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { conv, features, rows, scratch: PointNetScratch { values }, out } = self;
-        let lanes = conv.bias.len();
+        let lanes = conv.affine.bias.len();
         assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
         assert_eq!(out.len(), rows.len() * lanes, "the output must have the block's output channels");
         values.resize(values.len().max(TILE * (conv.inputs + AXES)), 0.0);
@@ -232,11 +204,11 @@ impl PointNetConv {
     #[inline(always)]
     fn tile<S: Simd, const R: usize>(&self, simd: S, values: &[f32], held: usize, out: &mut [Lanes]) {
         let mut lane = 0;
-        while lane + 2 <= self.bias.len() {
+        while lane + 2 <= self.affine.bias.len() {
             self.block::<S, S::V16, R>(simd, values, held, self.weight.wide(lane), lane, out);
             lane += 2;
         }
-        if lane < self.bias.len() {
+        if lane < self.affine.bias.len() {
             self.block::<S, S::V8, R>(simd, values, held, self.weight.last(), lane, out);
         }
     }
@@ -252,7 +224,7 @@ impl PointNetConv {
         lane: usize,
         out: &mut [Lanes],
     ) {
-        let mut sums = [[V::load_slice(simd, &flat(&self.bias)[lane * LANES..])]; R];
+        let mut sums = [[V::load_slice(simd, &flat(&self.affine.bias)[lane * LANES..])]; R];
         accumulate::<S, V, R, 1, 0, 1>(simd, &mut sums, values, self.inputs + AXES, [weight]);
         let out = &mut flat_mut(out)[lane * LANES..];
         let mut most = V::load_slice(simd, out);
@@ -267,7 +239,8 @@ impl PointNetConv {
     fn finish<S: Simd>(&self, simd: S, skip: Option<&[Lanes]>, out: &mut [Lanes]) {
         for (lane, out) in out.iter_mut().enumerate() {
             let load = |lanes: &[Lanes]| S::V8::load(simd, &lanes[lane]);
-            let mut y = load(&self.shift).add_product(S::V8::load(simd, out), load(&self.scale));
+            let mut y =
+                load(&self.affine.shift).add_product(S::V8::load(simd, out), load(&self.affine.scale));
             if let Some(skip) = skip {
                 y = y.add(load(skip));
             }

@@ -16,22 +16,24 @@ use crate::error::KernelError;
 use crate::isa::Isa;
 
 /// A convolution with a 3 x 3 kernel and padding 1.
-#[derive(Clone, Debug)]
-pub struct Conv3x3(Direct<3>);
+pub type Conv3x3 = DirectConv<3>;
 
 /// A convolution with a 1 x 1 kernel.
-#[derive(Clone, Debug)]
-pub struct Conv1x1(Direct<1>);
+pub type Conv1x1 = DirectConv<1>;
 
-/// A K x K kernel, centred on the output.
+/// A convolution with a K x K kernel, centred on the output.
 #[derive(Clone, Debug)]
-struct Direct<const K: usize> {
-    inputs: Vec<usize>,
-    packed: Packed,
+pub struct DirectConv<const K: usize> {
+    pub(super) inputs: Vec<usize>,
+    pub(super) packed: Packed,
 }
 
-impl<const K: usize> Direct<K> {
-    fn new(parts: &ConvParts) -> Result<Self, KernelError> {
+impl<const K: usize> DirectConv<K> {
+    /// Packs a layer's parameters.
+    ///
+    /// # Errors
+    /// A size that is zero, a tensor of the wrong length, or a value that is not finite.
+    pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
         parts.check(K * K)?;
         let packed = Packed::new(parts, parts.channels() * K * K, |row, o| {
             let (place, i) = place(&parts.inputs, K * K, row);
@@ -40,7 +42,23 @@ impl<const K: usize> Direct<K> {
         Ok(Self { inputs: parts.inputs.clone(), packed })
     }
 
-    fn run(
+    /// Output channels.
+    pub fn outputs(&self) -> usize {
+        self.packed.outputs
+    }
+
+    /// Multiply-adds of one output pixel.
+    pub fn multiply_adds(&self) -> usize {
+        self.packed.rows * self.packed.outputs
+    }
+
+    /// Computes the outputs of `region`; other outputs are unchanged. Input maps have the output's height and width,
+    /// and a halo of at least the kernel's padding. An omitted second input map counts as zeros.
+    ///
+    /// # Errors
+    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
+    /// [`KernelError::Region`] if the region is not within the band.
+    pub fn run(
         &self,
         isa: Isa,
         inputs: &[View<'_>],
@@ -94,60 +112,6 @@ pub(super) fn check_inputs(
     }
     inputs.iter().zip(channels).try_for_each(|(view, &c)| view.check([height, width, c], halo))
 }
-
-macro_rules! direct {
-    ($conv:ident, $k:literal) => {
-        impl $conv {
-            /// Packs a layer's parameters.
-            ///
-            /// # Errors
-            /// A size that is zero, a tensor of the wrong length, or a value that is not finite.
-            pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
-                Direct::new(parts).map(Self)
-            }
-
-            /// Output channels.
-            pub fn outputs(&self) -> usize {
-                self.0.packed.outputs
-            }
-
-            /// Multiply-adds of one output pixel.
-            pub fn multiply_adds(&self) -> usize {
-                self.0.packed.rows * self.0.packed.outputs
-            }
-
-            /// Computes the outputs of `region`; other outputs are unchanged. Input maps have the output's height and
-            /// width, and a halo of at least the kernel's padding. An omitted second input map counts as zeros.
-            ///
-            /// # Errors
-            /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
-            /// [`KernelError::Region`] if the region is not within the band.
-            pub fn run(
-                &self,
-                isa: Isa,
-                inputs: &[View<'_>],
-                region: Region,
-                out: Band<'_>,
-            ) -> Result<(), KernelError> {
-                self.0.run(isa, inputs, region, out)
-            }
-        }
-    };
-}
-
-impl Conv3x3 {
-    /// Channels of the input maps.
-    pub(super) fn inputs(&self) -> &[usize] {
-        &self.0.inputs
-    }
-
-    pub(super) fn packed(&self) -> &Packed {
-        &self.0.packed
-    }
-}
-
-direct!(Conv3x3, 3);
-direct!(Conv1x1, 1);
 
 /// A transposed convolution with a 2 x 2 kernel and stride 2, which doubles height and width.
 #[derive(Clone, Debug)]

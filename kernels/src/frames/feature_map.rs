@@ -2,7 +2,7 @@
 
 use super::shape::Shape;
 use super::view::{Band, View};
-use crate::error::KernelError;
+use crate::error::{KernelError, check_sizes};
 use crate::isa::{flat_wide, flat_wide_mut};
 use crate::lanes::{LANES, Wide};
 
@@ -27,11 +27,7 @@ impl FeatureMap {
     /// # Errors
     /// [`KernelError::Size`]: a size of zero, a halo of more than 1, or more than 2^32 values.
     pub fn zeros(height: usize, width: usize, channels: usize, halo: usize) -> Result<Self, KernelError> {
-        for (what, found) in [("height", height), ("width", width), ("channels", channels)] {
-            if found == 0 {
-                return Err(KernelError::Size { what, expected: "at least 1", found });
-            }
-        }
+        check_sizes([("height", height), ("width", width), ("channels", channels)])?;
         if halo > 1 {
             return Err(KernelError::Size { what: "halo", expected: "0 or 1", found: halo });
         }
@@ -78,11 +74,6 @@ impl FeatureMap {
     /// Channels of a pixel.
     pub fn channels(&self) -> usize {
         self.shape.channels
-    }
-
-    /// Width of the halo of zeros in pixels.
-    pub fn halo(&self) -> usize {
-        self.shape.halo
     }
 
     /// Bytes of storage.

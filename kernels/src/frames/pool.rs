@@ -7,7 +7,7 @@
 use super::shape::Region;
 use super::tiles::store_some;
 use super::view::{Band, View};
-use crate::error::KernelError;
+use crate::error::{KernelError, check_sizes};
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
@@ -36,9 +36,7 @@ pub fn average_pool(
     region: Region,
     out: Band<'_>,
 ) -> Result<(), KernelError> {
-    if size == 0 {
-        return Err(KernelError::Size { what: "pooling window", expected: "at least 1", found: 0 });
-    }
+    check_sizes([("pooling window", size)])?;
     let [height, width, channels] = input.size();
     let mut out = out;
     out.check([height / size, width / size, channels], region)?;

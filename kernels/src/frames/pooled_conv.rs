@@ -38,7 +38,7 @@ impl PooledConv3x3 {
 
     /// Total number of channels of the input maps.
     pub fn reads(&self) -> usize {
-        self.conv.inputs().iter().sum()
+        self.conv.inputs.iter().sum()
     }
 
     /// Largest number of bytes of scratch for a map of `height` x `width` pooled outputs, on one thread.
@@ -64,7 +64,7 @@ impl PooledConv3x3 {
         let [height, width] = inputs.first().map_or([0; 2], |view| [view.shape.height, view.shape.width]);
         let outputs = self.outputs();
         out.check([height / 2, width / 2, outputs], region)?;
-        check_inputs(self.conv.inputs(), inputs, [height, width], 1)?;
+        check_inputs(&self.conv.inputs, inputs, [height, width], 1)?;
         if region.is_empty() {
             return Ok(());
         }
@@ -82,7 +82,7 @@ impl PooledConv3x3 {
             });
             let strip = flat_wide_mut(&mut scratch.strip);
             let target = Target { values: &mut *strip, row, pixel: outputs };
-            let packed = self.conv.packed();
+            let packed = &self.conv.packed;
             isa.run(Layer { packed, sources, rows: 2 * rows, columns: 2 * region.width, target });
             let to = out.target(y, region.x);
             isa.run(Pool { strip, outputs, rows, columns: region.width, to });

@@ -3,7 +3,7 @@
 //! A concatenation along channels is one map; two layers write to different channels of it.
 
 use super::shape::{Region, Shape};
-use crate::error::KernelError;
+use crate::error::{KernelError, check_sizes};
 
 /// A contiguous range of a map's channels, to read.
 #[derive(Clone, Copy, Debug)]
@@ -99,12 +99,6 @@ impl<'a> Band<'a> {
         Ok((band(upper, first_row, above), band(lower, y, rows - above)))
     }
 
-    /// The same band with a shorter lifetime.
-    pub fn reborrow(&mut self) -> Band<'_> {
-        let Self { shape, first_row, rows, first, channels, .. } = *self;
-        Band { shape, values: self.values, first_row, rows, first, channels }
-    }
-
     /// (height, width, channels): height and width of the map, channels of the band.
     pub fn size(&self) -> [usize; 3] {
         [self.shape.height, self.shape.width, self.channels]
@@ -149,9 +143,7 @@ pub(super) struct Target<'a> {
 }
 
 fn check_channels(all: usize, first: usize, count: usize) -> Result<(), KernelError> {
-    if count == 0 {
-        return Err(KernelError::Size { what: "channels", expected: "at least 1", found: 0 });
-    }
+    check_sizes([("channels", count)])?;
     if first > all || count > all - first {
         let found = first.saturating_add(count);
         return Err(KernelError::Size { what: "last channel", expected: "a channel of the map", found });

@@ -1,6 +1,6 @@
 //! Parameters of convolutions in the layout of files, and packed for the kernels.
 
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, check, check_channels};
 use crate::lanes::{LANES, Wide};
 
 /// Outputs per block of packed weights.
@@ -46,15 +46,7 @@ impl ConvParts {
         if found == 0 || found > 2 {
             return Err(KernelError::Size { what: "input maps", expected: "1 or 2", found });
         }
-        for (what, found) in [
-            ("input channels", self.inputs[0]),
-            ("input channels", self.inputs[found - 1]),
-            ("output channels", self.outputs),
-        ] {
-            if found == 0 || found > 1 << 16 {
-                return Err(KernelError::Size { what, expected: "1 to 65536", found });
-            }
-        }
+        check_channels(&self.inputs, self.outputs)?;
         check("weight", &self.weight, self.outputs * self.channels() * places)?;
         if let Some(bias) = &self.bias {
             check("bias", bias, self.outputs)?;

@@ -12,7 +12,7 @@
 use std::ops::Range;
 
 use super::planes::{Occupancy, Planes, TILE, TileRegion};
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
 
 /// Taps per window.
@@ -55,11 +55,7 @@ impl PlanarConv3x3 {
     ) -> Result<Self, KernelError> {
         // A size that saturates is the length of no tensor.
         let inputs = channels[0].saturating_add(channels[1]);
-        for (what, found) in [("channels", inputs), ("outputs", outputs)] {
-            if found == 0 {
-                return Err(KernelError::Size { what, expected: "at least 1", found });
-            }
-        }
+        check_sizes([("channels", inputs), ("outputs", outputs)])?;
         check("weight", weight, outputs.saturating_mul(inputs).saturating_mul(TAPS))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;

@@ -6,7 +6,7 @@
 //! affects no gate. The terms of an x or an h that is all zeros can therefore be skipped without changing any bit.
 
 use super::gates::{Squash, Update};
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate_in_four, flat, flat_mut, flat_wide, flat_wide_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 
@@ -58,11 +58,7 @@ impl Lstm {
     /// A size of zero, a tensor of the wrong length, or a value that is not finite.
     pub fn new(parts: &LstmParts<'_>) -> Result<Self, KernelError> {
         let &LstmParts { inputs, hidden, weight_ih, weight_hh, bias_ih, bias_hh, squash } = parts;
-        for (what, found) in [("inputs", inputs), ("hidden", hidden)] {
-            if found == 0 {
-                return Err(KernelError::Size { what, expected: "at least 1", found });
-            }
-        }
+        check_sizes([("inputs", inputs), ("hidden", hidden)])?;
         // A product that saturates is the length of no tensor.
         let gates = hidden.saturating_mul(4);
         check("weight_ih", weight_ih, gates.saturating_mul(inputs))?;

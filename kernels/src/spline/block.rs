@@ -1,8 +1,8 @@
 //! Checked and packed parameters of a spline block, with its sizes and costs.
 
-use crate::error::{KernelError, check};
+use crate::error::{KernelError, MOST_CHANNELS, check, check_channels};
 use crate::lanes::{LANES, Lanes};
-use crate::packed::Packed;
+use crate::packed::{Affine, Packed};
 
 /// Parameters of a spline block in `PyTorch`'s layouts.
 #[derive(Clone, Debug, Default)]
@@ -35,9 +35,7 @@ pub struct SplineConv {
     pub(super) weight: Packed,
     /// (C, O).
     pub(super) root: Option<Packed>,
-    pub(super) bias: Vec<Lanes>,
-    pub(super) scale: Vec<Lanes>,
-    pub(super) shift: Vec<Lanes>,
+    pub(super) affine: Affine,
     pub(super) elu: bool,
 }
 
@@ -45,7 +43,7 @@ impl SplineConv {
     /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
     /// Largest number of input or output channels.
-    pub const MOST_CHANNELS: usize = 1 << 16;
+    pub const MOST_CHANNELS: usize = MOST_CHANNELS;
     /// Largest kernel size of an axis.
     pub const LARGEST_KERNEL: usize = 64;
     /// Largest product of kernel slots and input channels: the number of sums of one row.
@@ -57,11 +55,7 @@ impl SplineConv {
     /// A size of zero or beyond bounds, a tensor of the wrong length, or a value that is not finite.
     pub fn new(parts: &SplineParts) -> Result<Self, KernelError> {
         let SplineParts { inputs, outputs, kernel, .. } = *parts;
-        for (what, size) in [("input channels", inputs), ("output channels", outputs)] {
-            if size == 0 || size > Self::MOST_CHANNELS {
-                return Err(KernelError::Size { what, expected: "1 to 65536", found: size });
-            }
-        }
+        check_channels(&[inputs], outputs)?;
         if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > Self::LARGEST_KERNEL) {
             return Err(KernelError::Size {
                 what: "kernel size",
@@ -76,44 +70,28 @@ impl SplineConv {
         }
         check("weight", &parts.weight, slots * inputs * outputs)?;
         let weight = Packed::new(&parts.weight, outputs);
-        let root = match &parts.root {
-            Some(root) => {
-                check("root weight", root, outputs * inputs)?;
-                let transposed: Vec<f32> =
-                    (0..inputs).flat_map(|c| (0..outputs).map(move |o| root[o * inputs + c])).collect();
-                Some(Packed::new(&transposed, outputs))
-            }
-            None => None,
-        };
-        let ones = vec![1.0; outputs];
+        if let Some(root) = &parts.root {
+            check("root weight", root, outputs * inputs)?;
+        }
+        let root = parts.root.as_ref().map(|root| Packed::transposed(root, outputs));
         let zeros = vec![0.0; outputs];
         let bias = parts.bias.as_ref().unwrap_or(&zeros);
-        check("bias", bias, outputs)?;
-        let (scale, shift) = parts.norm.as_ref().map_or((&ones, &zeros), |(scale, shift)| (scale, shift));
-        check("batch norm scale", scale, outputs)?;
-        check("batch norm shift", shift, outputs)?;
-        let (bias, scale, shift) = (Lanes::pack(bias), Lanes::pack(scale), Lanes::pack(shift));
-        Ok(Self { inputs, outputs, kernel, weight, root, bias, scale, shift, elu: parts.elu })
+        let affine = Affine::new(bias, parts.norm.as_ref(), outputs)?;
+        Ok(Self { inputs, outputs, kernel, weight, root, affine, elu: parts.elu })
     }
 
     /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
     /// without a bias or norm, the result has a bias of zeros or an identity norm. O(parameters).
     pub fn parts(&self) -> SplineParts {
-        let values =
-            |lanes: &[Lanes]| lanes.iter().flat_map(|l| l.0).take(self.outputs).collect::<Vec<f32>>();
-        let root = self.root.as_ref().map(|root| {
-            let packed = root.unpacked(self.outputs);
-            let of = |o: usize| packed.iter().copied().skip(o).step_by(self.outputs);
-            (0..self.outputs).flat_map(of).collect()
-        });
+        let (bias, norm) = self.affine.unpacked(self.outputs);
         SplineParts {
             inputs: self.inputs,
             outputs: self.outputs,
             kernel: self.kernel,
             weight: self.weight.unpacked(self.outputs),
-            root,
-            bias: Some(values(&self.bias)),
-            norm: Some((values(&self.scale), values(&self.shift))),
+            root: self.root.as_ref().map(|root| root.untransposed(self.outputs)),
+            bias: Some(bias),
+            norm: Some(norm),
             elu: self.elu,
         }
     }

@@ -27,7 +27,7 @@ impl Task for Run<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { conv, features, rows, scratch, out } = self;
-        let lanes = conv.bias.len();
+        let lanes = conv.affine.bias.len();
         assert_eq!(features.columns(), conv.inputs, "features must have the block's input channels");
         assert_eq!(out.len(), rows.len() * lanes, "the output must have the block's output channels");
         if conv.is_flat() {
@@ -69,18 +69,18 @@ impl SplineConv {
         }
         let sums = Sums { values: flat(sums), stride: stride * LANES };
         let mut lane = 0;
-        while S::WIDE && lane + 4 <= self.bias.len() {
+        while S::WIDE && lane + 4 <= self.affine.bias.len() {
             let block =
                 Block { conv: self, rows, sums, lane, weights: [self.wide(lane), self.wide(lane + 2)] };
             block.run::<S, S::V16>(simd, wide, out);
             lane += 4;
         }
-        while lane + 2 <= self.bias.len() {
+        while lane + 2 <= self.affine.bias.len() {
             let block = Block { conv: self, rows, sums, lane, weights: [self.wide(lane)] };
             block.run::<S, S::V16>(simd, wide, out);
             lane += 2;
         }
-        if lane < self.bias.len() {
+        if lane < self.affine.bias.len() {
             let block = Block { conv: self, rows, sums, lane, weights: [self.last()] };
             block.run::<S, S::V8>(simd, last, out);
         }
@@ -90,12 +90,12 @@ impl SplineConv {
     #[inline(always)]
     fn touched<S: Simd>(&self, simd: S, row: &GraphRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
         let mut lane = 0;
-        while lane + 2 <= self.bias.len() {
+        while lane + 2 <= self.affine.bias.len() {
             let sum = self.over_touched::<S, S::V16>(simd, scratch, self.wide(lane));
             self.finish(simd, [sum], self.wide(lane), std::slice::from_ref(row), lane, out);
             lane += 2;
         }
-        if lane < self.bias.len() {
+        if lane < self.affine.bias.len() {
             let sum = self.over_touched::<S, S::V8>(simd, scratch, self.last());
             self.finish(simd, [sum], self.last(), std::slice::from_ref(row), lane, out);
         }
@@ -129,7 +129,7 @@ impl SplineConv {
         lane: usize,
         out: &mut [Lanes],
     ) {
-        let (at, lanes) = (lane * LANES, self.bias.len());
+        let (at, lanes) = (lane * LANES, self.affine.bias.len());
         let load = |lanes: &[Lanes]| V::load_slice(simd, &flat(lanes)[at..]);
         let mut ys = sums;
         for (y, row) in ys.iter_mut().zip(rows) {
@@ -141,13 +141,13 @@ impl SplineConv {
                 accumulate_in_four(simd, &mut acc, &flat(row.own)[..self.inputs], [root]);
                 *y = y.add(total(&acc)[0]);
             }
-            *y = y.add(load(&self.bias));
+            *y = y.add(load(&self.affine.bias));
         }
         if self.elu {
             ys = elus(simd, ys);
         }
         for ((y, row), out) in ys.into_iter().zip(rows).zip(out.chunks_mut(lanes)) {
-            let mut y = load(&self.shift).add_product(y, load(&self.scale));
+            let mut y = load(&self.affine.shift).add_product(y, load(&self.affine.scale));
             if let Some(skip) = row.skip {
                 y = y.add(load(skip));
             }
@@ -258,7 +258,7 @@ where
         b: usize,
         out: &mut [Lanes],
     ) {
-        let lanes = self.conv.bias.len();
+        let lanes = self.conv.affine.bias.len();
         let lane = self.lane + b * V::LANES / LANES;
         let rows = &self.rows[row..][..N];
         self.conv.finish(simd, sums, self.weights[b], rows, lane, &mut out[row * lanes..][..N * lanes]);
