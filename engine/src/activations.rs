@@ -13,6 +13,7 @@ use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, replace_rows, replace_rows_
 use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::counters::LayerLog;
 use crate::graph::Adjacency;
+use crate::memory::Memory;
 use crate::network::{Block, Level};
 use crate::rows::{FewRows, GrowingSet, RowSet};
 
@@ -36,33 +37,27 @@ pub(crate) struct Activations {
 
 impl Activations {
     /// Features of `rows` rows with at most `most` in-edges each; `channels` holds the channels of each feature.
-    pub(crate) fn new(rows: usize, level: &Level, channels: &[usize], most: usize, tolerance: f32) -> Self {
+    pub(crate) fn new(
+        rows: usize,
+        level: &Level,
+        channels: &[usize],
+        most: usize,
+        tolerance: f32,
+        memory: &mut Memory,
+    ) -> Self {
         let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
+        let convs = level.blocks.iter().map(|block| &block.conv);
+        memory.add(size_of::<Self>() as u128);
         Self {
-            features: channels.iter().map(|&c| Matrix::zeros(rows, c)).collect(),
-            changed: vec![RowSet::new(rows); channels.len()],
-            rewired: RowSet::new(rows),
-            nan: vec![FewRows::new(rows); channels.len()],
-            dirty: GrowingSet::new(rows),
+            features: memory.each(channels.len(), |memory, i| memory.matrix(rows, channels[i])),
+            changed: memory.each(channels.len(), |memory, _| RowSet::within(rows, memory)),
+            rewired: RowSet::within(rows, memory),
+            nan: memory.each(channels.len(), |memory, _| FewRows::new(rows, memory)),
+            dirty: GrowingSet::new(rows, memory),
             tolerance,
-            scratch: ConvolutionScratch::new(level.blocks.iter().map(|block| &block.conv), most),
-            rows: vec![Lanes::ZERO; widest * GraphConvolution::GROUP],
+            scratch: ConvolutionScratch::new(convs, most, memory),
+            rows: memory.copies(Lanes::ZERO, widest * GraphConvolution::GROUP),
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(rows: usize, level: &Level, channels: &[usize], most: usize) -> usize {
-        let lanes = |channels: &usize| Lanes::count(*channels);
-        let group = channels.iter().map(lanes).max().unwrap_or(0) * GraphConvolution::GROUP;
-        let values = rows * channels.iter().map(lanes).sum::<usize>() + group;
-        let of_feature = size_of::<Matrix>() + size_of::<RowSet>() + size_of::<FewRows>();
-        let sets = RowSet::bytes(rows) * (channels.len() + 1) + FewRows::bytes(rows) * channels.len();
-        size_of::<Self>()
-            + channels.len() * of_feature
-            + values * size_of::<Lanes>()
-            + sets
-            + GrowingSet::bytes(rows)
-            + ConvolutionScratch::bytes(level.blocks.iter().map(|block| &block.conv), most)
     }
 
     /// Removes all rows; with `poison`, fills the blocks' outputs with NaN.
@@ -255,7 +250,7 @@ mod tests {
             (0..feature.rows()).map(|row| feature.values(row).all(f32::is_nan)).collect()
         };
         let level = Level { scale: 1.0, blocks: Vec::new() };
-        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0);
+        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0, &mut Memory::default());
         activations.leave(0, false);
         activations.leave(1, true);
         assert_eq!(held(&activations), [false, true, false]);

@@ -15,25 +15,18 @@ mod trace;
 
 use std::sync::Arc;
 
-use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, is_nan};
+use meissner_kernels::{GraphRow, Lanes, Matrix, is_nan};
 use rayon::prelude::*;
 
+use crate::EngineError;
 use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
-use crate::network::{Level, Network, Normalisation, Pooling};
-use crate::{EngineError, Sensor};
+use crate::network::{Level, Normalisation, Pooling};
 pub use pool::Cells;
-use setup::Setup;
-pub use setup::{Places, Propose, Search};
+pub use setup::{Batch, Places, Propose, Search};
 pub use stream::Stream;
 use trace::maximum_of;
 pub use trace::{Edges, LevelTrace, Trace};
-
-/// A network with a sensor, computed from scratch on any number of streams.
-#[derive(Clone, Debug)]
-pub struct Batch {
-    setup: Setup,
-}
 
 /// Neighbourhoods, cells and positions of a network on one window. They depend on the network's graph, poolings and
 /// readout, not on its weights.
@@ -47,52 +40,6 @@ pub struct Graph {
 }
 
 impl Batch {
-    /// A batch of `network` over the events of `sensor`, with exhaustive search.
-    ///
-    /// # Errors
-    /// [`EngineError::Sensor`] for a sensor without pixels.
-    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
-        if sensor.width == 0 || sensor.height == 0 {
-            return Err(EngineError::Sensor(sensor));
-        }
-        let network = network.into();
-        let (search, isa) = (Search::default(), Isa::best());
-        Ok(Self { setup: Setup { network, sensor, search, isa, parallel: false } })
-    }
-
-    /// The same with a different search; [`Search::Grid`] is the fastest over data sets.
-    #[must_use]
-    pub fn with_search(self, search: Search) -> Self {
-        Self { setup: Setup { search, ..self.setup } }
-    }
-
-    /// The same with a different instruction set.
-    #[must_use]
-    pub fn with_isa(self, isa: Isa) -> Self {
-        Self { setup: Setup { isa, ..self.setup } }
-    }
-
-    /// Sets whether rayon's threads share the rows of one forward pass.
-    #[must_use]
-    pub fn with_parallel_rows(self, parallel: bool) -> Self {
-        Self { setup: Setup { parallel, ..self.setup } }
-    }
-
-    /// Search method of the neighbourhoods.
-    pub fn search(&self) -> Search {
-        self.setup.search
-    }
-
-    /// The network.
-    pub fn network(&self) -> &Arc<Network> {
-        &self.setup.network
-    }
-
-    /// The sensor.
-    pub fn sensor(&self) -> Sensor {
-        self.setup.sensor
-    }
-
     /// Predictions for all `streams`, computed on all of rayon's threads.
     pub fn predict_all(&self, streams: &[Stream<'_>]) -> Vec<Result<Vec<f32>, EngineError>> {
         streams.par_iter().map(|stream| self.forward(*stream).map(|trace| trace.prediction)).collect()
@@ -107,18 +54,8 @@ impl Batch {
     /// newest time, or if a time difference does not fit 64 bits; [`EngineError::NotANumber`] if a row of the window,
     /// or the prediction, holds NaN; [`EngineError::FrameMemory`] if the head needs more than 4 GiB.
     pub fn forward(&self, stream: Stream<'_>) -> Result<Trace, EngineError> {
-        stream.check(self.setup.sensor)?;
-        let parts = self.setup.network.parts();
-        let mut levels = vec![events::level(&self.setup, stream)];
-        self.run_blocks(&parts.events, &mut levels[0])?;
-        let mut below_pooling = None;
-        for (pooling, level) in &parts.pooled {
-            let below = &levels[levels.len() - 1];
-            let mut trace = pool::level(&self.setup, (pooling, level), below, below_pooling, stream);
-            self.run_blocks(level, &mut trace)?;
-            levels.push(trace);
-            below_pooling = Some(pooling);
-        }
+        let levels = self.levels(stream, true)?;
+        let parts = self.network.parts();
         let readout = self.readout(&levels[levels.len() - 1], levels.len() == 1, stream);
         if let Some(head) = &parts.head {
             let prediction = self.over_image(head, &readout)?;
@@ -127,7 +64,7 @@ impl Batch {
         let mut values = readout.clone();
         for layer in &parts.dense {
             let mut out = Matrix::zeros(1, layer.dense.outputs());
-            layer.dense.run(self.setup.isa, values.lanes(), out.row_mut(0));
+            layer.dense.run(self.isa, values.lanes(), out.row_mut(0));
             if is_nan(out.lanes()) {
                 return Err(EngineError::NotANumber { layer: layer.name.clone(), rows: 1 });
             }
@@ -141,17 +78,32 @@ impl Batch {
     /// # Errors
     /// [`EngineError::Stream`] as [`Self::forward`].
     pub fn graph(&self, stream: Stream<'_>) -> Result<Graph, EngineError> {
-        stream.check(self.setup.sensor)?;
-        let mut levels = vec![events::level(&self.setup, stream)];
-        let mut below_pooling = None;
-        for (pooling, level) in &self.setup.network.parts().pooled {
-            let of_input = Pooling { from: 0, ..pooling.clone() };
-            let below = &levels[levels.len() - 1];
-            levels.push(pool::level(&self.setup, (&of_input, level), below, below_pooling, stream));
-            below_pooling = Some(pooling);
-        }
+        let levels = self.levels(stream, false)?;
         let readout = self.readout_cells(&levels[levels.len() - 1], levels.len() == 1, stream);
         Ok(Graph { levels, readout })
+    }
+
+    /// The event level, then one level per pooling. Computes the blocks if `blocks`; otherwise each level has only its
+    /// input.
+    fn levels(&self, stream: Stream<'_>, blocks: bool) -> Result<Vec<LevelTrace>, EngineError> {
+        stream.check(self.sensor)?;
+        let parts = self.network.parts();
+        let mut levels = vec![events::level(self, stream)];
+        if blocks {
+            self.run_blocks(&parts.events, &mut levels[0])?;
+        }
+        let mut below_pooling = None;
+        for (pooling, level) in &parts.pooled {
+            let from = if blocks { pooling.from } else { 0 };
+            let of_feature = (&Pooling { from, ..pooling.clone() }, level);
+            let mut trace = pool::level(self, of_feature, &levels[levels.len() - 1], below_pooling, stream);
+            if blocks {
+                self.run_blocks(level, &mut trace)?;
+            }
+            levels.push(trace);
+            below_pooling = Some(pooling);
+        }
+        Ok(levels)
     }
 
     /// Computes the blocks of a level whose input and edges exist.
@@ -164,9 +116,9 @@ impl Batch {
                 .map(|row| trace.edges.read(row, input.row(row), skip.map(|skip| skip.row(row))))
                 .collect();
             let compute = |scratch: &mut ConvolutionScratch, rows: &[GraphRow<'_>], out: &mut [Lanes]| {
-                block.conv.rows(self.setup.isa, input, rows, scratch, out);
+                block.conv.rows(self.isa, input, rows, scratch, out);
             };
-            if self.setup.parallel {
+            if self.parallel {
                 let lanes = GraphConvolution::GROUP * Lanes::count(block.conv.outputs());
                 let groups =
                     rows.par_chunks(GraphConvolution::GROUP).zip(out.lanes_mut().par_chunks_mut(lanes));
@@ -187,9 +139,9 @@ impl Batch {
 
     /// Maximum over the readout's grid.
     fn readout(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Matrix {
-        let readout = self.setup.network.parts().readout;
+        let readout = self.network.parts().readout;
         let features = &top.features[readout.from];
-        let cells = readout.columns * readout.rows * self.setup.network.readout_times();
+        let cells = readout.columns * readout.rows * self.network.readout_times();
         let mut out = Matrix::zeros(cells, features.columns());
         let mut members = vec![Vec::new(); out.rows()];
         for (row, cell) in (top.first..).zip(self.readout_cells(top, events, stream)) {
@@ -203,10 +155,10 @@ impl Batch {
 
     /// Applies `head` to the readout.
     fn over_image(&self, head: &Arc<FrameNetwork>, readout: &Matrix) -> Result<Vec<f32>, EngineError> {
-        let options = FrameOptions::new().with_isa(self.setup.isa).with_skip(Skip::Nothing);
-        let cells = readout.rows() / self.setup.network.readout_times();
+        let options = FrameOptions::new().with_isa(self.isa).with_skip(Skip::Nothing);
+        let cells = readout.rows() / self.network.readout_times();
         let value = |age: usize, c: usize, cell: usize| readout.values(age * cells + cell).nth(c);
-        let image: Option<Vec<f32>> = (0..self.setup.network.readout_times() * readout.columns() * cells)
+        let image: Option<Vec<f32>> = (0..self.network.readout_times() * readout.columns() * cells)
             .map(|i| value(i / cells / readout.columns(), i / cells % readout.columns(), i % cells))
             .collect();
         let image = image.expect("every cell has every channel");
@@ -220,9 +172,9 @@ impl Batch {
 
     /// Readout cell of each row of `top` that is in the window. `events` is true if `top` is the event level.
     fn readout_cells(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Vec<usize> {
-        let readout = self.setup.network.parts().readout;
+        let readout = self.network.parts().readout;
         let rows = top.positions.len();
-        let per_graph = self.setup.network.parts().normalisation == Normalisation::PerGraph;
+        let per_graph = self.network.parts().normalisation == Normalisation::PerGraph;
         let origin = published::origin(&top.positions[top.first..]);
         let cell = |row: usize| {
             let position = top.positions[row];
@@ -233,8 +185,8 @@ impl Batch {
                 let event = stream.events[stream.events.len() - rows + row];
                 let axis = |p: u16, cells: usize, extent: u16| usize::from(p) * cells / usize::from(extent);
                 [
-                    axis(event.x, readout.columns, self.setup.sensor.width),
-                    axis(event.y, readout.rows, self.setup.sensor.height),
+                    axis(event.x, readout.columns, self.sensor.width),
+                    axis(event.y, readout.rows, self.sensor.height),
                 ]
             } else {
                 let axis = |d: usize, cells: usize| {
@@ -245,8 +197,8 @@ impl Batch {
             };
             row * readout.columns + column
         };
-        let span_us = self.setup.network.parts().span_us;
-        let age = |row: usize| match self.setup.network.readout_time() {
+        let span_us = self.network.parts().span_us;
+        let age = |row: usize| match self.network.readout_time() {
             Some(size) => {
                 let now = size.cell((stream.now_us - stream.epoch_us).into(), span_us.into());
                 now as usize - top.cells[row][2] as usize

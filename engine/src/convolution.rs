@@ -10,6 +10,7 @@ use meissner_kernels::{
 };
 
 use crate::fingerprint::Fingerprint;
+use crate::memory::Memory;
 
 /// A graph convolution with its activation, batch norm and skip addition.
 #[derive(Clone, Debug)]
@@ -57,17 +58,19 @@ pub struct ConvolutionScratch {
 
 impl ConvolutionScratch {
     /// Working space for all of `convs` and rows of at most `most` in-edges: nothing is allocated later.
-    pub(crate) fn new<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> Self {
-        Self {
-            spline: SplineScratch::new(convs.clone().filter_map(GraphConvolution::spline), most),
-            pointnet: PointNetScratch::new(convs.filter_map(GraphConvolution::pointnet)),
+    pub(crate) fn new<'a>(
+        convs: impl Iterator<Item = &'a GraphConvolution> + Clone,
+        most: usize,
+        memory: &mut Memory,
+    ) -> Self {
+        let spline = convs.clone().filter_map(GraphConvolution::spline);
+        let pointnet = convs.filter_map(GraphConvolution::pointnet);
+        let bytes = SplineScratch::bytes(spline.clone(), most) + PointNetScratch::bytes(pointnet.clone());
+        memory.add(bytes as u128);
+        if memory.counts_only() {
+            return Self::default();
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes<'a>(convs: impl Iterator<Item = &'a GraphConvolution> + Clone, most: usize) -> usize {
-        SplineScratch::bytes(convs.clone().filter_map(GraphConvolution::spline), most)
-            + PointNetScratch::bytes(convs.filter_map(GraphConvolution::pointnet))
+        Self { spline: SplineScratch::new(spline, most), pointnet: PointNetScratch::new(pointnet) }
     }
 }
 
@@ -193,7 +196,7 @@ impl GraphConvolution {
             }
         };
         let (scale, shift) = norm.unwrap_or_default();
-        sizes.into_iter().for_each(|size| to.size(size));
+        to.sizes(sizes);
         parameters.iter().chain([&scale, &shift]).for_each(|values| to.values(values));
     }
 }

@@ -1,7 +1,5 @@
 //! Counts of the work that the engine did and of the work that it avoided.
 
-use std::fmt;
-
 /// Reason why an event did not enter the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -25,12 +23,6 @@ impl DropReason {
             Self::TimeOutOfRange => "time_out_of_range",
             Self::Refused => "refused",
         }
-    }
-}
-
-impl fmt::Display for DropReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -141,25 +133,68 @@ impl Counters {
     pub fn since(&self, earlier: &Self) -> Self {
         let layers = self.layers.iter().zip(&earlier.layers);
         Self {
-            events: self.events.since(&earlier.events),
-            layers: layers.map(|(now, earlier)| now.since(earlier)).collect(),
-            predictions: self.predictions.since(&earlier.predictions),
+            events: self.events.since(earlier.events),
+            layers: layers.map(|(now, earlier)| now.since(*earlier)).collect(),
+            predictions: self.predictions.since(earlier.predictions),
         }
     }
 }
 
-/// Subtracts counters field by field.
-macro_rules! since {
+/// Pixels of one layer of a frame network since the engine was made; a layer over vectors counts as one pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameLayerCounters {
+    /// Computed.
+    pub computed: u64,
+    /// Kept, because nothing in their receptive field had changed.
+    pub skipped: u64,
+    /// Taken from the layer's output for a frame of zeros, because only zeros reached them.
+    pub absorbed: u64,
+}
+
+/// Counts since a frame engine was made.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounters {
+    /// Frames pushed.
+    pub frames: u64,
+    /// Predictions read.
+    pub predictions: u64,
+    /// Each layer's pixels.
+    pub layers: Vec<FrameLayerCounters>,
+}
+
+impl FrameCounters {
+    /// Counts since `earlier`, an earlier state of the same engine's counters.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        let layers = self.layers.iter().zip(&earlier.layers);
+        Self {
+            frames: self.frames.saturating_sub(earlier.frames),
+            predictions: self.predictions.saturating_sub(earlier.predictions),
+            layers: layers.map(|(now, earlier)| now.since(*earlier)).collect(),
+        }
+    }
+}
+
+/// Conversions of counters to an array in the order of the fields, and back; the difference to an earlier state.
+macro_rules! counts {
     ($name:ident { $($field:ident),* }) => {
         impl $name {
-            fn since(&self, earlier: &Self) -> Self {
+            pub(crate) fn to_array(self) -> [u64; [$(stringify!($field)),*].len()] {
+                [$(self.$field),*]
+            }
+
+            pub(crate) fn from_array([$($field),*]: [u64; [$(stringify!($field)),*].len()]) -> Self {
+                Self { $($field),* }
+            }
+
+            fn since(self, earlier: Self) -> Self {
                 Self { $($field: self.$field.saturating_sub(earlier.$field)),* }
             }
         }
     };
 }
 
-since!(EventCounters {
+counts!(EventCounters {
     pushed,
     accepted,
     outside_sensor,
@@ -169,8 +204,8 @@ since!(EventCounters {
     expired,
     evicted
 });
-since!(LayerCounters { recomputed, unchanged, within_tolerance, kept });
-since!(PredictionCounters {
+counts!(LayerCounters { recomputed, unchanged, within_tolerance, kept });
+counts!(PredictionCounters {
     read,
     reused,
     cells_recomputed,
@@ -178,3 +213,4 @@ since!(PredictionCounters {
     neighbourhoods_checked,
     neighbourhoods_unchanged
 });
+counts!(FrameLayerCounters { computed, skipped, absorbed });

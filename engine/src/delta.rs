@@ -1,6 +1,6 @@
 //! Changes of a graph in one step, passed downstream from level to level.
 
-use crate::room::Room;
+use crate::memory::{Memory, Room};
 
 /// Changes of one level's graph by one insertion or some expiries. Downstream inserts rows first and removes rows last.
 #[derive(Clone, Debug)]
@@ -23,29 +23,15 @@ pub(crate) const PART: usize = 256;
 impl Delta {
     /// No changes, for a window of `capacity` events with at most `most` neighbours each; edges are recorded if
     /// `edges`. An event that comes or goes changes its own edges, and at most one in and one out of any other event.
-    pub(crate) fn new(capacity: usize, most: usize, edges: bool) -> Self {
-        let pairs = Self::pairs(capacity, most, edges);
+    pub(crate) fn new(capacity: usize, most: usize, edges: bool, memory: &mut Memory) -> Self {
+        let pairs = if edges { PART + capacity + most } else { 0 };
         Self {
-            entered: Room::new(1),
-            removed: Room::new(pairs),
-            added: Room::new(pairs),
-            left: Room::new(capacity),
-            rewired: Room::new(Self::rewired(capacity)),
+            entered: memory.room(1),
+            removed: memory.room(pairs),
+            added: memory.room(pairs),
+            left: memory.room(capacity),
+            rewired: memory.room(PART + capacity),
         }
-    }
-
-    fn pairs(capacity: usize, most: usize, edges: bool) -> usize {
-        if edges { PART + capacity + most } else { 0 }
-    }
-
-    fn rewired(capacity: usize) -> usize {
-        PART + capacity
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(capacity: usize, most: usize, edges: bool) -> usize {
-        2 * Room::<(u32, u32)>::bytes(Self::pairs(capacity, most, edges))
-            + Room::<u32>::bytes(1 + capacity + Self::rewired(capacity))
     }
 
     pub(crate) fn clear(&mut self) {

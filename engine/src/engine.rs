@@ -12,6 +12,7 @@ use crate::admission::{Admission, Outcome};
 use crate::counters::{Counters, LayerLog, Log};
 use crate::error::option;
 use crate::graph::Adjacency;
+use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
 use crate::snapshot::SnapshotOf;
@@ -55,6 +56,8 @@ pub struct Engine {
     options: Options,
     admission: Admission,
     step: Step,
+    /// Bytes of the state.
+    bytes: u128,
     log: Log,
     /// Time of the newest event.
     newest_us: Option<i64>,
@@ -95,7 +98,10 @@ impl Engine {
         if !(options.tolerance.is_finite() && options.tolerance >= 0.0) {
             return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
-        let bytes = Self::bytes(&network, sensor);
+        let layers = network.layers().len();
+        let needed = Memory::needed(|memory| Step::new(Arc::clone(&network), sensor, &options, memory));
+        let of_layers = layers * (size_of::<LayerLog>() + 2 * size_of::<u64>());
+        let bytes = needed.saturating_add(of_layers as u128);
         if bytes > options.memory_limit || bytes == u128::MAX {
             return Err(EngineError::Memory {
                 network: network.name().to_owned(),
@@ -105,9 +111,9 @@ impl Engine {
                 limit: options.memory_limit,
             });
         }
-        let layers = network.layers().len();
         Ok(Self {
-            step: Step::new(Arc::clone(&network), sensor, &options),
+            step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
+            bytes,
             admission: Admission::new(sensor, options.late),
             log: Log {
                 layers: vec![
@@ -247,12 +253,7 @@ impl Engine {
 
     /// Bytes of state, all allocated when the engine was made. The network's parameters are not included.
     pub fn state_bytes(&self) -> u128 {
-        Self::bytes(&self.network, self.sensor)
-    }
-
-    fn bytes(network: &Network, sensor: Sensor) -> u128 {
-        let layer = size_of::<LayerLog>() + 2 * size_of::<u64>();
-        Step::bytes(network, sensor).saturating_add((network.layers().len() * layer) as u128)
+        self.bytes
     }
 
     /// Number of events in the window.

@@ -133,6 +133,17 @@ pub enum EngineError {
     },
 }
 
+/// An [`EngineError::Network`].
+pub(crate) fn misfit(
+    layer: &str,
+    what: &'static str,
+    expected: impl ToString,
+    found: impl ToString,
+) -> EngineError {
+    let (layer, expected) = (layer.to_owned(), expected.to_string());
+    EngineError::Network { layer, what, expected, found: found.to_string() }
+}
+
 /// An [`EngineError::Option`].
 pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
     EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }

@@ -27,6 +27,10 @@ impl Fingerprint {
         self.word(size as u64);
     }
 
+    pub(crate) fn sizes(&mut self, sizes: impl IntoIterator<Item = usize>) {
+        sizes.into_iter().for_each(|size| self.size(size));
+    }
+
     pub(crate) fn text(&mut self, text: &str) {
         self.size(text.len());
         text.bytes().for_each(|byte| self.word(byte.into()));

@@ -8,7 +8,6 @@ mod buffer;
 mod bytes;
 mod changes;
 mod compile;
-mod counters;
 mod engine;
 mod fingerprint;
 mod layers;
@@ -19,8 +18,8 @@ mod shapes;
 mod step;
 mod timed;
 
+pub use crate::counters::{FrameCounters, FrameLayerCounters};
 pub use compile::FrameNetwork;
-pub use counters::{FrameCounters, FrameLayerCounters};
 pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
 pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 pub use options::{FrameOptions, Skip};

@@ -16,10 +16,10 @@ use crate::Sensor;
 use crate::convolution::EdgeReads;
 use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
+use crate::memory::{Memory, Room};
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, GraphRule, Level, Lifetime};
 use crate::readers::Readers;
-use crate::room::Room;
 use crate::window::Window;
 
 /// The graph of a level, as its layers read it.
@@ -63,20 +63,13 @@ struct EdgeStore {
 }
 
 impl EdgeStore {
-    fn new(edges: usize, reads: EdgeReads) -> Self {
+    fn new(edges: usize, reads: EdgeReads, memory: &mut Memory) -> Self {
         Self {
-            neighbours: vec![Neighbour { row: 0, u: [0.5; 3] }; edges],
-            d2: vec![0.0; edges],
-            basis: vec![Lanes::ZERO; if reads.basis { edges } else { 0 }],
-            offsets: vec![[0.0; 3]; if reads.offsets { edges } else { 0 }],
+            neighbours: memory.copies(Neighbour { row: 0, u: [0.5; 3] }, edges),
+            d2: memory.copies(0.0, edges),
+            basis: memory.copies(Lanes::ZERO, if reads.basis { edges } else { 0 }),
+            offsets: memory.copies([0.0; 3], if reads.offsets { edges } else { 0 }),
         }
-    }
-
-    /// Bytes of one edge.
-    fn bytes(reads: EdgeReads) -> usize {
-        let basis = if reads.basis { size_of::<Lanes>() } else { 0 };
-        let offsets = if reads.offsets { size_of::<[f32; 3]>() } else { 0 };
-        size_of::<Neighbour>() + size_of::<f64>() + basis + offsets
     }
 
     /// Writes edge `at`: `reader` reads the node `source` in slot `row`.
@@ -149,40 +142,24 @@ impl EventGraph {
         level: &Level,
         capacity: usize,
         pooled: bool,
+        memory: &mut Memory,
     ) -> Self {
-        let grid = Grid::new(sensor, capacity);
+        let grid = Grid::new(sensor, capacity, memory);
         let most = rule.reach.most();
         let keeps_readers = pooled || !rule.is_frozen();
+        let (slots, edges) = if keeps_readers { (capacity, capacity * most) } else { (0, 0) };
         Self {
             rule,
-            metric: Metric::new(sensor, span_us, level.scale),
-            reach: vec![0.0; grid.cells()],
+            metric: Metric::new(sensor, span_us, level.scale, memory),
+            reach: memory.copies(0.0, grid.cells()),
             grid,
             most,
-            count: vec![0; capacity],
-            edges: EdgeStore::new(capacity * most, level.edge_reads()),
-            readers: if keeps_readers { Readers::new(capacity, capacity * most) } else { Readers::new(0, 0) },
+            count: memory.copies(0, capacity),
+            edges: EdgeStore::new(capacity * most, level.edge_reads(), memory),
+            readers: Readers::new(slots, edges, memory),
             keeps_readers,
-            found: Room::new(most + 1),
+            found: memory.room(most + 1),
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(
-        rule: GraphRule,
-        sensor: Sensor,
-        level: &Level,
-        capacity: usize,
-        pooled: bool,
-    ) -> usize {
-        let most = rule.reach.most();
-        let edge = EdgeStore::bytes(level.edge_reads());
-        let readers = if pooled || !rule.is_frozen() { Readers::bytes(capacity, capacity * most) } else { 0 };
-        capacity * (most * edge + size_of::<u16>())
-            + readers
-            + Grid::bytes(sensor, capacity)
-            + Metric::bytes(sensor)
-            + Room::<Candidate>::bytes(most + 1)
     }
 
     /// Whether edge changes are reported to the levels above.

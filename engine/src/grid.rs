@@ -8,6 +8,7 @@
 //! never have been a result, not even by a tie.
 
 use crate::Sensor;
+use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 use crate::queues::{Cursor, Entry, Place, Queue, Queues};
 
@@ -38,9 +39,9 @@ pub(crate) enum Times {
 
 impl Grid {
     /// An empty grid for at most `capacity` nodes.
-    pub(crate) fn new(sensor: Sensor, capacity: usize) -> Self {
+    pub(crate) fn new(sensor: Sensor, capacity: usize, memory: &mut Memory) -> Self {
         let (side_log2, [columns, rows]) = Self::extent(sensor);
-        Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity), nodes: 0 }
+        Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity, memory), nodes: 0 }
     }
 
     /// log2 of a cell's side, and the numbers of columns and rows of cells on a sensor.
@@ -60,7 +61,7 @@ impl Grid {
     }
 
     pub(crate) fn cells(&self) -> usize {
-        self.cells.len()
+        self.columns * self.rows
     }
 
     /// Number of nodes in a cell.
@@ -231,12 +232,6 @@ impl Grid {
                 reach[index] = widest;
             }
         }
-    }
-
-    /// Bytes of a grid, and of one reach per cell.
-    pub(crate) fn bytes(sensor: Sensor, capacity: usize) -> usize {
-        let (_, [columns, rows]) = Self::extent(sensor);
-        Queues::bytes(columns * rows, capacity) + columns * rows * size_of::<f64>()
     }
 }
 

@@ -5,10 +5,11 @@
 
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
+use meissner_kernels::{Isa, Matrix, is_nan};
 
 use crate::EngineError;
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
+use crate::memory::Memory;
 use crate::network::Network;
 
 #[derive(Clone, Debug)]
@@ -28,24 +29,17 @@ pub(crate) struct ImageHead {
 }
 
 impl Head {
-    pub(crate) fn new(network: &Network, isa: Isa) -> Self {
+    pub(crate) fn new(network: &Network, isa: Isa, memory: &mut Memory) -> Self {
         let parts = network.parts();
-        match &parts.head {
-            Some(head) => Self::Image(Box::new(ImageHead::new(head, isa))),
-            None => Self::Dense(parts.dense.iter().map(|l| Matrix::zeros(1, l.dense.outputs())).collect()),
-        }
-    }
-
-    /// Bytes of the head.
-    pub(crate) fn bytes(network: &Network) -> u128 {
-        let parts = network.parts();
-        let lanes = |values: usize| Lanes::count(values) as u128 * size_of::<Lanes>() as u128;
         if let Some(head) = &parts.head {
-            let values = head.input().values() * size_of::<f32>();
-            return head.engine_bytes(FrameOptions::default()) + (values + size_of::<ImageHead>()) as u128;
+            let image = head.input().values() * size_of::<f32>() + size_of::<ImageHead>();
+            memory.add(head.engine_bytes(FrameOptions::default()) + image as u128);
+            if !memory.counts_only() {
+                return Self::Image(Box::new(ImageHead::new(head, isa)));
+            }
         }
-        let layer = size_of::<Matrix>() as u128;
-        parts.dense.iter().map(|dense| layer + lanes(dense.dense.outputs())).sum()
+        let outputs = |layer: usize| parts.dense[layer].dense.outputs();
+        Self::Dense(memory.each(parts.dense.len(), |memory, layer| memory.matrix(1, outputs(layer))))
     }
 
     /// Changes the instruction set.

@@ -13,6 +13,7 @@ use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zer
 
 use crate::counters::LayerLog;
 use crate::members::Members;
+use crate::memory::Memory;
 use crate::rows::RowSet;
 
 #[derive(Clone, Debug)]
@@ -44,28 +45,20 @@ struct Queue {
 impl Maxima {
     /// No members yet; at most `rows` members in `cells` cells. `queues` states that members never change and leave in
     /// order of arrival.
-    pub(crate) fn new(rows: usize, cells: usize, channels: usize, queues: bool) -> Self {
+    pub(crate) fn new(rows: usize, cells: usize, channels: usize, queues: bool, memory: &mut Memory) -> Self {
         Self {
             queue: queues.then(|| Queue {
-                suffix: Matrix::zeros(rows, channels),
-                back: Matrix::zeros(cells, channels),
-                front: vec![0; cells],
+                suffix: memory.matrix(rows, channels),
+                back: memory.matrix(cells, channels),
+                front: memory.copies(0, cells),
             }),
-            members: Members::new(rows, cells),
-            filled: vec![false; cells],
-            fresh: RowSet::new(rows),
-            dirty: RowSet::new(cells),
-            merged: RowSet::new(cells),
-            row: vec![Lanes::ZERO; Lanes::count(channels)],
+            members: Members::new(rows, cells, memory),
+            filled: memory.copies(false, cells),
+            fresh: RowSet::within(rows, memory),
+            dirty: RowSet::within(cells, memory),
+            merged: RowSet::within(cells, memory),
+            row: memory.copies(Lanes::ZERO, Lanes::count(channels)),
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(rows: usize, cells: usize, channels: usize, queues: bool) -> usize {
-        let row = Lanes::count(channels) * size_of::<Lanes>();
-        let queue = if queues { (rows + cells) * row + cells * size_of::<u32>() } else { 0 };
-        let sets = RowSet::bytes(rows) + 2 * RowSet::bytes(cells);
-        queue + Members::bytes(rows, cells) + cells * size_of::<bool>() + sets + row
     }
 
     /// Removes all members; every cell is zeros after the next `settle` over `values`.
@@ -293,7 +286,8 @@ mod tests {
             let features = Matrix::from_rows(1, &[-0.0, -0.0, -1.0]);
             let changed = RowSet::new(3);
             let after = |steps: &[(u32, bool)]| {
-                let (mut maxima, mut values) = (Maxima::new(3, 1, 1, queues), Matrix::zeros(1, 1));
+                let (mut maxima, mut values) =
+                    (Maxima::new(3, 1, 1, queues, &mut Memory::default()), Matrix::zeros(1, 1));
                 for &(row, again) in steps {
                     maxima.enter(row, 0);
                     if again {

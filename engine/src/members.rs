@@ -3,6 +3,8 @@
 //! Each row links to the row before it and the row after it in its cell. Memory is therefore determined by the number
 //! of rows, however these are spread over cells.
 
+use crate::memory::Memory;
+
 /// Doubly linked lists of the rows of each cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Members {
@@ -24,18 +26,13 @@ struct Ends {
 
 impl Members {
     /// No members yet; at most `rows` members in `cells` cells.
-    pub(crate) fn new(rows: usize, cells: usize) -> Self {
+    pub(crate) fn new(rows: usize, cells: usize, memory: &mut Memory) -> Self {
         Self {
-            cell_of: vec![0; rows],
-            older: vec![0; rows],
-            younger: vec![0; rows],
-            cells: vec![Ends::default(); cells],
+            cell_of: memory.copies(0, rows),
+            older: memory.copies(0, rows),
+            younger: memory.copies(0, rows),
+            cells: memory.copies(Ends::default(), cells),
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(rows: usize, cells: usize) -> usize {
-        rows * 3 * size_of::<u32>() + cells * size_of::<Ends>()
     }
 
     pub(crate) fn clear(&mut self) {
@@ -139,7 +136,7 @@ mod tests {
         fn linked_members_are_those_of_plain_lists(
             steps in proptest::collection::vec((0u8..50, 0u32..20, 0u32..3), 0..300),
         ) {
-            let mut members = Members::new(20, 3);
+            let mut members = Members::new(20, 3, &mut Memory::default());
             let mut lists = vec![Vec::new(); 3];
             for (step, row, cell) in steps {
                 if step == 0 {

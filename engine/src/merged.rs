@@ -11,6 +11,7 @@ use std::ops::Range;
 use meissner_kernels::{GraphRow, Lanes, Neighbour, attribute, offset, spline_basis};
 
 use crate::convolution::EdgeReads;
+use crate::memory::Memory;
 use crate::readers::Readers;
 
 const NONE: u32 = u32::MAX;
@@ -78,32 +79,22 @@ pub(crate) struct Merged {
 
 impl Merged {
     /// No edges; `reads` is the edge data that blocks read.
-    pub(crate) fn new(extent: Extent, reads: EdgeReads) -> Self {
-        let basis = if reads.basis { extent.rows * extent.bases() } else { 0 };
+    pub(crate) fn new(extent: Extent, reads: EdgeReads, memory: &mut Memory) -> Self {
+        let (rows, stored) = (extent.rows, extent.stored());
         Self {
-            runs: vec![Run::default(); extent.rows],
+            runs: memory.copies(Run::default(), rows),
             first: NONE,
             last: NONE,
             end: 0,
             len: 0,
-            neighbours: vec![Neighbour { row: 0, u: [0.0; 3] }; extent.stored()],
-            counts: vec![0; extent.stored()],
-            offsets: vec![[0.0; 3]; if reads.offsets { extent.stored() } else { 0 }],
-            basis: vec![Lanes::ZERO; basis],
-            altered: vec![false; extent.rows],
-            readers: ReadBy::new(extent),
+            neighbours: memory.copies(Neighbour { row: 0, u: [0.0; 3] }, stored),
+            counts: memory.copies(0, stored),
+            offsets: memory.copies([0.0; 3], if reads.offsets { stored } else { 0 }),
+            basis: memory.copies(Lanes::ZERO, if reads.basis { rows * extent.bases() } else { 0 }),
+            altered: memory.copies(false, rows),
+            readers: ReadBy::new(extent, memory),
             extent,
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates. Saturates.
-    pub(crate) fn bytes(extent: Extent, reads: EdgeReads) -> u128 {
-        let Extent { rows, .. } = extent;
-        let offset = if reads.offsets { size_of::<[f32; 3]>() } else { 0 };
-        let edge = size_of::<Neighbour>() + size_of::<u32>() + offset;
-        let basis = if reads.basis { extent.bases() * size_of::<Lanes>() } else { 0 };
-        let row = size_of::<Run>() + size_of::<bool>() + basis;
-        extent.stored() as u128 * edge as u128 + rows as u128 * row as u128 + ReadBy::bytes(extent)
     }
 
     pub(crate) fn clear(&mut self) {
@@ -309,25 +300,17 @@ enum ReadBy {
 }
 
 impl ReadBy {
-    /// Words per row of bits, if bits are used.
-    fn words(Extent { rows, edges, .. }: Extent) -> Option<usize> {
+    fn new(Extent { rows, edges, .. }: Extent, memory: &mut Memory) -> Self {
         let words = rows.div_ceil(WORD);
-        (words <= WORD && Bits::bytes(rows, words) <= Readers::bytes(rows, edges)).then_some(words)
-    }
-
-    fn new(extent: Extent) -> Self {
-        match Self::words(extent) {
-            Some(words) => Self::Bits(Bits::new(extent.rows, words)),
-            None => Self::Lists(Box::new(Readers::new(extent.rows, extent.edges))),
+        let [bits, lists] = [
+            Memory::needed(|memory| Bits::new(rows, words, memory)),
+            Memory::needed(|memory| Readers::new(rows, edges, memory)),
+        ];
+        if words <= WORD && bits <= lists {
+            return Self::Bits(Bits::new(rows, words, memory));
         }
-    }
-
-    fn bytes(extent: Extent) -> u128 {
-        let bytes = match Self::words(extent) {
-            Some(words) => Bits::bytes(extent.rows, words),
-            None => Readers::bytes(extent.rows, extent.edges) + size_of::<Readers>(),
-        };
-        bytes as u128
+        memory.add(size_of::<Readers>() as u128);
+        Self::Lists(Box::new(Readers::new(rows, edges, memory)))
     }
 
     fn clear(&mut self, extent: Extent) {
@@ -371,12 +354,8 @@ struct Bits {
 }
 
 impl Bits {
-    fn new(rows: usize, words: usize) -> Self {
-        Self { words, pairs: vec![0; rows * words] }
-    }
-
-    fn bytes(rows: usize, words: usize) -> usize {
-        rows * words * size_of::<u64>()
+    fn new(rows: usize, words: usize, memory: &mut Memory) -> Self {
+        Self { words, pairs: memory.copies(0, rows * words) }
     }
 
     fn clear(&mut self) {
@@ -429,7 +408,7 @@ mod tests {
             steps in proptest::collection::vec((0u32..5, 0u32..5, any::<bool>(), any::<bool>()), 0..400),
         ) {
             let extent = Extent::new(5 + more, 5, below);
-            let mut merged = Merged::new(extent, EdgeReads { basis: true, offsets: true });
+            let mut merged = Merged::new(extent, EdgeReads { basis: true, offsets: true }, &mut Memory::default());
             let mut plain: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); 5];
             let mut edges = 0;
             let difference = |source: u32| [f64::from(source), -0.5, 0.0];

@@ -2,6 +2,7 @@
 
 use meissner_kernels::{attribute, offset};
 
+use crate::memory::Memory;
 use crate::{Event, Sensor};
 
 /// A node of the event graph: an event with its time relative to the epoch.
@@ -42,27 +43,16 @@ pub(crate) struct Metric {
 }
 
 impl Metric {
-    pub(crate) fn new(sensor: Sensor, span_us: i64, scale: f32) -> Self {
-        let squares = |extent: u16| (0..extent).map(|d| square(f64::from(d) / f64::from(extent))).collect();
-        let attributes = |extent: u16| {
-            let extent = i32::from(extent);
-            (1 - extent..extent).map(|d| attribute(f64::from(d) / f64::from(extent), scale)).collect()
+    pub(crate) fn new(sensor: Sensor, span_us: i64, scale: f32, memory: &mut Memory) -> Self {
+        let extents @ [width, height] = [sensor.width, sensor.height].map(usize::from);
+        let mut squares = |extent| memory.values(extent, |d| square(d as f64 / extent as f64));
+        let (x2, y2) = (squares(width), squares(height));
+        let mut attributes = |extent| {
+            let difference = |i: usize| i as f64 - (extent - 1) as f64;
+            memory.values(2 * extent - 1, |i| attribute(difference(i) / extent as f64, scale))
         };
-        Self {
-            span: span_us as f64,
-            extents: [sensor.width, sensor.height].map(f64::from),
-            scale,
-            x2: squares(sensor.width),
-            y2: squares(sensor.height),
-            ux: attributes(sensor.width),
-            uy: attributes(sensor.height),
-        }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(sensor: Sensor) -> usize {
-        let pixels = usize::from(sensor.width) + usize::from(sensor.height);
-        pixels * (size_of::<f64>() + 2 * size_of::<f32>())
+        let (ux, uy) = (attributes(width), attributes(height));
+        Self { span: span_us as f64, extents: extents.map(|extent| extent as f64), scale, x2, y2, ux, uy }
     }
 
     /// (dx / width)^2; infinite beyond the sensor.

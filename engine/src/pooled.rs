@@ -16,9 +16,9 @@ use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
+use crate::memory::{Memory, Room};
 use crate::merged::{Extent, Merged};
 use crate::network::{Level, Network, Position};
-use crate::room::Room;
 use crate::rows::RowSet;
 use crate::window::Window;
 
@@ -86,18 +86,6 @@ impl Shape {
     pub(crate) fn most(&self) -> usize {
         self.edges.map_or(0, |extent| extent.most)
     }
-
-    /// Bytes that [`PooledGraph::new`] allocates.
-    pub(crate) fn bytes(&self) -> u128 {
-        let slots = self.grid.slots();
-        let of_slot = size_of::<Key>() + size_of::<EventSums>() + size_of::<[f64; 3]>();
-        let order = if self.orders { Room::<(Key, u32)>::bytes(self.rows_below) } else { 0 };
-        let own =
-            size_of::<PooledGraph>() + self.grid.bytes() + slots * of_slot + 3 * RowSet::bytes(slots) + order;
-        own as u128
-            + Maxima::bytes(self.rows_below, slots, self.channels, self.queues) as u128
-            + self.edges.map_or(0, |extent| Merged::bytes(extent, self.reads))
-    }
 }
 
 #[derive(Clone, Debug)]
@@ -123,20 +111,21 @@ pub(crate) struct PooledGraph {
 
 impl PooledGraph {
     /// The graph that `level` reads.
-    pub(crate) fn new(shape: Shape, level: &Level) -> Self {
+    pub(crate) fn new(shape: Shape, level: &Level, memory: &mut Memory) -> Self {
         let slots = shape.grid.slots();
+        memory.add((size_of::<Self>() + shape.grid.bytes()) as u128);
         Self {
             scale: level.scale,
-            keys: vec![[0; 3]; slots],
-            sums: vec![EventSums::default(); slots],
+            keys: memory.copies([0; 3], slots),
+            sums: memory.copies(EventSums::default(), slots),
             alive: 0,
-            positions: vec![[0.0; 3]; slots],
-            edges: shape.edges.map(|extent| Merged::new(extent, shape.reads)),
-            maxima: Maxima::new(shape.rows_below, slots, shape.channels, shape.queues),
-            moved: RowSet::new(slots),
-            stale: RowSet::new(slots),
-            shifted: RowSet::new(slots),
-            order: Room::new(if shape.orders { shape.rows_below } else { 0 }),
+            positions: memory.copies([0.0; 3], slots),
+            edges: shape.edges.map(|extent| Merged::new(extent, shape.reads, memory)),
+            maxima: Maxima::new(shape.rows_below, slots, shape.channels, shape.queues, memory),
+            moved: RowSet::within(slots, memory),
+            stale: RowSet::within(slots, memory),
+            shifted: RowSet::within(slots, memory),
+            order: memory.room(if shape.orders { shape.rows_below } else { 0 }),
             grid: shape.grid,
         }
     }

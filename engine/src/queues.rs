@@ -4,6 +4,8 @@
 //! first and its last block can be partly filled. The store has as many blocks as its queues can need at once, however
 //! a bounded number of nodes is spread over them: nothing is allocated after construction.
 
+use crate::memory::Memory;
+
 /// Nodes in a block.
 const NODES: usize = 7;
 const NONE: u32 = u32::MAX;
@@ -63,10 +65,10 @@ pub(crate) struct Cursor(Option<Place>);
 
 impl Queues {
     /// `queues` empty queues for at most `nodes` nodes in total.
-    pub(crate) fn new(queues: usize, nodes: usize) -> Self {
-        let count = Self::blocks(queues, nodes);
-        let block = |i: u32| Block { entries: [Entry::default(); NODES], before: NONE, after: i + 1 };
-        Self { chains: vec![EMPTY; queues], blocks: (0..count as u32).map(block).collect(), free: 0 }
+    pub(crate) fn new(queues: usize, nodes: usize, memory: &mut Memory) -> Self {
+        let block = |i| Block { entries: [Entry::default(); NODES], before: NONE, after: i as u32 + 1 };
+        let blocks = memory.values(Self::blocks(queues, nodes), block);
+        Self { chains: memory.copies(EMPTY, queues), blocks, free: 0 }
     }
 
     /// Largest number of blocks that `nodes` nodes need in `queues` queues. n nodes of one queue need at most 1 +
@@ -74,16 +76,6 @@ impl Queues {
     fn blocks(queues: usize, nodes: usize) -> usize {
         let pairs = queues.saturating_mul(2);
         if nodes <= pairs { nodes } else { pairs + (nodes - pairs) / NODES }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(queues: usize, nodes: usize) -> usize {
-        queues * size_of::<Chain>() + Self::blocks(queues, nodes) * size_of::<Block>()
-    }
-
-    /// Number of queues.
-    pub(crate) fn len(&self) -> usize {
-        self.chains.len()
     }
 
     #[inline]
@@ -320,7 +312,7 @@ mod tests {
             capacity in 1usize..60,
             steps in proptest::collection::vec((0u8..40, 0usize..5, 0i64..4), 0..300),
         ) {
-            let mut blocks = Queues::new(queues, capacity);
+            let mut blocks = Queues::new(queues, capacity, &mut Memory::default());
             let mut plain = vec![VecDeque::new(); queues];
             let (mut t, mut nodes) = (0, 0);
             for (step, queue, later) in steps {
@@ -363,7 +355,7 @@ mod tests {
             capacity in 1usize..200,
             spread in proptest::collection::vec((0usize..9, 0usize..9), 500),
         ) {
-            let mut blocks = Queues::new(queues, capacity);
+            let mut blocks = Queues::new(queues, capacity, &mut Memory::default());
             let mut order = VecDeque::new();
             for (low, high) in spread {
                 if order.len() == capacity {

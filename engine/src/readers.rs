@@ -4,6 +4,8 @@
 //! that is large enough for all edges of a graph, so that nothing is allocated while events arrive. The order of rows
 //! does not matter, because rows are only marked dirty.
 
+use crate::memory::Memory;
+
 /// Rows in a block.
 const ROWS: usize = 15;
 
@@ -29,18 +31,13 @@ pub(crate) struct Readers {
 
 impl Readers {
     /// Empty lists for `slots` slots and at most `edges` rows in total.
-    pub(crate) fn new(slots: usize, edges: usize) -> Self {
-        let blocks = (0..slots + edges / ROWS).map(|i| Block { rows: [0; ROWS], next: i as u32 + 1 });
+    pub(crate) fn new(slots: usize, edges: usize, memory: &mut Memory) -> Self {
         Self {
-            blocks: blocks.collect(),
-            count: vec![0; slots],
-            last: (0..slots as u32).collect(),
+            blocks: memory.values(slots + edges / ROWS, |i| Block { rows: [0; ROWS], next: i as u32 + 1 }),
+            count: memory.copies(0, slots),
+            last: memory.values(slots, |slot| slot as u32),
             free: slots as u32,
         }
-    }
-
-    pub(crate) fn bytes(slots: usize, edges: usize) -> usize {
-        (slots + edges / ROWS) * size_of::<Block>() + slots * 2 * size_of::<u32>()
     }
 
     /// Calls `visit` with each row that reads `slot`.
@@ -130,7 +127,7 @@ mod tests {
     #[test]
     fn one_slot_can_have_as_many_readers_as_there_can_be_edges() {
         for edges in 1..=200 {
-            let mut readers = Readers::new(2, edges as usize);
+            let mut readers = Readers::new(2, edges as usize, &mut Memory::default());
             for slot in [0, 1, 0] {
                 (0..edges).for_each(|row| readers.push(slot, row));
                 let mut got = Vec::new();
@@ -144,7 +141,7 @@ mod tests {
     proptest! {
         #[test]
         fn readers_are_those_of_plain_lists(steps in proptest::collection::vec((0u8..12, 0u32..3, 0u32..60), 0..300)) {
-            let mut readers = Readers::new(3, 180);
+            let mut readers = Readers::new(3, 180, &mut Memory::default());
             let mut lists = vec![Vec::new(); 3];
             for (step, slot, row) in steps {
                 let list: &mut Vec<u32> = &mut lists[slot as usize];

@@ -7,13 +7,14 @@
 //! If time cells stay separate, the grid's maxima are a ring over these cells: a new cell replaces the one that the
 //! window has left, no row moves, and the head receives the grids from the newest to the oldest.
 
-use meissner_kernels::{Isa, Lanes, Matrix};
+use meissner_kernels::{Isa, Matrix};
 
 use crate::activations::Activations;
 use crate::counters::{LayerLog, PredictionCounters};
 use crate::delta::Delta;
 use crate::head::Head;
 use crate::maxima::Maxima;
+use crate::memory::Memory;
 use crate::network::{Network, Readout};
 use crate::pooled::PooledGraph;
 use crate::rows::RowSet;
@@ -81,37 +82,24 @@ pub(crate) struct LastLevel<'a> {
 }
 
 impl ReadoutState {
-    pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize, isa: Isa) -> Self {
+    pub(crate) fn new(network: &Network, sensor: Sensor, rows: usize, isa: Isa, memory: &mut Memory) -> Self {
         let grid = ReadoutGrid::new(network.parts().readout, sensor);
         let channels = network.readout_channels();
         let times = network.readout_times();
         let cells = grid.cells() * times;
         Self {
-            maxima: Maxima::new(rows, cells, channels, Self::reads_queues(network)),
-            values: Matrix::zeros(cells, channels),
+            maxima: Maxima::new(rows, cells, channels, Self::reads_queues(network), memory),
+            values: memory.matrix(cells, channels),
             time: network.readout_time().map(|size| (size, network.parts().span_us)),
             newest: 0,
-            by_age: Matrix::zeros(if times > 1 { cells } else { 0 }, channels),
+            by_age: memory.matrix(if times > 1 { cells } else { 0 }, channels),
             times,
-            head: Head::new(network, isa),
-            entered: RowSet::new(rows),
-            prediction: vec![0.0; network.outputs()],
+            head: Head::new(network, isa, memory),
+            entered: RowSet::within(rows, memory),
+            prediction: memory.copies(0.0, network.outputs()),
             valid: false,
             grid,
         }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(network: &Network, rows: usize) -> u128 {
-        let readout = network.parts().readout;
-        let times = network.readout_times();
-        let cells = readout.columns * readout.rows * times;
-        let channels = network.readout_channels();
-        let matrices = if times > 1 { 2 } else { 1 };
-        let values = matrices * cells * Lanes::count(channels) * size_of::<Lanes>();
-        let maxima = Maxima::bytes(rows, cells, channels, Self::reads_queues(network));
-        let sets = RowSet::bytes(rows) + network.outputs() * size_of::<f32>();
-        (maxima + values + sets) as u128 + Head::bytes(network)
     }
 
     /// Whether the rows that it reads never change and leave in order of arrival.

@@ -1,6 +1,6 @@
 //! Sets of row indices.
 
-use crate::room::Room;
+use crate::memory::{Memory, Room};
 
 /// A set of rows below a fixed bound: O(1) to insert, remove, test and clear, O(members) to iterate, no allocation
 /// after construction. The order of iteration depends on the history; results must not depend on it.
@@ -14,12 +14,12 @@ pub(crate) struct RowSet {
 impl RowSet {
     /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize) -> Self {
-        Self { members: Room::new(bound), index: vec![0; bound] }
+        Self::within(bound, &mut Memory::default())
     }
 
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(bound: usize) -> usize {
-        bound * 2 * size_of::<u32>()
+    /// The same, as a part of an engine.
+    pub(crate) fn within(bound: usize, memory: &mut Memory) -> Self {
+        Self { members: memory.room(bound), index: memory.copies(0, bound) }
     }
 
     #[inline]
@@ -71,13 +71,8 @@ pub(crate) struct FewRows {
 
 impl FewRows {
     /// An empty set of rows below `bound`.
-    pub(crate) fn new(bound: usize) -> Self {
-        Self { marked: vec![false; bound], len: 0 }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(bound: usize) -> usize {
-        bound * size_of::<bool>()
+    pub(crate) fn new(bound: usize, memory: &mut Memory) -> Self {
+        Self { marked: memory.copies(false, bound), len: 0 }
     }
 
     pub(crate) fn insert(&mut self, row: u32) {
@@ -118,13 +113,8 @@ pub(crate) struct GrowingSet {
 
 impl GrowingSet {
     /// An empty set of rows below `bound`.
-    pub(crate) fn new(bound: usize) -> Self {
-        Self { members: vec![0; bound + 1], len: 0, marked: vec![false; bound] }
-    }
-
-    /// Bytes that [`Self::new`] allocates.
-    pub(crate) fn bytes(bound: usize) -> usize {
-        (bound + 1) * size_of::<u32>() + bound * size_of::<bool>()
+    pub(crate) fn new(bound: usize, memory: &mut Memory) -> Self {
+        Self { members: memory.copies(0, bound + 1), len: 0, marked: memory.copies(false, bound) }
     }
 
     /// Inserts `rows`. Every row is written, and overwritten by the next if it was a member: no unpredictable branch.
@@ -165,8 +155,8 @@ mod tests {
         #[test]
         fn a_row_set_holds_what_a_tree_set_holds(steps in proptest::collection::vec((0u8..3, 0u32..20), 0..200)) {
             let (mut rows, mut tree) = (RowSet::new(20), BTreeSet::new());
-            let mut few = FewRows::new(20);
-            let (mut growing, mut grown) = (GrowingSet::new(20), BTreeSet::new());
+            let mut few = FewRows::new(20, &mut Memory::default());
+            let (mut growing, mut grown) = (GrowingSet::new(20, &mut Memory::default()), BTreeSet::new());
             for (step, row) in steps {
                 match step {
                     0 => { rows.insert(row); few.insert(row); tree.insert(row); }

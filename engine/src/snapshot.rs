@@ -24,7 +24,7 @@ use std::fmt;
 use crate::EngineError;
 pub(crate) use format::Kind;
 pub use reader::snapshot_note;
-pub(crate) use reader::{Reader, differs};
+pub(crate) use reader::{Reader, check_network, differs};
 pub(crate) use writer::Writer;
 
 /// An engine that a snapshot can hold.

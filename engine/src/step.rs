@@ -14,6 +14,7 @@ use crate::activations::Activations;
 use crate::counters::Log;
 use crate::delta::{Delta, PART};
 use crate::graph::{Adjacency, EventGraph};
+use crate::memory::Memory;
 use crate::metric::Node;
 use crate::network::Network;
 use crate::options::Options;
@@ -41,64 +42,53 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options) -> Self {
+    /// The state of an engine before its first event. If the rows are too many to be numbered, `memory` has counted
+    /// [`u128::MAX`] bytes.
+    pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options, memory: &mut Memory) -> Self {
         let parts = network.parts();
         let (span_us, capacity) = (parts.span_us, parts.capacity);
         let most = parts.graph.reach.most();
-        let follows_edges = Self::follows_edges(&network);
-        let graph = EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges);
+        let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
+        let graph =
+            EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges, memory);
         // Rows that never change need no tolerance.
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
+        let channels = network.channels(0);
         let mut activations = Vec::with_capacity(network.levels());
-        activations.push(Activations::new(capacity, &parts.events, network.channels(0), most, of_events));
+        activations.push(Activations::new(capacity, &parts.events, channels, most, of_events, memory));
         let mut pooled = Vec::with_capacity(parts.pooled.len());
         let mut rows = capacity;
-        for (i, (shape, (_, level))) in
-            Shape::all(&network, sensor).0.into_iter().zip(&parts.pooled).enumerate()
-        {
+        let (shapes, all) = Shape::all(&network, sensor);
+        if !all {
+            memory.add(u128::MAX);
+        }
+        for (i, (shape, (_, level))) in shapes.into_iter().zip(&parts.pooled).enumerate() {
             let channels = network.channels(i + 1);
             rows = shape.slots();
-            activations.push(Activations::new(rows, level, channels, shape.most(), options.tolerance));
-            pooled.push(PooledGraph::new(shape, level));
+            activations.push(Activations::new(
+                rows,
+                level,
+                channels,
+                shape.most(),
+                options.tolerance,
+                memory,
+            ));
+            pooled.push(PooledGraph::new(shape, level, memory));
         }
-        let delta = Delta::new(capacity, most, graph.tells_edges());
+        let tells_edges = graph.tells_edges();
         Self {
-            readout: ReadoutState::new(&network, sensor, rows, options.isa),
-            window: Window::new(capacity),
+            readout: ReadoutState::new(&network, sensor, rows, options.isa, memory),
+            window: Window::new(capacity, memory),
             graph,
             pooled,
             activations,
             isa: options.isa,
             poison: options.hooks.poison,
-            downstream: delta.clone(),
-            delta,
+            downstream: Delta::new(capacity, most, tells_edges, memory),
+            delta: Delta::new(capacity, most, tells_edges, memory),
             stopwatch: Stopwatch::new(options.stage_times),
             network,
         }
-    }
-
-    /// Whether a level above the events reads edges.
-    fn follows_edges(network: &Network) -> bool {
-        network.parts().pooled.iter().any(|(_, level)| !level.blocks.is_empty())
-    }
-
-    /// Bytes that `new` allocates; [`u128::MAX`] if the rows are too many to be counted.
-    pub(crate) fn bytes(network: &Network, sensor: Sensor) -> u128 {
-        let parts = network.parts();
-        let (capacity, most) = (parts.capacity, parts.graph.reach.most());
-        let follows = Self::follows_edges(network);
-        let tells = follows || !parts.graph.is_frozen();
-        let of_events = Window::bytes(capacity)
-            + EventGraph::bytes(parts.graph, sensor, &parts.events, capacity, follows)
-            + Activations::bytes(capacity, &parts.events, network.channels(0), most)
-            + 2 * Delta::bytes(capacity, most, tells);
-        let (shapes, true) = Shape::all(network, sensor) else { return u128::MAX };
-        let of_levels = shapes.iter().zip(&parts.pooled).enumerate().map(|(i, (shape, (_, level)))| {
-            let channels = network.channels(i + 1);
-            shape.bytes() + Activations::bytes(shape.slots(), level, channels, shape.most()) as u128
-        });
-        let rows = shapes.last().map_or(capacity, Shape::slots);
-        of_events as u128 + of_levels.sum::<u128>() + ReadoutState::bytes(network, rows)
     }
 
     /// Copies from `own` all that does not affect results: the instruction set, poison, measured times.

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::memory::Memory;
 use crate::metric::Node;
 
 /// Nodes by slot. A node keeps its slot while it is in the window; slots are reused cyclically.
@@ -14,8 +15,8 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    pub(crate) fn new(capacity: usize) -> Self {
-        Self { nodes: vec![Node::default(); capacity], first: 0, len: 0 }
+    pub(crate) fn new(capacity: usize, memory: &mut Memory) -> Self {
+        Self { nodes: memory.copies(Node::default(), capacity), first: 0, len: 0 }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -90,9 +91,5 @@ impl Window {
     fn wrap(&self, slot: u32) -> u32 {
         let capacity = self.nodes.len() as u32;
         if slot >= capacity { slot - capacity } else { slot }
-    }
-
-    pub(crate) fn bytes(capacity: usize) -> usize {
-        capacity * size_of::<Node>()
     }
 }

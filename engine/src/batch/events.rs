@@ -5,18 +5,19 @@ use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 use super::neighbours::{Lists, Space};
 use super::published;
 use super::search::{candidates, exhaustive, proposed};
-use super::setup::{Search, Setup};
+use super::setup::{Batch, Search};
 use super::stream::Stream;
 use super::trace::{Edges, LevelTrace};
 use crate::Event;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
+use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, Normalisation, Reach};
 use crate::queues::Cursor;
 
 /// Rows, edges and input of the event level.
-pub(super) fn level(batch: &Setup, stream: Stream<'_>) -> LevelTrace {
+pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     let parts = batch.network.parts();
     let oldest = stream.now_us.saturating_sub(parts.span_us);
     let in_time = stream.events.partition_point(|e| e.t_us < oldest);
@@ -26,7 +27,7 @@ pub(super) fn level(batch: &Setup, stream: Stream<'_>) -> LevelTrace {
     let events = &stream.events[start..];
     let extents = [f64::from(batch.sensor.width), f64::from(batch.sensor.height), parts.span_us as f64];
     let nodes: Vec<Node> = events.iter().map(|&e| Node::new(e, e.t_us - events[0].t_us)).collect();
-    let metric = |scale| Metric::new(batch.sensor, parts.span_us, scale);
+    let metric = |scale| Metric::new(batch.sensor, parts.span_us, scale, &mut Memory::default());
     let lists = match batch.search {
         Search::Exhaustive => exhaustive(batch, events, extents),
         Search::Proposed(propose) => proposed(batch, events, extents, propose),
@@ -91,13 +92,13 @@ fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
 const GENEROUS: f64 = 2.0;
 
 /// Neighbour indices of each event, by the engine's search grid.
-fn with_grid(batch: &Setup, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
+fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -> Lists {
     let rule = batch.network.parts().graph;
     let space = Space { nodes, metric, sensor: batch.sensor, span_us: batch.network.parts().span_us };
     if rule.candidates == Candidates::All && matches!(rule.reach, Reach::Knn { .. }) && space.is_short() {
         return space.nearest(rule.reach.most(), batch.isa);
     }
-    let mut grid = Grid::new(batch.sensor, nodes.len());
+    let mut grid = Grid::new(batch.sensor, nodes.len(), &mut Memory::default());
     let times = if rule.candidates == Candidates::All {
         nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         Times::All

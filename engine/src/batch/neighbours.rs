@@ -13,6 +13,7 @@ use meissner_kernels::{Isa, Nearby};
 use crate::Sensor;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
+use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 
 /// Rings of cells around a cell whose nodes are listed with it.
@@ -42,7 +43,7 @@ impl Space<'_> {
     ///
     /// Cost: each node is listed up to 25 times; each node filters about 4 `most` entries of its list.
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
-        let mut grid = Grid::new(self.sensor, self.nodes.len());
+        let mut grid = Grid::new(self.sensor, self.nodes.len(), &mut Memory::default());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         let scratch = Bump::new();
         let listed = Listed::new(self.nodes, &grid, &scratch);

@@ -6,7 +6,7 @@ use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 use smallvec::SmallVec;
 
 use super::published;
-use super::setup::Setup;
+use super::setup::Batch;
 use super::stream::Stream;
 use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
@@ -21,7 +21,7 @@ type Key = [i64; 3];
 /// Rows, edges and input of the level that `pooling` makes from `below`; `below_pooling` made `below`, unless that is
 /// the event level.
 pub(super) fn level(
-    batch: &Setup,
+    batch: &Batch,
     (pooling, level): (&Pooling, &Level),
     below: &LevelTrace,
     below_pooling: Option<&Pooling>,
@@ -153,7 +153,7 @@ fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
 }
 
 /// Cell of an event, in integers.
-fn key_of_event(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> Key {
+fn key_of_event(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> Key {
     let [width, height] = pooling.cell;
     [
         time_of(batch, pooling, event, stream),
@@ -163,7 +163,7 @@ fn key_of_event(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<
 }
 
 /// Cell of an event along t, in integers; 0 if there are no cells in time.
-fn time_of(batch: &Setup, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
+fn time_of(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
     let t = i128::from(event.t_us - stream.epoch_us);
     pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)
 }
@@ -189,7 +189,7 @@ fn centre(pooling: &Pooling, [t, y, x]: Key) -> [f64; 3] {
 }
 
 /// Mean position of some events, from exact sums.
-fn mean_of_events(batch: &Setup, events: &[Event], members: &[usize], stream: Stream<'_>) -> [f64; 3] {
+fn mean_of_events(batch: &Batch, events: &[Event], members: &[usize], stream: Stream<'_>) -> [f64; 3] {
     let sum = |p: &dyn Fn(&Event) -> i128| members.iter().map(|&m| p(&events[m])).sum::<i128>() as f64;
     let share = |sum: f64, extent: i64| sum / (members.len() as i128 * i128::from(extent)) as f64;
     [

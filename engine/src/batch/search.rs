@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::neighbours::Lists;
-use super::setup::{Places, Propose, Setup};
+use super::setup::{Batch, Places, Propose};
 use crate::Event;
 use crate::network::Candidates;
 
 /// Range of event indices that event `i` may read from; it may include `i`.
-pub(super) fn candidates(batch: &Setup, events: &[Event], i: usize) -> Range<usize> {
+pub(super) fn candidates(batch: &Batch, events: &[Event], i: usize) -> Range<usize> {
     let parts = batch.network.parts();
     match parts.graph.candidates {
         Candidates::All => 0..events.len(),
@@ -23,7 +23,7 @@ pub(super) fn candidates(batch: &Setup, events: &[Event], i: usize) -> Range<usi
 }
 
 /// Neighbour indices of each event, by comparing it with every candidate.
-pub(super) fn exhaustive(batch: &Setup, events: &[Event], extents: [f64; 3]) -> Lists {
+pub(super) fn exhaustive(batch: &Batch, events: &[Event], extents: [f64; 3]) -> Lists {
     let mut lists = Lists::new(events.len(), 0);
     for i in 0..events.len() {
         lists.set(i as u32, first_of(batch, events, extents, i, candidates(batch, events, i)));
@@ -32,7 +32,7 @@ pub(super) fn exhaustive(batch: &Setup, events: &[Event], extents: [f64; 3]) -> 
 }
 
 /// Neighbour indices of each event, by comparing it with the candidates that `propose` gives.
-pub(super) fn proposed(batch: &Setup, events: &[Event], extents: [f64; 3], propose: Propose) -> Lists {
+pub(super) fn proposed(batch: &Batch, events: &[Event], extents: [f64; 3], propose: Propose) -> Lists {
     let position = |e: &Event| {
         let first_us = events.first().map_or(e.t_us, |first| first.t_us);
         [f64::from(e.x) / extents[0], f64::from(e.y) / extents[1], (e.t_us - first_us) as f64 / extents[2]]
@@ -54,7 +54,7 @@ pub(super) fn proposed(batch: &Setup, events: &[Event], extents: [f64; 3], propo
 
 /// The first `most` of event `i`'s candidates in `among`, in order: smaller distance first, then the later event.
 fn first_of(
-    batch: &Setup,
+    batch: &Batch,
     events: &[Event],
     extents: [f64; 3],
     i: usize,

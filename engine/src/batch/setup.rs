@@ -1,12 +1,12 @@
-//! Configuration of a batch, independent of the stream: network, sensor, search, instruction set.
+//! A batch: its network, sensor, search and instruction set.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use meissner_kernels::Isa;
 
-use crate::Sensor;
 use crate::network::{Network, Normalisation, Reach};
+use crate::{EngineError, Sensor};
 
 /// Search method for the neighbourhoods of a batch. All methods give the same graph.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,9 +38,9 @@ pub struct Places<'a> {
     pub reach: Reach,
 }
 
-/// Configuration of a batch.
+/// A network with a sensor, computed from scratch on any number of streams.
 #[derive(Clone, Debug)]
-pub(super) struct Setup {
+pub struct Batch {
     pub(super) network: Arc<Network>,
     pub(super) sensor: Sensor,
     pub(super) search: Search,
@@ -49,7 +49,52 @@ pub(super) struct Setup {
     pub(super) parallel: bool,
 }
 
-impl Setup {
+impl Batch {
+    /// A batch of `network` over the events of `sensor`, with exhaustive search.
+    ///
+    /// # Errors
+    /// [`EngineError::Sensor`] for a sensor without pixels.
+    pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
+        if sensor.width == 0 || sensor.height == 0 {
+            return Err(EngineError::Sensor(sensor));
+        }
+        let network = network.into();
+        Ok(Self { network, sensor, search: Search::default(), isa: Isa::best(), parallel: false })
+    }
+
+    /// The same with a different search; [`Search::Grid`] is the fastest over data sets.
+    #[must_use]
+    pub fn with_search(self, search: Search) -> Self {
+        Self { search, ..self }
+    }
+
+    /// The same with a different instruction set.
+    #[must_use]
+    pub fn with_isa(self, isa: Isa) -> Self {
+        Self { isa, ..self }
+    }
+
+    /// Sets whether rayon's threads share the rows of one forward pass.
+    #[must_use]
+    pub fn with_parallel_rows(self, parallel: bool) -> Self {
+        Self { parallel, ..self }
+    }
+
+    /// Search method of the neighbourhoods.
+    pub fn search(&self) -> Search {
+        self.search
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Arc<Network> {
+        &self.network
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
+    }
+
     /// Scale of the edge attributes: the description's, or the largest coordinate difference over the edges.
     pub(super) fn scale(&self, fixed: f32, differences: impl Iterator<Item = [f64; 3]>) -> f32 {
         match self.network.parts().normalisation {

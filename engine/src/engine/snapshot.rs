@@ -17,7 +17,7 @@ use super::Engine;
 use crate::admission::{Admission, LatePolicy};
 use crate::counters::{EventCounters, LayerCounters, PredictionCounters};
 use crate::metric::Node;
-use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
+use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
 use crate::{EngineError, Sensor};
 
 /// The properties besides events that a state depends on: an engine only restores a state with equal properties.
@@ -160,10 +160,7 @@ impl Engine {
     /// Refuses a state of an engine with different properties.
     fn check_origin(&self, found: &Origin<'_>) -> Result<(), EngineError> {
         let own = self.origin();
-        if found.fingerprint != own.fingerprint {
-            let of = |o: &Origin<'_>| format!("{:?} with fingerprint {:#018x}", o.name, o.fingerprint);
-            return Err(differs("network", of(&own), of(found)));
-        }
+        check_network((own.fingerprint, &own.name), (found.fingerprint, &found.name))?;
         if found.sensor != own.sensor {
             return Err(differs("sensor", own.sensor, found.sensor));
         }
@@ -180,46 +177,21 @@ impl Engine {
     }
 
     fn write_counters(&self, to: &mut Writer) {
-        let c = self.admission.counters();
-        to.counts([c.pushed, c.accepted, c.outside_sensor, c.late]);
-        to.counts([c.time_out_of_range, c.clamped, c.expired, c.evicted]);
+        to.counts(self.admission.counters().to_array());
         to.size(self.log.layers.len());
-        for log in &self.log.layers {
-            let LayerCounters { recomputed, unchanged, within_tolerance, kept } = log.counters;
-            to.counts([recomputed, unchanged, within_tolerance, kept]);
-        }
-        let p = self.log.predictions;
-        to.counts([p.read, p.reused, p.cells_recomputed, p.cells_unchanged]);
-        to.counts([p.neighbourhoods_checked, p.neighbourhoods_unchanged]);
+        self.log.layers.iter().for_each(|log| to.counts(log.counters.to_array()));
+        to.counts(self.log.predictions.to_array());
     }
 
     fn read_counters(&mut self, from: &mut Reader<'_>) -> Result<EventCounters, EngineError> {
-        let [pushed, accepted, outside_sensor, late, time_out_of_range, clamped, expired, evicted] =
-            from.counts("count of events")?;
+        let events = EventCounters::from_array(from.counts("count of events")?);
         from.exactly("number of layers", self.log.layers.len())?;
         for (log, counted) in self.log.layers.iter_mut().zip(&mut self.recomputed) {
-            let [recomputed, unchanged, within_tolerance, kept] = from.counts("count of rows")?;
-            log.counters = LayerCounters { recomputed, unchanged, within_tolerance, kept };
-            *counted = recomputed;
+            log.counters = LayerCounters::from_array(from.counts("count of rows")?);
+            *counted = log.counters.recomputed;
         }
-        let [
-            read,
-            reused,
-            cells_recomputed,
-            cells_unchanged,
-            neighbourhoods_checked,
-            neighbourhoods_unchanged,
-        ] = from.counts("count of predictions")?;
-        self.log.predictions = PredictionCounters {
-            read,
-            reused,
-            cells_recomputed,
-            cells_unchanged,
-            neighbourhoods_checked,
-            neighbourhoods_unchanged,
-        };
-        let dropped = EventCounters { outside_sensor, late, time_out_of_range, ..EventCounters::default() };
-        Ok(EventCounters { pushed, accepted, clamped, expired, evicted, ..dropped })
+        self.log.predictions = PredictionCounters::from_array(from.counts("count of predictions")?);
+        Ok(events)
     }
 
     /// Reads the current time, relative to the epoch; `None` before the first event.

@@ -1,9 +1,12 @@
 //! Storage of layer values.
 
-use meissner_kernels::{FeatureMap, KernelError, Lanes, Matrix, Planes};
+use meissner_kernels::{FeatureMap, KernelError, Matrix, Planes};
 
 use super::changes::Changes;
 use super::network::FrameShape;
+
+/// Shapes are checked when a network is made.
+const KIND: &str = "a value is stored as its layer reads and writes it";
 
 /// The values of one layer, or of several layers that write to adjacent channels.
 #[derive(Clone, Debug)]
@@ -30,54 +33,34 @@ impl Buffer {
         })
     }
 
-    pub(super) fn vector(&self) -> &[f32] {
-        match self {
-            Self::Vector(values) => values.slice(0),
-            _ => unreachable!("shapes were checked: a vector is kept as one"),
-        }
-    }
-
-    /// The values of a vector, packed in lanes.
-    pub(super) fn lanes(&self) -> &[Lanes] {
-        match self {
-            Self::Vector(values) => values.lanes(),
-            _ => unreachable!("shapes were checked: a vector is kept as one"),
-        }
+    pub(super) fn vector(&self) -> &Matrix {
+        let Self::Vector(values) = self else { unreachable!("{KIND}") };
+        values
     }
 
     pub(super) fn vector_mut(&mut self) -> &mut Matrix {
-        match self {
-            Self::Vector(values) => values,
-            _ => unreachable!("shapes were checked: a vector is kept as one"),
-        }
+        let Self::Vector(values) = self else { unreachable!("{KIND}") };
+        values
     }
 
     pub(super) fn map(&self) -> &FeatureMap {
-        match self {
-            Self::Map(map) => map,
-            _ => unreachable!("shapes were checked: an image with channels last is kept as one"),
-        }
+        let Self::Map(map) = self else { unreachable!("{KIND}") };
+        map
     }
 
     pub(super) fn map_mut(&mut self) -> &mut FeatureMap {
-        match self {
-            Self::Map(map) => map,
-            _ => unreachable!("shapes were checked: an image with channels last is kept as one"),
-        }
+        let Self::Map(map) = self else { unreachable!("{KIND}") };
+        map
     }
 
     pub(super) fn planes(&self) -> &Planes {
-        match self {
-            Self::Planes(planes) => planes,
-            _ => unreachable!("shapes were checked: an image of planes is kept as one"),
-        }
+        let Self::Planes(planes) = self else { unreachable!("{KIND}") };
+        planes
     }
 
     pub(super) fn planes_mut(&mut self) -> &mut Planes {
-        match self {
-            Self::Planes(planes) => planes,
-            _ => unreachable!("shapes were checked: an image of planes is kept as one"),
-        }
+        let Self::Planes(planes) = self else { unreachable!("{KIND}") };
+        planes
     }
 
     /// Whether any of the values is NaN.
@@ -213,15 +196,6 @@ impl Buffer {
             Self::Vector(values) => values.slice_mut(0).fill(0.0),
             Self::Map(map) => map.clear(),
             Self::Planes(planes) => planes.clear(),
-        }
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        match self {
-            Self::Away => 0,
-            Self::Vector(values) => values.bytes(),
-            Self::Map(map) => map.bytes(),
-            Self::Planes(planes) => planes.bytes(),
         }
     }
 }

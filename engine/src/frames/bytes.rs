@@ -8,10 +8,10 @@ use meissner_kernels::{FeatureMap, Lanes, Planes};
 use super::buffer::Buffer;
 use super::changes::{Changes, Pending};
 use super::compile::{FrameNetwork, Kernel, Unit};
-use super::counters::FrameLayerCounters;
 use super::layers::{Memory, TILE};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
+use crate::counters::FrameLayerCounters;
 
 /// Largest ratio of the capacity of a growing vector to its length.
 const GROWTH: u128 = 2;
@@ -22,21 +22,26 @@ impl FrameNetwork {
     /// Upper bound in bytes of the memory of a [`FrameEngine`](super::FrameEngine) of this network, without the
     /// parameters, which are shared. O(layers^2).
     pub fn engine_bytes(&self, options: FrameOptions) -> u128 {
-        let skips = options.skip != Skip::Nothing;
-        let buffers: u128 = (0..self.buffers.len())
-            .filter(|&buffer| self.is_kept(buffer))
-            .map(|buffer| of_buffer(self.buffers[buffer], self.planar))
-            .sum();
-        let memories: u128 = self.units.iter().map(|unit| of_memory(unit, self.read_by(unit))).sum();
-        let pending: u128 = self.units.iter().map(|unit| of_changes(self.read_by(unit))).sum();
-        let background: u128 = if options.sparse && skips {
-            buffers + self.values.iter().map(|value| of_changes(value.shape)).sum::<u128>()
+        let of_inputs = |of: &dyn Fn(&Unit, FrameShape) -> u128| -> u128 {
+            self.units.iter().map(|unit| of(unit, self.read_by(unit))).sum()
+        };
+        let marks = of_inputs(&|unit, from| of_flags(unit, from) + of_changes(from));
+        let reached: u128 = if options.stores_background() {
+            self.values.iter().map(|value| of_changes(value.shape)).sum()
         } else {
             0
         };
         let records = size_of::<(Pending, Memory, [Buffer; 2], Option<Changes>, FrameLayerCounters)>();
         let each = (self.values.len() * records) as u128;
-        buffers + memories + pending + background + self.scratch_bytes(options) + each
+        self.state_bytes(options) + marks + reached + self.scratch_bytes(options) + each
+    }
+
+    /// Bytes of all activations and of the memories of the layers.
+    pub(super) fn state_bytes(&self, options: FrameOptions) -> u128 {
+        let kept = (0..self.buffers.len()).filter(|&buffer| self.is_kept(buffer));
+        let buffers: u128 = kept.map(|buffer| of_buffer(self.buffers[buffer], self.planar)).sum();
+        let memories: u128 = self.units.iter().map(|unit| of_memory(unit, self.read_by(unit))).sum();
+        buffers * if options.stores_background() { 2 } else { 1 } + memories
     }
 
     /// Whether `buffer` stores any values.
@@ -113,8 +118,7 @@ fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
     match (&unit.kernel, from) {
         (Kernel::Lstm(lstm), _) => lstm.state_bytes() as u128,
         (Kernel::PlanarConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
-            let flags = (height as u128 + 2) * (width.div_ceil(TILE) as u128 + 2);
-            lstm.state_bytes(height, width) + flags
+            lstm.state_bytes(height, width)
         }
         (Kernel::ConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
             of_values(height * width * lstm.hidden) + FeatureMap::bytes_of(height, width, 4 * lstm.hidden, 0)
@@ -124,14 +128,17 @@ fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
     }
 }
 
+/// Bytes of the flags of occupied tiles, if the layer keeps them.
+fn of_flags(unit: &Unit, from: FrameShape) -> u128 {
+    let [_, height, width] = from.sides();
+    let keeps = matches!(unit.kernel, Kernel::PlanarConvLstm(_));
+    if keeps { (height as u128 + 2) * (width.div_ceil(TILE) as u128 + 2) } else { 0 }
+}
+
 /// Bytes of the change marks of an image.
 fn of_changes(shape: FrameShape) -> u128 {
-    match shape {
-        FrameShape::Image { height, width, .. } => {
-            height as u128 * width.div_ceil(u64::BITS as usize) as u128 * size_of::<u64>() as u128
-        }
-        FrameShape::Vector(_) => 0,
-    }
+    let [height, width] = shape.marks();
+    height as u128 * width.div_ceil(u64::BITS as usize) as u128 * size_of::<u64>() as u128
 }
 
 /// Number of values in a row of blocks that the layer's result is compared with.
@@ -146,8 +153,6 @@ fn of_block(unit: &Unit, to: FrameShape) -> usize {
         | Kernel::AveragePool(_) => 2,
         _ => return 0,
     };
-    match to {
-        FrameShape::Image { channels, height, width } => rows.min(height) * width * channels,
-        FrameShape::Vector(_) => 0,
-    }
+    let [channels, height, width] = to.sides();
+    rows.min(height) * width * channels
 }

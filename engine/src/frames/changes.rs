@@ -2,6 +2,8 @@
 
 use meissner_kernels::Region;
 
+use super::network::FrameShape;
+
 /// Pixels per word.
 const WORD: usize = 64;
 
@@ -32,6 +34,12 @@ impl Changes {
     pub(crate) fn none(height: usize, width: usize) -> Self {
         let words = width.div_ceil(WORD);
         Self { height, width, words, bits: vec![0; height * words] }
+    }
+
+    /// No marks on an image; empty for a vector.
+    pub(super) fn of(shape: FrameShape) -> Self {
+        let [height, width] = shape.marks();
+        Self::none(height, width)
     }
 
     /// Changes the size and removes all marks. Allocates only if it becomes larger than ever before.

@@ -1,14 +1,15 @@
 //! Compiles checked parts of a frame network: shapes, kernels, and the buffer of each value.
 
 use meissner_kernels::{
-    Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3, PlanarConvLstm,
-    PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
+    Activation, Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3,
+    PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
 };
 
 use super::fingerprint;
 use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
-use super::shapes::{check_shape, misfit, shape, with};
+use super::shapes::{check_shape, shape, with};
 use crate::EngineError;
+use crate::error::misfit;
 
 /// Images are stored as planes if no image of the network has more channels than this.
 const PLANAR_CHANNELS: usize = 4;
@@ -97,7 +98,7 @@ impl FrameNetwork {
         let FrameNetworkParts { name, input, layers } = parts;
         check_shape("frame", input)?;
         if layers.is_empty() {
-            return Err(misfit("network", "layers", "at least one", "none".to_owned()));
+            return Err(misfit("network", "layers", "at least one", "none"));
         }
         let mut shapes = vec![input];
         for (i, layer) in layers.iter().enumerate() {
@@ -116,7 +117,7 @@ impl FrameNetwork {
         let mut units = Vec::with_capacity(layers.len());
         for (i, layer) in layers.iter().enumerate() {
             let (kernel, each) = kernel(layer, &shapes, planar, convolution)?;
-            let multiply_adds = each * outputs_of_each(shapes[i + 1], &kernel);
+            let multiply_adds = each * shapes[i + 1].pixels();
             let with = with(layer);
             units.push(Unit {
                 name: layer.name.clone(),
@@ -137,6 +138,11 @@ impl FrameNetwork {
     /// networks collide only by chance; the hash does not resist deliberate collisions.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
+    }
+
+    /// Fingerprint and name.
+    pub(crate) fn identity(&self) -> (u64, &str) {
+        (self.fingerprint, &self.name)
     }
 
     /// Name of the network.
@@ -237,10 +243,7 @@ fn kernel(
 ) -> Result<(Kernel, u64), EngineError> {
     use FrameLayerKind as Kind;
     let from = shapes[layer.from];
-    let (channels, height, width) = match from {
-        FrameShape::Image { channels, height, width } => (channels, height, width),
-        FrameShape::Vector(values) => (values, 1, 1),
-    };
+    let [channels, height, width] = from.sides();
     let refused = refused(layer);
     let conv =
         |inputs: Vec<usize>, outputs: usize, weight: &[f32], bias: Option<&[f32]>, relu: bool| ConvParts {
@@ -308,7 +311,7 @@ fn kernel(
                 }
                 Some(weight) => {
                     let expected = format!("{} finite values", 3 * hidden * pixels);
-                    return Err(misfit(&layer.name, "peepholes", expected, weight.len().to_string()));
+                    return Err(misfit(&layer.name, "peepholes", expected, weight.len()));
                 }
                 None => None,
             };
@@ -336,18 +339,10 @@ fn kernel(
     })
 }
 
-/// Number of outputs that each cost these multiply-adds.
-fn outputs_of_each(shape: FrameShape, kernel: &Kernel) -> u64 {
-    match (shape, kernel) {
-        (FrameShape::Image { height, width, .. }, _) => (height * width) as u64,
-        (FrameShape::Vector(_), _) => 1,
-    }
-}
-
-fn squash(layer: &FrameLayer, activation: meissner_kernels::Activation) -> Result<Squash, EngineError> {
+fn squash(layer: &FrameLayer, activation: Activation) -> Result<Squash, EngineError> {
     match activation {
-        meissner_kernels::Activation::Tanh => Ok(Squash::Tanh),
-        meissner_kernels::Activation::Sigmoid => Ok(Squash::Sigmoid),
+        Activation::Tanh => Ok(Squash::Tanh),
+        Activation::Sigmoid => Ok(Squash::Sigmoid),
         other => Err(misfit(&layer.name, "activation", "tanh or sigmoid", format!("{other:?}"))),
     }
 }

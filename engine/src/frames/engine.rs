@@ -6,12 +6,12 @@ use std::sync::Arc;
 use meissner_kernels::Isa;
 
 use super::compile::FrameNetwork;
-use super::counters::FrameCounters;
 use super::options::{FrameOptions, Skip};
 use super::step::State;
 use crate::EngineError;
+use crate::counters::FrameCounters;
 use crate::error::option;
-use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, differs};
+use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
 
 /// A prediction of a frame network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -163,7 +163,7 @@ impl FrameEngine {
             Content::Copy(engine) => engine,
             Content::Bytes(bytes) => return self.restore_bytes(bytes),
         };
-        self.check_network(other.network.fingerprint(), other.network.name())?;
+        check_network(self.network.identity(), other.network.identity())?;
         self.check_skip(other.options.skip, other.options.sparse)?;
         self.state.clone_from(&other.state);
         Ok(())
@@ -202,7 +202,7 @@ impl FrameEngine {
         let mut from = Reader::open(bytes, Kind::Frames)?;
         let fingerprint = from.u64("network")?;
         let name = from.text("network's name")?;
-        self.check_network(fingerprint, &name)?;
+        check_network(self.network.identity(), (fingerprint, &name))?;
         let (skip, tolerance) = (from.u8("skip")?, f32::from_bits(from.u32("tolerance")?));
         let skip = match skip {
             0 => Skip::Nothing,
@@ -216,15 +216,6 @@ impl FrameEngine {
         from.end()?;
         self.state = state;
         Ok(())
-    }
-
-    fn check_network(&self, fingerprint: u64, name: &str) -> Result<(), EngineError> {
-        if fingerprint == self.network.fingerprint() {
-            return Ok(());
-        }
-        let of = |name: &str, fingerprint: u64| format!("{name:?} with fingerprint {fingerprint:#018x}");
-        let expected = of(self.network.name(), self.network.fingerprint());
-        Err(differs("network", expected, of(name, fingerprint)))
     }
 
     fn check_skip(&self, skip: Skip, sparse: bool) -> Result<(), EngineError> {
@@ -249,7 +240,7 @@ impl FrameEngine {
 
     /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] also counts the working space.
     pub fn state_bytes(&self) -> usize {
-        self.state.bytes()
+        self.network.state_bytes(self.options) as usize
     }
 }
 

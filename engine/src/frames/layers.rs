@@ -9,10 +9,10 @@ use meissner_kernels::{
 use super::buffer::Buffer;
 use super::changes::{Changes, Pending};
 use super::compile::{ConvLstm, FrameNetwork, Kernel, Unit, Value};
-use super::counters::FrameLayerCounters;
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use super::patch::{MapPixels, Patch, PatchScratch};
+use crate::counters::FrameLayerCounters;
 
 /// Sizes are checked when a network is made.
 const FITS: &str = "the network's shapes fit its kernels";
@@ -69,16 +69,6 @@ impl Memory {
                 state.new = true;
             }
             Self::Delay(vectors) => vectors.fill(0.0),
-        }
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        match self {
-            Self::Nothing => 0,
-            Self::Lstm(state) => state.bytes(),
-            Self::PlanarConvLstm(state, _) => state.bytes(),
-            Self::ConvLstm(state) => size_of_val(&*state.cell) + state.gates.bytes(),
-            Self::Delay(vectors) => size_of_val(&**vectors),
         }
     }
 }
@@ -153,16 +143,9 @@ impl Run<'_> {
         }
     }
 
-    fn size(&self) -> [usize; 3] {
-        match self.to.shape {
-            FrameShape::Image { channels, height, width } => [channels, height, width],
-            FrameShape::Vector(values) => [values, 1, 1],
-        }
-    }
-
     /// Runs a layer with a small receptive field over maps with channels last.
     fn map(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
-        let (tolerance, [channels, height, width]) = (self.tolerance(), self.size());
+        let (tolerance, [channels, height, width]) = (self.tolerance(), self.to.shape.sides());
         let Self { unit, options, input, from, to, pending, background, scratch, counters, .. } = self;
         let Scratch {
             conv: conv_scratch, pooled: pooled_scratch, patch: patch_scratch, dirty, tiles, ..
@@ -235,7 +218,7 @@ impl Run<'_> {
 
     /// Runs the same over planes.
     fn planes(self, out: &mut Planes, changed: &mut Changes) -> bool {
-        let (tolerance, [_, height, width]) = (self.tolerance(), self.size());
+        let (tolerance, [_, height, width]) = (self.tolerance(), self.to.shape.sides());
         let Self { unit, options, input, pending, background, scratch, counters, .. } = self;
         let Scratch { patch: patch_scratch, dirty, tiles, values, .. } = scratch;
         let input = input.planes();
@@ -273,7 +256,7 @@ impl Run<'_> {
     /// Squeeze-and-excitation couples every pixel: one changed value changes all.
     fn squeeze(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let Kernel::SqueezeExcite(squeeze) = &self.unit.kernel else { unreachable!("{FITS}") };
-        let [channels, height, width] = self.size();
+        let [channels, height, width] = self.to.shape.sides();
         let isa = self.options.isa;
         let view = self.input.map().view().channels(self.from.first, channels).expect(FITS);
         let band = out.band().channels(self.to.first, channels).expect(FITS);
@@ -284,7 +267,7 @@ impl Run<'_> {
     }
 
     fn conv_lstm(self, lstm: &ConvLstm, out: &mut FeatureMap, changed: &mut Changes) -> bool {
-        let [hidden, height, width] = self.size();
+        let [hidden, height, width] = self.to.shape.sides();
         let Memory::ConvLstm(MapState { new, cell, gates }) = self.memory else { unreachable!("{FITS}") };
         let FrameShape::Image { channels, .. } = self.from.shape else { unreachable!("{FITS}") };
         let x = self.input.map().view().channels(self.from.first, channels).expect(FITS);
@@ -307,7 +290,7 @@ impl Run<'_> {
     }
 
     fn planar_conv_lstm(self, out: &mut Planes, changed: &mut Changes) -> bool {
-        let [_, height, width] = self.size();
+        let [_, height, width] = self.to.shape.sides();
         let Memory::PlanarConvLstm(state, occupancy) = self.memory else { unreachable!("{FITS}") };
         let Kernel::PlanarConvLstm(lstm) = &self.unit.kernel else { unreachable!("{FITS}") };
         let x = self.input.planes();
@@ -331,11 +314,11 @@ impl Run<'_> {
         let Self { unit, options, input, with, from, memory, scratch, .. } = self;
         match (&unit.kernel, memory) {
             (Kernel::Lstm(lstm), Memory::Lstm(state)) => {
-                lstm.step(options.isa, input.vector(), state);
+                lstm.step(options.isa, input.vector().slice(0), state);
                 out.slice_mut(0).copy_from_slice(state.hidden());
             }
             (Kernel::Delay(frames), Memory::Delay(vectors)) => {
-                let now = input.vector();
+                let now = input.vector().slice(0);
                 vectors.copy_within(now.len().., 0);
                 let last = vectors.len() - now.len();
                 vectors[last..].copy_from_slice(now);
@@ -346,12 +329,12 @@ impl Run<'_> {
                 }
             }
             (Kernel::Append, _) => {
-                let (now, with) = (input.vector(), with.expect(FITS).vector());
+                let (now, with) = (input.vector().slice(0), with.expect(FITS).vector().slice(0));
                 let (first, second) = out.slice_mut(0).split_at_mut(now.len());
                 first.copy_from_slice(now);
                 second.copy_from_slice(with);
             }
-            (Kernel::Dense(dense), _) => dense.run(options.isa, input.lanes(), out.row_mut(0)),
+            (Kernel::Dense(dense), _) => dense.run(options.isa, input.vector().lanes(), out.row_mut(0)),
             (kernel, _) => {
                 let FrameShape::Image { channels, height, width } = from.shape else {
                     unreachable!("{FITS}")

@@ -21,17 +21,28 @@ pub enum FrameShape {
 impl FrameShape {
     /// Number of values; [`usize::MAX`] if it overflows, which no network reaches.
     pub fn values(self) -> usize {
+        self.sides().into_iter().fold(1, usize::saturating_mul)
+    }
+
+    /// Channels, rows and columns; the values of a vector are channels of one pixel.
+    pub(super) fn sides(self) -> [usize; 3] {
         match self {
-            Self::Vector(values) => values,
-            Self::Image { channels, height, width } => channels.saturating_mul(height).saturating_mul(width),
+            Self::Vector(values) => [values, 1, 1],
+            Self::Image { channels, height, width } => [channels, height, width],
         }
     }
 
-    /// Number of channels of an image; 0 for a vector.
-    pub(super) fn channels(self) -> usize {
+    /// Number of pixels; 1 for a vector.
+    pub(super) fn pixels(self) -> u64 {
+        let [_, height, width] = self.sides();
+        (height * width) as u64
+    }
+
+    /// Rows and columns of an image's change marks; a vector has none.
+    pub(super) fn marks(self) -> [usize; 2] {
         match self {
-            Self::Vector(_) => 0,
-            Self::Image { channels, .. } => channels,
+            Self::Vector(_) => [0; 2],
+            Self::Image { height, width, .. } => [height, width],
         }
     }
 }

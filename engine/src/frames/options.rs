@@ -74,6 +74,11 @@ impl FrameOptions {
         Self::default()
     }
 
+    /// Whether an engine stores the layers' outputs for a frame of zeros.
+    pub(super) fn stores_background(self) -> bool {
+        self.sparse && self.skip != Skip::Nothing
+    }
+
     /// Sets [`Self::isa`].
     pub fn with_isa(self, isa: Isa) -> Self {
         Self { isa, ..self }

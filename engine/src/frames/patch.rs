@@ -6,7 +6,7 @@
 use meissner_kernels::{FeatureMap, Planes, Region};
 
 use super::changes::Changes;
-use super::counters::FrameLayerCounters;
+use crate::counters::FrameLayerCounters;
 
 /// Largest share of a map that is recomputed in parts; above it, the whole map is computed.
 const WHOLE: f64 = 0.75;

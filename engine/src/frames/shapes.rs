@@ -2,6 +2,7 @@
 
 use super::network::{FrameLayer, FrameLayerKind, FrameShape};
 use crate::EngineError;
+use crate::error::misfit;
 
 /// Largest side and number of channels of an image.
 const LONGEST: usize = 1 << 14;
@@ -9,10 +10,6 @@ const LONGEST: usize = 1 << 14;
 const MOST_VALUES: usize = 1 << 28;
 /// Largest number of vectors that a delay keeps.
 const LONGEST_DELAY: usize = 1 << 16;
-
-pub(super) fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: String) -> EngineError {
-    EngineError::Network { layer: layer.to_owned(), what, expected: expected.to_string(), found }
-}
 
 /// The second input of a layer, if any.
 pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
@@ -24,14 +21,11 @@ pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
 
 /// Refuses shapes that are empty or too large.
 pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineError> {
-    let sides = match shape {
-        FrameShape::Vector(values) => [values, 1, 1],
-        FrameShape::Image { channels, height, width } => [channels, height, width],
-    };
+    let sides = shape.sides();
     let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > LONGEST);
     if sides.contains(&0) || long || shape.values() > MOST_VALUES {
         let expected = "at least 1 value, at most 16,384 a side and 2^28 in all";
-        return Err(misfit(layer, "shape", expected, shape.to_string()));
+        return Err(misfit(layer, "shape", expected, shape));
     }
     Ok(())
 }
@@ -42,18 +36,18 @@ pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
     let from = shapes[layer.from];
     let image = || match from {
         FrameShape::Image { channels, height, width } => Ok([channels, height, width]),
-        FrameShape::Vector(_) => Err(misfit(&layer.name, "input", "an image", from.to_string())),
+        FrameShape::Vector(_) => Err(misfit(&layer.name, "input", "an image", from)),
     };
     let vector = || match from {
         FrameShape::Vector(values) => Ok(values),
-        FrameShape::Image { .. } => Err(misfit(&layer.name, "input", "a vector", from.to_string())),
+        FrameShape::Image { .. } => Err(misfit(&layer.name, "input", "a vector", from)),
     };
     let of = |channels: usize, height: usize, width: usize| FrameShape::Image { channels, height, width };
     Ok(match &layer.kind {
         Kind::Conv { kernel, channels, .. } => {
             let [_, height, width] = image()?;
             if !matches!(kernel, 1 | 3) {
-                return Err(misfit(&layer.name, "kernel", "1 or 3", kernel.to_string()));
+                return Err(misfit(&layer.name, "kernel", "1 or 3", kernel));
             }
             of(*channels, height, width)
         }
@@ -68,7 +62,7 @@ pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
         Kind::AveragePool { size } => {
             let [channels, height, width] = image()?;
             if *size == 0 {
-                return Err(misfit(&layer.name, "size", "at least 1", "0".to_owned()));
+                return Err(misfit(&layer.name, "size", "at least 1", 0));
             }
             of(channels, height / size, width / size)
         }
@@ -88,7 +82,7 @@ pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
                 }
             };
             let expected = format!("{one} beside {from}");
-            return Err(misfit(&layer.name, "second input", expected, other.to_string()));
+            return Err(misfit(&layer.name, "second input", expected, other));
         }
         Kind::SqueezeExcite { .. } => {
             image()?;
@@ -104,7 +98,7 @@ pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
         }
         Kind::Delay { frames } => {
             if *frames == 0 || *frames > LONGEST_DELAY {
-                return Err(misfit(&layer.name, "frames", "1 to 65,536", frames.to_string()));
+                return Err(misfit(&layer.name, "frames", "1 to 65,536", frames));
             }
             FrameShape::Vector(vector()?.saturating_mul(*frames))
         }

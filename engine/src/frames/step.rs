@@ -8,11 +8,11 @@ mod snapshot;
 use super::buffer::Buffer;
 use super::changes::{Changes, Pending};
 use super::compile::{FrameNetwork, Kernel};
-use super::counters::{FrameCounters, FrameLayerCounters};
 use super::layers::{Memory, Run, Scratch, spread};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use crate::EngineError;
+use crate::counters::{FrameCounters, FrameLayerCounters};
 
 /// The whole state of a frame engine.
 #[derive(Clone, Debug)]
@@ -55,28 +55,17 @@ impl Background {
             stateful[i + 1] = state.memories[i].is_some() || reads.into_iter().any(|read| stateful[read]);
         }
         let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
-            (!stateful && matches!(value.shape, FrameShape::Image { .. })).then(|| changes_of(value.shape))
+            (!stateful && matches!(value.shape, FrameShape::Image { .. })).then(|| Changes::of(value.shape))
         };
         let reached = network.values.iter().zip(&stateful).map(reached).collect();
         Ok(Self { buffers: state.buffers, reached })
     }
 }
 
-/// Change marks for an image; empty ones for a vector.
-fn changes_of(shape: FrameShape) -> Changes {
-    match shape {
-        FrameShape::Image { height, width, .. } => Changes::none(height, width),
-        FrameShape::Vector(_) => Changes::default(),
-    }
-}
-
 impl State {
     pub(super) fn new(network: &FrameNetwork, options: FrameOptions) -> Result<Self, EngineError> {
-        let background = if options.sparse && options.skip != Skip::Nothing {
-            Some(Background::new(network, options)?)
-        } else {
-            None
-        };
+        let background =
+            options.stores_background().then(|| Background::new(network, options)).transpose()?;
         Ok(Self { background, ..Self::without_background(network, options)? })
     }
 
@@ -93,7 +82,7 @@ impl State {
             buffers.push(buffer);
         }
         let pending = network.units.iter().map(|unit| {
-            let mut pixels = changes_of(network.values[unit.from].shape);
+            let mut pixels = Changes::of(network.values[unit.from].shape);
             pixels.set_all();
             Pending { pixels, any: true }
         });
@@ -117,7 +106,7 @@ impl State {
 
     /// Takes a frame of the right shape.
     pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
-        self.changed.become_none(sides(network.values[0].shape));
+        self.changed.become_none(network.values[0].shape.marks());
         let any = if options.skip == Skip::Nothing {
             self.changed.set_all();
             self.buffers[0].fill_from(frame);
@@ -152,7 +141,7 @@ impl State {
         }
         if std::mem::take(&mut self.stale) {
             let value = network.values[network.units.len()];
-            let channels = value.shape.channels();
+            let [channels, ..] = value.shape.sides();
             self.buffers[value.buffer].flatten(value.first, channels, &mut self.prediction);
         }
         self.counters.predictions += 1;
@@ -164,12 +153,8 @@ impl State {
         let value = network.values[i + 1];
         let pending = &mut self.pending[i];
         let keeps_state = self.memories[i].is_some();
-        let all = match value.shape {
-            FrameShape::Image { height, width, .. } => (height * width) as u64,
-            FrameShape::Vector(_) => 1,
-        };
         if !pending.any && !keeps_state && options.skip != Skip::Nothing {
-            self.counters.layers[i].skipped += all;
+            self.counters.layers[i].skipped += value.shape.pixels();
             return;
         }
         // The output buffer is taken out, so that all others can be borrowed.
@@ -204,7 +189,7 @@ impl State {
             scratch: &mut self.scratch,
             counters: &mut self.counters.layers[i],
         };
-        self.changed.become_none(sides(value.shape));
+        self.changed.become_none(value.shape.marks());
         let any = run.run(&mut out, &mut self.changed);
         if matches!(unit.kernel, Kernel::PooledConv(_)) {
             // Four pixels of the input per pixel of the output.
@@ -244,7 +229,7 @@ impl State {
         // As before the first frame, the outputs of layers with a state, and the frame itself, are zeros.
         for (i, value) in network.values.iter().enumerate() {
             if i == 0 || self.memories[i - 1].is_some() {
-                self.changed.become_none(sides(value.shape));
+                self.changed.become_none(value.shape.marks());
                 self.buffers[value.buffer].clear();
                 self.changed.set_all();
                 self.tell(network, i, true);
@@ -273,19 +258,5 @@ impl State {
 
     pub(super) fn counters(&self) -> &FrameCounters {
         &self.counters
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        let background = self.background.iter().flat_map(|b| &b.buffers);
-        self.buffers.iter().chain(background).map(Buffer::bytes).sum::<usize>()
-            + self.memories.iter().map(Memory::bytes).sum::<usize>()
-    }
-}
-
-/// Rows and columns of a map of changes.
-fn sides(shape: FrameShape) -> [usize; 2] {
-    match shape {
-        FrameShape::Image { height, width, .. } => [height, width],
-        FrameShape::Vector(_) => [0, 0],
     }
 }

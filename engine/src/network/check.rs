@@ -3,7 +3,7 @@
 //! Input: [`NetworkParts`]. Output: the channels of every feature, or the first error, by layer.
 
 use super::parts::{Level, NetworkParts, Pooling, Reach};
-use crate::error::{in_range, option};
+use crate::error::{in_range, misfit, option};
 use crate::frames::FrameShape;
 use crate::{EngineError, Fraction};
 
@@ -85,15 +85,6 @@ fn readout_times(parts: &NetworkParts) -> Result<usize, EngineError> {
         |found: &str| misfit("readout", "cells in time", "the same of every pooling, at least of one", found);
     let Some(Some(size)) = sizes.next() else { return Err(wrong("none")) };
     if sizes.all(|other| other == Some(size)) { Ok(times(size)) } else { Err(wrong("different ones")) }
-}
-
-fn misfit(layer: &str, what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
-    EngineError::Network {
-        layer: layer.to_owned(),
-        what,
-        expected: expected.to_string(),
-        found: found.to_string(),
-    }
 }
 
 /// Channels of feature `index`, which must exist.

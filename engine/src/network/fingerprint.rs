@@ -1,9 +1,8 @@
 //! Fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
 
-use meissner_kernels::Dense;
-
 use super::parts::{
-    Block, Candidates, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach, Readout,
+    Block, Candidates, DenseLayer, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach,
+    Readout,
 };
 use crate::Fraction;
 use crate::fingerprint::{Fingerprint, activation_code};
@@ -36,11 +35,13 @@ pub(super) fn of(parts: &NetworkParts) -> u64 {
         level(&mut to, blocks);
     }
     let Readout { from, columns, rows, by_time } = parts.readout;
-    [from, columns, rows, by_time.into()].into_iter().for_each(|size| to.size(size));
+    to.sizes([from, columns, rows, by_time.into()]);
     to.size(parts.dense.len());
-    for layer in &parts.dense {
-        to.text(&layer.name);
-        dense(&mut to, &layer.dense);
+    for DenseLayer { name, dense } in &parts.dense {
+        to.text(name);
+        to.sizes([dense.inputs(), dense.channels(), activation_code(dense.activation())]);
+        to.values(&dense.weight());
+        to.values(dense.bias());
     }
     to.word(parts.head.is_some().into());
     if let Some(head) = &parts.head {
@@ -58,13 +59,6 @@ fn level(to: &mut Fingerprint, level: &Level) {
         to.size(skip.map_or(0, |skip| skip + 1));
         conv.fingerprint(to);
     }
-}
-
-fn dense(to: &mut Fingerprint, layer: &Dense) {
-    [layer.inputs(), layer.channels()].into_iter().for_each(|size| to.size(size));
-    to.size(activation_code(layer.activation()));
-    to.values(&layer.weight());
-    to.values(layer.bias());
 }
 
 fn pooling(to: &mut Fingerprint, pooling: &Pooling) {

@@ -185,6 +185,12 @@ fn refused(what: impl Display, at: usize, expected: impl Display, found: impl Di
     }
 }
 
+/// Refuses a state of a network with another fingerprint; a network is its fingerprint and its name.
+pub(crate) fn check_network(own: (u64, &str), found: (u64, &str)) -> Result<(), EngineError> {
+    let of = |(fingerprint, name): (u64, &str)| format!("{name:?} with fingerprint {fingerprint:#018x}");
+    if own.0 == found.0 { Ok(()) } else { Err(differs("network", of(own), of(found))) }
+}
+
 /// The error if engine and snapshot differ in a property that they must share.
 pub(crate) fn differs(what: &'static str, expected: impl Display, found: impl Display) -> EngineError {
     EngineError::Snapshot { what, expected: expected.to_string(), found: found.to_string() }

@@ -6,10 +6,10 @@
 
 use super::{Background, State};
 use crate::EngineError;
+use crate::counters::FrameLayerCounters;
 use crate::frames::buffer::Buffer;
 use crate::frames::changes::{Changes, Pending};
 use crate::frames::compile::FrameNetwork;
-use crate::frames::counters::FrameLayerCounters;
 use crate::frames::layers::Memory;
 use crate::snapshot::{Reader, Writer};
 
@@ -22,13 +22,11 @@ impl State {
     pub(in crate::frames) fn write(&self, network: &FrameNetwork, to: &mut Writer) {
         to.counts([self.frames, self.counters.frames, self.counters.predictions]);
         to.size(self.counters.layers.len());
-        for &FrameLayerCounters { computed, skipped, absorbed } in &self.counters.layers {
-            to.counts([computed, skipped, absorbed]);
-        }
+        self.counters.layers.iter().for_each(|layer| to.counts(layer.to_array()));
         for (buffer, &shape) in self.buffers.iter().zip(&network.buffers) {
             if !matches!(buffer, Buffer::Away) {
                 let mut values = vec![0.0; shape.values()];
-                buffer.flatten(0, shape.channels(), &mut values);
+                buffer.flatten(0, shape.sides()[0], &mut values);
                 to.values(&values);
             }
         }
@@ -52,8 +50,7 @@ impl State {
         (self.frames, self.counters.frames, self.counters.predictions) = (frames, pushed, predictions);
         from.exactly("number of layers", self.counters.layers.len())?;
         for layer in &mut self.counters.layers {
-            let [computed, skipped, absorbed] = from.counts("count of pixels")?;
-            *layer = FrameLayerCounters { computed, skipped, absorbed };
+            *layer = FrameLayerCounters::from_array(from.counts("count of pixels")?);
         }
         for (i, (buffer, &shape)) in self.buffers.iter_mut().zip(&network.buffers).enumerate() {
             if !matches!(buffer, Buffer::Away) {
