@@ -48,16 +48,6 @@ impl Admission {
         Self { sensor, late, clock: None, counters: EventCounters::default() }
     }
 
-    /// An admission check with a given state: epoch, and `now` relative to it.
-    pub(crate) fn resumed(
-        sensor: Sensor,
-        late: LatePolicy,
-        clock: Option<(i64, i64)>,
-        counters: EventCounters,
-    ) -> Self {
-        Self { sensor, late, clock, counters }
-    }
-
     /// Counts so far.
     pub fn counters(&self) -> &EventCounters {
         &self.counters

@@ -11,7 +11,6 @@ use meissner_kernels::Neighbour;
 use crate::admission::{Admission, Outcome};
 use crate::counters::{Counters, LayerLog, Log};
 use crate::error::option;
-use crate::graph::Adjacency;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
@@ -111,20 +110,12 @@ impl Engine {
                 limit: options.memory_limit,
             });
         }
+        let log = LayerLog { rows: options.record_rows.then(Vec::new), ..LayerLog::default() };
         Ok(Self {
             step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
             admission: Admission::new(sensor, options.late),
-            log: Log {
-                layers: vec![
-                    LayerLog {
-                        rows: options.hooks.record_rows.then(Vec::new),
-                        ..LayerLog::default()
-                    };
-                    layers
-                ],
-                ..Log::default()
-            },
+            log: Log { layers: vec![log; layers], ..Log::default() },
             newest_us: None,
             rows: vec![0; layers],
             recomputed: vec![0; layers],

@@ -24,8 +24,6 @@ use crate::window::Window;
 
 /// The graph of a level, as its layers read it.
 pub(crate) trait Adjacency {
-    /// In-edges of `row`, in neighbourhood order.
-    fn neighbours(&self, row: u32) -> &[Neighbour];
     /// In-edges of `row` with their stored data; `own` and `skip` are empty.
     fn edges(&self, row: u32) -> GraphRow<'_>;
     /// Calls `visit` with the rows that have an in-edge from one of `rows`: in batches, in any order. A row may be
@@ -179,6 +177,11 @@ impl EventGraph {
     fn span(&self, slot: u32) -> Range<usize> {
         let start = slot as usize * self.most;
         start..start + usize::from(self.count[slot as usize])
+    }
+
+    /// In-edges of `slot`, in neighbourhood order.
+    pub(crate) fn neighbours(&self, slot: u32) -> &[Neighbour] {
+        &self.edges.neighbours[self.span(slot)]
     }
 
     /// Number of in-edges of `slot` whose source is still in `window`. With `frozen`, the others may name slots that
@@ -386,11 +389,6 @@ fn scan(
 }
 
 impl Adjacency for EventGraph {
-    #[inline]
-    fn neighbours(&self, row: u32) -> &[Neighbour] {
-        &self.edges.neighbours[self.span(row)]
-    }
-
     #[inline]
     fn edges(&self, row: u32) -> GraphRow<'_> {
         let EdgeStore { neighbours, basis, offsets, .. } = &self.edges;

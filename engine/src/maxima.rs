@@ -6,7 +6,7 @@
 //! Members that never change and leave in order of arrival form a queue. Two partial maxima represent its maximum: for
 //! each member of the front part, the maximum from this member to the end of the front; and the maximum of the back
 //! part. A removal then costs one row, and occasionally, when the front is used up, a pass over the members.
-//! Invariant after [`Maxima::settle`]: each row is the settled maximum over the cell's members, or zeros for an empty
+//! Invariant after [`Maxima::update`]: each row is the maximum over the cell's members, or zeros for an empty
 //! cell.
 
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zero, maximum, same_bits};
@@ -21,7 +21,7 @@ pub(crate) struct Maxima {
     members: Members,
     /// Whether the cell's row is the maximum over its members except the fresh ones.
     filled: Vec<bool>,
-    /// Members that entered since the last `settle`.
+    /// Members that entered since the last `update`.
     fresh: RowSet,
     /// Cells to recompute from all members.
     dirty: RowSet,
@@ -61,7 +61,7 @@ impl Maxima {
         }
     }
 
-    /// Removes all members; every cell is zeros after the next `settle` over `values`.
+    /// Removes all members; every cell is zeros after the next `update` over `values`.
     pub(crate) fn clear(&mut self, values: &mut Matrix) {
         self.members.clear();
         values.lanes_mut().fill(Lanes::ZERO);
@@ -88,7 +88,7 @@ impl Maxima {
         self.fresh.insert(row);
     }
 
-    /// Removes `row`, which has the same features as at the last `settle`, from its cell. `values` are the maxima.
+    /// Removes `row`, which has the same features as at the last `update`, from its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
         let cell = self.members.remove(row);
         if self.fresh.contains(row) {

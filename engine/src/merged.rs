@@ -4,7 +4,7 @@
 //! space moves to the end of the store. When the end is reached, the rows are compacted. The store has room for the
 //! most edges that can exist at once, plus one row, so that a row can always move without an allocation.
 //!
-//! A row is *altered* from the time that one of its edges was added or removed until it is settled.
+//! A row is *altered* from the time that one of its edges was added or removed until its attributes are updated.
 
 use std::ops::Range;
 
@@ -115,7 +115,7 @@ impl Merged {
         start..start + len as usize
     }
 
-    /// In-edges of a row; attributes are those of its last [`Self::settle`].
+    /// In-edges of a row; attributes are those of its last [`Self::update_attributes`].
     #[inline]
     pub(crate) fn neighbours(&self, row: u32) -> &[Neighbour] {
         &self.neighbours[self.span(row)]

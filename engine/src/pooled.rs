@@ -3,11 +3,11 @@
 //! Input: the delta of the level below. Output: the delta of this level, and neighbourhoods with attributes in the
 //! order of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of
 //! the level below joins members of its two cells (counted); no cell has an edge to itself; after
-//! [`PooledGraph::settle`], positions and attributes are those of the present members.
+//! [`PooledGraph::update_positions`], positions and attributes are those of the present members.
 
 use std::iter;
 
-use meissner_kernels::{GraphRow, Matrix, Neighbour};
+use meissner_kernels::{GraphRow, Matrix};
 
 use crate::Sensor;
 use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
@@ -238,7 +238,7 @@ impl PooledGraph {
             self.moved.insert(cell);
         }
         if !self.is_alive(cell) {
-            assert!(self.neighbours(cell).is_empty(), "edges go before their ends");
+            assert!(self.edges(cell).neighbours.is_empty(), "edges go before their ends");
             self.moved.remove(cell);
             self.stale.remove(cell);
             self.alive -= 1;
@@ -353,11 +353,6 @@ fn find(edges: &Merged, keys: &[Key], source: u32, reader: u32) -> Result<usize,
 }
 
 impl Adjacency for PooledGraph {
-    #[inline]
-    fn neighbours(&self, row: u32) -> &[Neighbour] {
-        self.edges.as_ref().map_or(&[], |edges| edges.neighbours(row))
-    }
-
     #[inline]
     fn edges(&self, row: u32) -> GraphRow<'_> {
         self.edges.as_ref().map_or_else(GraphRow::default, |edges| edges.edges(row))

@@ -63,7 +63,7 @@ pub(crate) struct ReadoutState {
     times: usize,
     /// Length of a time cell as a fraction of the span, and the span.
     time: Option<(Fraction, i64)>,
-    /// The newest time cell as of the last `settle`.
+    /// The newest time cell as of the last `update`.
     newest: i64,
     /// `values` from the newest time cell to the oldest, if there are several.
     by_age: Matrix,

@@ -13,7 +13,7 @@ use meissner_kernels::{Isa, Lanes};
 use crate::activations::Activations;
 use crate::counters::Log;
 use crate::delta::{Delta, PART};
-use crate::graph::{Adjacency, EventGraph};
+use crate::graph::EventGraph;
 use crate::memory::Memory;
 use crate::metric::Node;
 use crate::network::Network;
@@ -83,7 +83,7 @@ impl Step {
             pooled,
             activations,
             isa: options.isa,
-            poison: options.hooks.poison,
+            poison: options.poison,
             downstream: Delta::new(capacity, most, tells_edges, memory),
             delta: Delta::new(capacity, most, tells_edges, memory),
             stopwatch: Stopwatch::new(options.stage_times),

@@ -14,7 +14,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::Engine;
-use crate::admission::{Admission, LatePolicy};
+use crate::admission::LatePolicy;
 use crate::counters::{EventCounters, LayerCounters, PredictionCounters};
 use crate::metric::Node;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
@@ -75,7 +75,7 @@ impl Engine {
         let mut restored = Self::clone(other);
         restored.step.run_as(&self.step);
         for log in &mut restored.log.layers {
-            log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
+            log.rows = self.options.record_rows.then(|| log.rows.take().unwrap_or_default());
         }
         *self = Self { network: Arc::clone(&self.network), options: self.options, ..restored };
         Ok(())
@@ -200,6 +200,7 @@ impl Engine {
         from: &mut Reader<'_>,
         counters: EventCounters,
     ) -> Result<Option<i64>, EngineError> {
+        *self.admission.counters_mut() = counters;
         let mut clock = None;
         if from.flag("whether there is a clock")? {
             let epoch = from.i64("epoch")?;
@@ -212,11 +213,11 @@ impl Engine {
             if !(0..=now).contains(&newest) {
                 return Err(from.refuse("newest event", 8, format!("0 to {now}"), newest));
             }
-            clock = Some((epoch, now));
+            self.admission.resume(epoch, epoch + now);
             self.newest_us = Some(epoch + newest);
+            clock = Some(now);
         }
-        self.admission = Admission::resumed(self.sensor, self.options.late, clock, counters);
-        Ok(clock.map(|(_, now)| now))
+        Ok(clock)
     }
 
     /// Inserts the window's events.

@@ -62,42 +62,34 @@ impl FrameNetwork {
 
     /// Bytes of the working space that all layers share, and of the prediction.
     fn scratch_bytes(&self, options: FrameOptions) -> u128 {
-        let largest = |of: &dyn Fn(&Unit, FrameShape) -> u128| {
-            let units = self.units.iter().zip(&self.values[1..]);
-            units.map(|(unit, value)| of(unit, value.shape)).max().unwrap_or(0)
-        };
         let marks = self.values.iter().map(|value| of_changes(value.shape)).max().unwrap_or(0);
-        let threads = if options.two_threads { 2 } else { 1 };
-        let pooled = largest(&|unit, to| match (&unit.kernel, to) {
-            (Kernel::PooledConv(conv), FrameShape::Image { height, width, .. }) => {
-                conv.scratch_bytes(height, width)
-            }
-            _ => 0,
-        });
-        let part = |part: usize| {
-            largest(&|unit, to| match (&unit.kernel, to) {
-                (Kernel::Winograd(conv), FrameShape::Image { height, width, .. }) => {
-                    conv.scratch_bytes(height, width)[part]
-                }
-                _ => 0,
-            })
-        };
-        let tiles: u128 = (0..3).map(part).sum();
-        let squeeze = largest(&|unit, _| match &unit.kernel {
-            Kernel::SqueezeExcite(squeeze) => squeeze.scratch_bytes(),
-            _ => 0,
-        });
-        let sums = largest(&|unit, _| match (&unit.kernel, self.read_by(unit)) {
-            (Kernel::Sum, from) => of_values(from.values()),
-            (Kernel::AveragePool(_), FrameShape::Image { width, .. }) => of_values(width),
-            _ => 0,
-        });
-        let compared = match options.skip {
-            Skip::Nothing => 0,
-            Skip::Exact | Skip::Tolerance(_) => of_values(self.compared()),
-        };
-        let growing = MARKS * marks + tiles + threads * pooled + squeeze + sums + compared;
+        let mut parts = [0; 6];
+        for (unit, value) in self.units.iter().zip(&self.values[1..]) {
+            let needed = of_scratch(unit, self.read_by(unit), value.shape, options);
+            parts.iter_mut().zip(needed).for_each(|(part, needed)| *part = needed.max(*part));
+        }
+        let compared = if options.skip == Skip::Nothing { 0 } else { of_values(self.compared()) };
+        let growing = MARKS * marks + parts.iter().sum::<u128>() + compared;
         GROWTH * growing + of_values(self.output().values())
+    }
+}
+
+/// Bytes of each part of the working space of a layer.
+fn of_scratch(unit: &Unit, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 6] {
+    let ([_, height, width], [.., read]) = (to.sides(), from.sides());
+    match &unit.kernel {
+        Kernel::Winograd(conv) => {
+            let [patch, inputs, sums] = conv.scratch_bytes(height, width);
+            [patch, inputs, sums, 0, 0, 0]
+        }
+        Kernel::PooledConv(conv) => {
+            let threads = if options.two_threads { 2 } else { 1 };
+            [0, 0, 0, threads * conv.scratch_bytes(height, width), 0, 0]
+        }
+        Kernel::SqueezeExcite(squeeze) => [0, 0, 0, 0, squeeze.scratch_bytes(), 0],
+        Kernel::Sum => [0, 0, 0, 0, 0, of_values(from.values())],
+        Kernel::AveragePool(_) => [0, 0, 0, 0, 0, of_values(read)],
+        _ => [0; 6],
     }
 }
 

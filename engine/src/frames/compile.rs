@@ -1,5 +1,7 @@
 //! Compiles checked parts of a frame network: shapes, kernels, and the buffer of each value.
 
+use std::iter;
+
 use meissner_kernels::{
     Activation, Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3,
     PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
@@ -48,6 +50,13 @@ pub(super) struct Unit {
     pub(super) eager: bool,
     /// Multiply-adds of all its outputs.
     pub(super) multiply_adds: u64,
+}
+
+impl Unit {
+    /// Indices of its inputs.
+    pub(super) fn reads(&self) -> impl Iterator<Item = usize> + use<> {
+        iter::once(self.from).chain(self.with)
+    }
 }
 
 /// The computation of a layer.
@@ -134,8 +143,7 @@ impl FrameNetwork {
         Ok(Self { name, units, values, buffers, planar, fingerprint })
     }
 
-    /// Hash of structure, names and the bits of all parameters. Equal networks have equal fingerprints. Different
-    /// networks collide only by chance; the hash does not resist deliberate collisions.
+    /// Hash of structure, names and the bits of all parameters, as [`Network::fingerprint`](crate::Network::fingerprint).
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -158,6 +166,11 @@ impl FrameNetwork {
     /// Shape of the prediction.
     pub fn output(&self) -> FrameShape {
         self.values[self.units.len()].shape
+    }
+
+    /// Name of the frame (value 0) or of the layer that writes a value, for messages.
+    pub(super) fn value_name(&self, value: usize) -> &str {
+        value.checked_sub(1).map_or("frame", |unit| &self.units[unit].name)
     }
 
     /// Names of the layers, in order.
@@ -378,7 +391,7 @@ fn mark_eager(units: &mut [Unit]) {
         );
         if keeps_state || units[i].eager {
             units[i].eager = true;
-            for read in [Some(units[i].from), units[i].with].into_iter().flatten() {
+            for read in units[i].reads() {
                 if let Some(writer) = read.checked_sub(1) {
                     units[writer].eager = true;
                 }

@@ -1,9 +1,9 @@
 //! Execution of one layer: its inputs, its memory, its output.
 
 use meissner_kernels::{
-    ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes, PooledScratch,
-    Region, SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows, max_pool_2x2,
-    planar_average_pool, planar_max_pool,
+    Band, ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes,
+    PooledScratch, Region, SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows,
+    max_pool_2x2, planar_average_pool, planar_max_pool,
 };
 
 use super::buffer::Buffer;
@@ -160,29 +160,24 @@ impl Run<'_> {
         let compute = |pixels: &mut MapPixels<'_>, region: Region| {
             let MapPixels { map, first, channels } = pixels;
             let band = map.band().channels(*first, *channels).expect(FITS);
-            let halves = options.two_threads && region.height * region.width >= LARGE;
-            match &unit.kernel {
-                Kernel::Conv3(conv) if halves => {
-                    let (upper, lower) = split(region);
-                    let (above, below) = band.split_at_row(lower.y).expect(FITS);
-                    let (a, b) = rayon::join(
-                        || conv.run(isa, &[view], upper, above),
-                        || conv.run(isa, &[view], lower, below),
-                    );
-                    a.and(b)
-                }
+            let direct = |region: Region, band: Band<'_>, scratch: &mut PooledScratch| match &unit.kernel {
                 Kernel::Conv3(conv) => conv.run(isa, &[view], region, band),
-                Kernel::PooledConv(conv) if halves => {
-                    let (upper, lower) = split(region);
-                    let (above, below) = band.split_at_row(lower.y).expect(FITS);
+                Kernel::PooledConv(conv) => conv.run(isa, &[view], region, band, scratch),
+                _ => unreachable!("layers of other kinds are not shared by threads"),
+            };
+            match &unit.kernel {
+                Kernel::Conv3(_) | Kernel::PooledConv(_) => {
                     let [first, second] = &mut *pooled_scratch;
-                    let (a, b) = rayon::join(
-                        || conv.run(isa, &[view], upper, above, first),
-                        || conv.run(isa, &[view], lower, below, second),
-                    );
-                    a.and(b)
+                    if options.two_threads && region.height * region.width >= LARGE {
+                        let (upper, lower) = split(region);
+                        let (above, below) = band.split_at_row(lower.y).expect(FITS);
+                        let halves =
+                            rayon::join(|| direct(upper, above, first), || direct(lower, below, second));
+                        halves.0.and(halves.1)
+                    } else {
+                        direct(region, band, first)
+                    }
                 }
-                Kernel::PooledConv(conv) => conv.run(isa, &[view], region, band, &mut pooled_scratch[0]),
                 Kernel::Winograd(conv) => conv.run(isa, &[view], region, band, conv_scratch),
                 Kernel::Conv1(conv) => conv.run(isa, &[view], region, band),
                 Kernel::UpConv(conv) => {

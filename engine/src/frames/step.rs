@@ -51,8 +51,7 @@ impl Background {
         state.predict(network, whole);
         let mut stateful = vec![false; network.values.len()];
         for (i, unit) in network.units.iter().enumerate() {
-            let reads = [Some(unit.from), unit.with].into_iter().flatten();
-            stateful[i + 1] = state.memories[i].is_some() || reads.into_iter().any(|read| stateful[read]);
+            stateful[i + 1] = state.memories[i].is_some() || unit.reads().any(|read| stateful[read]);
         }
         let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
             (!stateful && matches!(value.shape, FrameShape::Image { .. })).then(|| Changes::of(value.shape))
@@ -73,9 +72,9 @@ impl State {
         let mut buffers = Vec::with_capacity(network.buffers.len());
         for (i, &shape) in network.buffers.iter().enumerate() {
             let buffer = if network.is_kept(i) {
-                let layer = i.checked_sub(1).map_or("frame", |unit| &network.units[unit].name);
+                let layer = || network.value_name(i).to_owned();
                 Buffer::zeros(shape, network.planar)
-                    .map_err(|source| EngineError::Layer { layer: layer.to_owned(), source })?
+                    .map_err(|source| EngineError::Layer { layer: layer(), source })?
             } else {
                 Buffer::Away
             };
@@ -166,7 +165,7 @@ impl State {
         };
         let mut reached = self.background.as_mut().and_then(|b| b.reached[i + 1].take());
         if let (Some(reached), Some(background)) = (&mut reached, &self.background) {
-            for read in [Some(unit.from), unit.with].into_iter().flatten() {
+            for read in unit.reads() {
                 if let Some(from) = &background.reached[read] {
                     if Some(read) == unit.with {
                         reached.include(from);

@@ -8,7 +8,7 @@
 //! columns of the kernel, channels of the map, all ascending. Places beyond the map add zeros. At the end +0 is added,
 //! so that no output is -0. A map of zeros therefore changes no output and is not read.
 
-use super::layer::{Layer, Source};
+use super::layer::{Layer, sources};
 use super::shape::Region;
 use super::view::{Band, Target, View};
 use super::weights::{ConvParts, Layout, Packed};
@@ -71,12 +71,7 @@ impl<const K: usize> DirectConv<K> {
         if region.is_empty() {
             return Ok(());
         }
-        // The first place of the kernel is K / 2 pixels before the output, inside the halo.
-        let source = |view: &View<'_>| view.shape.halo - K / 2;
-        let sources = std::array::from_fn(|m| {
-            let view = inputs.get(m)?;
-            Some(Source::new(*view, K, region.y + source(view), region.x + source(view)))
-        });
+        let sources = sources(inputs, K, K / 2, [region.y, region.x]);
         let target = out.target(region.y, region.x);
         isa.run(Layer { packed: &self.packed, sources, rows: region.height, columns: region.width, target });
         Ok(())
@@ -164,10 +159,7 @@ impl TransposedConv2x2 {
             return Ok(());
         }
         for (d, packed) in self.places.iter().enumerate() {
-            let sources = std::array::from_fn(|m| {
-                let view = inputs.get(m)?;
-                Some(Source::new(*view, 1, y + view.shape.halo, x + view.shape.halo))
-            });
+            let sources = sources(inputs, 1, 0, [y, x]);
             let Target { values, row, pixel } = out.target(2 * y + d / 2, 2 * x + d % 2);
             let target = Target { values, row: 2 * row, pixel: 2 * pixel };
             isa.run(Layer { packed, sources, rows: region.height, columns: region.width, target });

@@ -27,7 +27,7 @@ pub(super) struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// A kernel of `size` x `size` places whose first place is the stored pixel (y, x) for the first output.
-    pub(super) fn new(view: View<'a>, size: usize, y: usize, x: usize) -> Self {
+    fn new(view: View<'a>, size: usize, y: usize, x: usize) -> Self {
         let (row, pixel) = (view.shape.row(), view.shape.channels);
         // If the places of a kernel row are contiguous, they form one run.
         let dense = pixel == view.channels;
@@ -39,6 +39,20 @@ impl<'a> Source<'a> {
         }
         Self { values: view.values, starts, runs: size * columns, count, row, pixel }
     }
+}
+
+/// The [`Source`]s of a kernel of `size` x `size` places that begins `padding` pixels before pixel (y, x).
+pub(super) fn sources<'a>(
+    inputs: &[View<'a>],
+    size: usize,
+    padding: usize,
+    [y, x]: [usize; 2],
+) -> [Option<Source<'a>>; 2] {
+    std::array::from_fn(|m| {
+        let view = inputs.get(m)?;
+        let margin = view.shape.halo - padding;
+        Some(Source::new(*view, size, y + margin, x + margin))
+    })
 }
 
 /// A rectangle of outputs.

@@ -2,7 +2,7 @@
 //! The map between them is never written: it would be four times the result, and such layers are limited by memory.
 
 use super::conv::{Conv3x3, check_inputs};
-use super::layer::{Layer, Source};
+use super::layer::{Layer, sources};
 use super::shape::Region;
 use super::tiles::store_some;
 use super::view::{Band, Target, View};
@@ -75,11 +75,7 @@ impl PooledConv3x3 {
         let mut y = region.y;
         while y < region.y + region.height {
             let rows = most.min(region.y + region.height - y);
-            let sources = std::array::from_fn(|m| {
-                let view = inputs.get(m)?;
-                let margin = view.shape.halo - 1;
-                Some(Source::new(*view, 3, 2 * y + margin, 2 * region.x + margin))
-            });
+            let sources = sources(inputs, 3, 1, [2 * y, 2 * region.x]);
             let strip = flat_wide_mut(&mut scratch.strip);
             let target = Target { values: &mut *strip, row, pixel: outputs };
             let packed = &self.conv.packed;

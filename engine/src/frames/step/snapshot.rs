@@ -13,11 +13,6 @@ use crate::frames::compile::FrameNetwork;
 use crate::frames::layers::Memory;
 use crate::snapshot::{Reader, Writer};
 
-/// Name of the frame or of a layer, for messages.
-fn name(network: &FrameNetwork, value: usize) -> &str {
-    value.checked_sub(1).map_or("frame", |unit| &network.units[unit].name)
-}
-
 impl State {
     pub(in crate::frames) fn write(&self, network: &FrameNetwork, to: &mut Writer) {
         to.counts([self.frames, self.counters.frames, self.counters.predictions]);
@@ -55,22 +50,22 @@ impl State {
         for (i, (buffer, &shape)) in self.buffers.iter_mut().zip(&network.buffers).enumerate() {
             if !matches!(buffer, Buffer::Away) {
                 let mut values = vec![0.0; shape.values()];
-                from.values(format_args!("values of {:?}", name(network, i)), &mut values)?;
+                from.values(format_args!("values of {:?}", network.value_name(i)), &mut values)?;
                 buffer.fill_from(&values);
             }
         }
         for (i, memory) in self.memories.iter_mut().enumerate() {
-            memory.read(name(network, i + 1), from)?;
+            memory.read(network.value_name(i + 1), from)?;
         }
         for (i, Pending { pixels, any }) in self.pending.iter_mut().enumerate() {
-            let what = format_args!("changes that {:?} has to see", name(network, i + 1));
+            let what = format_args!("changes that {:?} has to see", network.value_name(i + 1));
             *any = from.flag(what)?;
             read_changes(pixels, what, from)?;
         }
         if let Some(Background { reached, .. }) = &mut self.background {
             for (i, reached) in reached.iter_mut().enumerate() {
                 if let Some(reached) = reached {
-                    let what = format_args!("pixels of {:?} that events reach", name(network, i));
+                    let what = format_args!("pixels of {:?} that events reach", network.value_name(i));
                     read_changes(reached, what, from)?;
                 }
             }
