@@ -3,18 +3,18 @@
 use meissner_kernels::{Activation, Elementary};
 
 /// x for x > 0, else e^x - 1.
-pub fn elu(x: f64) -> f64 {
+pub(crate) fn elu(x: f64) -> f64 {
     if x > 0.0 { x } else { x.exp_m1() }
 }
 
 /// 1 / (1 + e^-x).
-pub fn sigmoid(x: f64) -> f64 {
+pub(crate) fn sigmoid(x: f64) -> f64 {
     // From e^x for x < 0: e^-x would overflow although the result is representable.
     if x < 0.0 { x.exp() / (1.0 + x.exp()) } else { 1.0 / (1.0 + (-x).exp()) }
 }
 
 /// Applies a layer's activation to its sum `x`.
-pub fn activated(activation: Activation, x: f64) -> f64 {
+pub(crate) fn activated(activation: Activation, x: f64) -> f64 {
     match activation {
         Activation::Identity => x,
         Activation::Relu => x.max(0.0),

@@ -24,25 +24,18 @@ pub struct BatchNorm {
     pub epsilon: f64,
 }
 
-/// Batch norm after the activation.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Norm {
-    /// A factor and a shift, as in the engine.
-    Folded(Vec<f32>, Vec<f32>),
-    /// (x - mean) / sqrt(variance + epsilon) gamma + beta.
-    Full(BatchNorm),
-}
+impl BatchNorm {
+    /// The norm that multiplies by `scale` and adds `shift`, exactly.
+    fn folded((scale, shift): (Vec<f32>, Vec<f32>)) -> Self {
+        let (mean, variance) = (vec![0.0; scale.len()], vec![1.0; scale.len()]);
+        Self { gamma: scale, beta: shift, mean, variance, epsilon: 0.0 }
+    }
 
-impl Norm {
+    /// (x - mean) / sqrt(variance + epsilon) gamma + beta, of channel `o`.
     fn of(&self, x: f64, o: usize) -> f64 {
-        match self {
-            Self::Folded(scale, shift) => x * f64::from(scale[o]) + f64::from(shift[o]),
-            Self::Full(norm) => {
-                let [gamma, beta, mean, variance] =
-                    [&norm.gamma, &norm.beta, &norm.mean, &norm.variance].map(|v| f64::from(v[o]));
-                (x - mean) / (variance + norm.epsilon).sqrt() * gamma + beta
-            }
-        }
+        let [gamma, beta, mean, variance] =
+            [&self.gamma, &self.beta, &self.mean, &self.variance].map(|v| f64::from(v[o]));
+        (x - mean) / (variance + self.epsilon).sqrt() * gamma + beta
     }
 }
 
@@ -50,7 +43,8 @@ impl Norm {
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
     kind: Kind,
-    pub(crate) norm: Norm,
+    /// Batch norm after the activation.
+    pub(crate) norm: BatchNorm,
 }
 
 /// The part before batch norm.
@@ -87,20 +81,13 @@ fn hat(u: f64, i: usize, size: usize) -> f64 {
 impl Convolution {
     /// The convolution with the parameters of `conv`.
     pub(crate) fn new(conv: &GraphConvolution) -> Self {
-        let (kind, norm) = match conv {
-            GraphConvolution::Spline(conv) => {
-                let mut parts = conv.parts();
-                let norm = parts.norm.take();
-                (Kind::Spline(parts), norm)
-            }
-            GraphConvolution::PointNet(conv) => {
-                let mut parts = conv.parts();
-                let norm = parts.norm.take();
-                (Kind::PointNet(parts), norm)
-            }
+        let kind = match conv {
+            GraphConvolution::Spline(conv) => Kind::Spline(conv.parts()),
+            GraphConvolution::PointNet(conv) => Kind::PointNet(conv.parts()),
         };
-        let (scale, shift) = norm.unwrap_or_default();
-        Self { kind, norm: Norm::Folded(scale, shift) }
+        let (Kind::Spline(SplineParts { norm, .. }) | Kind::PointNet(PointNetParts { norm, .. })) = &kind;
+        let norm = BatchNorm::folded(norm.clone().unwrap_or_default());
+        Self { kind, norm }
     }
 
     /// Row `own` of the block over `features`, plus `skip`.
@@ -238,15 +225,14 @@ mod tests {
         let mut spline = block([1, 1, 1], vec![1.0], true);
         let edge = Edge { row: 0, offset: [0.0; 3] };
         let folded = spline.row(&[vec![0.75]], 0, &[edge], None);
-        let norm = |gamma, beta, mean, variance| BatchNorm {
-            gamma: vec![gamma],
-            beta: vec![beta],
-            mean: vec![mean],
-            variance: vec![variance],
+        // (x - 1) / sqrt(0.25) + 3 = 2 x + 1.
+        spline.norm = BatchNorm {
+            gamma: vec![1.0],
+            beta: vec![3.0],
+            mean: vec![1.0],
+            variance: vec![0.25],
             epsilon: 0.0,
         };
-        // (x - 1) / sqrt(0.25) + 3 = 2 x + 1.
-        spline.norm = Norm::Full(norm(1.0, 3.0, 1.0, 0.25));
         assert_eq!(spline.row(&[vec![0.75]], 0, &[edge], None), folded);
         assert_eq!(folded, [3.0]);
     }

@@ -9,14 +9,33 @@ mod pool;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use meissner_engine::frames::FrameNetworkParts;
-use meissner_engine::{Level, Network, Normalisation, Sensor, Stream};
-use meissner_kernels::Activation;
+use meissner_engine::frames::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
+use meissner_engine::{DenseLayer, EngineError, Level, Network, Normalisation, Sensor, Stream};
 
-use crate::activation::activated;
-use crate::convolution::{BatchNorm, Convolution, Edge, Norm};
-use crate::error::ReferenceError;
+use crate::convolution::{BatchNorm, Convolution, Edge};
 use crate::frames::FrameReference;
+
+/// A network cannot be evaluated here.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// Scales and grid origin are recomputed from each graph.
+    #[error("network {0:?}: expected fixed scales, found ones that are normalised over each graph")]
+    PerGraph(String),
+    /// The head's parameters are missing, or do not belong to the network.
+    #[error("network {network:?}: parameters of a head: expected {expected}, found {found}")]
+    Head {
+        /// Name of the network.
+        network: String,
+        /// Whether it has a head.
+        expected: &'static str,
+        /// Whether parameters were given.
+        found: &'static str,
+    },
+    /// A frame network's parts do not fit together.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
 
 /// Rows of a feature, each with one value per channel.
 pub type Rows = Vec<Vec<f64>>;
@@ -28,17 +47,8 @@ pub struct EventReference {
     sensor: Sensor,
     /// Blocks of each level.
     blocks: Vec<Vec<Convolution>>,
-    dense: Vec<Dense>,
-    head: Option<FrameReference>,
-}
-
-/// A dense layer.
-#[derive(Clone, Debug)]
-struct Dense {
-    /// (outputs, inputs).
-    weight: Vec<f32>,
-    bias: Vec<f32>,
-    activation: Activation,
+    /// The head, or the dense layers over the values of the readout.
+    head: FrameReference,
 }
 
 /// One level.
@@ -87,17 +97,12 @@ impl EventReference {
             let (expected, found) = (word(parts.head.is_some()), word(head.is_some()));
             return Err(ReferenceError::Head { network: parts.name.clone(), expected, found });
         }
-        let dense = |layer: &meissner_engine::DenseLayer| Dense {
-            weight: layer.dense.weight(),
-            bias: layer.dense.bias().to_vec(),
-            activation: layer.dense.activation(),
-        };
+        let head = head.unwrap_or_else(|| dense(&network));
         let blocks = |level: &Level| level.blocks.iter().map(|block| Convolution::new(&block.conv)).collect();
         Ok(Self {
             sensor,
             blocks: (0..network.levels()).map(|l| blocks(network.level(l))).collect(),
-            dense: parts.dense.iter().map(dense).collect(),
-            head: head.map(FrameReference::new).transpose()?,
+            head: FrameReference::new(head)?,
             network,
         })
     }
@@ -112,13 +117,9 @@ impl EventReference {
             for (conv, block) in blocks.iter_mut().zip(&self.network.level(l).blocks) {
                 if let Some(norm) = norms.get(&block.name) {
                     let lengths = [&norm.gamma, &norm.beta, &norm.mean, &norm.variance].map(Vec::len);
-                    assert_eq!(
-                        lengths,
-                        [block.conv.outputs(); 4],
-                        "{}: a value for each channel",
-                        block.name
-                    );
-                    conv.norm = Norm::Full(norm.clone());
+                    let name = &block.name;
+                    assert_eq!(lengths, [block.conv.outputs(); 4], "{name}: a value for each channel");
+                    conv.norm = norm.clone();
                 }
             }
         }
@@ -155,23 +156,38 @@ impl EventReference {
         }
     }
 
-    /// Applies the dense layers or the head to the readout.
+    /// Applies the head or the dense layers to the readout.
     fn after(&self, readout: &Rows) -> Vec<f64> {
-        if let Some(head) = &self.head {
-            let cells = readout.len() / self.network.readout_times();
-            let channels = self.network.readout_channels();
-            let image: Vec<f64> = (0..readout.len() * channels)
-                .map(|i| readout[i / cells / channels * cells + i % cells][i / cells % channels])
-                .collect();
-            return head.clone().push(&image).to_vec();
+        let cells = readout.len() / self.network.readout_times();
+        let channels = self.network.readout_channels();
+        // The image of a head has the cells of each channel together.
+        let value = |i: usize| readout[i / cells / channels * cells + i % cells][i / cells % channels];
+        let values: Vec<f64> = if self.network.parts().head.is_some() {
+            (0..readout.len() * channels).map(value).collect()
+        } else {
+            readout.concat()
+        };
+        self.head.clone().push(&values).to_vec()
+    }
+}
+
+/// The dense layers of `network` as a network over the values of the readout.
+fn dense(network: &Network) -> FrameNetworkParts {
+    let parts = network.parts();
+    let layer = |(from, DenseLayer { name, dense }): (usize, &DenseLayer)| {
+        let (weight, bias) = (dense.weight(), Some(dense.bias().to_vec()));
+        let (outputs, activation) = (dense.outputs(), dense.activation());
+        FrameLayer {
+            name: name.clone(),
+            from,
+            kind: FrameLayerKind::Dense { outputs, weight, bias, activation },
         }
-        let flat: Vec<f64> = readout.iter().flatten().copied().collect();
-        self.dense.iter().fold(flat, |values, layer| {
-            let output = |(weights, &bias): (&[f32], &f32)| {
-                let sum: f64 = values.iter().zip(weights).map(|(x, &w)| x * f64::from(w)).sum();
-                activated(layer.activation, sum + f64::from(bias))
-            };
-            layer.weight.chunks_exact(values.len()).zip(&layer.bias).map(output).collect()
-        })
+    };
+    let cells = parts.readout.columns * parts.readout.rows * network.readout_times();
+    let input = FrameShape::Vector(cells * network.readout_channels());
+    FrameNetworkParts {
+        name: parts.name.clone(),
+        input,
+        layers: parts.dense.iter().enumerate().map(layer).collect(),
     }
 }

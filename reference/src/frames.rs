@@ -77,7 +77,7 @@ fn compute(kind: &FrameLayerKind, input: &Image, values: &[Image], memory: &mut 
     use FrameLayerKind as Kind;
     match kind {
         Kind::Conv { kernel, channels, weight, bias, relu } => {
-            image::conv(&[input], *kernel, *channels, weight, bias.as_deref(), *relu)
+            image::conv(input, *kernel, *channels, weight, bias.as_deref(), *relu)
         }
         Kind::UpConv { channels, weight, bias } => image::up_conv(input, *channels, weight, bias.as_deref()),
         Kind::MaxPool => image::pooled(input, 2, |window| window.fold(f64::NEG_INFINITY, f64::max)),
@@ -87,12 +87,7 @@ fn compute(kind: &FrameLayerKind, input: &Image, values: &[Image], memory: &mut 
         }
         Kind::Sum => Image::vector(input.planes().map(|plane| plane.iter().sum()).collect()),
         Kind::GlobalAverage => Image::vector(means(input)),
-        Kind::Concat { with } => {
-            let with = &values[*with];
-            let [channels, height, width] = input.size;
-            let values = [&input.values[..], &with.values].concat();
-            Image::new([channels + with.size[0], height, width], values)
-        }
+        Kind::Concat { with } => input.beside(&values[*with]),
         Kind::SqueezeExcite { reduced, down, up } => {
             let squeezed = dense(&means(input), *reduced, down, None);
             let squeezed: Vec<f64> = squeezed.into_iter().map(|v| v.max(0.0)).collect();

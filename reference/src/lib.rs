@@ -38,17 +38,13 @@
 mod activation;
 mod convolution;
 mod difference;
-mod error;
 mod events;
 mod frames;
 mod tree;
-mod ulp;
 
-pub use activation::{activated, elementary, elu, sigmoid};
-pub use convolution::{BatchNorm, Norm};
-pub use difference::Difference;
-pub use error::ReferenceError;
-pub use events::{EventReference, EventTrace, ReferenceLevel, Rows};
+pub use activation::elementary;
+pub use convolution::BatchNorm;
+pub use difference::{Difference, ulps};
+pub use events::{EventReference, EventTrace, ReferenceError, ReferenceLevel, Rows};
 pub use frames::FrameReference;
 pub use tree::{PROPOSE, from_tree};
-pub use ulp::ulps;

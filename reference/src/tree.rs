@@ -42,12 +42,8 @@ pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
         if let Some(bound) = bound(&tree, position, i, candidates, reach.most()) {
             let bound = widened(bound.min(reach.limit()), largest);
             let within = tree.query(position).within::<SquaredEuclidean<f64>>(bound).execute();
-            near.extend(
-                within
-                    .iter()
-                    .map(|found| found.item)
-                    .filter(|&j| j as usize != i && candidates.contains(&(j as usize))),
-            );
+            let rows = within.iter().map(|found| found.item);
+            near.extend(rows.filter(|&j| j as usize != i && candidates.contains(&(j as usize))));
         }
         tell(&near);
     }

@@ -19,13 +19,10 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
     let events = &stream.events[start..];
     let extents =
         [f64::from(reference.sensor.width), f64::from(reference.sensor.height), parts.span_us as f64];
+    let scaled = |integers: [i64; 3]| [0, 1, 2].map(|d| integers[d] as f64 / extents[d]);
     let difference = |source: &Event, reader: &Event| {
-        let integers = [
-            i64::from(source.x) - i64::from(reader.x),
-            i64::from(source.y) - i64::from(reader.y),
-            source.t_us - reader.t_us,
-        ];
-        [0, 1, 2].map(|d| integers[d] as f64 / extents[d])
+        let [x, y] = [(source.x, reader.x), (source.y, reader.y)].map(|(a, b)| i64::from(a) - i64::from(b));
+        scaled([x, y, source.t_us - reader.t_us])
     };
     let neighbourhood = |i: usize| -> Vec<Edge> {
         let mut found: Vec<(f64, usize)> = candidates(reference, events, i)
@@ -42,13 +39,7 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
             |(_, j): (f64, usize)| Edge::new(j, difference(&events[j], &events[i]), parts.events.scale);
         found.into_iter().map(edge).collect()
     };
-    let position = |e: &Event| {
-        [
-            f64::from(e.x) / extents[0],
-            f64::from(e.y) / extents[1],
-            (e.t_us - stream.epoch_us) as f64 / extents[2],
-        ]
-    };
+    let position = |e: &Event| scaled([e.x.into(), e.y.into(), e.t_us - stream.epoch_us]);
     ReferenceLevel {
         edges: (0..events.len()).map(neighbourhood).collect(),
         features: vec![events.iter().map(|e| vec![if e.on { 1.0 } else { -1.0 }]).collect()],

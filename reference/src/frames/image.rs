@@ -18,6 +18,12 @@ impl Image {
         Self::new([values.len(), 1, 1], values)
     }
 
+    /// The channels of this image, then those of `other`.
+    pub(super) fn beside(&self, other: &Self) -> Self {
+        let [channels, height, width] = self.size;
+        Self::new([channels + other.size[0], height, width], [&self.values[..], &other.values].concat())
+    }
+
     /// The rows of each channel.
     pub(super) fn planes(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks_exact(self.size[1] * self.size[2])
@@ -42,28 +48,24 @@ impl Image {
     }
 }
 
-/// Convolution of `kernel` x `kernel` pixels over the channels of all `inputs`; `weight` is (outputs, inputs, kernel,
-/// kernel).
+/// Convolution of `kernel` x `kernel` pixels; `weight` is (outputs, channels, kernel, kernel).
 pub(super) fn conv(
-    inputs: &[&Image],
+    input: &Image,
     kernel: usize,
     outputs: usize,
     weight: &[f32],
     bias: Option<&[f32]>,
     relu: bool,
 ) -> Image {
-    let channels: usize = inputs.iter().map(|image| image.size[0]).sum();
     let half = (kernel / 2) as isize;
-    let [_, height, width] = inputs[0].size;
-    let planes: Vec<(&Image, usize)> =
-        inputs.iter().flat_map(|&image| (0..image.size[0]).map(move |c| (image, c))).collect();
+    let [channels, height, width] = input.size;
     Image::from_fn([outputs, height, width], |o, y, x| {
         let mut sum = bias.map_or(0.0, |bias| f64::from(bias[o]));
-        for (i, &(image, c)) in planes.iter().enumerate() {
+        for i in 0..channels {
             for ky in 0..kernel {
                 for kx in 0..kernel {
                     let w = weight[((o * channels + i) * kernel + ky) * kernel + kx];
-                    sum += f64::from(w) * image.at(c, (y + ky) as isize - half, (x + kx) as isize - half);
+                    sum += f64::from(w) * input.at(i, (y + ky) as isize - half, (x + kx) as isize - half);
                 }
             }
         }
@@ -102,13 +104,13 @@ mod tests {
 
     #[test]
     fn a_convolution_sees_zeros_beyond_the_border() {
-        let ones = conv(&[&image()], 3, 1, &[1.0; 9], Some(&[0.5]), false);
+        let ones = conv(&image(), 3, 1, &[1.0; 9], Some(&[0.5]), false);
         assert_eq!(ones.values, [12.5, 21.5, 16.5, 12.5, 21.5, 16.5]);
         // A weight at the first place reads the pixel above and to the left.
         let mut first = [0.0; 9];
         first[0] = -1.0;
-        assert_eq!(conv(&[&image()], 3, 1, &first, None, false).values, [0.0, 0.0, 0.0, 0.0, -1.0, -2.0]);
-        assert_eq!(conv(&[&image()], 3, 1, &first, None, true).values, [0.0; 6]);
+        assert_eq!(conv(&image(), 3, 1, &first, None, false).values, [0.0, 0.0, 0.0, 0.0, -1.0, -2.0]);
+        assert_eq!(conv(&image(), 3, 1, &first, None, true).values, [0.0; 6]);
     }
 
     #[test]

@@ -56,7 +56,7 @@ pub(super) fn conv_lstm(
     let cells = hidden * height * width;
     memory.resize(2 * cells, 0.0);
     let shown = Image::new(size, memory[cells..].to_vec());
-    let gates = conv(&[x, &shown], 3, 4 * hidden, weight, Some(bias), false);
+    let gates = conv(&x.beside(&shown), 3, 4 * hidden, weight, Some(bias), false);
     Image::new(size, step(&gates.values, peepholes, activation, memory))
 }
 
