@@ -1,6 +1,6 @@
 //! The queue of events, without threads.
 //!
-//! Input: offered events or frames and, for `Filter`, which of them pass. Output: events in order of arrival.
+//! Input: offered events or frames and, for `Filter`, which of them pass: the filters run elsewhere. Output: events in order of arrival.
 //! Invariants: at most `capacity` events wait; `offered = delivered + waiting + dropped`; no memory is allocated after
 //! construction; which events enter does not depend on how offered events are split into slices.
 //!
@@ -45,34 +45,12 @@ impl Item for Frame {
     }
 }
 
-/// The part of [`Overload`] that the queue itself applies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
-    Block,
-    DropOldest,
-    DropNewest,
-    Thin { stride: u64 },
-    Filter,
-}
-
-impl From<&Overload> for Rule {
-    fn from(overload: &Overload) -> Self {
-        match overload {
-            Overload::Block => Self::Block,
-            Overload::DropOldest => Self::DropOldest,
-            Overload::DropNewest => Self::DropNewest,
-            &Overload::Thin { stride } => Self::Thin { stride: stride.into() },
-            Overload::Filter(_) => Self::Filter,
-        }
-    }
-}
-
 /// A bounded queue with an overload rule.
 #[derive(Debug)]
 pub(crate) struct Intake<T> {
     ring: VecDeque<T>,
     capacity: usize,
-    rule: Rule,
+    overload: Overload,
     congested: bool,
     counters: QueueCounters,
     /// Times of the first and of the newest event that entered.
@@ -81,11 +59,11 @@ pub(crate) struct Intake<T> {
 
 impl<T: Item> Intake<T> {
     /// An empty queue for `capacity` events, at least 1.
-    pub(crate) fn new(capacity: usize, rule: Rule) -> Self {
+    pub(crate) fn new(capacity: usize, overload: Overload) -> Self {
         Self {
             ring: VecDeque::with_capacity(capacity),
             capacity,
-            rule,
+            overload,
             congested: false,
             counters: QueueCounters::default(),
             stamps_us: None,
@@ -96,19 +74,19 @@ impl<T: Item> Intake<T> {
     /// the number of processed events: all of them, or under `Block` those that found room.
     pub(crate) fn offer(&mut self, events: &[T], passes: &[bool]) -> usize {
         let room = self.capacity - self.ring.len();
-        let taken = match self.rule {
-            Rule::Block => {
+        let taken = match self.overload {
+            Overload::Block => {
                 let taken = room.min(events.len());
                 self.enter(&events[..taken]);
                 taken
             }
-            Rule::DropNewest => {
+            Overload::DropNewest => {
                 let entering = room.min(events.len());
                 self.enter(&events[..entering]);
                 self.counters.dropped_newest += (events.len() - entering) as u64;
                 events.len()
             }
-            Rule::DropOldest => {
+            Overload::DropOldest => {
                 // If processed one by one, events beyond the capacity would push out those at the start of the slice.
                 let (gone, staying) = events.split_at(events.len().saturating_sub(self.capacity));
                 let leaving = self.ring.len().saturating_sub(self.capacity - staying.len());
@@ -120,11 +98,11 @@ impl<T: Item> Intake<T> {
                 self.enter(staying);
                 events.len()
             }
-            Rule::Thin { stride } => {
-                self.one_by_one(events, |number, _| number.is_multiple_of(stride));
+            Overload::Thin { stride } => {
+                self.one_by_one(events, |number, _| number.is_multiple_of(stride.into()));
                 events.len()
             }
-            Rule::Filter => {
+            Overload::Filter(_) => {
                 self.one_by_one(events, |_, place| passes[place]);
                 events.len()
             }
@@ -139,11 +117,10 @@ impl<T: Item> Intake<T> {
     fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();
-            self.congested =
-                if self.congested { 4 * waiting > self.capacity } else { 2 * waiting > self.capacity };
+            self.congested = if self.congested { 4 * waiting > self.capacity } else { self.is_crowded() };
             if self.congested && !stays(self.counters.offered + place as u64, place) {
-                match self.rule {
-                    Rule::Filter => self.counters.filtered += 1,
+                match self.overload {
+                    Overload::Filter(_) => self.counters.filtered += 1,
                     _ => self.counters.thinned += 1,
                 }
             } else if waiting == self.capacity {
@@ -173,6 +150,11 @@ impl<T: Item> Intake<T> {
 
     pub(crate) fn waiting(&self) -> usize {
         self.ring.len()
+    }
+
+    /// Whether more than half of the capacity is taken.
+    pub(crate) fn is_crowded(&self) -> bool {
+        2 * self.ring.len() > self.capacity
     }
 
     /// Position of the newest event that entered.

@@ -38,15 +38,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! | file | job |
-//! |---|---|
-//! | `overload` | rules for overload, and the counters of the queue |
-//! | `intake` | the bounded queue, which counts every offered event |
-//! | `shared` | state that the threads share, and how they wait for each other |
-//! | `input`, `live` | the handles of the two sides |
-//! | `worker`, `pace` | the thread that owns the engine; when it stops taking events to meet a deadline |
-//! | `recorded` | an engine and a batch over the same events |
-//!
 //! Determinism: the engine receives a sequence of events and clock advances, and its predictions equal those without
 //! threads, bit for bit. Under overload, the machine's speed decides which events are in the sequence.
 #![forbid(unsafe_code)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::intake::{Intake, Item, Rule};
+use crate::intake::{Intake, Item};
 use crate::shared::{Answer, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
@@ -58,17 +58,16 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let mut answer = Answer::new(Instant::now());
         answer.copy(predictor.predict()?);
         let values = answer.values.clone();
-        let QueueOptions { capacity, overload, batch } = options;
-        let intake = Intake::new(capacity, Rule::from(&overload));
-        let shared = Arc::new(Shared::new(intake, capacity, answer));
+        let QueueOptions { capacity, mut overload, batch } = options;
+        let filters = match &mut overload {
+            Overload::Filter(chain) => Some(std::mem::take(chain)),
+            _ => None,
+        };
+        let shared = Arc::new(Shared::new(Intake::new(capacity, overload), answer));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new().name("meissner-live".to_owned());
         let worker =
             thread.spawn(move || worker::run(predictor, &theirs, batch)).map_err(LiveError::Thread)?;
-        let filters = match overload {
-            Overload::Filter(chain) => Some(chain),
-            _ => None,
-        };
         let input = Input::new(Arc::clone(&shared), filters);
         Ok((input, Self { shared, worker: Some(worker), panic: String::new(), values }))
     }

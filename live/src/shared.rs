@@ -85,7 +85,6 @@ enum Phase {
 #[derive(Debug)]
 pub(crate) struct State<T> {
     pub(crate) intake: Intake<T>,
-    capacity: usize,
     /// Position and time of the newest clock advance.
     moved: Option<(u64, i64)>,
     /// Position of the last event that the worker took.
@@ -122,10 +121,9 @@ impl<T> State<T> {
 }
 
 impl<T: Item> Shared<T> {
-    pub(crate) fn new(intake: Intake<T>, capacity: usize, answer: Answer) -> Self {
+    pub(crate) fn new(intake: Intake<T>, answer: Answer) -> Self {
         let state = State {
             intake,
-            capacity,
             moved: None,
             covered: 0,
             asked: 0,
@@ -171,9 +169,8 @@ impl<T: Item> Shared<T> {
             let start = Instant::now();
             state.blocked = true;
             // A wake-up for every batch taken would cost more than the batch.
-            let is_crowded =
-                |state: &mut State<T>| 2 * state.intake.waiting() > state.capacity && !state.is_closed();
-            state = self.room.wait_while(state, is_crowded).unwrap_or_else(PoisonError::into_inner);
+            let has_no_room = |state: &mut State<T>| state.intake.is_crowded() && !state.is_closed();
+            state = self.room.wait_while(state, has_no_room).unwrap_or_else(PoisonError::into_inner);
             state.blocked = false;
             state.intake.counters_mut().blocked += start.elapsed();
         }
@@ -241,7 +238,7 @@ impl<T: Item> Shared<T> {
         if state.intake.take(most, batch) > 0 {
             state.covered = state.intake.left();
         }
-        if state.blocked && 2 * state.intake.waiting() <= state.capacity {
+        if state.blocked && !state.intake.is_crowded() {
             self.room.notify_one();
         }
         Some(Task { covered: state.covered, request: state.request })

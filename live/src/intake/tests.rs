@@ -1,9 +1,10 @@
 //! The queue equals a model that processes one event at a time and lists the outcome of each.
 
 use meissner_engine::Event;
+use meissner_engine::filters::Chain;
 use proptest::prelude::*;
 
-use super::{Intake, Rule};
+use super::{Intake, Overload};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
@@ -17,7 +18,7 @@ enum Fate {
 
 /// Outcomes of all events offered so far, by number.
 struct Model {
-    rule: Rule,
+    rule: Overload,
     capacity: usize,
     fates: Vec<Fate>,
     congested: bool,
@@ -44,14 +45,16 @@ impl Model {
         }
         let number = self.fates.len() as u64;
         let fate = match self.rule {
-            Rule::Block if full => return false,
-            Rule::DropOldest if full => {
+            Overload::Block if full => return false,
+            Overload::DropOldest if full => {
                 let oldest = self.oldest().expect("a full queue holds events");
                 self.fates[oldest] = Fate::Oldest;
                 Fate::Waiting
             }
-            Rule::Thin { stride } if self.congested && !number.is_multiple_of(stride) => Fate::Thinned,
-            Rule::Filter if self.congested && !passes => Fate::Filtered,
+            Overload::Thin { stride } if self.congested && !number.is_multiple_of(stride.into()) => {
+                Fate::Thinned
+            }
+            Overload::Filter(_) if self.congested && !passes => Fate::Filtered,
             _ if full => Fate::Newest,
             _ => Fate::Waiting,
         };
@@ -78,13 +81,13 @@ enum Call {
     Take(usize),
 }
 
-fn rules() -> impl Strategy<Value = Rule> {
+fn rules() -> impl Strategy<Value = Overload> {
     prop_oneof![
-        Just(Rule::Block),
-        Just(Rule::DropOldest),
-        Just(Rule::DropNewest),
-        (1..6_u64).prop_map(|stride| Rule::Thin { stride }),
-        Just(Rule::Filter),
+        Just(Overload::Block),
+        Just(Overload::DropOldest),
+        Just(Overload::DropNewest),
+        (1..6_u32).prop_map(|stride| Overload::Thin { stride }),
+        Just(Overload::Filter(Chain::default())),
     ]
 }
 
@@ -101,7 +104,7 @@ proptest! {
     fn every_event_has_the_fate_that_the_model_gives_it(
         rule in rules(), capacity in 1..20_usize, calls in calls(),
     ) {
-        let mut model = Model { rule, capacity, fates: vec![], congested: false, high_water: 0 };
+        let mut model = Model { rule: rule.clone(), capacity, fates: vec![], congested: false, high_water: 0 };
         let mut intake = Intake::new(capacity, rule);
         let room = intake.ring.capacity();
         for call in calls {
@@ -148,11 +151,16 @@ proptest! {
 fn how_offered_events_are_cut_in_slices_does_not_matter() {
     let events: Vec<Event> = (0..100).map(|t| Event::new(t, 0, 0, true)).collect();
     let passes: Vec<bool> = (0..100).map(|t| t % 3 == 0).collect();
-    let rules = [Rule::DropOldest, Rule::DropNewest, Rule::Thin { stride: 4 }, Rule::Filter];
+    let rules = [
+        Overload::DropOldest,
+        Overload::DropNewest,
+        Overload::Thin { stride: 4 },
+        Overload::Filter(Chain::default()),
+    ];
     for rule in rules {
         let mut outcomes = Vec::new();
         for slice in [1, 7, 100] {
-            let mut intake = Intake::new(16, rule);
+            let mut intake = Intake::new(16, rule.clone());
             for (events, passes) in events.chunks(slice).zip(passes.chunks(slice)) {
                 assert_eq!(intake.offer(events, passes), events.len());
             }
@@ -166,7 +174,7 @@ fn how_offered_events_are_cut_in_slices_does_not_matter() {
 
 #[test]
 fn thinning_begins_above_half_and_ends_at_a_quarter() {
-    let mut intake = Intake::new(8, Rule::Thin { stride: 1000 });
+    let mut intake = Intake::new(8, Overload::Thin { stride: 1000 });
     let event = [Event::new(0, 0, 0, true)];
     let offer = |intake: &mut Intake<Event>| {
         let before = intake.waiting();
