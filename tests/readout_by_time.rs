@@ -47,7 +47,7 @@ fn checked() -> CheckedEngine {
 
 /// The readout's values from the newest cell in time to the oldest.
 fn ages(checked: &CheckedEngine) -> Vec<f32> {
-    let readout = checked.trace().expect("numbers").readout;
+    let readout = checked.batch.trace().expect("numbers").readout;
     (0..readout.rows()).flat_map(|row| readout.values(row).collect::<Vec<_>>()).collect()
 }
 

@@ -77,7 +77,7 @@ proptest! {
         let mut checked = CheckedEngine::new(network, script.sensor, Search::Exhaustive);
         let done = checked.run_with(&script, |checked| {
             checked.compare().map_err(|e| e.to_string())?;
-            compare(&checked.trace().map_err(|e| e.to_string())?, &reference.forward(checked.stream()))
+            compare(&checked.batch.trace().map_err(|e| e.to_string())?, &reference.forward(checked.batch.stream()))
         });
         prop_assert_eq!(done, Ok(()));
     }

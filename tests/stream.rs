@@ -164,7 +164,7 @@ fn cells_of_a_pooling_without_time_lie_in_the_middle_of_the_span() {
     let mut stream = CheckedEngine::new(above.build(), SENSOR, Search::Exhaustive);
     stream.push(Event::new(0, 1, 1, true));
     stream.push(Event::new(900, 39, 29, true));
-    for level in &stream.trace().expect("numbers").levels[1..] {
+    for level in &stream.batch.trace().expect("numbers").levels[1..] {
         assert!(level.cells.iter().all(|cell| cell[2] == 0), "{:?}", level.cells);
         assert!(level.positions.iter().all(|position| position[2] == 0.5), "{:?}", level.positions);
     }

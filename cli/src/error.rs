@@ -72,6 +72,9 @@ pub(crate) enum CliError {
         /// The place, and both values.
         difference: String,
     },
+    /// A stream to replay cannot be read.
+    #[error("cannot replay {}", path.display())]
+    Replay { path: PathBuf, source: Box<VerifyError> },
     /// There is nothing to verify or soak, or its description cannot be read.
     #[error(transparent)]
     Verify(VerifyError),
@@ -181,12 +184,13 @@ impl CliError {
                 **error,
                 EvaluateError::NeedsTrainings(_) | EvaluateError::Digits(DigitsError::Folds { .. })
             ),
-            Self::Verify(error) => matches!(error, VerifyError::Empty(_) | VerifyError::Line { .. }),
+            Self::Verify(error) => matches!(error, VerifyError::Empty(_)),
             Self::NotWritable(_)
             | Self::Usage { .. }
             | Self::Misfit { .. }
             | Self::OptionValue { .. }
-            | Self::Decision(_) => true,
+            | Self::Decision(_)
+            | Self::Replay { .. } => true,
             _ => false,
         };
         ExitCode::from(if is_usage { 2 } else { 1 })

@@ -7,6 +7,7 @@ mod tests;
 
 use std::fs;
 use std::io::{self, Write};
+use std::iter;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -19,8 +20,8 @@ use meissner_pipeline::model::{Model, describe_any, frame_network, weights};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 use meissner_verify::{
-    Difference, Mismatch, Stream, Summary, VerifyError, poisoned, replay, replay_frames, verify_frames,
-    verify_recording, verify_with,
+    Difference, Mismatch, Stream, Summary, VerifyError, poisoned, random_frames, random_streams,
+    verify_frames, verify_stream,
 };
 use serde::Serialize;
 
@@ -44,7 +45,7 @@ struct Document<'a> {
     result: &'a Verified,
 }
 
-/// Sources without a difference, and the first with one, after which nothing is run.
+/// The sources without a difference, and the first source with one. Nothing runs after it.
 #[derive(Default, Serialize)]
 struct Verified {
     checks: Vec<Check>,
@@ -72,53 +73,54 @@ struct Found {
 }
 
 impl Verified {
-    /// Notes the result of the source `name`. The minimal stream of a mismatch is written, unless it was replayed.
+    /// Adds the result of the source `name`.
     fn note(
         &mut self,
         args: &VerifyArgs,
-        name: &str,
+        name: String,
         result: Result<Summary, VerifyError>,
     ) -> Result<(), CliError> {
-        let (found, text) = match result {
-            Ok(summary) => {
-                self.checks.push(Check { name: name.to_owned(), summary });
-                return Ok(());
-            }
+        match result {
+            Ok(summary) => self.checks.push(Check { name, summary }),
             Err(VerifyError::Mismatch(mismatch)) => {
-                (found(args, name, &mismatch), mismatch.stream.to_text(&remarks(args, &mismatch)))
+                self.differ(args, name, &mismatch, Stream::<Event>::to_text)?;
             }
             Err(VerifyError::FrameMismatch(mismatch)) => {
-                (found(args, name, &mismatch), mismatch.stream.to_text(&remarks(args, &mismatch)))
+                self.differ(args, name, &mismatch, Stream::<Vec<f32>>::to_text)?;
             }
             Err(error) => return Err(error.into()),
-        };
-        if args.replay.is_none() {
-            output::write(&args.out, text)?;
         }
-        self.mismatch = Some(found);
         Ok(())
     }
-}
 
-fn found<I>(args: &VerifyArgs, name: &str, mismatch: &Mismatch<I>) -> Found {
-    let (layer, row) = match &mismatch.difference {
-        Difference::Row { layer, row, .. } => (Some(layer.clone()), Some(*row)),
-        Difference::Size { layer, .. } => (Some(layer.clone()), None),
-        _ => (None, None),
-    };
-    Found {
-        name: name.to_owned(),
-        file: args.replay.as_ref().unwrap_or(&args.out).display().to_string(),
-        steps: mismatch.stream.steps.len(),
-        input: mismatch.input,
-        layer,
-        row,
-        difference: mismatch.to_string(),
+    /// Adds a mismatch, and writes its minimal stream, unless it was replayed.
+    fn differ<I>(
+        &mut self,
+        args: &VerifyArgs,
+        name: String,
+        mismatch: &Mismatch<I>,
+        to_text: impl Fn(&Stream<I>, &str) -> String,
+    ) -> Result<(), CliError> {
+        if args.replay.is_none() {
+            let remarks = format!("found by `meissner verify {}`\n{mismatch}", args.network);
+            output::write(&args.out, to_text(&mismatch.stream, &remarks))?;
+        }
+        let (layer, row) = match &mismatch.difference {
+            Difference::Row { layer, row, .. } => (Some(layer.clone()), Some(*row)),
+            Difference::Size { layer, .. } => (Some(layer.clone()), None),
+            _ => (None, None),
+        };
+        self.mismatch = Some(Found {
+            name,
+            file: args.replay.as_ref().unwrap_or(&args.out).display().to_string(),
+            steps: mismatch.stream.steps.len(),
+            input: mismatch.input,
+            layer,
+            row,
+            difference: mismatch.to_string(),
+        });
+        Ok(())
     }
-}
-
-fn remarks<I>(args: &VerifyArgs, mismatch: &Mismatch<I>) -> String {
-    format!("found by `meissner verify {}`\n{mismatch}", args.network)
 }
 
 /// Runs the subcommand.
@@ -148,68 +150,81 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<(), CliError> {
             }
             let (network, card) =
                 frame_network(description, weights, Convolution::Direct, args.ignore_preparation)?;
-            let result = verify_frame_network(args, network)?;
+            let result = verify_frame_network(args, &network)?;
             (card, result)
         }
     };
     report(args, card, &result)
 }
 
+/// A name and the streams that are verified under it.
+type Source<'a, I> = (String, Box<dyn Iterator<Item = Stream<I>> + 'a>);
+
+/// The stream in a file, for `--replay`.
+fn replayed<'a, I: 'a>(
+    path: &Path,
+    parse: impl FnOnce(&str) -> Result<Stream<I>, VerifyError>,
+) -> Result<Source<'a, I>, CliError> {
+    let failed = |source| IoError::File { action: "read", path: path.to_owned(), source };
+    let text = fs::read_to_string(path).map_err(|source| PipelineError::File(failed(source)))?;
+    let refused = |source| CliError::Replay { path: path.to_owned(), source: Box::new(source) };
+    let stream = parse(&text).map_err(refused)?;
+    Ok((path.display().to_string(), Box::new(iter::once(stream))))
+}
+
 /// Random streams and recordings, or a stream to replay.
 fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError> {
     let network = Arc::new(model.network.clone());
-    let mut verified = Verified::default();
+    let mut sources: Vec<Source<'_, Event>> = Vec::with_capacity(1 + args.recordings.len());
     if let Some(path) = &args.replay {
-        let stream = Stream::<Event>::parse(&read(path)?)?;
-        let again = replay(network, stream, poisoned);
-        verified.note(args, &path.display().to_string(), again)?;
-        return Ok(verified);
-    }
-    let mut recordings = Vec::with_capacity(args.recordings.len());
-    for path in &args.recordings {
-        let source =
-            args.read.open(Some(path), args.sensor.is_some(), true)?.every(model.card.network.stride);
-        let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
-        recordings.push((name, sensor, source.collect::<Result<Vec<Event>, _>>()?));
-    }
-    let sensor = args.sensor.or(recordings.first().map(|(_, sensor, _)| *sensor));
-    let tasks = Progress::tasks(args.cases + recordings.len() as u64, args.json);
-    tasks.start(RANDOM.to_owned());
-    let random = verify_with(Arc::clone(&network), sensor, args.settings(), poisoned, |_| tasks.done());
-    verified.note(args, RANDOM, random)?;
-    for (name, sensor, events) in recordings {
-        if verified.mismatch.is_some() {
-            break;
+        sources.push(replayed(path, Stream::<Event>::parse)?);
+    } else {
+        let (every, mut first) = (args.every.map(|every| every as usize), None);
+        for path in &args.recordings {
+            let source =
+                args.read.open(Some(path), args.sensor.is_some(), true)?.every(model.card.network.stride);
+            let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
+            first = first.or(Some(sensor));
+            let events = source.collect::<Result<Vec<Event>, _>>()?;
+            let stream = move || Stream::of_recording(Some(sensor), events, every);
+            sources.push((name, Box::new(iter::once_with(stream))));
         }
-        tasks.start(name.clone());
-        let result = verify_recording(Arc::clone(&network), sensor, &events, args.settings());
-        verified.note(args, &name, result)?;
-        tasks.done();
+        let random = random_streams(&network, args.sensor.or(first), args.cases, args.seed);
+        sources.insert(0, (RANDOM.to_owned(), Box::new(random)));
     }
-    tasks.finish();
-    Ok(verified)
+    run(args, sources, |stream, summary| verify_stream(&network, stream, poisoned, summary))
 }
 
 /// Random sequences of frames, or a sequence to replay.
-fn verify_frame_network(args: &VerifyArgs, network: Arc<FrameNetwork>) -> Result<Verified, CliError> {
-    let mut verified = Verified::default();
-    if let Some(path) = &args.replay {
-        let stream = Stream::<Vec<f32>>::parse(&read(path)?, network.input().values())?;
-        let again = replay_frames(network, stream, FrameEngine::new);
-        verified.note(args, &path.display().to_string(), again)?;
-        return Ok(verified);
-    }
-    let tasks = Progress::tasks(args.cases, args.json);
-    tasks.start(RANDOM.to_owned());
-    let random = verify_frames(network, args.settings(), |_| tasks.done());
-    tasks.finish();
-    verified.note(args, RANDOM, random)?;
-    Ok(verified)
+fn verify_frame_network(args: &VerifyArgs, network: &Arc<FrameNetwork>) -> Result<Verified, CliError> {
+    let values = network.input().values();
+    let source = match &args.replay {
+        Some(path) => replayed(path, |text| Stream::<Vec<f32>>::parse(text, values))?,
+        None => (RANDOM.to_owned(), Box::new(random_frames(values, args.cases, args.seed)) as Box<_>),
+    };
+    run(args, vec![source], |stream, summary| verify_frames(network, stream, FrameEngine::new, summary))
 }
 
-fn read(path: &Path) -> Result<String, CliError> {
-    let failed = |source| IoError::File { action: "read", path: path.to_owned(), source };
-    Ok(fs::read_to_string(path).map_err(|source| PipelineError::File(failed(source)))?)
+/// Verifies the sources one after another, up to the first difference.
+fn run<I>(
+    args: &VerifyArgs,
+    sources: Vec<Source<'_, I>>,
+    verify: impl Fn(Stream<I>, &mut Summary) -> Result<(), VerifyError>,
+) -> Result<Verified, CliError> {
+    let count: usize = sources.iter().map(|(_, streams)| streams.size_hint().0).sum();
+    let tasks = Progress::tasks(count as u64, args.json);
+    let mut verified = Verified::default();
+    for (name, mut streams) in sources {
+        tasks.start(name.clone());
+        let mut summary = Summary::default();
+        let result = streams.try_for_each(|stream| verify(stream, &mut summary).inspect(|()| tasks.done()));
+        verified.note(args, name, result.map(|()| summary))?;
+        if verified.mismatch.is_some() {
+            break;
+        }
+    }
+    tasks.finish();
+    Ok(verified)
 }
 
 fn report(args: &VerifyArgs, card: ModelCard, result: &Verified) -> Result<(), CliError> {

@@ -23,4 +23,5 @@ pub use compile::FrameNetwork;
 pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
 pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 pub use options::{FrameOptions, Skip};
+pub use shapes::output_shape;
 pub use timed::{Frame, TimedFrames};

@@ -83,9 +83,7 @@ impl Network<'_> {
         }
         (TOTAL, height)
     }
-}
 
-impl Network<'_> {
     /// Tops of the boxes by name, bands with their areas, and the height of all.
     fn layout(&self) -> (BTreeMap<&str, f64>, Vec<(usize, Area)>, f64) {
         let mut tops = BTreeMap::new();

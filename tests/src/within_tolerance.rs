@@ -16,7 +16,7 @@ use meissner_verify::{CheckedEngine, bits};
 /// What is not.
 pub fn check(checked: &mut CheckedEngine) -> Result<(), String> {
     let got = checked.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
-    let trace = checked.trace().map_err(|e| e.to_string())?;
+    let trace = checked.batch.trace().map_err(|e| e.to_string())?;
     let network = std::sync::Arc::clone(checked.engine.network());
     let tolerance = checked.engine.tolerance();
     let mut below: Option<(Vec<Matrix>, Vec<[i128; 3]>)> = None;
@@ -90,7 +90,7 @@ fn same(what: &str, got: &Matrix, expected: &Matrix) -> Result<(), String> {
 /// Cell (x, y, t) of an event.
 fn cell_of_event(checked: &CheckedEngine, pooling: &Pooling, event: Event) -> [i128; 3] {
     let sensor = checked.engine.sensor();
-    let t = i128::from(event.t_us) - i128::from(checked.stream().epoch_us);
+    let t = i128::from(event.t_us) - i128::from(checked.batch.stream().epoch_us);
     let span = i128::from(checked.engine.network().parts().span_us);
     [
         pooling.cell[0].cell(event.x.into(), sensor.width.into()),
@@ -183,7 +183,7 @@ fn ages(checked: &CheckedEngine, trace: &Trace) -> Vec<usize> {
     let top = &trace.levels[trace.levels.len() - 1];
     let time = parts.pooled.first().and_then(|(pooling, _)| pooling.time).filter(|_| parts.readout.by_time);
     let Some(size) = time else { return vec![0; top.positions.len()] };
-    let stream = checked.stream();
+    let stream = checked.batch.stream();
     let newest = size.cell((stream.now_us - stream.epoch_us).into(), parts.span_us.into());
     top.cells.iter().map(|cell| newest as usize - cell[2] as usize).collect()
 }

@@ -7,8 +7,7 @@ use std::fmt::Display;
 use std::sync::Arc;
 
 use meissner_engine::{
-    BatchEngine, Engine, EngineError, Event, LatePolicy, Network, Options, Outcome, Search, Sensor, Stream,
-    Trace,
+    BatchEngine, Engine, EngineError, Event, Network, Options, Outcome, Search, Sensor, Trace,
 };
 use meissner_kernels::Neighbour;
 
@@ -29,7 +28,8 @@ pub fn poisoned(network: Arc<Network>, sensor: Sensor) -> Result<Engine, EngineE
 pub struct CheckedEngine<E = Engine> {
     /// The engine.
     pub engine: E,
-    batch: BatchEngine,
+    /// The batch.
+    pub batch: BatchEngine,
     /// Comparisons at which both sides refused to predict, for the same reason.
     pub refused: u64,
     /// Rows that were compared.
@@ -58,36 +58,15 @@ impl CheckedEngine {
         let network = network.into();
         let engine = Engine::with_options(Arc::clone(&network), sensor, options)
             .expect("an exact network and valid options");
-        Self::of(engine, network, sensor, search).expect("the sensor has pixels").with_late(options.late)
+        let batch = BatchEngine::new(network, sensor).expect("the sensor has pixels");
+        Self::of(engine, batch.with_search(search).with_late(options.late))
     }
 }
 
 impl<E: IncrementalEvents> CheckedEngine<E> {
-    /// `engine`, new, of `network` on `sensor`, which drops late events. The batch searches by `search`.
-    ///
-    /// # Errors
-    /// [`EngineError::Sensor`] for a sensor without pixels.
-    pub fn of(
-        engine: E,
-        network: impl Into<Arc<Network>>,
-        sensor: Sensor,
-        search: Search,
-    ) -> Result<Self, EngineError> {
-        let batch = BatchEngine::new(network, sensor)?.with_search(search);
-        Ok(Self { engine, batch, refused: 0, rows: 0 })
-    }
-
-    /// The same for an engine that treats late events as `late` says.
-    #[must_use]
-    pub fn with_late(self, late: LatePolicy) -> Self {
-        Self { batch: self.batch.with_late(late), ..self }
-    }
-
-    /// The same, but events on which no row of the window depends any more are forgotten, as
-    /// [`BatchEngine::with_bounded_memory`].
-    #[must_use]
-    pub fn with_bounded_memory(self) -> Self {
-        Self { batch: self.batch.with_bounded_memory(), ..self }
+    /// `engine` beside `batch`, both without events, of the same network, sensor and late policy.
+    pub fn of(engine: E, batch: BatchEngine) -> Self {
+        Self { engine, batch, refused: 0, rows: 0 }
     }
 
     /// Pushes an event into the engine and into the batch.
@@ -95,17 +74,12 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// # Panics
     /// If the outcomes differ.
     pub fn push(&mut self, event: Event) -> Outcome {
-        let outcome = self.remember(event);
+        let outcome = self.batch.push(event);
         assert_eq!(self.engine.push(&event), Ok(outcome), "{event:?}");
         outcome
     }
 
-    /// Pushes an event into the batch alone.
-    pub(crate) fn remember(&mut self, event: Event) -> Outcome {
-        self.batch.push(event)
-    }
-
-    /// Moves time on.
+    /// Advances both clocks.
     pub fn advance(&mut self, t_us: i64) {
         self.engine.advance(t_us);
         self.batch.advance(t_us);
@@ -117,54 +91,12 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         self.batch.reset();
     }
 
-    /// The engine returns to its state as bytes.
-    ///
-    /// # Errors
-    /// The engine refuses the bytes.
-    pub fn through_bytes(&mut self) -> Result<(), EngineError> {
-        let bytes = self.engine.to_bytes();
-        self.engine.reset();
-        self.engine.restore_bytes(&bytes)
-    }
-
-    /// The engine takes `events`, predicts, and returns to the state that it had before.
-    ///
-    /// # Errors
-    /// The engine refuses its own snapshot.
-    pub fn detour(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), EngineError> {
-        let snapshot = self.engine.snapshot();
-        for event in events {
-            self.engine.push(&event)?;
-        }
-        // A prediction that is not a number is forgotten with the events.
-        let _ = self.engine.predict();
-        self.engine.restore(&snapshot)
-    }
-
-    /// The events that the batch remembers, from the oldest.
-    pub fn accepted(&self) -> &[Event] {
-        self.batch.events()
-    }
-
-    /// The stream as the batch takes it.
-    pub fn stream(&self) -> Stream<'_> {
-        self.batch.stream()
-    }
-
-    /// Everything that the batch computes.
-    ///
-    /// # Errors
-    /// As [`BatchEngine::trace`].
-    pub fn trace(&self) -> Result<Trace, EngineError> {
-        self.batch.trace()
-    }
-
     /// The prediction, which must equal the batch's; empty where both refuse for the same reason.
     ///
     /// # Errors
     /// They differ.
     pub fn predict(&mut self) -> Result<Vec<f32>, Difference> {
-        let expected = self.trace().map(|trace| trace.prediction);
+        let expected = self.batch.trace().map(|trace| trace.prediction);
         let found = self.engine.predict();
         self.refused += u64::from(!Difference::of_predictions(&found, &expected)?);
         Ok(found.unwrap_or_default())
@@ -184,7 +116,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// # Errors
     /// The first difference.
     pub fn compare_with(&mut self, search: Search) -> Result<(), Difference> {
-        let trace = self.batch.batch().clone().with_search(search).forward(self.stream());
+        let trace = self.batch.batch().clone().with_search(search).forward(self.batch.stream());
         let prediction = self.engine.predict();
         let (trace, prediction) = match (trace, prediction) {
             (Ok(trace), Ok(prediction)) => (trace, prediction),
@@ -222,8 +154,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         for (l, level) in trace.levels.iter().enumerate() {
             for (f, feature) in level.features.iter().enumerate() {
                 let found = self.engine.rows(l, f);
-                let expected =
-                    (level.first..feature.rows()).map(|row| feature.values(row).collect::<Vec<_>>());
+                let expected = (level.first..feature.rows()).map(|row| feature.values(row).collect());
                 let expected: Vec<Vec<f32>> = expected.collect();
                 self.rows += expected.len() as u64;
                 let values = |rows: &[Vec<f32>]| rows.iter().map(Vec::len).sum();
@@ -233,13 +164,8 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
                 }
                 for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
                     if let Some((channel, found, expected)) = first_difference(found, expected) {
-                        return Err(Difference::Row {
-                            layer: self.layer(l, f),
-                            row,
-                            channel,
-                            found,
-                            expected,
-                        });
+                        let layer = self.layer(l, f);
+                        return Err(Difference::Row { layer, row, channel, found, expected });
                     }
                 }
             }
@@ -276,7 +202,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     ) -> Result<(), String> {
         for (i, step) in script.steps.iter().enumerate() {
             self.step(step).map_err(|e| format!("step {i}: {e}"))?;
-            if !matches!(step, Step::Push(_) | Step::Advance(_)) {
+            if step.is_compared() {
                 check(self).map_err(|e| format!("step {i}: {e}"))?;
             }
         }
@@ -290,7 +216,7 @@ impl<E: IncrementalEvents> Checked for CheckedEngine<E> {
     fn step(&mut self, step: &Step) -> Result<(), Difference> {
         match *step {
             Step::Push(event) => {
-                let expected = self.remember(event);
+                let expected = self.batch.push(event);
                 let found = self.engine.push(&event).map_err(|e| Difference::failed("push", &e))?;
                 if found != expected {
                     return Err(Difference::Outcome { found, expected });
@@ -302,9 +228,11 @@ impl<E: IncrementalEvents> Checked for CheckedEngine<E> {
             Step::Snapshot => {
                 let now = self.batch.now_us().unwrap_or(0);
                 let ahead = (0..5).map(|i| Event::new(now.saturating_add(40 * i), i as u16, 1, true));
-                self.detour(ahead).map_err(|e| Difference::failed("restore", &e))?;
+                self.engine.detour(ahead).map_err(|e| Difference::failed("restore", &e))?;
             }
-            Step::Bytes => self.through_bytes().map_err(|e| Difference::failed("restore_bytes", &e))?,
+            Step::Bytes => {
+                self.engine.through_bytes().map_err(|e| Difference::failed("restore_bytes", &e))?;
+            }
         }
         Ok(())
     }

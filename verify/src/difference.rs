@@ -5,26 +5,18 @@ use std::fmt;
 use meissner_engine::{EngineError, Outcome};
 use meissner_kernels::Neighbour;
 
-/// The first difference that was found.
+/// The first difference that was found: `found` is the engine's, `expected` that of the admission rules or of the full
+/// recomputation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[non_exhaustive]
 pub enum Difference {
     /// An input was accepted on one side only, or dropped for different reasons.
     #[error("outcome of the last input: found {found:?}, expected {expected:?}")]
-    Outcome {
-        /// The engine's.
-        found: Outcome,
-        /// That of the admission rules.
-        expected: Outcome,
-    },
+    Outcome { found: Outcome, expected: Outcome },
     /// Windows of different length.
     #[error("events in the window: found {found}, expected {expected}")]
-    Nodes {
-        /// The engine's.
-        found: usize,
-        /// The batch's.
-        expected: usize,
-    },
+    Nodes { found: usize, expected: usize },
     /// A neighbourhood of the event graph.
     #[error(
         "event graph, neighbourhood of event {event} of the window: found {found:?}, expected {expected:?}"
@@ -32,55 +24,23 @@ pub enum Difference {
     Neighbourhood {
         /// The event, by its place in the window.
         event: usize,
-        /// The engine's in-edges.
         found: Vec<Neighbour>,
-        /// The batch's.
         expected: Vec<Neighbour>,
     },
-    /// A layer with another number of rows or channels.
+    /// A layer with another number of rows or channels, as values in all rows.
     #[error("layer {layer}: found {found} values, expected {expected}")]
-    Size {
-        /// The layer.
-        layer: String,
-        /// The engine's values in all rows.
-        found: usize,
-        /// The batch's.
-        expected: usize,
-    },
+    Size { layer: String, found: usize, expected: usize },
     /// A value of a layer.
     #[error(
         "layer {layer}, row {row}, channel {channel}: found {}, expected {}", Bits(*.found), Bits(*.expected)
     )]
-    Row {
-        /// The layer.
-        layer: String,
-        /// Its row.
-        row: usize,
-        /// Channel of the row.
-        channel: usize,
-        /// The engine's value.
-        found: f32,
-        /// The batch's.
-        expected: f32,
-    },
+    Row { layer: String, row: usize, channel: usize, found: f32, expected: f32 },
     /// A value of the prediction.
     #[error("prediction, value {index}: found {}, expected {}", Bits(*.found), Bits(*.expected))]
-    Prediction {
-        /// Place of the value.
-        index: usize,
-        /// The engine's value.
-        found: f32,
-        /// The batch's.
-        expected: f32,
-    },
+    Prediction { index: usize, found: f32, expected: f32 },
     /// One side refuses to predict, or both for different reasons.
     #[error("found {found}, expected {expected}")]
-    Refusal {
-        /// The engine's prediction or error.
-        found: String,
-        /// The batch's.
-        expected: String,
-    },
+    Refusal { found: String, expected: String },
 }
 
 /// A value with its bits, in which two values that print alike may differ.

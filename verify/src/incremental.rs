@@ -1,4 +1,4 @@
-//! The verbs of an engine under test, and of such an engine beside its full recomputation.
+//! The methods of an engine under test, and of such an engine beside its full recomputation.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{Engine, EngineError, Event, Outcome, Snapshot};
@@ -40,11 +40,35 @@ pub trait Incremental {
     /// # Errors
     /// The bytes are no state of this network.
     fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError>;
+
+    /// Writes the state as bytes, forgets it, and returns to it.
+    ///
+    /// # Errors
+    /// The engine refuses its own bytes.
+    fn through_bytes(&mut self) -> Result<(), EngineError> {
+        let bytes = self.to_bytes();
+        self.reset();
+        self.restore_bytes(&bytes)
+    }
+
+    /// Takes `inputs`, predicts, and returns to the state before them.
+    ///
+    /// # Errors
+    /// The engine refuses an input or its own snapshot.
+    fn detour(&mut self, inputs: impl IntoIterator<Item = Self::Input>) -> Result<(), EngineError> {
+        let snapshot = self.snapshot();
+        for input in inputs {
+            self.push(&input)?;
+        }
+        // A prediction that is not a number is forgotten with the inputs.
+        let _ = self.predict();
+        self.restore(&snapshot)
+    }
 }
 
 /// An engine over events, with its rows.
 pub trait IncrementalEvents: Incremental<Input = Event> {
-    /// Moves time on to `t_us`.
+    /// Advances the clock to `t_us`.
     fn advance(&mut self, t_us: i64);
     /// Number of events in the window.
     fn nodes(&self) -> usize;
@@ -66,8 +90,8 @@ pub(crate) trait Checked {
     fn counts(&self) -> (u64, u64);
 }
 
-/// Implements the verbs that both engines have under the same names.
-macro_rules! same_verbs {
+/// Implements the methods that both engines have under the same names.
+macro_rules! same_methods {
     ($snapshot:ty) => {
         type Snapshot = $snapshot;
 
@@ -104,7 +128,7 @@ impl Incremental for Engine {
         Ok(self.push(*input))
     }
 
-    same_verbs!(Snapshot);
+    same_methods!(Snapshot);
 }
 
 impl IncrementalEvents for Engine {
@@ -132,5 +156,5 @@ impl Incremental for FrameEngine {
         self.push(input).map(|()| Outcome::Accepted)
     }
 
-    same_verbs!(FrameSnapshot);
+    same_methods!(FrameSnapshot);
 }

@@ -2,7 +2,7 @@
 //!
 //! [`verify`] runs a network over random streams. At every comparison, each row of each layer, each neighbourhood and the
 //! prediction of the incremental engine must have the bits of the batch. A stream on which they differ is shrunk to a
-//! minimal stream, which [`Stream::to_text`] writes and [`replay`] runs again. In your own test suite:
+//! minimal stream, which [`Stream::to_text`] writes and [`Stream::parse`] reads again. In your own test suite:
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
@@ -19,10 +19,11 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`verify`], [`verify_with`], [`verify_recording`], [`verify_frames`], [`replay`] | random streams and recordings, to a [`Summary`] or a [`Mismatch`] |
-//! | [`Incremental`], [`IncrementalEvents`] | the verbs of an engine under test: implement them to verify an engine of your own |
-//! | [`CheckedEngine`], [`CheckedFrames`] | an engine beside its full recomputation, for streams of your own |
-//! | [`Stream`], [`Step`], [`Script`] | streams as data |
+//! | [`verify`], [`verify_stream`], [`verify_frames`] | an engine over streams, to a [`Summary`] or a [`Mismatch`] |
+//! | [`random_streams`], [`random_frames`] | streams with every difficulty |
+//! | [`Incremental`], [`IncrementalEvents`] | the methods of an engine under test: implement them to verify an engine of your own |
+//! | [`CheckedEngine`] | an engine beside its full recomputation, for streams of your own |
+//! | [`Stream`], [`Step`], [`Script`] | streams as data, from recordings and as text |
 //! | [`networks`], [`frame_networks`] | random networks |
 //! | `strategies` | proptest strategies for streams and networks (feature `proptest`) |
 //! | [`stress`] | streams, weights, states and images that strain the arithmetic, with errors against f64 |
@@ -38,9 +39,7 @@ mod difference;
 mod error;
 pub mod frame_networks;
 mod incremental;
-mod mismatch;
 pub mod networks;
-mod random_frames;
 mod random_stream;
 mod run;
 mod shrink;
@@ -52,13 +51,10 @@ mod stream_text;
 pub mod stress;
 
 pub use checked::{CheckedEngine, poisoned};
-pub use checked_frames::CheckedFrames;
 pub use difference::{Difference, bits};
-pub use error::VerifyError;
+pub use error::{Mismatch, Summary, VerifyError};
 pub use incremental::{Incremental, IncrementalEvents};
 pub use meissner_models::random::Random;
-pub use mismatch::{Mismatch, Settings, Summary};
-pub use run::{
-    replay, replay_frames, verify, verify_frames, verify_frames_with, verify_recording, verify_with,
-};
-pub use step::{Relative, Script, Step, Stream};
+pub use random_stream::{random_frames, random_streams};
+pub use run::{verify, verify_frames, verify_stream};
+pub use step::{Script, Step, Stream};

@@ -31,7 +31,7 @@ impl ConvolutionShape {
         if number < 5 { Self::Spline(kernel) } else { Self::PointNet }
     }
 
-    /// The convolution, with numbers drawn from `random`. Of `extras` it has those that there are for its kind.
+    /// The convolution, with numbers drawn from `random` and those of `extras` that its kind has.
     fn build(
         self,
         inputs: usize,
@@ -77,7 +77,7 @@ pub struct BlockShape {
     pub channels: usize,
     /// Its convolution.
     pub conv: ConvolutionShape,
-    /// Picks the feature that is read among those there are.
+    /// Picks the feature that is read from the available ones.
     pub input: usize,
     /// Picks the feature that is added among those that fit; `None` adds none.
     pub skip: Option<usize>,
@@ -119,7 +119,7 @@ pub struct NetworkShape {
     pub grid: [usize; 2],
     /// Outputs of the dense layers.
     pub dense: Vec<usize>,
-    /// Channels of the convolution of a head in place of dense layers, which writes as many values as the last of them.
+    /// Channels of the convolution of a head, which replaces the dense layers and writes as many values as the last one.
     pub head: Option<usize>,
     /// Seed of the numbers.
     pub seed: u64,

@@ -1,8 +1,9 @@
-//! Random streams of events, with every case that an engine may get wrong.
+//! Random streams of events and of frames, with every case that an engine may get wrong.
 
 use meissner_engine::{Event, Network, Sensor};
 use meissner_models::random::Random;
 
+use crate::frame_networks::next_frame;
 use crate::step::{Step, Stream};
 
 /// How the events of a stream are spread over sensor and time.
@@ -26,24 +27,54 @@ enum Scene {
     Full,
 }
 
-const SCENES: [Scene; 8] = [
-    Scene::Uniform,
-    Scene::HotSpot,
-    Scene::OnePixel,
-    Scene::OneInstant,
-    Scene::Sparse,
-    Scene::Bursts,
-    Scene::Grid,
-    Scene::Full,
-];
+const SCENES: [Scene; 8] = {
+    use Scene::{Bursts, Full, Grid, HotSpot, OneInstant, OnePixel, Sparse, Uniform};
+    [Uniform, HotSpot, OnePixel, OneInstant, Sparse, Bursts, Grid, Full]
+};
 /// Where time starts.
 const ORIGINS: [i64; 4] = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
 /// Events in a window of an ordinary scene.
 const NODES: u64 = 24;
 
-/// A random stream for `network`: on `sensor`, or on one of several sizes. In every other stream, and where the window is to
-/// be full, the capacity is below that of the network.
-pub(crate) fn random_stream(network: &Network, sensor: Option<Sensor>, random: &mut Random) -> Stream {
+/// `cases` random streams of `seed` for `network`, which verify an engine: on `sensor`, or on several sizes. In every other
+/// stream, and where the window is to be full, the capacity is below that of the network.
+pub fn random_streams(
+    network: &Network,
+    sensor: Option<Sensor>,
+    cases: u64,
+    seed: u64,
+) -> impl Iterator<Item = Stream> {
+    (0..cases).map(move |case| random_stream(network, sensor, &mut random_of(seed, case)))
+}
+
+/// `cases` random sequences of `seed` with frames of `values` values each, between predictions, resets and returns to
+/// states.
+pub fn random_frames(values: usize, cases: u64, seed: u64) -> impl Iterator<Item = Stream<Vec<f32>>> {
+    (0..cases).map(move |case| {
+        let random = &mut random_of(seed, case);
+        let mut frame = vec![0.0; values];
+        let mut steps = Vec::new();
+        for _ in 0..=random.below(12) {
+            next_frame(&mut frame, random);
+            steps.push(Step::Push(frame.clone()));
+            match random.below(16) {
+                0 => steps.push(Step::Reset),
+                1 => steps.push(Step::Snapshot),
+                2 => steps.push(Step::Bytes),
+                3..12 => steps.push(Step::Predict),
+                _ => {}
+            }
+        }
+        Stream { sensor: None, capacity: None, steps }
+    })
+}
+
+/// Each case is determined by seed and number alone.
+fn random_of(seed: u64, case: u64) -> Random {
+    Random::new(Random::new(seed).bits() ^ Random::new(!case).bits())
+}
+
+fn random_stream(network: &Network, sensor: Option<Sensor>, random: &mut Random) -> Stream {
     let scene = SCENES[random.below(SCENES.len() as u64) as usize];
     let sensor = sensor.unwrap_or_else(|| Sensor::new(side(random), side(random)));
     let small = scene == Scene::Full || random.below(2) == 0;
@@ -51,9 +82,9 @@ pub(crate) fn random_stream(network: &Network, sensor: Option<Sensor>, random: &
     // Long streams are rare: every comparison is a full recomputation.
     let count = if random.below(8) == 0 { 240 } else { random.below(80) };
     let each = random.below(2) == 0;
-    let mut source = Source { scene, sensor, span_us: network.parts().span_us as u64, now: 0, hot: [0; 2] };
-    source.now = ORIGINS[random.below(4) as usize];
-    source.hot = [random.below(sensor.width.into()), random.below(sensor.height.into())];
+    let (span_us, now) = (network.parts().span_us as u64, ORIGINS[random.below(4) as usize]);
+    let hot = [random.below(sensor.width.into()), random.below(sensor.height.into())];
+    let mut source = Source { scene, sensor, span_us, now, hot };
     let mut steps = Vec::new();
     for _ in 0..count {
         steps.push(Step::Push(source.event(random)));

@@ -15,7 +15,7 @@ const STEPS: usize = 20_000_000;
 
 /// An input that can be made simpler.
 pub(crate) trait Shrink: Clone {
-    /// Streams in which step `at` is simpler, and all else is as it was or moved in time.
+    /// Streams in which step `at` is simpler. Everything else is unchanged or shifted in time.
     fn simpler(steps: &[Step<Self>], at: usize) -> Vec<Vec<Step<Self>>>;
 }
 

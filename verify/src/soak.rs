@@ -1,7 +1,7 @@
-//! One engine over recordings in an endless loop, disturbed at random: a search for errors that only time brings.
+//! One engine over recordings in an endless loop, disturbed at random. It finds errors that show only after a long time.
 //!
 //! Enters: recordings. Leaves: latencies, comparisons with the batch at checkpoints, and the promises that are broken.
-//! Invariant: engine and batch are given the same events, except those that the engine is to forget. Everything except
+//! Invariant: engine and batch take the same events, except those that the engine forgets at the return to a snapshot. Everything except
 //! latencies and memory is determined by recordings, network and seed.
 
 mod disturbance;
@@ -16,13 +16,14 @@ pub use report::{Calls, Checkpoint, Disturbances, Memory, PartReport, Ratio, Rep
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Engine, EngineError, EventCounters, Network, Options, Search, Sensor};
+use meissner_engine::{BatchEngine, Engine, EngineError, EventCounters, Network, Options, Search, Sensor};
 use meissner_models::random::Random;
 use meissner_pipeline::latency::Latency;
 
 use crate::checked::CheckedEngine;
 use crate::difference::bits;
 use crate::error::VerifyError;
+use crate::incremental::Incremental as _;
 use disturbance::{Deck, Disturbance};
 use endless::Endless;
 use report::{Part, judged, ratios};
@@ -46,14 +47,13 @@ pub struct Soak {
     checked: CheckedEngine,
     stream: Endless,
     deck: Deck,
-    events: u64,
-    done: Disturbances,
     start: Instant,
     /// Since the last checkpoint.
     latencies: Calls<Latency>,
     first: Part,
     last: Part,
-    checkpoints: Vec<Checkpoint>,
+    /// The counts and checkpoints so far.
+    report: Report,
 }
 
 impl Soak {
@@ -70,24 +70,31 @@ impl Soak {
         let network = network.into();
         let engine = Engine::new(Arc::clone(&network), sensor)?;
         let search = Search::Proposed(meissner_reference::PROPOSE);
+        let batch = BatchEngine::new(network, sensor)?.with_search(search).with_bounded_memory();
+        let stream = Endless::new(recordings, Random::new(settings.seed));
+        let report = Report {
+            recordings: stream.names(),
+            isa: Options::default().isa.name(),
+            seed: settings.seed,
+            every: settings.every,
+            ..Report::default()
+        };
         Ok(Self {
-            checked: CheckedEngine::of(engine, network, sensor, search)?.with_bounded_memory(),
-            stream: Endless::new(recordings, Random::new(settings.seed)),
+            checked: CheckedEngine::of(engine, batch),
+            stream,
             deck: Deck::new(Random::new(!settings.seed), settings.disturb_every),
-            events: 0,
-            done: Disturbances::default(),
             start: Instant::now(),
-            latencies: Calls::new(),
-            first: Part::new(),
-            last: Part::new(),
-            checkpoints: Vec::new(),
+            latencies: Calls::default(),
+            first: Part::default(),
+            last: Part::default(),
+            report,
             settings,
         })
     }
 
     /// Events so far.
     pub fn events(&self) -> u64 {
-        self.events
+        self.report.events
     }
 
     /// Counts of accepted and dropped events.
@@ -104,49 +111,49 @@ impl Soak {
             self.disturb(disturbance)?;
         }
         let event = self.stream.next();
-        self.events += 1;
+        self.report.events += 1;
         let start = Instant::now();
         self.checked.engine.push(event);
         let pushed = Instant::now();
-        if self.events.is_multiple_of(self.settings.every) {
+        if self.report.events.is_multiple_of(self.settings.every) {
             self.checked.engine.predict()?;
             self.latencies.predict.record(pushed.elapsed());
         }
         self.latencies.push.record(pushed - start);
-        self.checked.remember(event);
+        self.checked.batch.push(event);
         Ok(())
     }
 
     fn disturb(&mut self, disturbance: Disturbance) -> Result<(), EngineError> {
+        let done = &mut self.report.disturbances;
         match disturbance {
             Disturbance::Silence => {
+                done.silences += 1;
                 self.stream.fall_silent();
-                self.done.silences += 1;
             }
             Disturbance::Advance => {
+                done.advances += 1;
                 self.checked.advance(self.stream.fall_silent());
-                self.done.advances += 1;
             }
             Disturbance::Bytes => {
+                done.bytes += 1;
                 let before = self.prediction()?;
                 let engine = &mut self.checked.engine;
                 let bytes = engine.to_bytes();
-                let mut restored = Engine::new(Arc::clone(engine.network()), engine.sensor())?;
-                restored.restore_bytes(&bytes)?;
-                *engine = restored;
-                self.done.bytes += 1;
+                *engine = Engine::new(Arc::clone(engine.network()), engine.sensor())?;
+                engine.restore_bytes(&bytes)?;
                 self.compare_return(&before)?;
             }
             Disturbance::Snapshot { detour } => {
+                done.snapshots += 1;
                 let before = self.prediction()?;
                 let mut ahead = self.stream.clone();
-                self.checked.detour((0..detour).map(|_| ahead.next()))?;
-                self.done.snapshots += 1;
+                self.checked.engine.detour((0..detour).map(|_| ahead.next()))?;
                 self.compare_return(&before)?;
             }
             Disturbance::Reset => {
+                done.resets += 1;
                 self.checked.reset();
-                self.done.resets += 1;
             }
         }
         Ok(())
@@ -158,7 +165,7 @@ impl Soak {
 
     /// Counts the return to a state that does not predict as it did.
     fn compare_return(&mut self, before: &[u32]) -> Result<(), EngineError> {
-        self.done.returns_that_differ += u64::from(self.prediction()? != before);
+        self.report.disturbances.returns_that_differ += u64::from(self.prediction()? != before);
         Ok(())
     }
 
@@ -170,13 +177,13 @@ impl Soak {
         &mut self,
         resident_bytes: impl FnOnce() -> Option<u64>,
     ) -> Result<&Checkpoint, VerifyError> {
-        let batch = bits(&self.checked.trace()?.prediction);
-        let latencies = std::mem::replace(&mut self.latencies, Calls::new());
-        let compared = self.checked.accepted().len();
+        let batch = bits(&self.checked.batch.trace()?.prediction);
+        let latencies = std::mem::take(&mut self.latencies);
+        let compared = self.checked.batch.events().len();
         let prediction = self.checked.engine.predict()?;
         let found = bits(prediction.values);
         let row = Checkpoint {
-            events: self.events,
+            events: self.report.events,
             t_us: prediction.t_us,
             nodes: prediction.nodes,
             compared,
@@ -186,15 +193,16 @@ impl Soak {
             resident_bytes: resident_bytes(),
             seconds: self.start.elapsed().as_secs_f64(),
         };
-        let (number, part) = (self.checkpoints.len() as u64, self.settings.checkpoints.div_ceil(10));
+        let checkpoints = &mut self.report.checkpoints;
+        let (number, part) = (checkpoints.len() as u64, self.settings.checkpoints.div_ceil(10));
         if number < part {
             self.first.add(&row, &latencies);
         }
         if number >= self.settings.checkpoints.saturating_sub(part) {
             self.last.add(&row, &latencies);
         }
-        self.checkpoints.push(row);
-        Ok(&self.checkpoints[number as usize])
+        checkpoints.push(row);
+        Ok(&checkpoints[number as usize])
     }
 
     /// The result. Resident memory may grow by `memory_growth` percent after warm-up.
@@ -202,22 +210,14 @@ impl Soak {
         let accepted = self.counters().accepted;
         let (first, last) = (self.first.report(), self.last.report());
         let report = Report {
-            recordings: self.stream.names(),
             rounds: self.stream.rounds(),
-            isa: Options::default().isa.name(),
-            seed: self.settings.seed,
-            every: self.settings.every,
-            events: self.events,
             accepted,
-            disturbances: self.done,
             ratio: ratios(&first, &last),
             first,
             last,
-            memory: None,
             peak_resident_bytes,
             seconds: self.start.elapsed().as_secs_f64(),
-            broken: Vec::new(),
-            checkpoints: self.checkpoints,
+            ..self.report
         };
         judged(report, memory_growth)
     }

@@ -7,7 +7,7 @@ use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 pub enum Step<I = Event> {
     /// An input is pushed.
     Push(I),
-    /// Time is moved on to so many microseconds. Frame networks have no time and pass over it.
+    /// The clock is advanced to so many microseconds. Frame networks have no clock and ignore it.
     Advance(i64),
     /// A prediction is read, and everything is compared.
     Predict,
@@ -24,6 +24,11 @@ impl<I> Step<I> {
     pub fn input(&self) -> Option<&I> {
         if let Self::Push(input) = self { Some(input) } else { None }
     }
+
+    /// Whether everything is compared after the step.
+    pub fn is_compared(&self) -> bool {
+        !matches!(self, Self::Push(_) | Self::Advance(_))
+    }
 }
 
 /// A stream with the sensor and the capacity of the window that it runs on.
@@ -37,31 +42,22 @@ pub struct Stream<I = Event> {
     pub steps: Vec<Step<I>>,
 }
 
-/// A step whose time counts from the one before, as random streams are drawn.
-#[derive(Clone, Debug)]
-pub enum Relative {
-    /// An event `dt` after the newest (negative: late), at a pixel.
-    Push {
-        /// Microseconds since the newest event or `advance`.
-        dt: i64,
-        /// Column, taken modulo a little more than the sensor's width.
-        x: u16,
-        /// Row.
-        y: u16,
-        /// Polarity.
-        on: bool,
-    },
-    /// Time moves on.
-    Advance {
-        /// Microseconds.
-        dt: i64,
-    },
-    /// A prediction is read.
-    Predict,
-    /// Everything is forgotten.
-    Reset,
-    /// A snapshot is taken and returned to.
-    Snapshot,
+/// Comparisons that are spread over a recording unless the caller says otherwise.
+const COMPARISONS: usize = 64;
+
+impl<I> Stream<I> {
+    /// The inputs of a recording, with a comparison after `every` inputs; `None` spreads 64 comparisons over it.
+    pub fn of_recording(sensor: Option<Sensor>, inputs: Vec<I>, every: Option<usize>) -> Self {
+        let every = every.unwrap_or(inputs.len().div_ceil(COMPARISONS)).max(1);
+        let mut steps = Vec::with_capacity(inputs.len() + inputs.len() / every);
+        for (i, input) in inputs.into_iter().enumerate() {
+            steps.push(Step::Push(input));
+            if (i + 1) % every == 0 {
+                steps.push(Step::Predict);
+            }
+        }
+        Self { sensor, capacity: None, steps }
+    }
 }
 
 /// A sensor and a stream for it.
@@ -76,31 +72,30 @@ pub struct Script {
 }
 
 impl Script {
-    /// `steps` with absolute times. A few pixels lie outside the sensor.
-    pub fn new(sensor: Sensor, origin_us: i64, steps: &[Relative]) -> Self {
+    /// A stream from `steps` whose times count from the newest event or advance before them; an event of negative time is
+    /// late. Columns and rows are taken modulo a little more than the sensor's, so that a few pixels lie outside.
+    pub fn new(sensor: Sensor, origin_us: i64, mut steps: Vec<Step>) -> Self {
         let pixel = |p: u16, extent: u16| (u32::from(p) % (u32::from(extent) * 33 / 32 + 1)) as u16;
         let (mut admission, mut clock) = (Admission::new(sensor, LatePolicy::Drop), origin_us);
-        let absolute = |step: &Relative| match *step {
-            Relative::Push { dt, x, y, on } => {
-                let event = Event::new(clock + dt, pixel(x, sensor.width), pixel(y, sensor.height), on);
-                if admission.admit(event).is_ok() {
-                    clock = event.t_us;
+        for step in &mut steps {
+            match step {
+                Step::Push(Event { t_us, x, y, on }) => {
+                    let event =
+                        Event::new(clock + *t_us, pixel(*x, sensor.width), pixel(*y, sensor.height), *on);
+                    if admission.admit(event).is_ok() {
+                        clock = event.t_us;
+                    }
+                    *step = Step::Push(event);
                 }
-                Step::Push(event)
+                Step::Advance(t_us) => {
+                    *t_us += clock;
+                    admission.advance(*t_us);
+                    clock = admission.now_us().unwrap_or(clock);
+                }
+                Step::Reset => admission.reset(),
+                Step::Predict | Step::Snapshot | Step::Bytes => {}
             }
-            Relative::Advance { dt } => {
-                let t_us = clock + dt;
-                admission.advance(t_us);
-                clock = admission.now_us().unwrap_or(clock);
-                Step::Advance(t_us)
-            }
-            Relative::Predict => Step::Predict,
-            Relative::Reset => {
-                admission.reset();
-                Step::Reset
-            }
-            Relative::Snapshot => Step::Snapshot,
-        };
-        Self { sensor, origin_us, steps: steps.iter().map(absolute).collect() }
+        }
+        Self { sensor, origin_us, steps }
     }
 }

@@ -1,38 +1,27 @@
 //! Strategies for proptest: streams, and networks of every kind that the engine runs.
 
-use meissner_engine::{Candidates, GraphRule, Lifetime, Reach, Sensor};
+use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Sensor};
 use proptest::prelude::*;
 
 use crate::frame_networks::Style as FrameStyle;
 use crate::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
-use crate::step::{Relative, Script};
+use crate::step::{Script, Step};
 
-/// How events are spread over the sensor and over time.
-#[derive(Clone, Copy, Debug)]
-enum Style {
-    Anywhere,
-    OnePixel,
-    FewPixels,
-    OneInstant,
-}
-
-fn relative(style: Style) -> impl Strategy<Value = Relative> {
-    let dt = match style {
-        Style::OneInstant => Just(0i64).boxed(),
-        _ => prop_oneof![4 => 0i64..4, 4 => 0i64..60, 1 => 0i64..1_500, 1 => -9i64..0].boxed(),
+/// A step whose time counts from the step before, as [`Script::new`] takes it. Events lie in the first `pixels` columns and
+/// rows, and all have one time where `one_instant`.
+fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
+    let dt = if one_instant {
+        Just(0i64).boxed()
+    } else {
+        prop_oneof![4 => 0i64..4, 4 => 0i64..60, 1 => 0i64..1_500, 1 => -9i64..0].boxed()
     };
-    let pixels = match style {
-        Style::OnePixel => 1u16,
-        Style::FewPixels => 4,
-        Style::Anywhere | Style::OneInstant => u16::MAX,
-    };
-    let push =
-        (dt, 0..pixels, 0..pixels, any::<bool>()).prop_map(|(dt, x, y, on)| Relative::Push { dt, x, y, on });
+    let push = (dt, 0..pixels, 0..pixels, any::<bool>())
+        .prop_map(|(dt, x, y, on)| Step::Push(Event::new(dt, x, y, on)));
     prop_oneof![
         40 => push,
-        2 => prop_oneof![3 => 0i64..80, 1 => 0i64..3_000].prop_map(|dt| Relative::Advance { dt }),
-        8 => Just(Relative::Predict),
-        1 => Just(Relative::Snapshot),
+        2 => prop_oneof![3 => 0i64..80, 1 => 0i64..3_000].prop_map(Step::Advance),
+        8 => Just(Step::Predict),
+        1 => Just(Step::Snapshot),
     ]
 }
 
@@ -43,25 +32,26 @@ pub fn script(most: usize) -> impl Strategy<Value = Script> {
 
 /// Scripts of up to `most` steps on sensors of these columns and rows.
 pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl Strategy<Value = Script> {
+    // Anywhere, at one pixel, at few pixels, at one instant.
     let style = prop_oneof![
-        4 => Just(Style::Anywhere),
-        1 => Just(Style::OnePixel),
-        1 => Just(Style::FewPixels),
-        1 => Just(Style::OneInstant),
+        4 => Just((u16::MAX, false)),
+        1 => Just((1, false)),
+        1 => Just((4, false)),
+        1 => Just((u16::MAX, true)),
     ];
     let origin = prop_oneof![Just(0i64), Just(1_700_000_000_000_000), Just(-77), Just(i64::MIN / 2)];
-    let steps = style.prop_flat_map(move |style| {
-        let run = || proptest::collection::vec(relative(style), 1..most);
+    let steps = style.prop_flat_map(move |(pixels, one_instant)| {
+        let run = || proptest::collection::vec(relative(pixels, one_instant), 1..most);
         (run(), proptest::option::weighted(0.2, run())).prop_map(|(mut steps, second)| {
             if let Some(second) = second {
-                steps.push(Relative::Reset);
+                steps.push(Step::Reset);
                 steps.extend(second);
             }
             steps
         })
     });
     (sensor, origin, steps).prop_map(|((width, height), origin_us, steps)| {
-        Script::new(Sensor::new(width, height), origin_us, &steps)
+        Script::new(Sensor::new(width, height), origin_us, steps)
     })
 }
 

@@ -3,20 +3,18 @@
 //! ```text
 //! # sensor 8x8                 (events alone)
 //! # values 400                 (frames alone: values of a frame)
-//! # capacity 30                (most events in the window, where it is not the network's)
+//! # capacity 30                (most events in the window, if it is not the network's)
 //! t,x,y,p                      (events alone)
 //! 0,1,1,1                      (an event: microseconds, column, row, polarity)
 //! frame 3=0.5 7=1              (a frame: its values that are not 0)
-//! # predict                    (all is compared here)
+//! # predict                    (everything is compared here)
 //! # advance 120                (microseconds)
 //! # reset
-//! # snapshot                   (taken, five events or a frame of ones are pushed, and returned to)
-//! # bytes                      (the state as bytes, into a reset engine)
+//! # snapshot                   (a snapshot, five events or a frame of ones, and the return to it)
+//! # bytes                      (the state as bytes, which a reset engine reads)
 //! ```
 //!
-//! Other comments are passed over. A stream of events is also a recording that every other command reads.
-
-use std::fmt::Write as _;
+//! Other comments are ignored. A stream of events is also a recording that every other command reads.
 
 use meissner_engine::{Event, Sensor};
 
@@ -48,15 +46,8 @@ impl Stream<Event> {
             if line == "t,x,y,p" {
                 return Some(());
             }
-            let mut fields = line.split(',');
-            let (t_us, x, y) =
-                (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
-            let on = match (fields.next()?, fields.next()) {
-                ("1", None) => true,
-                ("0", None) => false,
-                _ => return None,
-            };
-            out.push(Step::Push(Event::new(t_us, x, y, on)));
+            let [t_us, x, y, p @ ("0" | "1")] = line.split(',').collect::<Vec<_>>()[..] else { return None };
+            out.push(Step::Push(Event::new(t_us.parse().ok()?, x.parse().ok()?, y.parse().ok()?, p == "1")));
             Some(())
         })?;
         if sensor.is_none() {
@@ -107,22 +98,20 @@ fn text<I>(
     input: impl Fn(&I) -> String,
 ) -> String {
     let mut out = header.to_owned();
-    remarks.lines().for_each(|remark| writeln!(out, "# {remark}").expect("a string takes all text"));
-    if let Some(capacity) = stream.capacity {
-        writeln!(out, "# capacity {capacity}").expect("a string takes all text");
-    }
+    out.extend(remarks.lines().map(|remark| format!("# {remark}\n")));
+    out.extend(stream.capacity.map(|capacity| format!("# capacity {capacity}\n")));
     out += columns;
-    for step in &stream.steps {
-        match step {
-            Step::Push(value) => out += &input(value),
-            Step::Advance(t_us) => write!(out, "# advance {t_us}").expect("a string takes all text"),
-            Step::Predict => out += "# predict",
-            Step::Reset => out += "# reset",
-            Step::Snapshot => out += "# snapshot",
-            Step::Bytes => out += "# bytes",
-        }
-        out.push('\n');
-    }
+    out.extend(stream.steps.iter().map(|step| {
+        let line = match step {
+            Step::Push(value) => input(value),
+            Step::Advance(t_us) => format!("# advance {t_us}"),
+            Step::Predict => "# predict".to_owned(),
+            Step::Reset => "# reset".to_owned(),
+            Step::Snapshot => "# snapshot".to_owned(),
+            Step::Bytes => "# bytes".to_owned(),
+        };
+        line + "\n"
+    }));
     out
 }
 
@@ -144,9 +133,8 @@ fn parse<I>(
                 capacity = Some(number.parse().map_err(|_| refuse(i + 1, "a number of events", line))?);
             }
             ("advance", time) => {
-                steps.push(Step::Advance(
-                    time.parse().map_err(|_| refuse(i + 1, "a time in microseconds", line))?,
-                ));
+                let t_us = time.parse().map_err(|_| refuse(i + 1, "a time in microseconds", line))?;
+                steps.push(Step::Advance(t_us));
             }
             ("predict", "") => steps.push(Step::Predict),
             ("reset", "") => steps.push(Step::Reset),

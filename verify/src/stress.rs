@@ -2,14 +2,6 @@
 //!
 //! Enters: nothing; cases are data in this module. Leaves: for each case, comparisons of the engine with the batch, errors
 //! against f64, times, and the promises that are broken.
-//!
-//! | file | contents |
-//! |---|---|
-//! | `streams`, `weights` | cases of networks over events |
-//! | `recurrent`, `winograd` | cases of frame networks |
-//! | `events`, `frames` | running a case: incremental, from scratch, in f64 |
-//! | `functions` | elementary functions over all inputs |
-//! | `result` | the result of a case, and the promises that it breaks |
 
 mod events;
 mod frames;
@@ -23,14 +15,33 @@ mod winograd;
 pub use functions::{FunctionResult, sweep};
 pub use result::{CaseResult, Errors, LayerError};
 
+use meissner_engine::EngineError;
+
 use crate::error::VerifyError;
-use result::Size;
+use result::{Expect, Size};
 
 const QUICK: Size = Size { events: 160, frames: 3_000, passes: 1 };
 const FULL: Size = Size { events: 640, frames: 1_000_000, passes: 5 };
 
-/// Runs a case.
-type Run = Box<dyn Fn(Size) -> Result<CaseResult, VerifyError>>;
+/// A computation that a case compares and times.
+trait Run {
+    /// The network, and the variant of the computation.
+    fn network(&self) -> String;
+    /// Runs the input through the engine, from scratch and in f64, and adds the differences to `result`.
+    fn compare(&self, result: &mut CaseResult) -> Result<(), VerifyError>;
+    /// Microseconds of an input and the prediction after it, mean over the input.
+    fn time_us(&self) -> Result<f64, EngineError>;
+}
+
+/// A run, and its expected result.
+struct Prepared {
+    run: Box<dyn Run>,
+    expect: Expect,
+    /// Largest relative error of a prediction.
+    within: f64,
+    /// The run with which its time is compared.
+    ordinary: Box<dyn Run>,
+}
 
 /// A case of a network.
 pub struct Case {
@@ -40,7 +51,7 @@ pub struct Case {
     pub name: &'static str,
     /// The network, or the variant of the computation.
     pub network: String,
-    run: Run,
+    prepare: Box<dyn Fn(Size) -> Result<Prepared, VerifyError>>,
 }
 
 impl Case {
@@ -49,38 +60,52 @@ impl Case {
     /// # Errors
     /// A shipped network cannot be built or is refused by the engine.
     pub fn run(&self, quick: bool) -> Result<CaseResult, VerifyError> {
-        (self.run)(if quick { QUICK } else { FULL })
+        let size = if quick { QUICK } else { FULL };
+        let Prepared { run, expect, within, ordinary } = (self.prepare)(size)?;
+        let network = run.network();
+        let mut result = CaseResult { group: self.group, case: self.name, network, ..CaseResult::default() };
+        run.compare(&mut result)?;
+        let (mut own, mut usual) = (f64::INFINITY, f64::INFINITY);
+        for _ in 0..size.passes {
+            usual = usual.min(ordinary.time_us()?);
+            own = own.min(run.time_us()?);
+        }
+        (result.us, result.times_ordinary) = (Some(own), Some(own / usual));
+        Ok(result.judge(expect, within))
     }
 }
 
 /// All cases, group after group.
 pub fn cases() -> Vec<Case> {
     let mut all = Vec::new();
-    let mut add = |group, name, network: &str, run: Run| {
-        all.push(Case { group, name, network: network.to_owned(), run });
-    };
+    let mut add =
+        |group, name, network: &str, prepare: Box<dyn Fn(Size) -> Result<Prepared, VerifyError>>| {
+            all.push(Case { group, name, network: network.to_owned(), prepare });
+        };
     for shape in streams::SHAPES {
         for network in streams::NETWORKS {
-            let run = move |size: Size| streams::case(shape, network, size)?.run(size.passes);
-            add("streams", shape.name, network, Box::new(run));
+            add("streams", shape.name, network, Box::new(|size| streams::prepare(shape, network, size)));
         }
     }
     for altered in weights::ALTERED {
         for network in weights::NETWORKS {
-            let run = move |size: Size| weights::case(altered, network, size)?.run(size.passes);
-            add("weights", altered.name, network, Box::new(run));
+            add("weights", altered.name, network, Box::new(|size| weights::prepare(altered, network, size)));
         }
     }
     for gates in recurrent::GATES {
-        for cell in recurrent::CELLS {
-            let run = move |size: Size| recurrent::case(cell, gates, size).run(size.passes);
-            add("recurrent", gates.name, cell.name(), Box::new(run));
+        for cell in &recurrent::CELLS {
+            add(
+                "recurrent",
+                gates.name,
+                cell.name,
+                Box::new(|size| Ok(recurrent::prepare(cell, gates, size))),
+            );
         }
     }
     for images in winograd::IMAGES {
         for (index, convolution) in winograd::CONVOLUTIONS.iter().enumerate() {
-            let run = move |size: Size| winograd::case(images, index).run(size.passes);
-            add("winograd", images.name, &format!("{convolution:?}"), Box::new(run));
+            let prepare = move |_| Ok(winograd::prepare(images, index));
+            add("winograd", images.name, &format!("{convolution:?}"), Box::new(prepare));
         }
     }
     all

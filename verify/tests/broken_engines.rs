@@ -10,8 +10,8 @@ use meissner_kernels::Neighbour;
 use meissner_verify::frame_networks::{Style, network as frame_network};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use meissner_verify::{
-    Difference, Incremental, IncrementalEvents, Mismatch, Settings, Step, Stream, VerifyError, poisoned,
-    replay, replay_frames, verify, verify_frames, verify_frames_with, verify_with,
+    Difference, Incremental, IncrementalEvents, Mismatch, Step, Stream, Summary, VerifyError, random_frames,
+    random_streams, verify, verify_frames, verify_stream,
 };
 
 fn network() -> Arc<Network> {
@@ -134,12 +134,10 @@ impl IncrementalEvents for Broken {
     }
 }
 
-fn settings(cases: u64) -> Settings {
-    Settings { cases, seed: 1, every: None }
-}
-
 fn found(fault: Fault) -> Mismatch {
-    match verify_with(network(), None, settings(200), Broken::new(fault), |_| {}) {
+    let (network, mut summary) = (network(), Summary::default());
+    let mut streams = random_streams(&network, None, 200, 1);
+    match streams.try_for_each(|stream| verify_stream(&network, stream, Broken::new(fault), &mut summary)) {
         Err(VerifyError::Mismatch(mismatch)) => *mismatch,
         other => panic!("{fault:?}: {other:?}"),
     }
@@ -159,12 +157,13 @@ fn a_broken_engine_is_found_and_its_minimal_stream_is_small_and_replays() {
         let text = mismatch.stream.to_text(&mismatch.to_string());
         let stream = Stream::<Event>::parse(&text).expect("what was written");
         assert_eq!(stream, mismatch.stream, "{text}");
-        match replay(network(), stream.clone(), Broken::new(fault)) {
+        let mut summary = Summary::default();
+        match verify_stream(&network(), stream.clone(), Broken::new(fault), &mut summary) {
             Err(VerifyError::Mismatch(again)) => assert_eq!(again.difference, mismatch.difference),
             other => panic!("{fault:?}: {other:?}"),
         }
-        let sound = replay(network(), stream, Engine::new);
-        assert_eq!(sound.expect("the engine is not broken").cases, 1);
+        verify_stream(&network(), stream, Engine::new, &mut summary).expect("the engine is not broken");
+        assert_eq!(summary.cases, 1);
     }
 }
 
@@ -189,16 +188,11 @@ fn a_mismatch_names_layer_row_input_and_both_values() {
 
 #[test]
 fn the_engine_equals_the_batch_on_every_kind_of_stream() {
-    let mut progress = Vec::new();
-    let summary = verify_with(network(), None, settings(40), poisoned, |done| progress.push(done));
-    let summary = summary.expect("incremental equals batch");
-    assert_eq!((summary.cases, summary.refused, progress.len()), (40, 0, 40));
+    let verified = || verify(network(), None, 40, 1).expect("incremental equals batch");
+    let summary = verified();
+    assert_eq!((summary.cases, summary.refused), (40, 0));
     assert!(summary.inputs > 500 && summary.rows > 10_000, "{summary:?}");
-    assert_eq!(
-        verify(network(), None, 40, 1).expect("incremental equals batch"),
-        summary,
-        "a run is its seed's"
-    );
+    assert_eq!(verified(), summary, "a run is determined by its seed");
     assert_ne!(verify(network(), None, 40, 2).expect("incremental equals batch"), summary);
 }
 
@@ -249,7 +243,10 @@ fn frames(style: Style) -> Arc<FrameNetwork> {
 fn a_broken_frame_engine_is_found_and_its_minimal_sequence_is_one_value_and_replays() {
     let network = frames(Style::Classifier);
     let broken = |network| FrameEngine::new(network).map(BrokenFrames);
-    let mismatch = match verify_frames_with(Arc::clone(&network), settings(50), broken, |_| {}) {
+    let mut summary = Summary::default();
+    let mut streams = random_frames(16, 50, 1);
+    let mismatch = match streams.try_for_each(|stream| verify_frames(&network, stream, broken, &mut summary))
+    {
         Err(VerifyError::FrameMismatch(mismatch)) => *mismatch,
         other => panic!("{other:?}"),
     };
@@ -258,15 +255,20 @@ fn a_broken_frame_engine_is_found_and_its_minimal_sequence_is_one_value_and_repl
     assert_eq!(mismatch.stream.steps, [Step::Push(one)]);
     let stream = Stream::<Vec<f32>>::parse(&mismatch.stream.to_text(""), 16).expect("what was written");
     assert_eq!(stream, mismatch.stream);
-    let again = replay_frames(Arc::clone(&network), stream.clone(), broken);
+    let mut summary = Summary::default();
+    let again = verify_frames(&network, stream.clone(), broken, &mut summary);
     assert!(matches!(again, Err(VerifyError::FrameMismatch(_))), "{again:?}");
-    assert_eq!(replay_frames(network, stream, FrameEngine::new).expect("not broken").cases, 1);
+    verify_frames(&network, stream, FrameEngine::new, &mut summary).expect("not broken");
+    assert_eq!(summary.cases, 1);
 }
 
 #[test]
 fn frame_engines_that_skip_equal_those_that_compute_everything() {
     for style in [Style::Classifier, Style::ConvLstm { hidden: 2, peepholes: true }, Style::Delays] {
-        let summary = verify_frames(frames(style), settings(30), |_| {}).expect("skipping changes no bit");
+        let (network, mut summary) = (frames(style), Summary::default());
+        for stream in random_frames(16, 30, 1) {
+            verify_frames(&network, stream, FrameEngine::new, &mut summary).expect("skipping changes no bit");
+        }
         assert!(summary.cases == 30 && summary.comparisons > 60, "{summary:?}");
     }
 }

@@ -4,7 +4,6 @@
 use std::path::PathBuf;
 
 use meissner_engine::Sensor;
-use meissner_verify::Settings;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, ReadArgs, STATUS, sensor};
 
@@ -12,10 +11,10 @@ use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, ReadArgs, ST
 const METHOD: &str = "\
 Method:
   Networks over events: the engine takes a stream, and at every comparison the batch recomputes the window from scratch. Neighbourhoods, every row of every layer and the prediction must have the same bits.
-  Random streams: hot spots, single pixels, equal times, sparse events, bursts and silences, times and pixels where cells begin, full windows, late events, events outside the sensor, moves of time, resets, and returns to states in memory and as bytes. In many streams the capacity of the window is reduced, so that it is full. Half of the streams are compared after every event.
-  Recordings: the engine takes all events, and is compared every --every events. The random streams have the sensor of the first recording.
-  Frame networks: random sequences of frames, many of them equal or zero. An engine that skips must predict the bits of one that computes everything.
-  A mismatch is shrunk: steps are dropped and times and pixels made round as long as the results differ. The minimal stream is written to --out, and the exit status is 1. Everything is determined by network, recordings and seed.";
+  Random streams: they contain hot spots, single pixels, equal times, sparse events, bursts and silences, times and pixels on the borders of cells, full windows, late events, events outside the sensor, clock advances without an event, resets, and states that are restored from memory and from bytes. Many streams reduce the capacity of the window to fill it. Half of the streams are compared after every event.
+  Recordings: the engine takes all events of a recording and is compared with the batch after every --every events. The random streams then use the sensor of the first recording.
+  Frame networks: the input is random sequences of frames, many of which are equal or zero. An engine that skips unchanged values must predict the same bits as one that computes everything.
+  Mismatch: the stream is reduced as long as the results differ: steps are removed, and times and pixels are rounded. The minimal stream is written to --out, and the exit status is 1. The network, the recordings and the seed determine everything.";
 
 /// The keys that `--json` prints.
 const JSON: &str = "\
@@ -31,7 +30,7 @@ pub(crate) struct VerifyArgs {
     /// `meissner networks` lists the shipped networks.
     #[arg(value_name = "NETWORK")]
     pub(super) network: String,
-    /// Recordings that are verified as well, for networks over events.
+    /// Recordings to verify in addition to the random streams, for networks over events.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
     /// Size of the sensor in pixels [default: the recording's, or several sizes].
@@ -40,7 +39,7 @@ pub(crate) struct VerifyArgs {
     /// How the recordings are read.
     #[command(flatten)]
     pub(super) read: ReadArgs,
-    /// Run the minimal stream of a mismatch again, and nothing else.
+    /// Run only the minimal stream of an earlier mismatch.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["recordings", "sensor"], help_heading = INPUT)]
     pub(super) replay: Option<PathBuf>,
     /// Weights [default: those shipped with the network, or drawn from the seed].
@@ -50,21 +49,22 @@ pub(crate) struct VerifyArgs {
     pub(super) weights: Option<PathBuf>,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// Without it, such weights are refused.
+    /// Without this option, such weights are refused.
     #[arg(long, help_heading = NETWORK)]
     pub(super) ignore_preparation: bool,
-    /// Events of a recording from one comparison to the next [default: 64 comparisons].
+    /// Number of events of a recording between comparisons [default: 64 comparisons].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = PREDICTIONS)]
     pub(super) every: Option<u32>,
     /// Number of random streams.
     #[arg(long, value_name = "N", default_value_t = 100, help_heading = MEASUREMENT)]
     pub(super) cases: u64,
-    /// Seed of the random streams, and of weights that are drawn.
+    /// Seed for the random streams and for drawn weights.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(super) seed: u64,
     /// File for the minimal stream of a mismatch.
     ///
-    /// A text t,x,y,p with the other calls as comments. It is written only at a mismatch, and replaced if it exists.
+    /// A text of events (t,x,y,p) with the other steps as comments. It is written only at a mismatch, and replaces an
+    /// existing file.
     #[arg(long, value_name = "FILE", default_value = "meissner-verify-failure.csv", help_heading = OUTPUT)]
     pub(super) out: PathBuf,
     /// Print one JSON object.
@@ -75,12 +75,7 @@ pub(crate) struct VerifyArgs {
 }
 
 impl VerifyArgs {
-    /// The settings of the random streams and recordings.
-    pub(super) fn settings(&self) -> Settings {
-        Settings { cases: self.cases, seed: self.seed, every: self.every.map(|every| every as usize) }
-    }
-
-    /// An option that was given and means nothing to a frame network.
+    /// The first given option that has no effect on a frame network.
     pub(super) fn for_events(&self) -> Option<&'static str> {
         let own = [
             ("RECORDING", !self.recordings.is_empty()),

@@ -29,7 +29,7 @@ fn a_mismatch_is_written_as_a_stream_that_replays_and_is_an_error_with_its_place
     let mismatch = Mismatch { difference, input: 2, stream: stream.clone(), found_in: 80 };
     let mut verified = Verified::default();
     verified
-        .note(&args, "random streams", Err(VerifyError::Mismatch(Box::new(mismatch))))
+        .note(&args, "random streams".to_owned(), Err(VerifyError::from(Box::new(mismatch))))
         .expect("the file can be written");
     let found = verified.mismatch.as_ref().expect("a mismatch");
     assert_eq!((found.layer.as_deref(), found.row, found.input, found.steps), (Some("conv2"), Some(1), 2, 3));

@@ -1,4 +1,4 @@
-//! `meissner soak` in its short form: bits, every kind of disturbance, and runs that are their seed's.
+//! `meissner soak` in its short form: bits, every kind of disturbance, and runs that are determined by their seed.
 
 use serde_json::Value;
 

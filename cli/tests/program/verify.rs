@@ -82,7 +82,7 @@ fn a_minimal_stream_is_replayed_and_a_text_of_another_form_is_refused() {
     fails(
         &meissner(&["verify", "graphres", "--replay", argument(&wrong)]),
         2,
-        &["line 3", "t,x,y,p", "0;1;1;1"],
+        &[argument(&wrong), "line 3", "t,x,y,p", "0;1;1;1"],
     );
     fails(&meissner(&["verify", "graphres", "--replay", "none.csv"]), 1, &["none.csv"]);
 }

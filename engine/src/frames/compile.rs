@@ -9,7 +9,7 @@ use meissner_kernels::{
 
 use super::fingerprint;
 use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
-use super::shapes::{check_shape, shape, with};
+use super::shapes::{check_shape, output_shape, with};
 use crate::EngineError;
 use crate::error::misfit;
 
@@ -117,7 +117,7 @@ impl FrameNetwork {
                     return Err(misfit(&layer.name, "input", expected, format!("value {read}")));
                 }
             }
-            let shape = shape(layer, &shapes)?;
+            let shape = output_shape(layer, &shapes)?;
             check_shape(&layer.name, shape)?;
             shapes.push(shape);
         }

@@ -30,8 +30,11 @@ pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineEr
     Ok(())
 }
 
-/// Output shape of `layer`.
-pub(super) fn shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameShape, EngineError> {
+/// Output shape of `layer`; `shapes` are those of the frame and of all layers before it.
+///
+/// # Errors
+/// [`EngineError::Network`] if the layer cannot read them.
+pub fn output_shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameShape, EngineError> {
     use FrameLayerKind as Kind;
     let from = shapes[layer.from];
     let image = || match from {

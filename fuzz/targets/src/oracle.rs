@@ -3,7 +3,7 @@
 use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Search, Sensor};
 use meissner_verify::CheckedEngine;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
-use meissner_verify::{Relative, Script};
+use meissner_verify::{Script, Step};
 
 use crate::choices::Choices;
 use crate::target::Verdict;
@@ -93,10 +93,10 @@ pub(crate) fn interleavings(bytes: &[u8]) -> Verdict {
     let mut steps = Vec::new();
     while !choices.is_empty() && steps.len() < STEPS && comparisons < COMPARISONS {
         let step = relative(&mut choices);
-        comparisons += usize::from(!matches!(step, Relative::Push { .. } | Relative::Advance { .. }));
+        comparisons += usize::from(step.is_compared());
         steps.push(step);
     }
-    let script = Script::new(sensor, origin_us, &steps);
+    let script = Script::new(sensor, origin_us, steps);
     let mut checked = CheckedEngine::new(shape.build(), sensor, Search::Exhaustive);
     assert_eq!(checked.run(&script), Ok(()));
     Verdict::Accepted
@@ -137,7 +137,8 @@ fn pool(choices: &mut Choices<'_>) -> PoolShape {
     }
 }
 
-fn relative(choices: &mut Choices<'_>) -> Relative {
+/// A step whose time counts from the step before.
+fn relative(choices: &mut Choices<'_>) -> Step {
     match choices.byte() {
         0..200 => {
             let step = choices.byte();
@@ -146,11 +147,12 @@ fn relative(choices: &mut Choices<'_>) -> Relative {
                 180..200 => i64::from(step) - 200,
                 200.. => i64::from(choices.u16()) % 1_500,
             };
-            Relative::Push { dt, x: choices.byte().into(), y: choices.byte().into(), on: choices.flag() }
+            let (x, y) = (choices.byte().into(), choices.byte().into());
+            Step::Push(Event::new(dt, x, y, choices.flag()))
         }
-        200..215 => Relative::Advance { dt: i64::from(choices.u16()) % 3_000 },
-        215..218 => Relative::Reset,
-        218..222 => Relative::Snapshot,
-        222.. => Relative::Predict,
+        200..215 => Step::Advance(i64::from(choices.u16()) % 3_000),
+        215..218 => Step::Reset,
+        218..222 => Step::Snapshot,
+        222.. => Step::Predict,
     }
 }

@@ -5,7 +5,7 @@ use meissner_pipeline::text::grouped;
 use serde::Serialize;
 
 /// A value for each call of the engine.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Calls<T> {
     /// `Engine::push`.
     pub push: T,
@@ -14,10 +14,6 @@ pub struct Calls<T> {
 }
 
 impl Calls<Latency> {
-    pub(super) fn new() -> Self {
-        Self { push: Latency::new(), predict: Latency::new() }
-    }
-
     pub(super) fn quantiles(&self) -> Calls<Option<Quantiles>> {
         Calls { push: self.push.quantiles(), predict: self.predict.quantiles() }
     }
@@ -64,17 +60,13 @@ pub struct Checkpoint {
 }
 
 /// Several checkpoints together.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Part {
     latencies: Calls<Latency>,
     resident: Vec<u64>,
 }
 
 impl Part {
-    pub(super) fn new() -> Self {
-        Self { latencies: Calls::new(), resident: Vec::new() }
-    }
-
     pub(super) fn add(&mut self, row: &Checkpoint, latencies: &Calls<Latency>) {
         self.latencies.push.add(&latencies.push);
         self.latencies.predict.add(&latencies.predict);
@@ -87,7 +79,7 @@ impl Part {
 }
 
 /// Results of several checkpoints.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct PartReport {
     /// Latencies of the calls.
     pub latency_us: Calls<Option<Quantiles>>,
@@ -116,7 +108,7 @@ pub struct Memory {
 }
 
 /// The result of a soak.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
     /// Names of the recordings.
     pub recordings: Vec<String>,

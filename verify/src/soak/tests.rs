@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use super::report::{Calls, Checkpoint, Disturbances, Part, Report, judged, ratios};
+use meissner_pipeline::latency::Latency;
+
+use super::report::{Calls, Checkpoint, Part, Report, judged, ratios};
 
 /// A run of `count` checkpoints that keeps every promise.
 fn report(count: u64) -> Report {
@@ -18,30 +20,21 @@ fn report(count: u64) -> Report {
         seconds: 0.0,
     };
     let part = |us| {
-        let mut latencies = Calls::new();
+        let mut latencies = Calls::<Latency>::default();
         latencies.push.record(Duration::from_micros(us));
-        let mut part = Part::new();
+        let mut part = Part::default();
         part.add(&row(0), &latencies);
         part.report()
     };
     let (first, last) = (part(10), part(30));
     Report {
-        recordings: Vec::new(),
-        rounds: 0,
-        isa: "",
-        seed: 1,
-        every: 1,
         events: 100 * count,
         accepted: 100 * count,
-        disturbances: Disturbances::default(),
         ratio: ratios(&first, &last),
         first,
         last,
-        memory: None,
-        peak_resident_bytes: None,
-        seconds: 0.0,
-        broken: Vec::new(),
         checkpoints: (0..count).map(row).collect(),
+        ..Report::default()
     }
 }
 

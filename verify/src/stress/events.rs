@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::{Engine, EngineError, Event, Network, Search, Sensor, Trace};
+use meissner_engine::{BatchEngine, Engine, EngineError, Event, Network, Search, Sensor, Trace};
 use meissner_reference::{BatchNorm, Difference, EventReference, EventTrace};
 
-use super::result::{CaseResult, Errors, Expect, LayerError};
+use super::Run;
+use super::result::{CaseResult, Errors, LayerError};
 use crate::checked::{CheckedEngine, poisoned};
 use crate::error::VerifyError;
 
@@ -15,23 +16,10 @@ use crate::error::VerifyError;
 #[derive(Clone, Debug)]
 pub(super) struct EventRun {
     pub(super) network: Arc<Network>,
-    pub(super) sensor: Sensor,
-    pub(super) events: Vec<Event>,
-}
-
-/// A run, and its expected result.
-#[derive(Clone, Debug)]
-pub(super) struct EventCase {
-    pub(super) group: &'static str,
-    pub(super) name: &'static str,
-    pub(super) run: EventRun,
     /// Batch norms as they were before they were folded.
     pub(super) norms: BTreeMap<String, BatchNorm>,
-    pub(super) expect: Expect,
-    /// Largest relative error of a prediction.
-    pub(super) within: f64,
-    /// The run with which its time is compared.
-    pub(super) ordinary: EventRun,
+    pub(super) sensor: Sensor,
+    pub(super) events: Vec<Event>,
 }
 
 /// Predictions of a stream that are compared with a batch.
@@ -39,55 +27,43 @@ const COMPARED: usize = 32;
 /// One in so many of these is computed in f64, too.
 const PER_REFERENCE: usize = 8;
 
-impl EventCase {
-    /// Runs the case, with `passes` of timing.
-    pub(super) fn run(&self, passes: usize) -> Result<CaseResult, VerifyError> {
-        let EventRun { network, sensor, events } = &self.run;
-        let mut row = CaseResult::new(self.group, self.name, network.name());
-        let search = Search::Proposed(meissner_reference::PROPOSE);
-        let engine = poisoned(Arc::clone(network), *sensor)?;
-        let mut checked = CheckedEngine::of(engine, Arc::clone(network), *sensor, search)?;
+impl Run for EventRun {
+    fn network(&self) -> String {
+        self.network.name().to_owned()
+    }
+
+    fn compare(&self, result: &mut CaseResult) -> Result<(), VerifyError> {
+        let Self { network, norms, sensor, events } = self;
+        let batch = BatchEngine::new(Arc::clone(network), *sensor)?;
+        let batch = batch.with_search(Search::Proposed(meissner_reference::PROPOSE));
+        let mut checked = CheckedEngine::of(poisoned(Arc::clone(network), *sensor)?, batch);
         // No network that is stressed has a head.
-        let reference = EventReference::new(Arc::clone(network), *sensor, None)?.with_norms(&self.norms);
+        let reference = EventReference::new(Arc::clone(network), *sensor, None)?.with_norms(norms);
         let mut errors = LayerErrors::default();
         let stride = events.len().div_ceil(COMPARED);
         for (i, &event) in events.iter().enumerate() {
             checked.push(event);
             if (i + 1) % stride == 0 || i + 1 == events.len() {
-                let trace = checked.trace();
+                let trace = checked.batch.trace();
                 let got = checked.engine.predict().map(|prediction| prediction.values.to_vec());
-                let want = trace.as_ref().map(|trace| trace.prediction.clone()).map_err(Clone::clone);
-                row.compare(&got, &want);
+                result.compare(
+                    &got,
+                    &trace.as_ref().map(|trace| trace.prediction.clone()).map_err(Clone::clone),
+                );
                 let Ok(trace) = trace else { continue };
                 // Counted at the prediction, if that is another one.
-                row.different += u64::from(got.is_ok() && checked.compare_rows(&trace).is_err());
+                result.different += u64::from(got.is_ok() && checked.compare_rows(&trace).is_err());
                 if i + 1 == events.len() || (i + 1) / stride % PER_REFERENCE == 0 {
-                    errors.add(network, &trace, &reference.forward(checked.stream()));
+                    errors.add(network, &trace, &reference.forward(checked.batch.stream()));
                 }
             }
         }
-        row.steps = checked.engine.counters().events.accepted;
-        errors.write(network, &mut row);
-        self.time(&mut row, passes)?;
-        Ok(row.judge(self.expect, self.within))
-    }
-
-    fn time(&self, row: &mut CaseResult, passes: usize) -> Result<(), VerifyError> {
-        let (mut own, mut ordinary) = (f64::INFINITY, f64::INFINITY);
-        for _ in 0..passes {
-            ordinary = ordinary.min(self.ordinary.us_an_event()?);
-            own = own.min(self.run.us_an_event()?);
-        }
-        if passes > 0 {
-            (row.us, row.times_ordinary) = (Some(own), Some(own / ordinary));
-        }
+        result.steps = checked.engine.counters().events.accepted;
+        errors.write(network, result);
         Ok(())
     }
-}
 
-impl EventRun {
-    /// Microseconds of an event and the prediction after it, mean over the stream.
-    fn us_an_event(&self) -> Result<f64, EngineError> {
+    fn time_us(&self) -> Result<f64, EngineError> {
         let mut engine = Engine::new(Arc::clone(&self.network), self.sensor)?;
         let start = Instant::now();
         for &event in &self.events {
@@ -121,16 +97,16 @@ impl LayerErrors {
         }
     }
 
-    fn write(&self, network: &Network, row: &mut CaseResult) {
+    fn write(&self, network: &Network, result: &mut CaseResult) {
         if self.prediction.values > 0 {
-            row.prediction = Some(Errors::from(&self.prediction));
+            result.prediction = Some(Errors::from(&self.prediction));
         }
         let worst = self.layers.iter().max_by(|a, b| a.1.relative().total_cmp(&b.1.relative()));
-        row.layer = worst.map(|(&(l, b), difference)| LayerError {
+        result.layer = worst.map(|(&(l, b), difference)| LayerError {
             layer: network.level(l).blocks[b].name.clone(),
             relative: difference.relative(),
         });
-        row.largest_activation = self.layers.values().map(|layer| layer.largest).fold(0.0, f64::max);
-        row.infinite_inside = self.layers.values().map(|layer| layer.infinite).sum();
+        result.largest_activation = self.layers.values().map(|layer| layer.largest).fold(0.0, f64::max);
+        result.infinite_inside = self.layers.values().map(|layer| layer.infinite).sum();
     }
 }

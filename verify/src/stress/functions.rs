@@ -31,37 +31,29 @@ pub struct FunctionResult {
     pub broken: Vec<String>,
 }
 
-/// The largest error of a part.
-#[derive(Clone, Copy, Debug)]
-struct Worst {
-    inputs: u64,
-    ulps: f64,
-    at: f32,
-    not_numbers: u64,
-}
+impl FunctionResult {
+    fn of_none(function: Elementary) -> Self {
+        let (function, bound) = (function.name(), function.bound());
+        Self { function, inputs: 0, ulps: 0.0, at: 0.0, bound, not_numbers: 0, broken: Vec::new() }
+    }
 
-impl Worst {
-    const NONE: Self = Self { inputs: 0, ulps: 0.0, at: 0.0, not_numbers: 0 };
-
-    /// Of both, the larger; of equal ones that of the smaller bit pattern, so that no order of parts shows.
+    /// Of both, the larger error; of equal ones that of the smaller bit pattern, so that the order of parts does not matter.
     fn with(self, other: Self) -> Self {
-        let key = |worst: &Self| (worst.ulps, u32::MAX - worst.at.to_bits());
+        let key = |result: &Self| (result.ulps, u32::MAX - result.at.to_bits());
+        let (inputs, not_numbers) = (self.inputs + other.inputs, self.not_numbers + other.not_numbers);
         let larger = if key(&other) > key(&self) { other } else { self };
-        Self {
-            inputs: self.inputs + other.inputs,
-            not_numbers: self.not_numbers + other.not_numbers,
-            ..larger
-        }
+        Self { inputs, not_numbers, ..larger }
     }
 }
 
 /// The largest error of `function` over all bit patterns, or over a part of them where `quick`. `done` is called
 /// after every 256th part.
 pub fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionResult {
-    let worst = if quick {
+    let none = || FunctionResult::of_none(function);
+    let mut result = if quick {
         let strided: Vec<u32> = (0..1u64 << 32).step_by(STRIDE as usize).map(|bits| bits as u32).collect();
-        let worst = strided.par_chunks(CHUNK as usize).map(|bits| over(function, bits.iter().copied()));
-        worst.reduce(|| Worst::NONE, Worst::with).with(over(function, near_special_values().into_iter()))
+        let parts = strided.par_chunks(CHUNK as usize).map(|bits| over(function, bits.iter().copied()));
+        parts.reduce(none, FunctionResult::with).with(over(function, near_special_values().into_iter()))
     } else {
         let chunks = (1u64 << 32) / CHUNK;
         let part = |chunk: u64| {
@@ -70,36 +62,34 @@ pub fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> Funct
             }
             over(function, (chunk * CHUNK..(chunk + 1) * CHUNK).map(|bits| bits as u32))
         };
-        (0..chunks).into_par_iter().map(part).reduce(|| Worst::NONE, Worst::with)
+        (0..chunks).into_par_iter().map(part).reduce(none, FunctionResult::with)
     };
-    let Worst { inputs, ulps, at, not_numbers } = worst;
-    let bound = function.bound();
-    let mut broken = Vec::new();
+    let FunctionResult { ulps, at, bound, not_numbers, .. } = result;
     if ulps > bound || ulps.is_nan() {
-        broken.push(format!("{ulps:.3} ULP at {at:e}, stated are {bound}"));
+        result.broken.push(format!("{ulps:.3} ULP at {at:e}, stated are {bound}"));
     }
     if not_numbers > 0 {
-        broken.push(format!("{not_numbers} inputs that are numbers become NaN"));
+        result.broken.push(format!("{not_numbers} inputs that are numbers become NaN"));
     }
-    FunctionResult { function: function.name(), inputs, ulps, at, bound, not_numbers, broken }
+    result
 }
 
 /// The largest error over some bit patterns.
-fn over(function: Elementary, bits: impl Iterator<Item = u32>) -> Worst {
+fn over(function: Elementary, bits: impl Iterator<Item = u32>) -> FunctionResult {
     let inputs: Vec<f32> = bits.map(f32::from_bits).collect();
     let mut values = inputs.clone();
     function.apply(Isa::best(), &mut values);
-    let mut worst = Worst { inputs: inputs.len() as u64, ..Worst::NONE };
+    let mut result = FunctionResult { inputs: inputs.len() as u64, ..FunctionResult::of_none(function) };
     for (&x, &got) in inputs.iter().zip(&values) {
         if got.is_nan() && !x.is_nan() {
-            worst.not_numbers += 1;
+            result.not_numbers += 1;
         }
         let error = ulps(got, elementary(function, f64::from(x)));
-        if error > worst.ulps {
-            (worst.ulps, worst.at) = (error, x);
+        if error > result.ulps {
+            (result.ulps, result.at) = (error, x);
         }
     }
-    worst
+    result
 }
 
 /// Bit patterns about zeros, ones, infinities, the ends of the denormal numbers, and where results saturate or powers of two

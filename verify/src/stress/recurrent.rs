@@ -4,7 +4,8 @@ use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, Fr
 use meissner_kernels::Activation;
 use meissner_models::random::Random;
 
-use super::frames::{FrameCase, FrameRun, Frames, layer};
+use super::Prepared;
+use super::frames::{FrameRun, Frames, layer};
 use super::result::{Expect, Size, WITHIN};
 
 /// Columns and rows of an image.
@@ -14,27 +15,20 @@ const INPUTS: usize = 4;
 
 /// A kind of recurrent layer.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Cell {
-    /// An LSTM over vectors.
-    Lstm,
-    /// A convolutional LSTM over planes.
-    ConvLstm,
-    /// One whose gates see the cells.
-    Peepholes,
+pub(super) struct Cell {
+    pub(super) name: &'static str,
+    /// Whether it is a convolutional LSTM over planes; otherwise an LSTM over vectors.
+    convolutional: bool,
+    /// Whether its gates see the cells.
+    peepholes: bool,
 }
 
 /// All kinds.
-pub(super) const CELLS: [Cell; 3] = [Cell::Lstm, Cell::ConvLstm, Cell::Peepholes];
-
-impl Cell {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Lstm => "lstm",
-            Self::ConvLstm => "convlstm",
-            Self::Peepholes => "convlstm with peepholes",
-        }
-    }
-}
+pub(super) const CELLS: [Cell; 3] = [
+    Cell { name: "lstm", convolutional: false, peepholes: false },
+    Cell { name: "convlstm", convolutional: true, peepholes: false },
+    Cell { name: "convlstm with peepholes", convolutional: true, peepholes: true },
+];
 
 /// Weights and frames.
 #[derive(Clone, Copy, Debug)]
@@ -97,53 +91,43 @@ pub(super) const GATES: &[Gates] = &[
 ];
 
 /// `gates` in `cell`.
-pub(super) fn case(cell: Cell, gates: &Gates, size: Size) -> FrameCase {
-    FrameCase {
-        group: "recurrent",
-        name: gates.name,
-        run: run(cell, gates),
-        steps: size.frames,
+pub(super) fn prepare(cell: &Cell, gates: &Gates, size: Size) -> Prepared {
+    Prepared {
+        run: Box::new(run(cell, gates, size)),
         expect: Expect::Finite,
         within: gates.within,
-        ordinary: run(cell, &ORDINARY),
+        ordinary: Box::new(run(cell, &ORDINARY, size)),
     }
 }
 
-fn run(cell: Cell, gates: &Gates) -> FrameRun {
+fn run(cell: &Cell, gates: &Gates, size: Size) -> FrameRun {
     let mut random = Random::new(7);
     let [width, height] = SIDES;
-    let hidden = if matches!(cell, Cell::Lstm) { 8 } else { 2 };
+    let hidden = if cell.convolutional { 2 } else { 8 };
     let bias = gates.bias.iter().flat_map(|&bias| vec![bias; hidden]).collect();
-    let [on_frame, on_shown] = gates.weights;
-    let (input, kind) = match cell {
-        Cell::Lstm => {
-            let weight_ih = random.values(4 * hidden * INPUTS, on_frame);
-            let weight_hh = random.values(4 * hidden * hidden, on_shown);
-            (FrameShape::Vector(INPUTS), FrameLayerKind::Lstm { hidden, weight_ih, weight_hh, bias })
-        }
-        Cell::ConvLstm | Cell::Peepholes => {
-            // For each output, one channel of the frame and then those of the state.
-            let weight = (0..4 * hidden).flat_map(|_| {
-                let mut weights = random.values(9, on_frame);
-                weights.extend(random.values(9 * hidden, on_shown / 2.0));
-                weights
-            });
-            let weight = weight.collect();
-            let peepholes = matches!(cell, Cell::Peepholes)
-                .then(|| random.values(3 * hidden * height * width, gates.peepholes));
-            let activation = Activation::Tanh;
-            let kind = FrameLayerKind::ConvLstm { hidden, weight, bias, peepholes, activation };
-            (FrameShape::Image { channels: 1, height, width }, kind)
-        }
+    let [on_frame, on_state] = gates.weights;
+    let (input, mut layers, outputs) = if cell.convolutional {
+        // For each output, one channel of the frame and then those of the state.
+        let weight = (0..4 * hidden).flat_map(|_| {
+            let mut weights = random.values(9, on_frame);
+            weights.extend(random.values(9 * hidden, on_state / 2.0));
+            weights
+        });
+        let weight = weight.collect();
+        let pixels = hidden * height * width;
+        let peepholes = cell.peepholes.then(|| random.values(3 * pixels, gates.peepholes));
+        let kind = FrameLayerKind::ConvLstm { hidden, weight, bias, peepholes, activation: Activation::Tanh };
+        let layers = vec![layer("cell", 0, kind), layer("flat", 1, FrameLayerKind::Flatten)];
+        (FrameShape::Image { channels: 1, height, width }, layers, pixels)
+    } else {
+        let weight_ih = random.values(4 * hidden * INPUTS, on_frame);
+        let weight_hh = random.values(4 * hidden * hidden, on_state);
+        let kind = FrameLayerKind::Lstm { hidden, weight_ih, weight_hh, bias };
+        (FrameShape::Vector(INPUTS), vec![layer("cell", 0, kind)], hidden)
     };
-    let shown = if matches!(cell, Cell::Lstm) { hidden } else { hidden * height * width };
-    let mut layers = vec![layer("cell", 0, kind)];
-    if !matches!(cell, Cell::Lstm) {
-        layers.push(layer("flat", 1, FrameLayerKind::Flatten));
-    }
-    let (weight, bias) = (random.values(2 * shown, 0.5), Some(random.values(2, 0.5)));
+    let (weight, bias) = (random.values(2 * outputs, 0.5), Some(random.values(2, 0.5)));
     let dense = FrameLayerKind::Dense { outputs: 2, weight, bias, activation: Activation::Identity };
     layers.push(layer("fc", layers.len(), dense));
-    let parts = FrameNetworkParts { name: cell.name().to_owned(), input, layers };
-    FrameRun { parts, convolution: Convolution::Direct, frames: gates.frames }
+    let parts = FrameNetworkParts { name: cell.name.to_owned(), input, layers };
+    FrameRun { parts, convolution: Convolution::Direct, frames: gates.frames, steps: size.frames }
 }

@@ -5,8 +5,6 @@ use meissner_pipeline::error::chain;
 use meissner_reference::Difference;
 use serde::Serialize;
 
-use crate::difference::bits;
-
 /// Largest relative error of a prediction against f64, unless a case states another.
 pub(super) const WITHIN: f64 = 1e-4;
 
@@ -19,7 +17,7 @@ pub(super) struct Size {
     pub(super) passes: usize,
 }
 
-/// Values that a case is built to end in.
+/// The values that a case must produce.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expect {
     /// Finite values.
@@ -94,23 +92,14 @@ pub struct CaseResult {
 }
 
 impl CaseResult {
-    pub(super) fn new(group: &'static str, case: &'static str, network: impl Into<String>) -> Self {
-        Self { group, case, network: network.into(), ..Self::default() }
-    }
-
     /// Counts a prediction and the one of a full recomputation: they are equal if their bits or their errors are.
     pub(super) fn compare(
         &mut self,
         got: &Result<Vec<f32>, EngineError>,
         want: &Result<Vec<f32>, EngineError>,
     ) {
-        let equal = match (got, want) {
-            (Ok(got), Ok(want)) => bits(got) == bits(want),
-            (Err(got), Err(want)) => got == want,
-            _ => false,
-        };
         self.compared += 1;
-        self.different += u64::from(!equal);
+        self.different += u64::from(crate::Difference::of_predictions(got, want).is_err());
         match got {
             Ok(values) => {
                 self.not_numbers += values.iter().filter(|v| v.is_nan()).count() as u64;
@@ -163,7 +152,7 @@ mod tests {
     use super::*;
 
     fn result(got: &[f32], want: &[f32]) -> CaseResult {
-        let mut result = CaseResult::new("streams", "a case", "a network");
+        let mut result = CaseResult::default();
         result.compare(&Ok(got.to_vec()), &Ok(want.to_vec()));
         result
     }

@@ -8,7 +8,8 @@ use meissner_models::Weights;
 use meissner_models::random::Random;
 use meissner_pipeline::PipelineError;
 
-use super::events::{EventCase, EventRun};
+use super::Prepared;
+use super::events::EventRun;
 use super::result::{Expect, Size, WITHIN};
 use crate::error::VerifyError;
 
@@ -133,26 +134,21 @@ pub(super) fn weights(name: &str) -> Result<Weights, VerifyError> {
 
 /// The ordinary stream through `network`.
 pub(super) fn ordinary(network: Network, size: Size) -> EventRun {
-    EventRun { network: Arc::new(network), sensor: SENSOR, events: events(&ORDINARY, size.events) }
+    let events = events(&ORDINARY, size.events);
+    EventRun { network: Arc::new(network), norms: BTreeMap::new(), sensor: SENSOR, events }
 }
 
 /// `shape` through the shipped network `name`.
-pub(super) fn case(shape: &Shape, name: &str, size: Size) -> Result<EventCase, VerifyError> {
+pub(super) fn prepare(shape: &Shape, name: &str, size: Size) -> Result<Prepared, VerifyError> {
     let shipped = network(name, &weights(name)?)?;
     let run = EventRun {
         network: Arc::new(shipped.clone().with_span_us(shape.span_us)?),
+        norms: BTreeMap::new(),
         sensor: shape.sensor,
         events: events(shape, size.events),
     };
-    Ok(EventCase {
-        group: "streams",
-        name: shape.name,
-        run,
-        norms: BTreeMap::new(),
-        expect: Expect::Finite,
-        within: WITHIN,
-        ordinary: ordinary(shipped, size),
-    })
+    let ordinary = Box::new(ordinary(shipped, size));
+    Ok(Prepared { run: Box::new(run), expect: Expect::Finite, within: WITHIN, ordinary })
 }
 
 #[cfg(test)]

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use meissner_engine::{Level, Network, NetworkParts};
+use meissner_engine::{DenseLayer, EngineError, Network, NetworkParts};
 use meissner_kernels::Dense;
 use meissner_models::{Tensor, Weights};
 use meissner_reference::BatchNorm;
 
-use super::events::EventCase;
+use super::events::EventRun;
 use super::result::{Expect, Size, WITHIN};
-use super::streams::{self, ordinary};
+use super::{Prepared, streams};
 use crate::error::VerifyError;
 
 /// The networks whose weights are changed.
@@ -18,112 +18,85 @@ pub(super) const NETWORKS: [&str; 2] = ["graphres", "tactigraph-past"];
 /// The constant that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
-/// A change of weights.
-#[derive(Clone, Copy, Debug)]
-enum Change {
-    /// Weights of every block times this.
-    Blocks(f32),
-    /// Weights of every block times this, and neither biases nor shifts nor dense biases.
-    BlocksAlone(f32),
-    /// Weights of the first block times this, and neither biases nor shifts nor dense biases.
-    FirstAlone(f32),
-    /// Weights of the dense layers times this.
-    Dense(f32),
-    /// Running variances.
-    Variance(f32),
-}
-
-/// A change, and its expected result.
+/// A change of weights, by factors, and its expected result.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Altered {
     pub(super) name: &'static str,
-    change: Change,
+    /// Of the weights of the first block, and of all others.
+    blocks: [f32; 2],
+    /// Of the weights of the dense layers.
+    dense: f32,
+    /// Of biases and shifts, those of the dense layers too.
+    added: f32,
+    /// In place of all running variances.
+    variance: Option<f32>,
     expect: Expect,
     within: f64,
 }
 
-const fn altered(name: &'static str, change: Change) -> Altered {
-    Altered { name, change, expect: Expect::Finite, within: WITHIN }
-}
+const NONE: Altered = Altered {
+    name: "",
+    blocks: [1.0; 2],
+    dense: 1.0,
+    added: 1.0,
+    variance: None,
+    expect: Expect::Finite,
+    within: WITHIN,
+};
 
 /// All changes.
 pub(super) const ALTERED: &[Altered] = &[
-    altered("weights x 1e-6", Change::Blocks(1e-6)),
-    altered("weights x 1e-6, nothing added", Change::BlocksAlone(1e-6)),
-    altered("weights x 1e3", Change::Blocks(1e3)),
-    Altered { expect: Expect::Overflow, ..altered("weights x 1e6", Change::Blocks(1e6)) },
-    altered("dense weights x 1e6", Change::Dense(1e6)),
-    Altered { expect: Expect::Overflow, ..altered("dense weights x 3e38", Change::Dense(3e38)) },
-    altered("denormal weights", Change::Blocks(1e-39)),
+    Altered { name: "weights x 1e-6", blocks: [1e-6; 2], ..NONE },
+    Altered { name: "weights x 1e-6, nothing added", blocks: [1e-6; 2], added: 0.0, ..NONE },
+    Altered { name: "weights x 1e3", blocks: [1e3; 2], ..NONE },
+    Altered { name: "weights x 1e6", blocks: [1e6; 2], expect: Expect::Overflow, ..NONE },
+    Altered { name: "dense weights x 1e6", dense: 1e6, ..NONE },
+    Altered { name: "dense weights x 3e38", dense: 3e38, expect: Expect::Overflow, ..NONE },
+    Altered { name: "denormal weights", blocks: [1e-39; 2], ..NONE },
     // Of 24 bits, 20 are left near 1e-39.
-    Altered { within: 1e-3, ..altered("denormal activations", Change::FirstAlone(1e-39)) },
-    altered("variances of 0", Change::Variance(0.0)),
-    altered("variances of 1e-30", Change::Variance(1e-30)),
-    altered("variances of 1.2e-38", Change::Variance(f32::MIN_POSITIVE)),
-    altered("denormal variances", Change::Variance(1e-45)),
+    Altered { name: "denormal activations", blocks: [1e-39, 1.0], added: 0.0, within: 1e-3, ..NONE },
+    Altered { name: "variances of 0", variance: Some(0.0), ..NONE },
+    Altered { name: "variances of 1e-30", variance: Some(1e-30), ..NONE },
+    Altered { name: "variances of 1.2e-38", variance: Some(f32::MIN_POSITIVE), ..NONE },
+    Altered { name: "denormal variances", variance: Some(1e-45), ..NONE },
 ];
 
 /// `altered` in the shipped network `name`.
-pub(super) fn case(altered: &Altered, name: &str, size: Size) -> Result<EventCase, VerifyError> {
+pub(super) fn prepare(altered: &Altered, name: &str, size: Size) -> Result<Prepared, VerifyError> {
     let weights = streams::weights(name)?;
     let shipped = streams::network(name, &weights)?;
-    let (changed, norms) = match altered.change {
-        Change::Variance(variance) => with_variance(name, &weights, variance)?,
-        _ => (changed(&shipped, altered.change)?, BTreeMap::new()),
+    let (changed, norms) = match altered.variance {
+        Some(variance) => with_variance(name, &weights, variance)?,
+        None => (scaled_network(&shipped, altered)?, BTreeMap::new()),
     };
-    let ordinary = ordinary(shipped, size);
-    let mut run = ordinary.clone();
-    run.network = Arc::new(changed);
+    let ordinary = streams::ordinary(shipped, size);
+    let run = EventRun { network: Arc::new(changed), norms, ..ordinary.clone() };
     let (expect, within) = (altered.expect, altered.within);
-    Ok(EventCase { group: "weights", name: altered.name, run, norms, expect, within, ordinary })
+    Ok(Prepared { run: Box::new(run), expect, within, ordinary: Box::new(ordinary) })
 }
 
-/// `network` with other weights.
-fn changed(network: &Network, change: Change) -> Result<Network, VerifyError> {
+/// `network` with the factors of `altered`.
+fn scaled_network(network: &Network, altered: &Altered) -> Result<Network, EngineError> {
     let mut parts: NetworkParts = network.parts().clone();
-    let mut place = 0;
+    let mut factor = altered.blocks[0];
     let levels = std::iter::once(&mut parts.events).chain(parts.pooled.iter_mut().map(|(_, level)| level));
-    for Level { blocks, .. } in levels {
-        for block in blocks {
-            let (weights, added) = factors(change, place == 0);
-            block.conv = block.conv.scaled(weights, added).map_err(|source| {
-                meissner_engine::EngineError::Layer { layer: block.name.clone(), source }
-            })?;
-            place += 1;
-        }
+    for block in levels.flat_map(|level| &mut level.blocks) {
+        let conv = block.conv.scaled(factor, altered.added);
+        block.conv = conv.map_err(|source| EngineError::Layer { layer: block.name.clone(), source })?;
+        factor = altered.blocks[1];
     }
-    let (factor, add) = match change {
-        Change::Dense(factor) => (factor, 1.0),
-        Change::BlocksAlone(_) | Change::FirstAlone(_) => (1.0, 0.0),
-        _ => (1.0, 1.0),
-    };
-    for layer in &mut parts.dense {
-        let dense = &layer.dense;
-        let (weight, bias) = (scaled(&dense.weight(), factor), scaled(dense.bias(), add));
+    for DenseLayer { name, dense } in &mut parts.dense {
+        let (weight, bias) = (scaled(&dense.weight(), altered.dense), scaled(dense.bias(), altered.added));
         let segments = dense.inputs() / dense.channels();
-        let activation = dense.activation();
-        layer.dense =
-            Dense::new(segments, dense.channels(), dense.outputs(), &weight, Some(&bias), activation)
-                .map_err(|source| meissner_engine::EngineError::Layer {
-                    layer: layer.name.clone(),
-                    source,
-                })?;
+        *dense =
+            Dense::new(segments, dense.channels(), dense.outputs(), &weight, Some(&bias), dense.activation())
+                .map_err(|source| EngineError::Layer { layer: name.clone(), source })?;
     }
-    Ok(Network::new(parts)?)
+    Network::new(parts)
 }
 
 fn scaled(values: &[f32], factor: f32) -> Vec<f32> {
     values.iter().map(|v| v * factor).collect()
-}
-
-/// What weights of a block, and what it adds, are multiplied by; whether it is the `first` one.
-fn factors(change: Change, first: bool) -> (f32, f32) {
-    match change {
-        Change::Blocks(factor) => (factor, 1.0),
-        Change::BlocksAlone(factor) => (factor, 0.0),
-        Change::FirstAlone(factor) => (if first { factor } else { 1.0 }, 0.0),
-        Change::Dense(_) | Change::Variance(_) => (1.0, 1.0),
-    }
 }
 
 /// The shipped network `name` with all running variances `variance`, and its batch norms as they are before they are folded.

@@ -5,7 +5,8 @@ use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, Fr
 use meissner_kernels::WinogradTile;
 use meissner_models::random::Random;
 
-use super::frames::{FrameCase, FrameRun, Frames, layer};
+use super::Prepared;
+use super::frames::{FrameRun, Frames, layer};
 use super::result::Expect;
 
 const CHANNELS: usize = 8;
@@ -111,16 +112,13 @@ pub(super) const IMAGES: &[Images] = &[
 ];
 
 /// `images`, convolved as [`CONVOLUTIONS`] has it at `index`.
-pub(super) fn case(images: &Images, index: usize) -> FrameCase {
+pub(super) fn prepare(images: &Images, index: usize) -> Prepared {
     let overflows = images.overflows && index == 2;
-    FrameCase {
-        group: "winograd",
-        name: images.name,
-        run: run(images, CONVOLUTIONS[index]),
-        steps: FRAMES,
+    Prepared {
+        run: Box::new(run(images, CONVOLUTIONS[index])),
         expect: if overflows { Expect::Overflow } else { Expect::Finite },
         within: images.within[index],
-        ordinary: run(&ORDINARY, CONVOLUTIONS[index]),
+        ordinary: Box::new(run(&ORDINARY, CONVOLUTIONS[index])),
     }
 }
 
@@ -143,5 +141,5 @@ fn run(images: &Images, convolution: Convolution) -> FrameRun {
     ];
     let input = FrameShape::Image { channels: CHANNELS, height: HEIGHT, width: WIDTH };
     let parts = FrameNetworkParts { name: "two convolutions".to_owned(), input, layers };
-    FrameRun { parts, convolution, frames: images.frames }
+    FrameRun { parts, convolution, frames: images.frames, steps: FRAMES }
 }
