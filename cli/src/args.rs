@@ -63,8 +63,8 @@ pub(crate) struct ReadArgs {
 impl ReadArgs {
     /// The options for the reader.
     pub(crate) fn options(self) -> ReadOptions {
-        let text = TextOptions { columns: self.columns, time_unit: self.time_unit };
-        ReadOptions { text, salvage: self.salvage, ..ReadOptions::default() }
+        let text = TextOptions::default().columns(self.columns).time_unit(self.time_unit);
+        ReadOptions::default().text(text).salvage(self.salvage)
     }
 
     /// Each option, and whether it was given.

@@ -20,12 +20,13 @@ use crate::{aedat4, dat, evt2, evt3, nmnist, npy};
 /// use meissner_io::{Format, ReadOptions, decode_with};
 ///
 /// // An event of five bytes, and the first byte of a second one.
-/// let options = ReadOptions { salvage: true, ..Format::Nmnist.into() };
+/// let options = ReadOptions::from(Format::Nmnist).salvage(true);
 /// let recording = decode_with(&[1, 2, 0x80, 0, 7, 3], options)?;
 /// assert_eq!(recording.events.len(), 1);
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ReadOptions {
     /// The format; `None`: the format is found from the content.
     pub format: Option<Format>,
@@ -37,6 +38,29 @@ pub struct ReadOptions {
     /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
     /// always: a damaged file is not salvaged.
     pub salvage: bool,
+}
+
+impl ReadOptions {
+    /// Sets the format.
+    #[must_use]
+    pub fn format(mut self, format: impl Into<Option<Format>>) -> Self {
+        self.format = format.into();
+        self
+    }
+
+    /// Sets the layout of a text.
+    #[must_use]
+    pub fn text(mut self, text: TextOptions) -> Self {
+        self.text = text;
+        self
+    }
+
+    /// Sets whether a file that was cut short is read up to the cut.
+    #[must_use]
+    pub fn salvage(mut self, salvage: bool) -> Self {
+        self.salvage = salvage;
+        self
+    }
 }
 
 impl From<Format> for ReadOptions {

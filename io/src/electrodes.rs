@@ -182,9 +182,10 @@ fn parse<T: FromStr>(field: &[u8]) -> Option<T> {
 /// ```
 /// use meissner_io::ElectrodeSettings;
 ///
-/// let settings = ElectrodeSettings { rate_hz: 50.0, rate_tolerance: 0.1, ..ElectrodeSettings::default() };
+/// let settings = ElectrodeSettings::default().rate_hz(50.0).rate_tolerance(0.1);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ElectrodeSettings {
     /// Range of the values, in the sensor's counts; 0 to 4095 (12 bits) by default.
     pub range: RangeInclusive<f32>,
@@ -222,6 +223,34 @@ pub struct ElectrodeWarnings {
 }
 
 impl ElectrodeSettings {
+    /// Sets the range of the values, in the sensor's counts.
+    #[must_use]
+    pub fn range(mut self, range: RangeInclusive<f32>) -> Self {
+        self.range = range;
+        self
+    }
+
+    /// Sets the readings per second.
+    #[must_use]
+    pub fn rate_hz(mut self, rate_hz: f64) -> Self {
+        self.rate_hz = rate_hz;
+        self
+    }
+
+    /// Sets the largest relative difference between an interval and `1 / rate_hz`.
+    #[must_use]
+    pub fn rate_tolerance(mut self, tolerance: f64) -> Self {
+        self.rate_tolerance = tolerance;
+        self
+    }
+
+    /// Sets the longest interval, in periods of `rate_hz`, after which a reading still follows the one before.
+    #[must_use]
+    pub fn longest_gap(mut self, periods: f64) -> Self {
+        self.longest_gap = periods;
+        self
+    }
+
     /// Counts the suspicious properties of a reading; `last_s` is the time of the row before. Returns whether the reading
     /// follows that row: their times have neither a gap nor a step back between them.
     fn count(&self, reading: &Reading, last_s: Option<f64>, warnings: &mut ElectrodeWarnings) -> bool {

@@ -89,7 +89,7 @@ fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError
     let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
     if may_be_cut
         && !options.salvage
-        && let Ok(recording) = meissner_io::read_with(path, ReadOptions { salvage: true, ..*options })
+        && let Ok(recording) = meissner_io::read_with(path, options.salvage(true))
         && let Some(salvaged) = Salvaged::of(&recording)
     {
         let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));

@@ -41,7 +41,7 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
 /// If a promise is broken.
 pub(crate) fn csv(bytes: &[u8]) -> Verdict {
     let columns = "txyp".parse().ok();
-    let said = TextOptions { columns, time_unit: Some(TimeUnit::Microseconds) };
+    let said = TextOptions::default().columns(columns).time_unit(TimeUnit::Microseconds);
     for options in [TextOptions::default(), said] {
         let items = |capacity| -> Vec<Result<Event, String>> {
             let items = CsvEvents::with_options(BufReader::with_capacity(capacity, bytes), options);
@@ -55,7 +55,7 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
         assert_eq!((whole.len(), known(&whole)), (pieces.len(), known(&pieces)));
         let lines = bytes.split(|&b| b == b'\n').count();
         assert!(whole.len() <= lines, "{} items of {lines} lines", whole.len());
-        let asked = ReadOptions { text: options, ..Format::Csv.into() };
+        let asked = ReadOptions::from(Format::Csv).text(options);
         let read = decode_with(bytes, asked).map(|recording| recording.events);
         if options == said {
             assert_eq!(read.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
@@ -98,7 +98,7 @@ pub(crate) fn convert(bytes: &[u8]) -> Verdict {
 
 /// The whole part of a file that may be cut short. Of a file that is not cut short, this is everything.
 fn salvaged(format: Format, bytes: &[u8]) {
-    let asked = ReadOptions { salvage: true, ..format.into() };
+    let asked = ReadOptions::from(format).salvage(true);
     let salvaged = decode_with(bytes, asked);
     match &salvaged {
         Ok(recording) => keeps_its_promises(bytes, recording),

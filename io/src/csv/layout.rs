@@ -31,18 +31,34 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1,
 /// The layout of a text as far as the caller knows it; `None` is found from the text.
 ///
 /// ```
-/// use meissner_io::{TextOptions, TimeUnit};
+/// use meissner_io::{ColumnOrder, TextOptions, TimeUnit};
 ///
-/// let (columns, time_unit) = (Some("xytp".parse()?), Some(TimeUnit::Seconds));
-/// let options = TextOptions { columns, time_unit };
+/// let options = TextOptions::default().columns("xytp".parse::<ColumnOrder>()?).time_unit(TimeUnit::Seconds);
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TextOptions {
     /// The order of the columns, in place of a header.
     pub columns: Option<ColumnOrder>,
     /// The unit of the times.
     pub time_unit: Option<TimeUnit>,
+}
+
+impl TextOptions {
+    /// Sets the order of the columns, in place of a header.
+    #[must_use]
+    pub fn columns(mut self, columns: impl Into<Option<ColumnOrder>>) -> Self {
+        self.columns = columns.into();
+        self
+    }
+
+    /// Sets the unit of the times.
+    #[must_use]
+    pub fn time_unit(mut self, unit: impl Into<Option<TimeUnit>>) -> Self {
+        self.time_unit = unit.into();
+        self
+    }
 }
 
 /// How times are written.

@@ -207,7 +207,7 @@ fn intervals_that_are_not_those_of_the_rate_are_counted() {
     let mut counted = readings(&text);
     assert_eq!(counted.by_ref().flatten().count(), 8);
     assert_eq!(counted.warnings().rows_off_rate, 4);
-    let settings = ElectrodeSettings { rate_hz: 50.0, rate_tolerance: 0.1, ..ElectrodeSettings::default() };
+    let settings = ElectrodeSettings::default().rate_hz(50.0).rate_tolerance(0.1);
     let mut counted = Electrodes::new(text.as_bytes(), settings);
     assert_eq!(counted.by_ref().flatten().count(), 8);
     assert_eq!(counted.warnings().rows_off_rate, 7);
@@ -248,7 +248,7 @@ fn a_reading_behind_a_refused_row_a_gap_or_a_step_back_in_time_does_not_follow()
 #[test]
 fn the_longest_gap_is_a_setting() {
     let text = format!("t_ms,{}\n0,{}\n20,{}\n41,{}\n", header("e"), row(0), row(0), row(0));
-    let settings = ElectrodeSettings { longest_gap: 2.0, ..ElectrodeSettings::default() };
+    let settings = ElectrodeSettings::default().longest_gap(2.0);
     let mut readings = Electrodes::new(text.as_bytes(), settings);
     let follows: Vec<bool> = std::iter::from_fn(|| readings.next().map(|_| readings.follows())).collect();
     assert_eq!((follows, readings.warnings().gaps), (vec![false, true, false], 1));

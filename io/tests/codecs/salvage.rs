@@ -7,7 +7,7 @@ use crate::support::aedat4::{Compression, File, event_packet};
 use crate::support::{SENSOR, encoded, events, samples};
 
 fn salvage(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
-    decode_with(bytes, ReadOptions { salvage: true, ..format.into() })
+    decode_with(bytes, ReadOptions::from(format).salvage(true))
 }
 
 /// Where a salvaged part of `bytes` ends.

@@ -22,7 +22,7 @@ fn lines(events: &[Event], line: impl Fn(&Event) -> String) -> String {
 
 fn options(columns: Option<&str>, time_unit: Option<TimeUnit>) -> ReadOptions {
     let columns = columns.map(|columns| columns.parse().unwrap());
-    ReadOptions { text: TextOptions { columns, time_unit }, ..ReadOptions::default() }
+    ReadOptions::default().text(TextOptions::default().columns(columns).time_unit(time_unit))
 }
 
 fn seconds(t_us: i64) -> String {
@@ -174,7 +174,7 @@ fn the_first_line_of_a_stream_decides_or_is_refused() {
     let mut ambiguous = CsvEvents::new("5 1 2 1\n6 1 2 1\n".as_bytes());
     assert!(matches!(ambiguous.next(), Some(Err(IoError::Undecided { place: Place::Line(1), .. }))));
     assert!(ambiguous.next().is_none(), "the order does not become known behind it");
-    let said = TextOptions { columns: Some("txyp".parse::<ColumnOrder>().unwrap()), time_unit: None };
+    let said = TextOptions::default().columns("txyp".parse::<ColumnOrder>().unwrap());
     let events: Result<Vec<_>, _> = CsvEvents::with_options("5 1 2 1\n6 1 2 1\n".as_bytes(), said).collect();
     assert_eq!(events.unwrap().len(), 2);
 }
