@@ -1,5 +1,7 @@
 //! Admission of events: the sensor's bounds, the clock, the epoch.
 
+use std::fmt;
+
 use crate::metric::Node;
 use crate::{DropReason, Event, EventCounters, Sensor};
 
@@ -20,6 +22,12 @@ impl LatePolicy {
             Self::Drop => "drop",
             Self::Clamp => "clamp",
         }
+    }
+}
+
+impl fmt::Display for LatePolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

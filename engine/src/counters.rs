@@ -1,5 +1,7 @@
 //! Counts of the work that the engine did and of the work that it avoided.
 
+use std::fmt;
+
 /// Reason why an event did not enter the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -23,6 +25,12 @@ impl DropReason {
             Self::TimeOutOfRange => "time_out_of_range",
             Self::Refused => "refused",
         }
+    }
+}
+
+impl fmt::Display for DropReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

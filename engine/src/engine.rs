@@ -110,7 +110,7 @@ impl Engine {
                 limit: options.memory_limit,
             });
         }
-        let log = LayerLog { rows: options.record_rows.then(Vec::new), ..LayerLog::default() };
+        let log = LayerLog { rows: options.hooks.record_rows.then(Vec::new), ..LayerLog::default() };
         Ok(Self {
             step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,

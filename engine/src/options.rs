@@ -1,4 +1,4 @@
-//! Options of an engine over events.
+//! Options of an engine over events, and switches that only tests set.
 
 use meissner_kernels::Isa;
 
@@ -33,10 +33,15 @@ pub struct Options {
     /// row that its stored inputs give. Pooled maxima and the readout are exact over stored rows. The event rows of
     /// `frozen` networks are exact too, because they are computed once.
     pub tolerance: f32,
-    /// For tests: whether rows that leave are filled with NaN, so that a stale read shows as
-    /// [`EngineError::NotANumber`](crate::EngineError::NotANumber).
+    pub(crate) hooks: TestHooks,
+}
+
+/// Switches that only tests set. Results do not depend on them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TestHooks {
+    /// Fill rows that leave with NaN, so that a stale read shows as [`EngineError::NotANumber`](crate::EngineError).
     pub(crate) poison: bool,
-    /// For tests: whether to record which rows were computed, for `Engine::recomputed`.
+    /// Record which rows were computed, for `Engine::recomputed`.
     pub(crate) record_rows: bool,
 }
 
@@ -48,8 +53,7 @@ impl Default for Options {
             stage_times: false,
             memory_limit: 1 << 32,
             tolerance: 0.0,
-            poison: false,
-            record_rows: false,
+            hooks: TestHooks::default(),
         }
     }
 }
@@ -87,13 +91,15 @@ impl Options {
 
     /// For tests: fills rows that leave with NaN.
     #[doc(hidden)]
-    pub fn with_poison(self, poison: bool) -> Self {
-        Self { poison, ..self }
+    pub fn with_poison(mut self, poison: bool) -> Self {
+        self.hooks.poison = poison;
+        self
     }
 
     /// For tests: records which rows were computed.
     #[doc(hidden)]
-    pub fn with_record_rows(self, record_rows: bool) -> Self {
-        Self { record_rows, ..self }
+    pub fn with_record_rows(mut self, record_rows: bool) -> Self {
+        self.hooks.record_rows = record_rows;
+        self
     }
 }

@@ -1,5 +1,6 @@
 //! Optional timing of an engine's stages.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// A stage of the engine, in execution order.
@@ -48,6 +49,12 @@ impl Stage {
             Self::Readout => "readout",
             Self::Dense => "dense",
         }
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

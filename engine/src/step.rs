@@ -83,7 +83,7 @@ impl Step {
             pooled,
             activations,
             isa: options.isa,
-            poison: options.poison,
+            poison: options.hooks.poison,
             downstream: Delta::new(capacity, most, tells_edges, memory),
             delta: Delta::new(capacity, most, tells_edges, memory),
             stopwatch: Stopwatch::new(options.stage_times),

@@ -15,7 +15,7 @@ mod view;
 mod weights;
 mod winograd;
 
-pub use conv::{Conv1x1, Conv3x3, TransposedConv2x2};
+pub use conv::{Conv1x1, Conv3x3, DirectConv, TransposedConv2x2};
 pub use feature_map::FeatureMap;
 pub use pool::{average_pool, global_average, max_pool_2x2};
 pub use pooled_conv::{PooledConv3x3, PooledScratch};

@@ -67,9 +67,9 @@ pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
 pub use elementwise::Elementary;
 pub use error::KernelError;
 pub use frames::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, PooledConv3x3, PooledScratch, Region,
-    SqueezeExcite, SqueezeScratch, TransposedConv2x2, View, WinogradConv3x3, WinogradTile, average_pool,
-    global_average, max_pool_2x2,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, DirectConv, FeatureMap, PooledConv3x3, PooledScratch,
+    Region, SqueezeExcite, SqueezeScratch, TransposedConv2x2, View, WinogradConv3x3, WinogradTile,
+    average_pool, global_average, max_pool_2x2,
 };
 pub use graph::{GraphRow, Neighbour, attribute, offset};
 pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};

@@ -1,5 +1,6 @@
 //! Rules for events that arrive faster than the engine takes them, and the counters of the queue.
 
+use std::fmt;
 use std::time::Duration;
 
 use meissner_engine::filters::Chain;
@@ -38,6 +39,12 @@ impl Overload {
             Self::Thin { .. } => "thin",
             Self::Filter(_) => "filter",
         }
+    }
+}
+
+impl fmt::Display for Overload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -75,7 +75,7 @@ impl Engine {
         let mut restored = Self::clone(other);
         restored.step.run_as(&self.step);
         for log in &mut restored.log.layers {
-            log.rows = self.options.record_rows.then(|| log.rows.take().unwrap_or_default());
+            log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
         }
         *self = Self { network: Arc::clone(&self.network), options: self.options, ..restored };
         Ok(())

@@ -52,7 +52,7 @@ impl PooledConv3x3 {
     /// twice the output's height and width, or one more.
     ///
     /// # Errors
-    /// As [`Conv3x3::run`].
+    /// As [`DirectConv::run`](super::DirectConv::run).
     pub fn run(
         &self,
         isa: Isa,
