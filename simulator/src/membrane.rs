@@ -17,7 +17,9 @@
 //! Left out: inertia and viscosity, so that press and release are equal; the air or gel inside the dome; shear through the
 //! wall, which a wall of a fifth of the radius has; slip; gravity. The shell is the outer surface of the dome.
 
-use libm::{acos, asin, atan2, cos, sin, sqrt};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use libm::{asin, atan2, cos, sin, sqrt};
 
 /// A point or a vector in millimetres, or a force in millinewtons. The axis of the dome is z; its base lies at z = 0.
 pub type Vector = [f64; 3];
@@ -170,10 +172,10 @@ impl Press {
         let longest = 0.5 / sqrt(self.shell.stiffness);
         let (mut step, mut mixing, mut downhill) = (0.1 * longest, 0.1, 0);
         let mut velocity = vec![[0.0; 3]; self.nodes.len()];
+        let is_free = |&i: &usize| !self.shell.fixed[i] && self.held[i].is_none();
+        let free: Vec<usize> = (0..self.nodes.len()).filter(is_free).collect();
         for _ in 0..EVALUATIONS {
             self.shell.forces(&self.nodes, &mut self.forces);
-            let free: Vec<usize> =
-                (0..self.nodes.len()).filter(|&i| !self.shell.fixed[i] && self.held[i].is_none()).collect();
             let (mut power, mut speed, mut force) = (0.0, 0.0, 0.0);
             let mut largest = 0.0_f64;
             for &i in &free {
@@ -352,7 +354,7 @@ fn mesh(dome: &Dome) -> (Vec<Vector>, Vec<[usize; 3]>) {
             asin(0.5 * dome.rings_mm / dome.radius_mm * ring as f64 / dome.rings as f64)
         } else {
             let share = (ring - dome.rings) as f64 / BASE_RINGS as f64;
-            outermost + share * (acos(0.0) - outermost)
+            outermost + share * (FRAC_PI_2 - outermost)
         }
     };
     let mut nodes = vec![[0.0, 0.0, dome.radius_mm]];
@@ -360,7 +362,7 @@ fn mesh(dome: &Dome) -> (Vec<Vector>, Vec<[usize; 3]>) {
         let polar = polar(ring);
         let z = if ring == rings { 0.0 } else { dome.radius_mm * cos(polar) };
         for i in 0..6 * ring {
-            let azimuth = 2.0 * std::f64::consts::PI * i as f64 / (6 * ring) as f64;
+            let azimuth = 2.0 * PI * i as f64 / (6 * ring) as f64;
             let r = dome.radius_mm * sin(polar);
             nodes.push([r * cos(azimuth), r * sin(azimuth), z]);
         }
