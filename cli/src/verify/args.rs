@@ -30,7 +30,7 @@ pub(crate) struct VerifyArgs {
     /// `meissner networks` lists the shipped networks.
     #[arg(value_name = "NETWORK")]
     pub(super) network: String,
-    /// Recordings to verify in addition to the random streams, for networks over events.
+    /// Recordings to verify as well, for networks over events.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
     /// Size of the sensor in pixels [default: the recording's, or several sizes].
