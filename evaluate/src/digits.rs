@@ -9,8 +9,8 @@ use meissner_pipeline::model::describe;
 
 use crate::error::{EvaluateError, TrainingError};
 use crate::events::{EventData, EventSet, EventTask};
+use crate::trainings::HeldOut;
 use crate::trainings::{Metadata, Task};
-use crate::trials::HeldOut;
 
 /// The task of digits.
 #[derive(Clone, Copy, Debug)]

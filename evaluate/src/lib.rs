@@ -3,8 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`metrics`] | confusion matrices, accuracy, precision, recall, F1, and their uncertainty |
-//! | [`trainings`] | networks by name with their trainings |
-//! | [`trials`] | whole trainings and cross-validations, with the cases that they have not seen |
+//! | [`trainings`] | networks by name with their trainings, and the folds of a cross-validation |
 //! | [`judged`] | figures of one training and of several |
 //! | [`events`] | labelled recordings of events: accuracy event by event |
 //! | [`digits`] | N-MNIST, a task of [`events`] |
@@ -42,7 +41,7 @@ pub mod pareto;
 pub mod prepare;
 pub mod slip;
 pub mod trainings;
-pub mod trials;
+mod trials;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};

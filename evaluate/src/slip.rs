@@ -17,8 +17,9 @@ use rayon::ThreadPool;
 
 use crate::error::{EvaluateError, TrainingError};
 use crate::events::passed_over_note;
+use crate::trainings::{HeldOut, Scheme};
 use crate::trainings::{Metadata, Task};
-use crate::trials::{Cases, HeldOut, Scheme};
+use crate::trials::Cases;
 use crate::workers;
 pub use judge::{
     Classified, DataReport, Judged, NetworkReport, Report, SetReport, ValidationReport, evaluate,

@@ -11,10 +11,29 @@ use std::time::Duration;
 use meissner_models::{AnyDescription, TensorFile, Weights};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::model::{labelled, weights};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::{EvaluateError, TrainingError, weights_error};
-use crate::trials::{HeldOut, Scheme};
+
+/// How a cross-validation splits a data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scheme {
+    /// All windows of a recording are in one fold.
+    Recordings,
+    /// Windows of one recording are in different folds.
+    Windows,
+}
+
+/// The part of a data set that a fold held out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HeldOut {
+    /// The scheme of its cross-validation.
+    pub scheme: Scheme,
+    /// Names of recordings, each with the index of a window; `None` for all of its windows.
+    pub parts: Vec<(String, Option<usize>)>,
+}
 
 /// A task that networks are trained for, with a labelled data set.
 pub trait Task {

@@ -8,29 +8,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use meissner_models::TensorFile;
-use serde::Serialize;
 
 use crate::error::{EvaluateError, TrainingError};
-use crate::trainings::{Training, seed_name};
-
-/// How a cross-validation splits a data set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Scheme {
-    /// All windows of a recording are in one fold.
-    Recordings,
-    /// Windows of one recording are in different folds.
-    Windows,
-}
-
-/// The part of a data set that a fold held out.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HeldOut {
-    /// The scheme of its cross-validation.
-    pub scheme: Scheme,
-    /// Names of recordings, each with the index of a window; `None` for all of its windows.
-    pub parts: Vec<(String, Option<usize>)>,
-}
+use crate::trainings::{HeldOut, Scheme, Training, seed_name};
 
 /// The cases of a data set, recording after recording.
 #[derive(Clone, Debug, Default)]

@@ -166,6 +166,27 @@ impl Latency {
     }
 }
 
+/// Durations of calls, over any number of passes.
+#[derive(Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct CallLatencies {
+    /// Pushes.
+    pub push: Latency,
+    /// Predictions.
+    pub predict: Latency,
+    /// The push of each event or frame with its predictions.
+    pub push_predict: Latency,
+}
+
+impl CallLatencies {
+    /// Adds all durations of `other`.
+    pub fn add(&mut self, other: &Self) {
+        self.push.add(&other.push);
+        self.predict.add(&other.predict);
+        self.push_predict.add(&other.push_predict);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::Latency;

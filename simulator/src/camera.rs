@@ -25,6 +25,7 @@
 mod pixel;
 mod settings;
 
+pub use pixel::Cause;
 pub use settings::CameraSettings;
 
 use meissner_engine::{Event, Sensor};
@@ -32,19 +33,6 @@ use meissner_models::random::Random;
 
 use crate::SimulatorError;
 use pixel::{Firing, Pixel};
-
-/// Why a pixel fired.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Cause {
-    /// The light changed.
-    Signal,
-    /// The reference drifted: more than half of the threshold is leak.
-    Leak,
-    /// Shot noise.
-    ShotNoise,
-    /// The pixel is hot.
-    HotPixel,
-}
 
 /// An event and its cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::slip::{NetworkReport, Report, SetReport, evaluate};
-use meissner_evaluate::trials::Scheme;
+use meissner_evaluate::trainings::Scheme;
 use meissner_models::systems::slip::{CLASSES, ObjectSet};
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, page};

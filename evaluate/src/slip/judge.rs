@@ -22,8 +22,8 @@ use super::{Slip, SlipData, Windows, trained_on_basic};
 use crate::error::{EvaluateError, TrainingError, weights_error};
 use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
+use crate::trainings::Scheme;
 use crate::trainings::{Candidate, Evaluation, Metadata, Request, Training, candidates};
-use crate::trials::Scheme;
 
 /// Figures of all networks, with the keys of the JSON report.
 #[derive(Serialize)]

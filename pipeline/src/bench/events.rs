@@ -15,7 +15,7 @@ use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
 use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
-use crate::latency::{Latency, clock_us, microseconds};
+use crate::latency::{CallLatencies, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::predictor::{EventPredictor, Mode};
@@ -66,18 +66,6 @@ pub struct EventReport {
     pub memory: MemoryReport,
     /// Deadlines.
     pub deadline: DeadlineReport,
-}
-
-/// Durations of calls, over any number of passes.
-#[derive(Debug, Default, Serialize)]
-#[non_exhaustive]
-pub struct CallLatencies {
-    /// Pushes.
-    pub push: Latency,
-    /// Predictions.
-    pub predict: Latency,
-    /// The push of each event or frame with its predictions.
-    pub push_predict: Latency,
 }
 
 /// Events of bursts, and the others.
@@ -169,15 +157,6 @@ struct Measured {
     burst: PhaseReport,
     /// Largest number of events in the window after any push.
     nodes_max: usize,
-}
-
-impl CallLatencies {
-    /// Adds all durations of `other`.
-    fn add(&mut self, other: &Self) {
-        self.push.add(&other.push);
-        self.predict.add(&other.predict);
-        self.push_predict.add(&other.push_predict);
-    }
 }
 
 impl<'a> EventBench<'a> {

@@ -13,11 +13,10 @@ use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
-use super::events::CallLatencies;
 use super::moments::{End, Moments};
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
-use crate::latency::Latency;
+use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
 use crate::text::display_us;

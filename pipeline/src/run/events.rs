@@ -12,11 +12,12 @@ use super::summary::{EventSummary, Summary};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
-use crate::latency::{Latency, microseconds};
+use crate::latency::{Latencies, Latency, microseconds};
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
 use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
+use crate::skips::{Skips, dropped};
 use crate::source::Source;
 
 /// A network over events with its source, before the run.
@@ -24,21 +25,21 @@ pub type EventRun = StreamRun<EventSteps>;
 
 /// Pushes events into a network over events, and reads its predictions.
 pub struct EventSteps {
-    pub(super) predictor: EventPredictor,
-    pub(super) approximations: Approximations,
-    pub(super) layers: Vec<String>,
+    predictor: EventPredictor,
+    approximations: Approximations,
+    layers: Vec<String>,
     schedule: Schedule,
     /// Predicts for the schedule which events will be accepted, and at what time.
     gate: Admission,
     classes: Classes,
-    pub(super) push: Latency,
-    pub(super) predict: Latency,
+    push: Latency,
+    predict: Latency,
     /// Time spent since the last prediction.
     update: Duration,
     /// Time of the first accepted event.
     epoch_us: Option<i64>,
     taken: u64,
-    pub(super) nodes_max: usize,
+    nodes_max: usize,
 }
 
 impl EventRun {
@@ -139,7 +140,23 @@ impl Steps for EventSteps {
     }
 
     fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
-        Summary::Events(Box::new(EventSummary::new(&self, source, warnings)))
+        let counters = self.predictor.counters();
+        let seconds = (self.push.total() + self.predict.total()).as_secs_f64();
+        let events = counters.events.pushed;
+        Summary::Events(Box::new(EventSummary {
+            events,
+            lines_refused: source.lines_refused(),
+            accepted: counters.events.accepted,
+            dropped: dropped(&counters.events),
+            predictions: counters.predictions.read,
+            nodes_max: self.nodes_max,
+            latency_us: Latencies::of([("push", &self.push), ("predict", &self.predict)]),
+            events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
+            skips: Skips::new(&counters, &self.layers),
+            warnings,
+            approximations: self.predictor.report(&self.approximations),
+            salvaged: source.salvaged,
+        }))
     }
 }
 

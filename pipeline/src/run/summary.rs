@@ -5,14 +5,12 @@ use std::collections::BTreeMap;
 use meissner_engine::frames::FrameLayerCounters;
 use serde::Serialize;
 
-use super::events::EventSteps;
 use super::frame_predictor::FramePredictor;
 use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
 use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
-use crate::skips::{Skips, dropped};
-use crate::source::Source;
+use crate::skips::Skips;
 
 /// A run that has ended.
 #[derive(Debug)]
@@ -87,29 +85,6 @@ pub struct EventSummary {
     /// The part of a truncated recording that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
-}
-
-impl EventSummary {
-    pub(super) fn new(steps: &EventSteps, source: Source, warnings: Vec<LossWarning>) -> Self {
-        let EventSteps { predictor, push, predict, .. } = steps;
-        let counters = predictor.counters();
-        let seconds = (push.total() + predict.total()).as_secs_f64();
-        let events = counters.events.pushed;
-        Self {
-            events,
-            lines_refused: source.lines_refused(),
-            accepted: counters.events.accepted,
-            dropped: dropped(&counters.events),
-            predictions: counters.predictions.read,
-            nodes_max: steps.nodes_max,
-            latency_us: Latencies::of([("push", push), ("predict", predict)]),
-            events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
-            skips: Skips::new(&counters, &steps.layers),
-            warnings,
-            approximations: predictor.report(&steps.approximations),
-            salvaged: source.salvaged,
-        }
-    }
 }
 
 /// The summary of a network over frames.

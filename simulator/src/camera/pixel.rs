@@ -8,13 +8,26 @@
 use libm::{exp, log};
 use meissner_models::random::Random;
 
-use super::{CameraSettings, Cause};
+use super::settings::CameraSettings;
 
 /// Least threshold, as in v2e: a spread cannot make a pixel fire forever.
 const THRESHOLD_LEAST: f64 = 0.01;
 
 /// A level is taken as equal to its light when the low-pass has only this much left to do.
 const SETTLED: f64 = 1e-9;
+
+/// Why a pixel fired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// The light changed.
+    Signal,
+    /// The reference drifted: more than half of the threshold is leak.
+    Leak,
+    /// Shot noise.
+    ShotNoise,
+    /// The pixel is hot.
+    HotPixel,
+}
 
 /// A pixel fires.
 #[derive(Clone, Copy, Debug)]
