@@ -26,6 +26,8 @@
 )]
 
 #[cfg(target_arch = "x86_64")]
+mod format;
+#[cfg(target_arch = "x86_64")]
 mod problem;
 #[cfg(target_arch = "x86_64")]
 mod rows;

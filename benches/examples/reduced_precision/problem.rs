@@ -1,9 +1,8 @@
 //! Rows to compute: real activations and in-edges, weights from a seed, and the engine's own answer.
 
 use meissner_engine::Trace;
-use meissner_kernels::{
-    GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch, spline_basis,
-};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts};
+use meissner_kernels::{SplineScratch, spline_basis};
 use meissner_models::random::Random;
 
 /// Rows of a problem.
@@ -61,12 +60,13 @@ impl Problem {
         scratch: &mut SplineScratch,
         out: &mut Matrix,
     ) {
-        for (g, out) in out.lanes_mut().chunks_mut(GROUP * Lanes::count(self.outputs)).enumerate() {
-            let group: [_; GROUP] = std::array::from_fn(|r| {
-                let own = (g * GROUP + r) * self.degree..(g * GROUP + r + 1) * self.degree;
-                let basis = basis.map_or(&[][..], |basis| &basis[own.clone()]);
-                GraphRow { neighbours: &edges[own], basis, ..GraphRow::default() }
-            });
+        let mut group = [GraphRow::default(); GROUP];
+        let lanes = out.lanes_mut().chunks_mut(GROUP * Lanes::count(self.outputs));
+        for (g, (edges, out)) in edges.chunks(GROUP * self.degree).zip(lanes).enumerate() {
+            for (r, (to, neighbours)) in group.iter_mut().zip(edges.chunks(self.degree)).enumerate() {
+                let basis = basis.map_or(&[][..], |b| &b[(g * GROUP + r) * self.degree..][..self.degree]);
+                *to = GraphRow { neighbours, basis, ..GraphRow::default() };
+            }
             self.conv.rows(Isa::best(), &self.features, &group, scratch, out);
         }
     }
@@ -83,26 +83,12 @@ impl Problem {
         [self.degree * 8 * self.inputs, 8 * self.inputs * self.outputs]
     }
 
-    /// The row that is read instead of `row` after a change.
-    pub(crate) fn instead(&self, row: u32) -> u32 {
-        (row + 1) % self.features.rows() as u32
+    /// The step of each output's weights: 1, or the output's largest magnitude over `largest`.
+    pub(crate) fn weight_steps(&self, largest: Option<f32>) -> Vec<f32> {
+        let channel = |o: usize| self.parts.weight[o..].iter().step_by(self.outputs);
+        let step = |largest: f32, o| channel(o).fold(0f32, |m, w| m.max(w.abs())) / largest;
+        (0..self.outputs).map(|o| largest.map_or(1.0, |largest| step(largest, o))).collect()
     }
-
-    /// The weights of output `o`.
-    pub(crate) fn weights_of(&self, o: usize) -> impl Iterator<Item = f32> {
-        self.parts.weight[o..].iter().step_by(self.outputs).copied()
-    }
-}
-
-/// The ranges of the numbers of rows.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Ranges {
-    /// Largest magnitude of an activation in steps, and steps of 1 of the basis; none in f32.
-    pub(crate) steps: Option<[f32; 2]>,
-    /// Largest magnitude that the weights of an output are scaled to, if they are scaled.
-    pub(crate) weight: Option<f32>,
-    /// Largest magnitude of a stored integer sum of inputs.
-    pub(crate) sum: u32,
 }
 
 /// The values of a matrix, in whole lanes.
@@ -115,7 +101,17 @@ pub(crate) fn magnitude(matrix: &Matrix) -> f32 {
     flat(matrix).into_iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// In-edges whose attributes are rounded to a grid of some levels an axis.
+/// The range that a grid of attributes covers.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Span {
+    /// 0 to 1: every possible attribute.
+    Whole,
+    /// From the smallest to the largest attribute of the problem, axis by axis.
+    Occurring,
+}
+
+/// In-edges whose attributes are rounded to a grid of q levels an axis.
+#[derive(Clone)]
 pub(crate) struct Rounded {
     pub(crate) edges: Vec<Neighbour>,
     /// Place of each edge's attribute on the grid.
@@ -125,27 +121,29 @@ pub(crate) struct Rounded {
 }
 
 impl Rounded {
-    /// A grid over the attributes of `problem`, axis by axis, or over 0 to 1.
-    pub(crate) fn new(problem: &Problem, levels: usize, occurring: bool) -> Self {
-        let axis = |d: usize| problem.edges.iter().map(move |n| n.u[d]);
-        let range = |d| [axis(d).fold(1.0, f32::min), axis(d).fold(0.0, f32::max)];
-        let ranges: [_; 3] = std::array::from_fn(|d| if occurring { range(d) } else { [0.0, 1.0] });
+    pub(crate) fn new(problem: &Problem, levels: usize, span: Span) -> Self {
+        let widen = |[low, high]: [f32; 2], u: f32| [low.min(u), high.max(u)];
+        let ranges: [[f32; 2]; 3] = std::array::from_fn(|d| match span {
+            Span::Whole => [0.0, 1.0],
+            Span::Occurring => problem.edges.iter().map(|n| n.u[d]).fold([1.0, 0.0], widen),
+        });
         let most = (levels - 1) as f32;
         let level = |d: usize, u: f32| {
             let [low, high] = ranges[d];
             ((u - low) / (high - low) * most).round_ties_even() as usize
         };
-        let at = |place: usize| -> [f32; 3] {
-            std::array::from_fn(|d| {
-                let ([low, high], level) = (ranges[d], place / levels.pow(d as u32) % levels);
-                (low + (high - low) * (level as f32 / most)).clamp(0.0, 1.0)
-            })
+        let value = |d: usize, level: usize| {
+            let [low, high] = ranges[d];
+            (low + (high - low) * (level as f32 / most)).clamp(0.0, 1.0)
         };
-        let place = |n: &Neighbour| (0..3).rev().fold(0, |at, d| at * levels + level(d, n.u[d]));
+        let place = |u: [f32; 3]| (0..3).rev().fold(0, |at, d| at * levels + level(d, u[d]));
+        let edge = |n: &Neighbour| Neighbour { u: std::array::from_fn(|d| value(d, level(d, n.u[d]))), ..*n };
+        let at =
+            |i: usize| [value(0, i % levels), value(1, i / levels % levels), value(2, i / (levels * levels))];
         Self {
-            edges: problem.edges.iter().map(|n| Neighbour { u: at(place(n)), ..*n }).collect(),
-            places: problem.edges.iter().map(|n| place(n) as u32).collect(),
-            bases: (0..levels.pow(3)).map(|place| spline_basis(at(place))).collect(),
+            edges: problem.edges.iter().map(edge).collect(),
+            places: problem.edges.iter().map(|n| place(n.u) as u32).collect(),
+            bases: (0..levels.pow(3)).map(|i| spline_basis(at(i))).collect(),
         }
     }
 
@@ -157,8 +155,9 @@ impl Rounded {
 
     /// W(u)(c,o) = sum over s of B(u, s) W(s, c, o) at a place.
     pub(crate) fn weights(&self, problem: &Problem, place: usize) -> Vec<f32> {
+        let slots = problem.parts.weight.chunks_exact(problem.inputs * problem.outputs);
         let mut out = vec![0.0; problem.inputs * problem.outputs];
-        for (&basis, slot) in self.bases[place].0.iter().zip(problem.parts.weight.chunks_exact(out.len())) {
+        for (&basis, slot) in self.bases[place].0.iter().zip(slots) {
             out.iter_mut().zip(slot).for_each(|(to, w)| *to += basis * w);
         }
         out

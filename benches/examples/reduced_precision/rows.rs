@@ -1,231 +1,174 @@
 //! Rows in any number format: sums per slot and their contraction, or weights from a table.
-//!
-//! Registers and memory are vectors of sixteen 32-bit words whatever they hold: a word is one f32, one i32, two i16 or four
-//! bytes. The compiler does not find the integer instructions in plain loops over i16 (it multiplies in 32 bits, slower than
-//! f32), so they come from the crate `pulp`, which wraps them behind a proof that the processor has them.
-//!
-//! ```text
-//! x' = round(x / X)            X: largest |x| of the layer over 127 (i8) or 32767 (i16)
-//! B' = round(B 2^k)            k = 7 with i8, 11 with i16
-//! S' = sum of B' x'            exact in i32
-//! T' = round(S' / 2^h)         as the weights read it: i16, or seven bits; 2^h from the largest |S'| of all rows
-//! a' = sum of T' W'            exact in i32; W' = round(W / w(o)), w(o): largest |W| of the output over 127 or 2047
-//! y' = round(y(a') / Y)        y(a'): back to f32 with one factor an output; ELU and batch norm in f32
-//! ```
 
-use std::arch::x86_64::__m512i;
-
-use meissner_kernels::{Isa, Matrix, Neighbour, Simd, Task, Vector, Wide, elu};
-use pulp::bytemuck::cast_slice;
+use meissner_kernels::{Isa, Matrix, Simd, Task, Vector, Wide, elu};
 use pulp::cast;
 use pulp::x86::V4;
 
-use crate::problem::{GROUP, Problem, ROWS, Ranges, Rounded, magnitude};
+use crate::format::{Format, Pairs, Value, Weight, splat};
+use crate::problem::{GROUP, Problem, ROWS, Rounded, magnitude};
 
-/// The part of a row that is computed. By table, weights are looked up by an edge's rounded attribute: n C O multiply-adds
-/// a row and no basis, where sums per slot need n 8 C + 8 C O; but no two edges share a matrix.
-///
-/// ```text
-/// from zero   a(o)  = sum over e, c of x(j(e), c) W(u(e))(c, o)
-/// updated     a'   += sum over changed e of (x'new - x'old) W'(u(e))
-/// ```
+/// Pairs of i16: i16 sums and i8 weights.
+pub(crate) type I16 = Pairs<32_767, 127>;
+
+/// Bits that activations keep.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Width {
+    F32,
+    I16,
+    I8,
+}
+
+impl Width {
+    /// Largest magnitude of an activation in steps, and steps of 1 of the basis; none in f32.
+    pub(crate) fn steps(self) -> Option<[f32; 2]> {
+        match self {
+            Self::F32 => None,
+            Self::I16 => Some([32_767.0, 2_048.0]),
+            Self::I8 => Some([127.0, 128.0]),
+        }
+    }
+}
+
+/// The part of a row that is computed.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Stage {
     Sums,
     Contraction,
     Whole,
-    ByTable,
 }
 
-/// The in-edges that are added at once: rows, and the basis of all in each slot. By table it is one edge: its new and old
-/// source, and in the first slot the place of its attribute.
+/// y = ELU(a factor + bias) scale + shift, by blocks of sixteen outputs.
+#[derive(Clone)]
+struct Finish(Vec<[Wide; 4]>);
+
+impl Finish {
+    /// For sums in steps of `steps`, one an output, that `over` is to be taken from, and results in steps of `step`.
+    fn new(problem: &Problem, steps: &[f32], over: &[f32], step: f32) -> Self {
+        let (scale, shift) = problem.parts.norm.as_ref().expect("a problem has a norm");
+        let bias = problem.parts.bias.as_ref().expect("a problem has a bias");
+        let factor = |o: usize| steps[o] / problem.degree as f32;
+        let block = |b: usize| {
+            let outputs = |of: &dyn Fn(usize) -> f32| Wide(std::array::from_fn(|o| of(16 * b + o)));
+            [
+                outputs(&factor),
+                outputs(&|o| bias[o] - over[o] * factor(o)),
+                outputs(&|o| scale[o] / step),
+                outputs(&|o| shift[o] / step),
+            ]
+        };
+        Self((0..problem.outputs / 16).map(block).collect())
+    }
+
+    /// The results of block `b`.
+    #[inline(always)]
+    fn apply<F: Format, S: Simd>(&self, v: V4, simd: S, b: usize, totals: [i32; 16]) -> [F::Value; 16] {
+        let [factor, bias, scale, shift] = &self.0[b];
+        let sums = S::V16::load_slice(simd, &F::Value::totals(v, cast(totals)));
+        let y = S::V16::load(simd, bias).add_product(sums, S::V16::load(simd, factor)).map(simd, elu);
+        let mut out = Wide::ZERO;
+        S::V16::load(simd, shift).add_product(y, S::V16::load(simd, scale)).store(&mut out);
+        F::Value::results(v, out.0)
+    }
+}
+
+/// The in-edges that are added at once: rows, and the basis of all in each slot.
 #[derive(Clone, Copy)]
 struct Edges {
     rows: [u32; 2],
     basis: [i32; 8],
 }
 
-/// C -> 16 B channels. Values are i16 and sums i32, or both f32; weights have `BYTES` bytes, and are widened when they are
-/// read where values are f32.
-pub(crate) struct Rows<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> {
+/// Channels of a stored row.
+const fn padded(channels: usize) -> usize {
+    if channels < 16 { 16 } else { channels }
+}
+
+/// Weights (block, word) of a matrix of 16 B columns, in `steps`.
+fn pack<F: Format, const B: usize>(matrix: &[f32], steps: &[f32], b: usize, word: usize) -> F::Weights {
+    let input = |d: usize| -> [f32; 16] {
+        std::array::from_fn(|o| matrix[((word * F::DEPTH + d) * B + b) * 16 + o] / steps[16 * b + o])
+    };
+    F::store(&(0..F::DEPTH).map(input).collect::<Vec<_>>())
+}
+
+/// C -> 16 B channels.
+pub(crate) struct Rows<F: Format, const C: usize, const B: usize> {
     v: V4,
     /// x', padded to sixteen channels.
-    features: Vec<__m512i>,
+    features: Vec<F::Value>,
     edges: Vec<Edges>,
     per_row: usize,
     /// h.
     shift: u32,
-    /// (word, output), by table (place, word, output).
-    weights: Vec<__m512i>,
-    /// w(o).
-    weight_steps: Vec<f32>,
-    /// Factor, bias, scale and shift of each block.
-    factors: Vec<[Wide; 4]>,
+    /// (block, word).
+    weights: Vec<F::Weights>,
+    finish: Finish,
     /// T' of a group.
     sums: Vec<i32>,
-    /// S' of every row, sixteen channels of a slot after the other, or by table a', where they are updated.
-    state: Vec<__m512i>,
-    totals: Vec<__m512i>,
-    out: Vec<i32>,
+    /// S' of every row, sixteen channels of a slot after the other, where sums are updated.
+    state: Vec<[i32; 16]>,
+    totals: Vec<[i32; 16]>,
+    out: Vec<F::Value>,
     /// Y.
     step: f32,
 }
 
-impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Rows<C, B, INTEGER, BYTES> {
-    /// In-edges whose products one instruction adds.
-    const EDGES: usize = if INTEGER { 2 } else { 1 };
-    /// Inputs whose products one instruction adds.
-    const DEPTH: usize = if INTEGER { 4 / BYTES } else { 1 };
-    /// Added to a stored sum of inputs, so that a byte is not negative.
-    const ZERO: i32 = if Self::DEPTH == 4 { 64 } else { 0 };
-    /// Words of sixteen stored values.
-    const VALUES: usize = 16 / Self::EDGES;
-    /// Words of a stored row: whole registers.
-    const ROW: usize = C.div_ceil(16) * Self::VALUES;
-    /// Words of T' of a row.
-    const SUMS: usize = 8 * C / Self::DEPTH;
-    /// Vectors of S' of a row.
-    const STATE: usize = 8 * C.div_ceil(16);
+impl<F: Format, const C: usize, const B: usize> Rows<F, C, B> {
+    /// Words of S' of a row, in vectors.
+    const STATE: usize = 8 * padded(C) / 16;
 
     /// Stores `problem`, whose answer in f32 is `expected`.
-    pub(crate) fn new(v: V4, problem: &Problem, ranges: Ranges, expected: &Matrix) -> Self {
-        let [largest, basis_steps] = ranges.steps.unwrap_or([0.0, 1.0]);
-        let unit = |values: &Matrix| if INTEGER { magnitude(values) / largest } else { 1.0 };
+    pub(crate) fn new(v: V4, problem: &Problem, width: Width, expected: &Matrix) -> Self {
+        let unit = |values: &Matrix| width.steps().map_or(1.0, |[largest, _]| magnitude(values) / largest);
         let (input, step) = (unit(&problem.features), unit(expected));
-        let padded = |row| {
-            let values = problem.features.slice(row)[..C].iter().map(move |x| x / input);
-            values.chain(std::iter::repeat_n(0.0, C.next_multiple_of(16) - C))
-        };
-        let each = problem.edges.chunks(Self::EDGES).zip(problem.basis.chunks(Self::EDGES));
-        let edges = each.map(|(n, basis)| {
-            let word = |s: usize| {
-                let bytes: Vec<u8> = basis.iter().flat_map(|b| Self::value(b.0[s] * basis_steps)).collect();
-                i32::from_le_bytes(bytes.try_into().expect("a word"))
-            };
-            Edges { rows: [n[0].row, n[Self::EDGES - 1].row], basis: std::array::from_fn(word) }
-        });
-        let largest = |o: usize| problem.weights_of(o).fold(0f32, |m, w| m.max(w.abs()));
-        let weight_step = |o| ranges.weight.map_or(1.0, |weight| largest(o) / weight);
+        let basis_steps = width.steps().map_or(1.0, |[_, basis]| basis);
+        let mut features = vec![F::Value::default(); problem.features.rows() * padded(C)];
+        for (row, to) in features.chunks_exact_mut(padded(C)).enumerate() {
+            let values = problem.features.slice(row);
+            to.iter_mut().zip(values).for_each(|(to, &x)| *to = F::Value::of(x / input));
+        }
+        let edges = problem.edges.chunks(F::Value::EDGES).zip(problem.basis.chunks(F::Value::EDGES)).map(
+            |(n, basis)| {
+                let slot =
+                    |s: usize| basis.iter().map(|b| F::Value::of(b.0[s] * basis_steps)).collect::<Vec<_>>();
+                Edges {
+                    rows: [n[0].row, n[F::Value::EDGES - 1].row],
+                    basis: std::array::from_fn(|s| F::Value::word(&slot(s))),
+                }
+            },
+        );
+        let steps = problem.weight_steps(F::WEIGHT);
+        let words = 8 * C / F::DEPTH;
+        let weights = (0..B).flat_map(|b| (0..words).map(move |i| (b, i)));
         let mut rows = Self {
             v,
-            features: vectors((0..problem.features.rows()).flat_map(padded).flat_map(Self::value)),
+            features,
             edges: edges.collect(),
-            per_row: problem.degree / Self::EDGES,
+            per_row: problem.degree / F::Value::EDGES,
             shift: 0,
-            weights: Vec::new(),
-            weight_steps: (0..16 * B).map(weight_step).collect(),
-            factors: Vec::new(),
-            sums: vec![0; GROUP * Self::SUMS],
+            weights: weights.map(|(b, i)| pack::<F, B>(&problem.parts.weight, &steps, b, i)).collect(),
+            finish: Finish(Vec::new()),
+            sums: vec![0; GROUP * words],
             state: Vec::new(),
-            totals: vec![cast([0; 16]); GROUP * B],
-            out: vec![0; ROWS * B * Self::VALUES],
+            totals: vec![[0; 16]; GROUP * B],
+            out: vec![F::Value::default(); ROWS * 16 * B],
             step,
         };
-        rows.weights = vectors(rows.pack(&problem.parts.weight));
-        if INTEGER {
+        if let Some(most) = F::SUM {
             rows.keep_sums();
-            let sums = cast_slice::<_, i32>(&rows.state).iter();
+            let sums = rows.state.as_flattened().iter();
             let largest = sums.map(|s| s.unsigned_abs()).max().unwrap_or(0);
-            rows.shift = (0..32).find(|h| largest >> h < ranges.sum).expect("a shift that fits");
+            rows.shift = (0..32).find(|h| largest >> h < most as u32).expect("a shift that fits");
             rows.state.clear();
         }
-        rows.factors = rows.factors(problem, input / basis_steps * 2f32.powi(rows.shift as i32));
+        let column = |o: usize| problem.parts.weight[o..].iter().step_by(16 * B).map(move |w| (w, o));
+        // The sum that the zero of stored sums adds to a total.
+        let over = |o: usize| column(o).map(|(w, o)| (w / steps[o]).round_ties_even()).sum::<f32>();
+        let over: Vec<f32> = (0..16 * B).map(|o| F::ZERO as f32 * over(o)).collect();
+        let scale = input / basis_steps * 2f32.powi(rows.shift as i32);
+        let sum_steps: Vec<f32> = steps.iter().map(|w| w * scale).collect();
+        rows.finish = Finish::new(problem, &sum_steps, &over, step);
         rows
-    }
-
-    /// The factors of each block, for sums in steps of `sum` times those of the weights.
-    fn factors(&self, problem: &Problem, sum: f32) -> Vec<[Wide; 4]> {
-        let (scale, shift) = problem.parts.norm.as_ref().expect("a problem has a norm");
-        let bias = problem.parts.bias.as_ref().expect("a problem has a bias");
-        let factor = |o: usize| self.weight_steps[o] * sum / problem.degree as f32;
-        // The zero of stored sums adds this to a total.
-        let rounded = |o| problem.weights_of(o).map(move |w| (w / self.weight_steps[o]).round_ties_even());
-        let over = |o: usize| Self::ZERO as f32 * rounded(o).sum::<f32>();
-        let block = |b: usize| {
-            let outputs = |of: &dyn Fn(usize) -> f32| Wide(std::array::from_fn(|o| of(16 * b + o)));
-            [
-                outputs(&factor),
-                outputs(&|o| bias[o] - over(o) * factor(o)),
-                outputs(&|o| scale[o] / self.step),
-                outputs(&|o| shift[o] / self.step),
-            ]
-        };
-        (0..B).map(block).collect()
-    }
-
-    /// The bytes of a value in steps.
-    fn value(steps: f32) -> impl Iterator<Item = u8> {
-        let whole = (steps.round_ties_even() as i32).to_le_bytes();
-        let bytes = if INTEGER { whole } else { steps.to_le_bytes() };
-        bytes.into_iter().take(4 / Self::EDGES)
-    }
-
-    /// The bytes of a weight in steps.
-    fn weight(steps: f32) -> impl Iterator<Item = u8> {
-        let bytes = match (INTEGER, BYTES) {
-            (false, 4) => steps.to_le_bytes(),
-            // bf16: the upper half, to nearest, ties to even.
-            (false, 2) => ((steps.to_bits() + 0x7fff + (steps.to_bits() >> 16 & 1)) >> 16).to_le_bytes(),
-            _ => (steps.round_ties_even() as i32).to_le_bytes(),
-        };
-        bytes.into_iter().take(BYTES)
-    }
-
-    /// The bytes of a matrix of weights: each word's inputs, output by output.
-    fn pack(&self, matrix: &[f32]) -> impl Iterator<Item = u8> {
-        let words = matrix.chunks(16 * B * Self::DEPTH);
-        let outputs = words.flat_map(|inputs| self.weight_steps.iter().enumerate().map(move |o| (inputs, o)));
-        outputs.flat_map(|(inputs, (o, step))| {
-            inputs[o..].iter().step_by(16 * B).flat_map(move |w| Self::weight(w / step))
-        })
-    }
-
-    /// Vector `n` of stored weights.
-    #[inline(always)]
-    fn load(words: &[i32], n: usize) -> __m512i {
-        let wide = |half| f32::from_bits(u32::from(half) << 16);
-        match (INTEGER, BYTES) {
-            (false, 2) => cast(cast::<_, [u16; 16]>(vector::<8>(words, n)).map(wide)),
-            (false, 1) => cast(cast::<_, [i8; 16]>(vector::<4>(words, n)).map(f32::from)),
-            _ => cast(vector::<16>(words, n)),
-        }
-    }
-
-    /// sums + words values.
-    #[inline(always)]
-    fn add_products(v: V4, sums: __m512i, words: __m512i, values: __m512i) -> __m512i {
-        if INTEGER {
-            v.avx512f._mm512_add_epi32(sums, v.avx512bw._mm512_madd_epi16(words, values))
-        } else {
-            cast(v.avx512f._mm512_fmadd_ps(cast(words), cast(values), cast(sums)))
-        }
-    }
-
-    /// totals + inputs weights. Inputs of a byte are at most 127, so that two products fit an i16.
-    #[inline(always)]
-    fn add_inputs(v: V4, totals: __m512i, inputs: __m512i, weights: __m512i) -> __m512i {
-        if Self::DEPTH == 4 {
-            let pairs = v.avx512bw._mm512_maddubs_epi16(inputs, weights);
-            return Self::add_products(v, totals, splat(v, 0x0001_0001), pairs);
-        }
-        Self::add_products(v, totals, inputs, weights)
-    }
-
-    /// The part of T' that `sums` are, as the weights read it.
-    #[inline(always)]
-    fn store_sums(v: V4, sums: __m512i, shift: u32, to: &mut [i32]) {
-        let (f, count) = (v.avx512f, to.len());
-        if !INTEGER {
-            return to.copy_from_slice(&cast::<_, [i32; 16]>(sums)[..count]);
-        }
-        let half = splat(v, 1 << shift >> 1);
-        let stored = f._mm512_srav_epi32(f._mm512_add_epi32(sums, half), splat(v, shift as i32));
-        if Self::DEPTH == 2 {
-            return to.copy_from_slice(&cast::<_, [i32; 8]>(f._mm512_cvtsepi32_epi16(stored))[..count]);
-        }
-        let stored = f._mm512_add_epi32(stored, splat(v, Self::ZERO));
-        let clamped = f._mm512_min_epi32(f._mm512_max_epi32(stored, splat(v, 0)), splat(v, 127));
-        to.copy_from_slice(&cast::<_, [i32; 4]>(f._mm512_cvtepi32_epi8(clamped))[..count]);
     }
 
     /// Computes `stage` of every row, its sums from zero or, where there is a state, from that.
@@ -235,11 +178,7 @@ impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Ro
 
     /// Y y'.
     pub(crate) fn values(&self) -> Vec<f32> {
-        if INTEGER {
-            cast_slice::<_, i16>(&self.out).iter().map(|&y| f32::from(y) * self.step).collect()
-        } else {
-            cast_slice(&self.out).to_vec()
-        }
+        self.out.iter().map(|&y| y.to_f32() * self.step).collect()
     }
 
     /// Bytes of weights.
@@ -249,124 +188,54 @@ impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Ro
 
     /// Computes the sums of every row, and keeps them.
     fn keep_sums(&mut self) {
-        self.state = vec![cast([0; 16]); ROWS * Self::STATE];
+        self.state = vec![[0; 16]; ROWS * Self::STATE];
         self.run(Stage::Sums);
     }
 
     /// T' of one row; N registers hold the channels of a slot. S' is added to the row's state and stored there, if any.
     #[inline(always)]
-    fn row_sums<const N: usize>(&mut self, row: usize) {
+    fn sums<const N: usize>(&mut self, row: usize, words: usize) {
         let v = self.v;
         let mut acc = [[splat(v, 0); N]; 8];
         let kept = if self.state.is_empty() { 0 } else { Self::STATE };
-        let state = &mut self.state[row * kept..][..kept];
-        acc.as_flattened_mut()[..kept].copy_from_slice(state);
-        let features = cast_slice::<_, i32>(&self.features);
+        for (acc, &from) in acc.as_flattened_mut().iter_mut().zip(&self.state[row * kept..][..kept]) {
+            *acc = cast(from);
+        }
         for edges in &self.edges[row * self.per_row..][..self.per_row] {
-            let [a, b] = edges.rows.map(|row| &features[row as usize * Self::ROW..][..Self::ROW]);
-            let widen = |row, n| v.avx512f._mm512_cvtepu16_epi32(cast(vector::<8>(row, n)));
+            let rows = edges.rows.map(|row| &self.features[row as usize * padded(C)..][..padded(C)]);
             let mut x = [splat(v, 0); N];
-            for (n, x) in x.iter_mut().enumerate() {
-                *x = if INTEGER {
-                    v.avx512f._mm512_or_si512(widen(a, n), v.avx512f._mm512_slli_epi32::<16>(widen(b, n)))
-                } else {
-                    cast(vector::<16>(a, n))
-                };
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = F::Value::sources(v, rows, 16 * i);
             }
             for (acc, &basis) in acc.iter_mut().zip(&edges.basis) {
                 let basis = splat(v, basis);
                 for (acc, &x) in acc.iter_mut().zip(&x) {
-                    *acc = Self::add_products(v, *acc, basis, x);
+                    *acc = F::Value::add_products(v, *acc, basis, x);
                 }
             }
         }
-        state.copy_from_slice(&acc.as_flattened()[..kept]);
-        let sums = &mut self.sums[row % GROUP * Self::SUMS..][..Self::SUMS];
-        for (&acc, to) in acc.as_flattened().iter().zip(sums.chunks_exact_mut(C.min(16) / Self::DEPTH)) {
-            Self::store_sums(v, acc, self.shift, to);
+        for (&acc, to) in acc.as_flattened().iter().zip(&mut self.state[row * kept..][..kept]) {
+            *to = cast(acc);
         }
-    }
-
-    /// The totals of one row by table.
-    #[inline(always)]
-    fn row_by_table(&mut self, row: usize) -> [__m512i; B] {
-        let (v, words) = (self.v, C / Self::DEPTH);
-        let (features, weights) = (cast_slice::<_, i32>(&self.features), cast_slice::<_, i32>(&self.weights));
-        // Four chains, which are enough to hide an instruction's latency.
-        let mut acc = [[splat(v, 0); B]; 4];
-        let kept = if self.state.is_empty() { 0 } else { B };
-        let state = &mut self.state[row * kept..][..kept];
-        acc[0][..kept].copy_from_slice(state);
-        for edge in &self.edges[row * self.per_row..][..self.per_row] {
-            let [new, old] = edge.rows.map(|row| &features[row as usize * Self::ROW..][..words]);
-            let mut x = [0; 32];
-            for (x, (&new, &old)) in x.iter_mut().zip(new.iter().zip(old)) {
-                *x = if INTEGER {
-                    let [new, old]: [[i16; 2]; 2] = cast([new, old]);
-                    cast([new[0].wrapping_sub(old[0]), new[1].wrapping_sub(old[1])])
-                } else {
-                    new
-                };
+        let each = C.min(16) / F::DEPTH;
+        let sums = self.sums[row % GROUP * words..][..words].chunks_exact_mut(each);
+        let (half, shift) = (splat(v, 1 << self.shift >> 1), splat(v, self.shift as i32));
+        for (&acc, to) in acc.as_flattened().iter().zip(sums) {
+            let mut stored = acc;
+            if F::SUM.is_some() {
+                stored = v.avx512f._mm512_srav_epi32(F::Value::add(v, acc, half), shift);
             }
-            let weights = weights[edge.basis[0] as usize * words * B * 16..].chunks_exact(16 * B);
-            for (i, (&x, weights)) in x[..words].iter().zip(weights).enumerate() {
-                let x = splat(v, x);
-                for (b, acc) in acc[i % 4].iter_mut().enumerate() {
-                    *acc = Self::add_inputs(v, *acc, x, Self::load(weights, b));
-                }
-            }
+            to.copy_from_slice(&F::pack(v, stored)[..each]);
         }
-        let f = v.avx512f;
-        let add = |a, b| {
-            if INTEGER { f._mm512_add_epi32(a, b) } else { cast(f._mm512_add_ps(cast(a), cast(b))) }
-        };
-        let totals = std::array::from_fn(|b| add(add(acc[0][b], acc[1][b]), add(acc[2][b], acc[3][b])));
-        state.copy_from_slice(&totals[..kept]);
-        totals
-    }
-
-    /// y' of a block: y = ELU(a factor + bias) scale + shift.
-    #[inline(always)]
-    fn finish<S: Simd>(&mut self, simd: S, row: usize, b: usize, totals: __m512i) {
-        let (f, [factor, bias, scale, shift]) = (self.v.avx512f, &self.factors[b]);
-        let totals: [f32; 16] = if INTEGER { cast(f._mm512_cvtepi32_ps(totals)) } else { cast(totals) };
-        let sums = S::V16::load_slice(simd, &totals);
-        let y = S::V16::load(simd, bias).add_product(sums, S::V16::load(simd, factor)).map(simd, elu);
-        let mut out = Wide::ZERO;
-        S::V16::load(simd, shift).add_product(y, S::V16::load(simd, scale)).store(&mut out);
-        let to = &mut self.out[(row * B + b) * Self::VALUES..][..Self::VALUES];
-        if INTEGER {
-            let rounded = f._mm512_cvtsepi32_epi16(f._mm512_cvtps_epi32(cast(out.0)));
-            to.copy_from_slice(&cast::<_, [i32; 8]>(rounded));
-        } else {
-            to.copy_from_slice(&cast::<_, [i32; 16]>(out.0));
-        }
-    }
-
-    /// Looks up weights by the attributes of the first `per_row` in-edges. Where `updated`, totals are kept, and each of
-    /// these edges changes its source; else they are computed from zero.
-    pub(crate) fn look_up(&mut self, problem: &Problem, rounded: &Rounded, per_row: usize, updated: bool) {
-        let at = |place| self.pack(&rounded.weights(problem, place)).collect::<Vec<_>>();
-        self.weights = vectors((0..rounded.bases.len()).flat_map(at));
-        let edge = |(n, &place): (&Neighbour, &u32)| {
-            let new = if updated { problem.instead(n.row) } else { n.row };
-            Edges { rows: [new, n.row], basis: [place as i32; 8] }
-        };
-        let edges: Vec<Edges> = problem.edges.iter().zip(&rounded.places).map(edge).collect();
-        self.edges = edges.chunks(problem.degree).flat_map(|row| &row[..per_row]).copied().collect();
-        self.per_row = per_row;
-        self.state = if updated { vec![cast([0; 16]); ROWS * B] } else { Vec::new() };
     }
 }
 
-struct Run<'a, const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> {
-    rows: &'a mut Rows<C, B, INTEGER, BYTES>,
+struct Run<'a, F: Format, const C: usize, const B: usize> {
+    rows: &'a mut Rows<F, C, B>,
     stage: Stage,
 }
 
-impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Task
-    for Run<'_, C, B, INTEGER, BYTES>
-{
+impl<F: Format, const C: usize, const B: usize> Task for Run<'_, F, C, B> {
     type Output = ();
 
     #[inline(always)]
@@ -376,27 +245,20 @@ impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Ta
             return;
         }
         let Self { rows, stage } = self;
+        let (v, words) = (rows.v, 8 * C / F::DEPTH);
         for first in (0..ROWS).step_by(GROUP) {
-            for row in first..first + GROUP {
-                match stage {
-                    Stage::ByTable => {
-                        let totals = rows.row_by_table(row);
-                        totals
-                            .into_iter()
-                            .enumerate()
-                            .for_each(|(b, total)| rows.finish(simd, row, b, total));
-                    }
-                    Stage::Contraction => {}
-                    _ if C == 32 => rows.row_sums::<2>(row),
-                    _ => rows.row_sums::<1>(row),
+            if stage != Stage::Contraction {
+                for row in first..first + GROUP {
+                    if C == 32 { rows.sums::<2>(row, words) } else { rows.sums::<1>(row, words) }
                 }
             }
-            if matches!(stage, Stage::Contraction | Stage::Whole) {
+            if stage != Stage::Sums {
                 simd.apart(&mut *rows);
             }
             if stage == Stage::Whole {
-                for i in 0..GROUP * B {
-                    rows.finish(simd, first + i / B, i % B, rows.totals[i]);
+                let out = rows.out[first * 16 * B..][..GROUP * 16 * B].as_chunks_mut().0;
+                for (i, (&totals, out)) in rows.totals.iter().zip(out).enumerate() {
+                    *out = rows.finish.apply::<F, S>(v, simd, i % B, totals);
                 }
             }
         }
@@ -404,9 +266,7 @@ impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Ta
 }
 
 /// Computes the totals (row, block) of a group from its sums.
-impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Task
-    for &mut Rows<C, B, INTEGER, BYTES>
-{
+impl<F: Format, const C: usize, const B: usize> Task for &mut Rows<F, C, B> {
     type Output = ();
 
     #[inline(always)]
@@ -414,27 +274,35 @@ impl<const C: usize, const B: usize, const INTEGER: bool, const BYTES: usize> Ta
         if !S::WIDE {
             return;
         }
-        let (v, n) = (self.v, Rows::<C, B, INTEGER, BYTES>::SUMS);
-        let rows: [&[i32]; GROUP] = std::array::from_fn(|r| &self.sums[r * n..][..n]);
-        let weights = cast_slice(&self.weights);
+        let Rows { v, weights, sums, totals, .. } = self;
+        let (v, n) = (*v, 8 * C / F::DEPTH);
+        let rows: [&[i32]; GROUP] = std::array::from_fn(|r| &sums[r * n..][..n]);
+        let weights: [&[F::Weights]; B] = std::array::from_fn(|b| &weights[b * n..][..n]);
         let mut acc = [[splat(v, 0); B]; GROUP];
         for i in 0..n {
             let mut w = [splat(v, 0); B];
-            for (b, w) in w.iter_mut().enumerate() {
-                *w = Rows::<C, B, INTEGER, BYTES>::load(weights, i * B + b);
+            for (w, from) in w.iter_mut().zip(&weights) {
+                *w = from[i].load();
             }
             for (acc, row) in acc.iter_mut().zip(&rows) {
                 let x = splat(v, row[i]);
                 for (acc, &w) in acc.iter_mut().zip(&w) {
-                    *acc = Rows::<C, B, INTEGER, BYTES>::add_inputs(v, *acc, x, w);
+                    *acc = F::add_inputs(v, *acc, x, w);
                 }
             }
         }
-        self.totals.copy_from_slice(acc.as_flattened());
+        for (&acc, total) in acc.as_flattened().iter().zip(totals) {
+            *total = cast(acc);
+        }
     }
 }
 
-impl<const C: usize, const B: usize> Rows<C, B, true, 2> {
+/// The row that is read instead of `row` after a change.
+fn instead(row: u32, rows: usize) -> u32 {
+    (row + 1) % rows as u32
+}
+
+impl<const C: usize, const B: usize> Rows<I16, C, B> {
     /// Makes the rows start from the sums that they have, and replace the sources of the first `changed` in-edges of each:
     /// S' += sum over changed e of B'(e) (x'new - x'old), then T' and all of a' again. A changed edge touches all eight
     /// slots of a 2 x 2 x 2 kernel, so that nothing of the contraction is saved.
@@ -443,56 +311,153 @@ impl<const C: usize, const B: usize> Rows<C, B, true, 2> {
     /// If the updated sums are not those that are computed from zero.
     pub(crate) fn update_by_slots(&mut self, problem: &Problem, changed: usize) {
         self.keep_sums();
-        let before = self.state.clone();
         let mut changes = Vec::new();
         for row in self.edges.chunks_mut(self.per_row) {
             for e in 0..changed {
-                let old = row[e / 2].rows[e % 2];
-                let rows = [problem.instead(old), old];
-                row[e / 2].rows[e % 2] = rows[0];
-                let basis = row[e / 2].basis.map(|both| {
+                let edges = &mut row[e / 2];
+                let old = edges.rows[e % 2];
+                edges.rows[e % 2] = instead(old, problem.features.rows());
+                let basis = edges.basis.map(|both| {
                     let basis = cast::<i32, [i16; 2]>(both)[e % 2];
                     cast([basis, -basis])
                 });
-                changes.push(Edges { rows, basis });
+                changes.push(Edges { rows: [edges.rows[e % 2], old], basis });
             }
         }
+        let before = self.state.clone();
         self.keep_sums();
         let expected = std::mem::replace(&mut self.state, before);
         (self.edges, self.per_row) = (changes, changed);
         self.run(Stage::Sums);
-        assert!(cast_slice::<_, i32>(&self.state) == cast_slice::<_, i32>(&expected), "updated sums");
+        assert!(self.state == expected, "updated sums");
+    }
+}
+
+/// Rows of C -> 16 B channels with weights looked up by an edge's rounded attribute: n C O multiply-adds a row and no basis,
+/// where sums per slot need n 8 C + 8 C O; but no two edges share a matrix.
+///
+/// ```text
+/// from zero   a(o)  = sum over e, c of x(j(e), c) W(u(e))(c, o)
+/// updated     a'   += sum over changed e of (x'new - x'old) W'(u(e))
+/// ```
+pub(crate) struct ByTable<F: Format, const C: usize, const B: usize> {
+    v: V4,
+    features: Vec<F::Value>,
+    /// Of each row's edges, one row's after the other: new and old source, and the attribute's place.
+    edges: Vec<([u32; 2], u32)>,
+    per_row: usize,
+    /// (place, word, block).
+    table: Vec<F::Weights>,
+    finish: Finish,
+    /// a' of every row, where it is updated.
+    totals: Vec<[i32; 16]>,
+    pub(crate) out: Vec<F::Value>,
+}
+
+impl<F: Format, const C: usize, const B: usize> ByTable<F, C, B> {
+    /// The first `per_row` in-edges of each row, with the activations and the scale of `rows`. Totals are kept and updated
+    /// where each edge changes its source, else computed from zero.
+    pub(crate) fn new(
+        rows: &Rows<F, C, B>,
+        problem: &Problem,
+        rounded: &Rounded,
+        per_row: usize,
+        updated: bool,
+    ) -> Self {
+        let steps = problem.weight_steps(F::WEIGHT);
+        let mut table = Vec::new();
+        for place in 0..rounded.bases.len() {
+            let weights = rounded.weights(problem, place);
+            let words = (0..C / F::DEPTH).flat_map(|word| (0..B).map(move |b| (b, word)));
+            table.extend(words.map(|(b, word)| pack::<F, B>(&weights, &steps, b, word)));
+        }
+        let count = problem.features.rows();
+        let source = |row: u32| if updated { [instead(row, count), row] } else { [row; 2] };
+        let edges = problem.edges.iter().zip(&rounded.places).map(|(n, &place)| (source(n.row), place));
+        let edges: Vec<_> = edges.collect();
+        Self {
+            v: rows.v,
+            features: rows.features.clone(),
+            edges: edges.chunks(problem.degree).flat_map(|row| &row[..per_row]).copied().collect(),
+            per_row,
+            table,
+            finish: rows.finish.clone(),
+            totals: if updated { vec![[0; 16]; ROWS * B] } else { Vec::new() },
+            out: rows.out.clone(),
+        }
     }
 
-    /// Looks up weights, and updates every row and back.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.table.as_slice())
+    }
+
+    /// Computes or updates every row.
+    pub(crate) fn run(&mut self) {
+        Isa::best().run(self);
+    }
+}
+
+impl<const C: usize, const B: usize> ByTable<I16, C, B> {
+    /// Updates every row, and back.
     ///
     /// # Panics
     /// If the totals are not those from before.
-    pub(crate) fn update_by_table(&mut self, problem: &Problem, rounded: &Rounded, changed: usize) {
-        self.look_up(problem, rounded, changed, true);
+    pub(crate) fn check_update(&mut self) {
         for _ in 0..2 {
-            self.run(Stage::ByTable);
-            self.edges.iter_mut().for_each(|edge| edge.rows.reverse());
+            self.run();
+            self.edges.iter_mut().for_each(|(sources, _)| sources.reverse());
         }
-        assert!(cast_slice::<_, i32>(&self.state).iter().all(|&total| total == 0), "totals updated by table");
+        assert!(self.totals.as_flattened().iter().all(|&total| total == 0), "totals updated by table");
     }
 }
 
-/// Vector `n` of `N` words.
-#[inline(always)]
-fn vector<const N: usize>(words: &[i32], n: usize) -> [i32; N] {
-    words[n * N..][..N].try_into().expect("N words")
-}
+/// Computes or updates every row.
+impl<F: Format, const C: usize, const B: usize> Task for &mut ByTable<F, C, B> {
+    type Output = ();
 
-/// Every word `word`.
-#[inline(always)]
-fn splat(v: V4, word: i32) -> __m512i {
-    v.avx512f._mm512_set1_epi32(word)
-}
-
-/// Bytes as aligned vectors, the last one padded with zeros.
-fn vectors(bytes: impl Iterator<Item = u8>) -> Vec<__m512i> {
-    let padded =
-        |bytes: &[u8]| cast(std::array::from_fn::<u8, 64, _>(|i| bytes.get(i).copied().unwrap_or(0)));
-    bytes.collect::<Vec<_>>().chunks(64).map(padded).collect()
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        // `V4` is the proof of AVX-512: no other instruction set gets here, or needs compiling.
+        if !S::WIDE {
+            return;
+        }
+        let ByTable { v, features, edges, per_row, table, finish, totals, out } = self;
+        let (v, words) = (*v, C / F::DEPTH);
+        for (row, edges) in edges.chunks_exact(*per_row).enumerate() {
+            // Four chains, which are enough to hide an instruction's latency.
+            let mut acc = [[splat(v, 0); B]; 4];
+            for (acc, &kept) in acc[0].iter_mut().zip(totals.iter().skip(row * B)) {
+                *acc = cast(kept);
+            }
+            for &(sources, place) in edges {
+                let [new, old] = sources.map(|row| &features[row as usize * padded(C)..][..C]);
+                let mut x = [F::Value::default(); C];
+                for (x, (&new, &old)) in x.iter_mut().zip(new.iter().zip(old)) {
+                    *x = F::Value::change(new, old);
+                }
+                let weights = table[place as usize * words * B..][..words * B].chunks_exact(4 * B);
+                for (x, weights) in x.chunks_exact(4 * F::DEPTH).zip(weights) {
+                    let each = x.chunks_exact(F::DEPTH).zip(weights.chunks_exact(B));
+                    for (acc, (x, weights)) in acc.iter_mut().zip(each) {
+                        let x = splat(v, F::Value::word(x));
+                        for (acc, w) in acc.iter_mut().zip(weights) {
+                            *acc = F::add_inputs(v, *acc, x, w.load());
+                        }
+                    }
+                }
+            }
+            for b in 0..B {
+                let sum = F::Value::add(
+                    v,
+                    F::Value::add(v, acc[0][b], acc[1][b]),
+                    F::Value::add(v, acc[2][b], acc[3][b]),
+                );
+                if let Some(kept) = totals.get_mut(row * B + b) {
+                    *kept = cast(sum);
+                }
+                let to = &mut out[(row * B + b) * 16..][..16];
+                to.copy_from_slice(&finish.apply::<F, S>(v, simd, b, cast(sum)));
+            }
+        }
+    }
 }
