@@ -79,9 +79,6 @@ struct MarkersArgs {
     ground: f32,
     #[command(flatten)]
     camera: CameraArgs,
-    /// Seed of thresholds, phases and noise; stream i has this seed plus i.
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
-    seed: u64,
     /// File to write (safetensors); it is replaced where it exists.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
@@ -104,9 +101,6 @@ struct ImagesArgs {
     interval: i64,
     #[command(flatten)]
     camera: CameraArgs,
-    /// Seed of thresholds, phases and noise.
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
-    seed: u64,
     /// Recording to write; it is replaced where it exists.
     ///
     /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
@@ -185,6 +179,9 @@ struct CameraArgs {
     /// Standard deviation of that time, such as 20us [default: 20us].
     #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = CAMERA)]
     jitter: Option<i64>,
+    /// Seed of thresholds, phases and noise; stream i of markers has this seed plus i.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
+    seed: u64,
 }
 
 impl CameraArgs {
@@ -225,20 +222,20 @@ fn markers(args: &MarkersArgs) -> Result<String, CliError> {
     let scene =
         MarkerScene { radius: args.radius, edge: args.edge, marker: args.marker, ground: args.ground };
     let (settings, pool) = (args.camera.settings(), threads::pool(None)?);
-    let prepared = film_markers(&args.tracks, args.sensor, &scene, settings, args.seed, &pool)?;
+    let prepared = film_markers(&args.tracks, args.sensor, &scene, settings, args.camera.seed, &pool)?;
     output::write(&args.out, prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }
 
 fn images(args: &ImagesArgs) -> Result<String, CliError> {
-    let format = Format::from_path(&args.out).map_err(|error| CliError::NotWritable(error.to_string()))?;
-    if !format.is_writable() {
-        return Err(CliError::NotWritable(format!("{format} is read, not written")));
-    }
+    let format = Format::from_path(&args.out).ok().filter(|format| format.is_writable());
+    let expected = "a file that ends in .csv, .npy, .dat, .evt3 or .raw";
+    let found = args.out.display().to_string();
+    let format = format.ok_or_else(|| CliError::usage("--out", expected, &found))?;
     output::check_writable(&args.out)?;
     let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
     let count = images.len();
-    let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(), args.seed)?;
+    let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(), args.camera.seed)?;
     let events: Vec<_> = simulated.iter().map(|simulated| simulated.event).collect();
     meissner_io::write(&args.out, format, Some(sensor), &events)
         .map_err(|error| PipelineError::recording(&args.out.display().to_string(), error))?;

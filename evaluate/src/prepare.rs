@@ -108,14 +108,6 @@ fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, Str
 pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, EvaluateError> {
     let recordings = &data.recordings;
     let integers = |values: Vec<usize>| values.into_iter().map(|value| value as i64).collect::<Vec<_>>();
-    let of_events = |value: fn(&Event) -> i64| {
-        recordings.iter().flat_map(|recording| recording.events.iter().map(value)).collect::<Vec<_>>()
-    };
-    let ends = recordings.iter().scan(0, |end, recording| {
-        *end += recording.events.len();
-        Some(*end)
-    });
-    let start: Vec<usize> = std::iter::once(0).chain(ends).collect();
     let split = recordings.iter().map(|recording| usize::from(recording.split == Split::Test)).collect();
     let fold = data.folds(folds)?;
     let names: Vec<&str> = recordings.iter().map(|recording| recording.name.as_str()).collect();
@@ -124,12 +116,8 @@ pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, Evalu
         ("recordings", json!(names)),
         ("sensor", json!([data.set.sensor.width, data.set.sensor.height])),
     ]));
+    add_streams(&mut file, recordings.iter().map(|recording| recording.events.iter()));
     for (name, values) in [
-        ("t_us", of_events(|event| event.t_us)),
-        ("x", of_events(|event| event.x.into())),
-        ("y", of_events(|event| event.y.into())),
-        ("on", of_events(|event| event.on.into())),
-        ("start", integers(start)),
         ("label", integers(recordings.iter().map(|recording| recording.class).collect())),
         ("split", integers(split)),
         ("fold", integers(fold)),
@@ -143,6 +131,29 @@ pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, Evalu
         grouped(data.of(Split::Train).len() as u64)
     );
     Ok(Prepared { file, contents })
+}
+
+/// Adds the events of `streams`, one stream after the other, as `t_us`, `x`, `y` and `on`, and the bounds of the streams as
+/// `start`.
+fn add_streams<'a, S>(file: &mut TensorFile, streams: impl Iterator<Item = S> + Clone)
+where
+    S: ExactSizeIterator<Item = &'a Event>,
+{
+    let mut start = vec![0];
+    let mut end = 0;
+    start.extend(streams.clone().map(|stream| {
+        end += stream.len() as i64;
+        end
+    }));
+    let mut add = |name, value: fn(&Event) -> i64| {
+        let values: Vec<i64> = streams.clone().flatten().map(value).collect();
+        file.i64(name, &[values.len()], &values);
+    };
+    add("t_us", |event| event.t_us);
+    add("x", |event| event.x.into());
+    add("y", |event| event.y.into());
+    add("on", |event| event.on.into());
+    file.i64("start", &[start.len()], &start);
 }
 
 /// One level of the graphs of all streams.

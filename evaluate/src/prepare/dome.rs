@@ -2,7 +2,6 @@
 //!
 //! Enters: how many presses, and a seed. Leaves: tracks for [`super::film_markers`], with tilt, depth and force of each press.
 
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use meissner_engine::Sensor;
@@ -79,7 +78,7 @@ pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -
             start.push(t_us.len() as i64);
         }
     }
-    let mut file = TensorFile::new(dome_metadata(sensor));
+    let mut file = TensorFile::new(metadata([("sensor", json!([sensor.width, sensor.height]))]));
     file.i64("t_us", &[t_us.len()], &t_us);
     file.i64("start", &[start.len()], &start);
     file.f32("position", &[t_us.len(), markers, 2], &positions);
@@ -88,10 +87,6 @@ pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -
     }
     let presses = grouped(start.len() as u64 - 1);
     Prepared { file, contents: format!("tracks of {markers} markers in {presses} presses") }
-}
-
-fn dome_metadata(sensor: Sensor) -> BTreeMap<String, String> {
-    metadata([("sensor", json!([sensor.width, sensor.height]))])
 }
 
 /// A dome during a press.

@@ -17,7 +17,7 @@ use safetensors::tensor::{Dtype, SafeTensors};
 use serde_json::json;
 
 use super::streams::{bounds, integers};
-use super::{Prepared, metadata};
+use super::{Prepared, add_streams, metadata};
 use crate::error::{EvaluateError, StreamsError};
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
@@ -55,22 +55,10 @@ pub fn film_markers(
         pool.install(|| tracks.into_par_iter().enumerate().map(film).collect::<Result<_, _>>())?;
 
     let mut file = TensorFile::new(metadata([("sensor", json!([sensor.width, sensor.height]))]));
-    let mut start = vec![0];
-    start.extend(streams.iter().scan(0, |end, stream| {
-        *end += stream.len() as i64;
-        Some(*end)
-    }));
-    let mut add = |name, value: fn(&SimulatedEvent) -> i64| {
-        let values: Vec<i64> = streams.iter().flatten().map(value).collect();
-        file.i64(name, &[values.len()], &values);
-    };
-    add("t_us", |simulated| simulated.event.t_us);
-    add("x", |simulated| simulated.event.x.into());
-    add("y", |simulated| simulated.event.y.into());
-    add("on", |simulated| simulated.event.on.into());
-    add("cause", |simulated| simulated.cause as i64);
-    file.i64("start", &[start.len()], &start);
-    let count = grouped(streams.iter().map(Vec::len).sum::<usize>() as u64);
+    add_streams(&mut file, streams.iter().map(|stream| stream.iter().map(|simulated| &simulated.event)));
+    let cause: Vec<i64> = streams.iter().flatten().map(|simulated| simulated.cause as i64).collect();
+    file.i64("cause", &[cause.len()], &cause);
+    let count = grouped(cause.len() as u64);
     let streams = grouped(streams.len() as u64);
     Ok(Prepared { file, contents: format!("{count} events of {streams} streams") })
 }
