@@ -155,6 +155,7 @@ fn nodes_at_their_cells_centre_never_move() {
         },
         span_us: 1_000,
         capacity: 64,
+        place: None,
         blocks: vec![],
         pooled: vec![],
         from: 0,

@@ -25,6 +25,7 @@ fn shape(candidates: Candidates) -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 16 }, candidates },
         span_us: 20_000,
         capacity: 4_096,
+        place: Some([(1, 5), (2, 7)]),
         blocks: vec![block(8, 0, [2, 2, 2]), block(19, 1, [3, 2, 4]), block(32, 2, [2, 2, 2])],
         pooled: vec![PoolShape {
             from: 3,

@@ -49,6 +49,7 @@ fn cells_in_time_above_coarser_cells_in_time_do_not_share_a_slot() {
         graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: Candidates::All },
         span_us: 128,
         capacity: 3,
+        place: None,
         blocks: vec![],
         pooled: vec![pool((2, 1)), pool((3, 4)), pool((1, 4))],
         from: 0,

@@ -54,6 +54,7 @@ fn graph_alone(k: usize, span_us: i64) -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
         span_us,
         capacity: 1_000,
+        place: None,
         blocks: vec![],
         pooled: vec![],
         from: 0,

@@ -202,6 +202,7 @@ fn small_shape() -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::Past(Lifetime::Window) },
         span_us: 1_000,
         capacity: 8,
+        place: None,
         blocks: vec![block],
         pooled: vec![],
         from: 1,

@@ -141,6 +141,7 @@ fn line(normalisation: Normalisation) -> Network {
         capacity: 3,
         graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: Candidates::All },
         normalisation,
+        place: None,
         events: Level {
             scale: 0.5,
             blocks: vec![Block { name: "slope".to_owned(), input: 0, skip: None, conv: slope() }],

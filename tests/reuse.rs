@@ -34,6 +34,7 @@ fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShap
         graph,
         span_us: SPAN_US,
         capacity: 64,
+        place: None,
         blocks: (0..blocks).map(|input| BlockShape { input, ..block() }).collect(),
         from: pooled.last().map_or(blocks, |pool| pool.blocks.len()),
         pooled,

@@ -23,6 +23,7 @@ fn over_events() -> (Engine, Vec<u8>) {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::Past(Lifetime::Frozen) },
         span_us: 500,
         capacity: 9,
+        place: None,
         blocks: vec![block(2)],
         pooled: vec![pool],
         from: 1,

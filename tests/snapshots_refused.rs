@@ -40,6 +40,7 @@ fn shape(candidates: Candidates) -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 4 }, candidates },
         span_us: 500,
         capacity: 40,
+        place: None,
         blocks: vec![block(4)],
         pooled: vec![pool],
         from: 1,

@@ -23,6 +23,7 @@ fn shape(candidates: Candidates) -> NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
         span_us: SPAN_US,
         capacity: 8,
+        place: Some([(1, 5), (2, 7)]),
         // The second one reads the stored basis of edges.
         blocks: vec![
             block.clone(),

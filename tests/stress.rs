@@ -183,6 +183,7 @@ fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
         graph: GraphRule { reach: Reach::Radius { r: 0.115, max: 8 }, candidates: Candidates::All },
         span_us: 1_000,
         capacity: 16,
+        place: None,
         blocks: (0..blocks).map(block).collect(),
         pooled: vec![],
         from: blocks,

@@ -57,6 +57,7 @@ fn chain(candidates: Candidates, capacity: usize) -> NetworkShape {
         graph: GraphRule { reach: Reach::Radius { r: 0.115, max: 8 }, candidates },
         span_us: 1_000,
         capacity,
+        place: Some([(1, 5), (2, 7)]),
         blocks: vec![block(0), block(1)],
         pooled: vec![],
         from: 2,

@@ -109,6 +109,7 @@ fn build(
         graph: GraphRule { reach: Reach::Knn { k }, candidates },
         span_us: SPAN_US,
         capacity: 32_768,
+        place: None,
         blocks,
         pooled: pool.into_iter().collect(),
         from: if pooled { 0 } else { from },

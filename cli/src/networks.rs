@@ -68,7 +68,9 @@ struct Entry {
     sensor: Option<[usize; 2]>,
     input: &'static str,
     outputs: Vec<String>,
-    unit: String,
+    units: Vec<String>,
+    #[serde(skip)]
+    labelled: String,
 }
 
 /// Lists the networks.
@@ -82,7 +84,7 @@ impl Entry {
         let description = AnyDescription::shipped(name)?;
         let &(_, system, purpose) = PURPOSES.iter().find(|(known, ..)| *known == name)?;
         let card = Card::shipped(name)?;
-        let (outputs, unit) = description.outputs();
+        let (outputs, units) = description.outputs();
         let kind = NetworkKind::of(&description);
         let sensor = match &description {
             AnyDescription::Events(_) => {
@@ -104,7 +106,11 @@ impl Entry {
             sensor,
             input: kind.input(),
             outputs: outputs.to_vec(),
-            unit: unit.to_owned(),
+            units: units.to_vec(),
+            labelled: description.classes().map_or_else(
+                || description.labelled_outputs(),
+                |classes| format!("{} classes", classes.len()),
+            ),
         })
     }
 }
@@ -121,11 +127,13 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
             None => "any".to_owned(),
         };
         let weights = if entry.trained { "trained" } else { "untrained" };
-        let outputs = match (&entry.outputs[..], entry.unit.as_str()) {
-            (classes, "logit") => format!("{} classes", classes.len()),
-            (names, unit) => format!("{} ({unit})", names.join(", ")),
-        };
-        table.row([entry.name.to_owned(), weights.to_owned(), sensor, entry.input.to_owned(), outputs]);
+        table.row([
+            entry.name.to_owned(),
+            weights.to_owned(),
+            sensor,
+            entry.input.to_owned(),
+            entry.labelled.clone(),
+        ]);
     }
     let mut lines = table.lines().into_iter();
     lines.next().map_or(Ok(()), |headings| writeln!(out, "{headings}"))?;

@@ -77,7 +77,7 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
         [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
     if let Some(option) = first_given(given).filter(|_| model.card.classes.is_none()) {
         let expected = format!("network {} to predict classes, in logit", args.input.network);
-        let found = format!("values in {}", model.description.outputs().1);
+        let found = model.description.labelled_outputs();
         return Err(CliError::usage(option, &expected, &found));
     }
     let decisions = DecisionFilter::new(asked.hold.unwrap_or(1), asked.least_probability.unwrap_or(0.0))?;

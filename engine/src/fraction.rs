@@ -59,6 +59,18 @@ impl Fraction {
         upper.div_euclid(size).saturating_mul(1 << 32).saturating_add(lower.div_euclid(size))
     }
 
+    /// Place of the centre of pixel `pixel` of `extent` within its cell of this size: -1 at the start of a cell, 1 at its
+    /// end. The cell is the pixel's, as for [`Self::cell`]; the centre of its last pixel can lie beyond its end.
+    ///
+    /// # Panics
+    /// If `extent` is 0.
+    pub fn place(self, pixel: u16, extent: u16) -> f32 {
+        // Twice the lengths in units of 1 / denominator pixels: below 2^50, so that only the quotient is rounded.
+        let [size, parts] = [i64::from(extent) * i64::from(self.numerator), self.denominator.into()];
+        let within = 2 * (i64::from(pixel) * parts % size) + parts;
+        ((within - size) as f64 / size as f64) as f32
+    }
+
     /// Centre of cell `index`, as a fraction of the whole.
     #[inline]
     pub fn centre(self, index: i64) -> f64 {
@@ -115,7 +127,31 @@ mod tests {
         assert_eq!(fraction(most, 1).cell(i128::MIN, (1 << 62) - 1), -((1 << 33) + 3));
     }
 
+    #[test]
+    fn places_run_evenly_from_one_end_of_a_cell_to_the_other() {
+        let places = |n, d, extent| (0..extent).map(|x| fraction(n, d).place(x, extent)).collect::<Vec<_>>();
+        assert_eq!(places(1, 2, 8), [-0.75, -0.25, 0.25, 0.75, -0.75, -0.25, 0.25, 0.75]);
+        assert_eq!(places(1, 4, 4), [0.0; 4]);
+        assert_eq!(places(3, 4, 4), [-2.0 / 3.0, 0.0, 2.0 / 3.0, -2.0 / 3.0].map(|v: f64| v as f32));
+        // Cells of 2.5 pixels: the third pixel begins in the first cell, and its centre is at its end.
+        assert_eq!(places(1, 2, 5)[2], 1.0);
+        // The whole sensor is one cell, and a larger cell is not filled.
+        assert_eq!(places(1, 1, 2), [-0.5, 0.5]);
+        assert_eq!(places(2, 1, 2), [-0.75, -0.25]);
+        assert!(fraction(u32::MAX, 1).place(u16::MAX - 1, u16::MAX) < -0.99);
+    }
+
     proptest! {
+        #[test]
+        fn pixels_of_one_cell_have_ascending_places(n in 1u32..400, d in 1u32..400, x in 0u16..999, extent in 1000u16..2000) {
+            let size = fraction(n, d);
+            let [a, b] = [x, x + 1].map(|x| size.place(x, extent));
+            let [cell, next] = [x, x + 1].map(|x| size.cell(x.into(), extent.into()));
+            prop_assert!(cell != next || a < b);
+            let width = f64::from(d) / (f64::from(n) * f64::from(extent));
+            prop_assert!((-1.0..=1.0 + width).contains(&f64::from(a)), "{}", a);
+        }
+
         #[test]
         fn large_positions_fall_into_the_cells_of_the_same_share(
             n in 1..u32::MAX, d in 1..u32::MAX, position in any::<i64>(), extent in 1i64..1 << 30, times in 0u32..33,

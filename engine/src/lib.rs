@@ -34,6 +34,7 @@
 //!     capacity: 1024,
 //!     graph: GraphRule { reach: Reach::Knn { k: 8 }, candidates: Candidates::Past(Lifetime::Frozen) },
 //!     normalisation: Normalisation::Fixed,
+//!     place: None,
 //!     events: Level { scale: 0.5, blocks: vec![Block { name: "conv".to_owned(), input: 0, skip: None, conv }] },
 //!     pooled: Vec::new(),
 //!     readout: Readout { from: 1, columns: 1, rows: 1, by_time: false },
@@ -76,6 +77,7 @@ pub mod frames;
 mod graph;
 mod grid;
 mod head;
+mod input;
 mod maxima;
 mod members;
 mod memory;

@@ -20,11 +20,6 @@ impl Node {
     pub(crate) fn new(event: Event, t: i64) -> Self {
         Self { t, x: event.x, y: event.y, on: event.on }
     }
-
-    /// The input feature of the networks: +1 if the brightness rose, -1 if it fell.
-    pub(crate) fn sign(self) -> f32 {
-        if self.on { 1.0 } else { -1.0 }
-    }
 }
 
 /// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. The terms of x and y come from

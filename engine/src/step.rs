@@ -8,12 +8,13 @@
 
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Lanes};
+use meissner_kernels::Isa;
 
 use crate::activations::Activations;
 use crate::counters::Log;
 use crate::delta::{Delta, PART};
 use crate::graph::EventGraph;
+use crate::input::Input;
 use crate::memory::Memory;
 use crate::metric::Node;
 use crate::network::Network;
@@ -31,6 +32,7 @@ pub(crate) struct Step {
     isa: Isa,
     poison: bool,
     pub(crate) window: Window,
+    input: Input,
     pub(crate) graph: EventGraph,
     pub(crate) pooled: Vec<PooledGraph>,
     /// One per level.
@@ -79,6 +81,7 @@ impl Step {
         Self {
             readout: ReadoutState::new(&network, sensor, rows, options.isa, memory),
             window: Window::new(capacity, memory),
+            input: Input::new(parts.place, sensor, memory),
             graph,
             pooled,
             activations,
@@ -141,7 +144,7 @@ impl Step {
         self.graph.insert(&self.window, slot, known, &mut self.delta);
         let events = &mut self.activations[0];
         events.enter(slot);
-        events.input_mut().0.row_mut(slot as usize)[0] = first_lane(node.sign());
+        events.input_mut().0.row_mut(slot as usize)[0] = self.input.row(node);
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));
         slot
     }
@@ -270,11 +273,4 @@ impl Step {
         }
         self.readout.failure(&self.network)
     }
-}
-
-/// A lane vector with `value` first and zeros after it.
-fn first_lane(value: f32) -> Lanes {
-    let mut lanes = Lanes::ZERO;
-    lanes.0[0] = value;
-    lanes
 }

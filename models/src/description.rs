@@ -11,6 +11,7 @@
 //! span_us = 150000             # length of the window in microseconds; default: 150000
 //! capacity = 32768             # most events of the window; default: 32768
 //! normalisation = "fixed"      # default; or "per-graph", as the published checkpoint was trained: batch only
+//! place = ["1/32", "1/32"]     # optional: two more inputs, the place of an event in a cell of this size, from -1 to 1
 //!
 //! [graph]
 //! kind = "knn"                 # with k; or "radius", with r (in shares of sensor and span) and max
@@ -63,7 +64,7 @@
 //!
 //! [output]
 //! names = ["roll", "pitch"]    # of the predicted values, in order
-//! unit = "rad"                 # of all predicted values
+//! unit = "rad"                 # of all predicted values; or a list with that of each, such as ["mm", "deg"]
 //! ```
 //!
 //! A network that predicts classes has `classes` in place of `names` and `unit`. Its values are logits, and a softmax turns
@@ -118,7 +119,7 @@ mod table;
 mod tensors;
 mod wiring;
 
-use meissner_engine::{GraphRule, Normalisation};
+use meissner_engine::{Fraction, GraphRule, Normalisation};
 use serde::Serialize;
 
 pub use any::AnyDescription;
@@ -139,7 +140,7 @@ use table::Table;
 /// use meissner_models::Description;
 ///
 /// let description = Description::shipped("tactigraph-past").expect("a shipped network");
-/// assert_eq!((description.span_us(), description.outputs().1), (150_000, "rad"));
+/// assert_eq!((description.span_us(), &description.outputs().1[0][..]), (150_000, "rad"));
 ///
 /// let error = Description::parse("[network]\nname = \"mine\"\nspan = 5\n").unwrap_err();
 /// let lines: Vec<usize> = error.problems().iter().map(|problem| problem.line).collect();
@@ -152,6 +153,8 @@ pub struct Description {
     capacity: usize,
     #[serde(serialize_with = "layer::serialize_normalisation")]
     normalisation: Normalisation,
+    #[serde(serialize_with = "layer::serialize_place", skip_serializing_if = "Option::is_none")]
+    place: Option<[Fraction; 2]>,
     #[serde(skip)]
     graph: GraphRule,
     #[serde(skip)]
@@ -159,7 +162,7 @@ pub struct Description {
     layers: Vec<Layer>,
     head: Vec<FrameLayer>,
     outputs: Vec<String>,
-    unit: String,
+    units: Vec<String>,
 }
 
 impl Description {
@@ -203,6 +206,16 @@ impl Description {
         self.normalisation
     }
 
+    /// Size of the cells in which the place of an event is an input.
+    pub fn place(&self) -> Option<[Fraction; 2]> {
+        self.place
+    }
+
+    /// Channels of the input: the polarity of an event, and its place along x and y where [`Self::place`] has cells.
+    pub fn inputs(&self) -> usize {
+        if self.place.is_some() { 3 } else { 1 }
+    }
+
     /// Rule of the event graph.
     pub fn graph(&self) -> GraphRule {
         self.graph
@@ -213,9 +226,9 @@ impl Description {
         self.scale
     }
 
-    /// Names of the predicted values, and their unit.
-    pub fn outputs(&self) -> (&[String], &str) {
-        (&self.outputs, &self.unit)
+    /// Names of the predicted values, and the unit of each.
+    pub fn outputs(&self) -> (&[String], &[String]) {
+        (&self.outputs, &self.units)
     }
 
     /// The layers, each after those it reads, without those of a head.

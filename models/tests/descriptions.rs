@@ -30,8 +30,8 @@ fn every_shipped_network_has_its_name() {
 fn networks_for_digits_give_a_logit_for_each_over_three_saccades() {
     for name in ["digits-all", "digits-past", "digits-frozen"] {
         let (description, network) = shipped(name);
-        let (names, unit) = description.outputs();
-        assert_eq!((names.len(), unit, network.outputs()), (10, "logit", 10));
+        let (names, units) = description.outputs();
+        assert_eq!((names.len(), units, network.outputs()), (10, &["logit"; 10].map(str::to_owned)[..], 10));
         assert!((0..10).all(|digit| names[digit] == digit.to_string()));
         assert_eq!(network.parts().span_us, 300_000);
     }
@@ -41,9 +41,12 @@ fn networks_for_digits_give_a_logit_for_each_over_three_saccades() {
 fn every_other_shipped_network_predicts_roll_and_pitch_in_rad() {
     for name in Description::shipped_names().iter().filter(|name| !name.starts_with("digits-")) {
         let (description, network) = shipped(name);
-        let (names, unit) = description.outputs();
-        assert_eq!((names.len(), unit, network.outputs()), (2, "rad", 2));
-        assert_eq!(names, ["roll", "pitch"]);
+        let (names, units) = description.outputs();
+        assert_eq!((names.len(), units.len(), network.outputs()), (2, 2, 2));
+        assert_eq!(
+            (names, units),
+            (&["roll", "pitch"].map(str::to_owned)[..], &["rad", "rad"].map(str::to_owned)[..])
+        );
         assert_eq!((network.parts().span_us, network.parts().capacity), (150_000, 32_768));
     }
     assert!(Description::shipped("graphress").is_none());

@@ -372,11 +372,16 @@ fn classes_stand_in_place_of_names_and_unit_and_are_checked_by_line() {
     };
     let told = with("classes = [\"left\", \"right\"]\n").expect("consistent");
     assert_eq!(told.classes().expect("classes"), ["left", "right"]);
-    assert_eq!(told.outputs(), (&["left".to_owned(), "right".to_owned()][..], "logit"));
+    assert_eq!(told.outputs().1, ["logit", "logit"]);
+    assert_eq!(
+        with("names = [\"a\", \"b\"]\nunit = [\"mm\", \"deg\"]\n").expect("consistent").outputs().1,
+        ["mm", "deg"]
+    );
     assert_eq!(with("names = [\"a\", \"b\"]\nunit = \"N\"\n").expect("consistent").classes(), None);
     for (output, expected) in [
         ("classes = [\"a\"]\n", "classes: expected at least two names of classes, each once"),
         ("classes = [\"a\", \"a\"]\n", "classes: expected at least two names of classes, each once"),
+        ("names = [\"a\", \"b\"]\nunit = [\"N\"]\n", "unit: expected the unit of all predicted values"),
         ("classes = [\"a\", \"b\"]\nunit = \"N\"\n", "unit: expected only with names in place of classes"),
         ("classes = [\"a\", \"b\", \"c\"]\n", "names: expected 2 (outputs of layer \"fc\"), found 3"),
         ("names = [\"a\", \"b\"]\n", "missing key \"unit\""),

@@ -128,7 +128,7 @@ impl ModelCard {
         source: String,
     ) -> Result<Self, PipelineError> {
         let card = weights.card().map_err(|error| PipelineError::weights(source.clone(), error))?;
-        let (names, unit) = description.outputs();
+        let (names, units) = description.outputs();
         let (kind, agreement, window) = match description {
             AnyDescription::Events(events) => {
                 ("events", events.agreement(weights), Some((events.span_us(), events.capacity())))
@@ -154,7 +154,11 @@ impl ModelCard {
                 stride: card.stride,
                 sensor: card.sensor.map(sides),
             },
-            outputs: names.iter().map(|name| Output { name: name.clone(), unit: unit.to_owned() }).collect(),
+            outputs: names
+                .iter()
+                .zip(units)
+                .map(|(name, unit)| Output { name: name.clone(), unit: unit.clone() })
+                .collect(),
             classes: description.classes().map(<[String]>::to_vec),
         })
     }

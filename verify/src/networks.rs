@@ -100,6 +100,11 @@ pub struct PoolShape {
     pub blocks: Vec<BlockShape>,
 }
 
+/// The fraction n / d.
+fn fraction((n, d): (u32, u32)) -> Fraction {
+    Fraction::new(n, d).expect("fractions are positive")
+}
+
 /// A network without its numbers.
 #[derive(Clone, Debug)]
 pub struct NetworkShape {
@@ -109,6 +114,8 @@ pub struct NetworkShape {
     pub span_us: i64,
     /// Most events in the window.
     pub capacity: usize,
+    /// Sizes of the cells in which the place of an event is an input.
+    pub place: Option<[(u32, u32); 2]>,
     /// Blocks of the event level.
     pub blocks: Vec<BlockShape>,
     /// Levels above.
@@ -140,13 +147,13 @@ impl NetworkShape {
     /// As [`Self::build`].
     pub fn build_with_head(&self) -> (Network, Option<FrameNetworkParts>) {
         let mut random = Random::new(self.seed);
-        let (events, mut channels) = level(&self.blocks, 1, &mut random);
+        let inputs = if self.place.is_some() { 3 } else { 1 };
+        let (events, mut channels) = level(&self.blocks, inputs, &mut random);
         let mut pooled = Vec::new();
         let mut timed = true;
         for (i, shape) in self.pooled.iter().enumerate() {
             let from = shape.from % channels.len();
             timed &= shape.time.is_some();
-            let fraction = |(n, d)| Fraction::new(n, d).expect("fractions are positive");
             let pooling = Pooling {
                 name: format!("pool{}", i + 1),
                 from,
@@ -194,6 +201,7 @@ impl NetworkShape {
             capacity: self.capacity,
             graph: self.graph,
             normalisation: Normalisation::Fixed,
+            place: self.place.map(|cell| cell.map(fraction)),
             events,
             pooled,
             readout,

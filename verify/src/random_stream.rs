@@ -195,6 +195,7 @@ mod tests {
             graph,
             span_us: 1_000,
             capacity: 500,
+            place: None,
             blocks: vec![block],
             pooled: vec![],
             from: 1,

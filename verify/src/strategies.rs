@@ -113,7 +113,10 @@ pub fn network() -> impl Strategy<Value = NetworkShape> {
     (
         rule(),
         50i64..2_000,
-        prop_oneof![1 => 1usize..8, 3 => 8usize..80],
+        (
+            prop_oneof![1 => 1usize..8, 3 => 8usize..80],
+            proptest::option::weighted(0.3, [fraction(), fraction()]),
+        ),
         proptest::collection::vec(block(), 0..=4),
         proptest::collection::vec(pool(), 0..=3),
         0usize..8,
@@ -122,9 +125,23 @@ pub fn network() -> impl Strategy<Value = NetworkShape> {
         proptest::option::weighted(0.3, 1usize..=9),
         any::<u64>(),
     )
-        .prop_map(|(graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed)| {
-            NetworkShape { graph, span_us, capacity, blocks, pooled, from, grid, dense, head, seed }
-        })
+        .prop_map(
+            |(graph, span_us, (capacity, place), blocks, pooled, from, grid, dense, head, seed)| {
+                NetworkShape {
+                    graph,
+                    span_us,
+                    capacity,
+                    place,
+                    blocks,
+                    pooled,
+                    from,
+                    grid,
+                    dense,
+                    head,
+                    seed,
+                }
+            },
+        )
 }
 
 /// Kinds of frame networks.

@@ -27,6 +27,7 @@ fn network() -> Arc<Network> {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates: Candidates::All },
         span_us: 1_000,
         capacity: 40,
+        place: None,
         blocks: vec![block],
         pooled: vec![pool],
         from: 1,

@@ -11,6 +11,7 @@ use super::trace::{Edges, LevelTrace};
 use crate::Event;
 use crate::graph::{Candidate, take};
 use crate::grid::{Grid, Times};
+use crate::input;
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 use crate::network::{Candidates, Normalisation, Reach};
@@ -68,10 +69,11 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
             edges.offsets.extend(list.iter().map(offsets));
         }
     }
-    let signs: Vec<f32> = events.iter().map(|e| if e.on { 1.0 } else { -1.0 }).collect();
+    let input = |event| input::of_event(event, parts.place, batch.sensor);
+    let input: Vec<f32> = events.iter().flat_map(input).collect();
     LevelTrace {
         edges,
-        features: vec![Matrix::from_rows(1, &signs)],
+        features: vec![Matrix::from_rows(input::channels(parts.place), &input)],
         positions,
         cells: Vec::new(),
         members: Vec::new(),

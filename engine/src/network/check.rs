@@ -5,7 +5,7 @@
 use super::parts::{Level, NetworkParts, Pooling, Reach};
 use crate::error::{in_range, misfit, option};
 use crate::frames::FrameShape;
-use crate::{EngineError, Fraction};
+use crate::{EngineError, Fraction, input};
 
 pub(super) const LONGEST_SPAN_US: i64 = 1 << 40;
 pub(super) const LARGEST_CAPACITY: usize = 1 << 24;
@@ -22,7 +22,7 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     {
         return Err(option("radius", "a finite number above 0", r));
     }
-    let mut channels = vec![level_channels(&parts.events, 1)?];
+    let mut channels = vec![level_channels(&parts.events, input::channels(parts.place))?];
     let mut below: Option<&Pooling> = None;
     for (pooling, level) in &parts.pooled {
         let inputs = feature(&pooling.name, "pooled feature", &channels[channels.len() - 1], pooling.from)?;

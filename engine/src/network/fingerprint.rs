@@ -47,7 +47,14 @@ pub(super) fn of(parts: &NetworkParts) -> u64 {
     if let Some(head) = &parts.head {
         to.word(head.fingerprint());
     }
+    if let Some(cell) = parts.place {
+        cell.into_iter().for_each(|size| to.word(fraction(size)));
+    }
     to.finish()
+}
+
+fn fraction(size: Fraction) -> u64 {
+    u64::from(size.numerator()) << 32 | u64::from(size.denominator())
 }
 
 fn level(to: &mut Fingerprint, level: &Level) {
@@ -66,8 +73,7 @@ fn pooling(to: &mut Fingerprint, pooling: &Pooling) {
     to.size(pooling.from);
     let [x, y] = pooling.cell;
     for size in [Some(x), Some(y), pooling.time] {
-        let word = |size: Fraction| u64::from(size.numerator()) << 32 | u64::from(size.denominator());
-        to.word(size.map_or(0, word));
+        to.word(size.map_or(0, fraction));
     }
     to.word(match pooling.position {
         Position::Mean => 0,

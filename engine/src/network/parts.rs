@@ -177,6 +177,10 @@ pub struct NetworkParts {
     pub graph: GraphRule,
     /// Reference of edge attributes and grids.
     pub normalisation: Normalisation,
+    /// Size along x and y, as fractions of the sensor, of cells in which the place of an event is an input. The input has
+    /// three channels then: the polarity (-1 or 1), and the place of the pixel's centre along x and y, from -1 at the start of
+    /// a cell to 1 at its end ([`Fraction::place`]). With `None` the polarity is the only one.
+    pub place: Option<[Fraction; 2]>,
     /// The event level.
     pub events: Level,
     /// Each pooling with the level that it starts.

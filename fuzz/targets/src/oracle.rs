@@ -22,6 +22,7 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
         graph: rule(&mut choices),
         span_us: i64::from(choices.u16()) + 1,
         capacity: choices.within(1, 48),
+        place: None,
         blocks: vec![],
         pooled: vec![],
         from: 0,
@@ -72,10 +73,11 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
 /// If a promise is broken.
 pub(crate) fn interleavings(bytes: &[u8]) -> Verdict {
     let mut choices = Choices::new(bytes);
-    let shape = NetworkShape {
+    let mut shape = NetworkShape {
         graph: rule(&mut choices),
         span_us: 50 + i64::from(choices.u16()) % 2_000,
         capacity: choices.within(1, 40),
+        place: None,
         blocks: choices.list(0, 3, block),
         pooled: choices.list(0, 2, pool),
         from: choices.within(0, 7),
@@ -87,8 +89,7 @@ pub(crate) fn interleavings(bytes: &[u8]) -> Verdict {
     let sensor = Sensor::new(choices.within(1, 70) as u16, choices.within(1, 70) as u16);
     let origins = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
     let origin_us = origins[choices.within(0, 3)];
-    // No longer used: its byte keeps what the corpora mean.
-    let _ = choices.flag();
+    shape.place = choices.flag().then_some([(1, 7), (3, 10)]);
     let mut comparisons = 0;
     let mut steps = Vec::new();
     while !choices.is_empty() && steps.len() < STEPS && comparisons < COMPARISONS {

@@ -47,8 +47,8 @@ impl AnyDescription {
         either!(self, description => description.name())
     }
 
-    /// Names of the predicted values, and their unit.
-    pub fn outputs(&self) -> (&[String], &str) {
+    /// Names of the predicted values, and the unit of each.
+    pub fn outputs(&self) -> (&[String], &[String]) {
         either!(self, description => description.outputs())
     }
 
@@ -92,8 +92,22 @@ macro_rules! common {
 
             /// Names of the classes whose logits are predicted; `None` for other values.
             pub fn classes(&self) -> Option<&[String]> {
-                let (names, unit) = self.outputs();
-                (unit == LOGIT).then_some(names)
+                let (names, units) = self.outputs();
+                units.iter().all(|unit| unit == LOGIT).then_some(names)
+            }
+
+            /// Names of the predicted values with their units, for people: "roll, pitch (rad)" or "depth (mm), tilt (deg)".
+            pub fn labelled_outputs(&self) -> String {
+                let (names, units) = self.outputs();
+                match units {
+                    [first, rest @ ..] if rest.iter().all(|unit| unit == first) => {
+                        format!("{} ({first})", names.join(", "))
+                    }
+                    _ => {
+                        let each = names.iter().zip(units).map(|(name, unit)| format!("{name} ({unit})"));
+                        each.collect::<Vec<_>>().join(", ")
+                    }
+                }
             }
 
             /// Names and shapes of the tensors that the network needs, running statistics included.

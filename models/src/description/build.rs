@@ -82,6 +82,7 @@ impl Description {
             capacity: self.capacity,
             graph: self.graph,
             normalisation: self.normalisation,
+            place: self.place,
             events,
             pooled: poolings.into_iter().zip(levels).collect(),
             readout,

@@ -59,11 +59,12 @@ impl<K> FileLayer<K> {
     }
 }
 
-/// The names of the predicted values, and their unit.
+/// The names of the predicted values, and the unit of each.
 #[derive(Debug, Default)]
 pub(super) struct Output {
     pub(super) names: Option<Given<Vec<String>>>,
-    pub(super) unit: String,
+    /// As many as names.
+    pub(super) units: Vec<String>,
 }
 
 /// The text of the file at `path`.
@@ -150,13 +151,19 @@ pub(super) fn output(root: &mut Table<'_, '_>) -> Output {
         for key in ["names", "unit"] {
             table.inapplicable(key, "names in place of classes, whose values are logits");
         }
-        Output { names, unit: LOGIT.to_owned() }
+        let units = names.iter().flat_map(|given| vec![LOGIT.to_owned(); given.value.len()]).collect();
+        Output { names, units }
     } else {
         let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
         let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
-        let unit = table.value("unit", "the predicted values' unit, such as \"rad\"", None, name);
+        let count = names.as_ref().map_or(0, |given| given.value.len());
+        let expected = "the unit of all predicted values, such as \"rad\", or a list with that of each";
+        let units = table.required("unit", expected, |value| match name(value) {
+            Some(unit) => Some(vec![unit; count]),
+            None => self::names(value).filter(|units| count == 0 || units.len() == count),
+        });
         table.ignore(&["classes"]);
-        Output { names, unit }
+        Output { names, units: units.map(|given| given.value).unwrap_or_default() }
     };
     table.finish();
     output

@@ -19,6 +19,8 @@ use super::{Description, convolution};
 pub(super) const EVENTS: &str = "events";
 /// The names that a layer can refer to.
 const REFERENCE: &str = "the name of a layer, or \"events\"";
+/// The size of a cell.
+const CELL: &str = "two fractions of the sensor along x and y, such as [\"16/346\", \"12/260\"]";
 /// The kinds of layers.
 const KINDS: [&str; 5] = ["block", SPLINE, "pool", "readout", "dense"];
 /// Default length of the window: 150 ms.
@@ -62,12 +64,13 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> File {
         span_us: DEFAULT_SPAN_US,
         capacity: DEFAULT_CAPACITY as usize,
         normalisation: Normalisation::Fixed,
+        place: None,
         graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: Candidates::All },
         scale: 1.0,
         layers: Vec::new(),
         head: Vec::new(),
         outputs: Vec::new(),
-        unit: String::new(),
+        units: Vec::new(),
     };
     if let Some(mut table) = root.table("network", "a table with the network's name") {
         network.name = table.value("name", NAME, None, name);
@@ -75,13 +78,14 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> File {
         network.capacity = table.size("capacity", CAPACITIES, Some(DEFAULT_CAPACITY));
         let choices = [("fixed", Normalisation::Fixed), ("per-graph", Normalisation::PerGraph)];
         network.normalisation = table.option("normalisation", &choices);
+        network.place = table.optional("place", CELL, cell).map(|given| given.value);
         table.finish();
     }
     if let Some(table) = root.table("graph", "a table with the rule of the event graph") {
         graph(table, &mut network);
     }
     let output = output(root);
-    network.unit = output.unit;
+    network.units = output.units;
     let layers = layers(root, LAYER, EVENTS, REFERENCE, &KINDS, |word, table, layer| {
         keys(word, table, layer, &network);
     });
@@ -169,11 +173,7 @@ fn keys(
 }
 
 fn pool(table: &mut Table<'_, '_>, network: &Description) -> LayerKind {
-    let expected = "two fractions of the sensor along x and y, such as [\"16/346\", \"12/260\"]";
-    let cell = table.required("cell", expected, |value| {
-        let [x, y] = &value.as_array()?[..] else { return None };
-        Some([fraction(x.get_ref())?, fraction(y.get_ref())?])
-    });
+    let cell = table.required("cell", CELL, cell);
     let time = table.optional("time", "a fraction of the span, such as \"1/3\"", fraction);
     let positions = [("mean", Position::Mean), ("centre", Position::Centre)];
     let position = table.option("position", &positions);
@@ -223,6 +223,12 @@ fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> f32 {
     let with = "normalisation = \"fixed\": per graph it is the largest difference over its edges";
     table.inapplicable("scale", with);
     1.0
+}
+
+/// The size of a cell along x and y.
+fn cell(value: &DeValue<'_>) -> Option<[Fraction; 2]> {
+    let [x, y] = &value.as_array()?[..] else { return None };
+    Some([fraction(x.get_ref())?, fraction(y.get_ref())?])
 }
 
 fn fraction(value: &DeValue<'_>) -> Option<Fraction> {

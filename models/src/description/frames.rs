@@ -92,7 +92,7 @@ pub struct FrameDescription {
     source: FrameSource,
     layers: Vec<FrameLayer>,
     outputs: Vec<String>,
-    unit: String,
+    units: Vec<String>,
 }
 
 impl FrameDescription {
@@ -124,8 +124,8 @@ impl FrameDescription {
         };
         let layers = check(stack, problems);
         report_shared(layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors())), problems);
-        let (outputs, unit) = (output.names?.value, output.unit);
-        Some(Self { name, input: shape?, source: source?, layers, outputs, unit })
+        let (outputs, units) = (output.names?.value, output.units);
+        Some(Self { name, input: shape?, source: source?, layers, outputs, units })
     }
 
     /// Name, for reports.
@@ -153,9 +153,9 @@ impl FrameDescription {
         self.layers.last().map_or(self.input, |layer| layer.output)
     }
 
-    /// Names of the predicted values, or of the channels of a predicted image, and their unit.
-    pub fn outputs(&self) -> (&[String], &str) {
-        (&self.outputs, &self.unit)
+    /// Names of the predicted values, or of the channels of a predicted image, and the unit of each.
+    pub fn outputs(&self) -> (&[String], &[String]) {
+        (&self.outputs, &self.units)
     }
 
     /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.

@@ -296,6 +296,11 @@ pub(super) fn serialize_normalisation<S: Serializer>(
     s.serialize_str(normalisation_word(*normalisation))
 }
 
+#[expect(clippy::ref_option, reason = "serde calls it with a reference to the field")]
+pub(super) fn serialize_place<S: Serializer>(place: &Option<[Fraction; 2]>, s: S) -> Result<S::Ok, S::Error> {
+    place.map(|cell| cell.map(|size| size.to_string())).serialize(s)
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
 pub(super) fn serialize_activation<S: Serializer>(activation: &Activation, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(activation_word(*activation))

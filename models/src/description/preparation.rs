@@ -9,7 +9,7 @@
 //! ```
 //!
 //! `scales` are the scales of edge attributes, level by level, and are missing with "per-graph". `cells` are the cells of the
-//! poolings. Weights may leave out `lifetime`, because both lifetimes give the same graph until an event leaves the window.
+//! poolings. `place` is there where the place of an event in a cell is an input. Weights may leave out `lifetime`, because both lifetimes give the same graph until an event leaves the window.
 //! The published contact-angle checkpoint has no metadata. It is recognised and has the preparation of the shipped network
 //! `graphres-published`.
 //!
@@ -111,6 +111,9 @@ impl Description {
         }
         text.push(format!("\"span_us\":{}", self.span_us));
         text.push(format!("\"cells\":{}", json!(cells)));
+        text.extend(
+            self.place.map(|place| format!("\"place\":{}", json!(place.map(|size| size.to_string())))),
+        );
         format!("{{{}}}", text.join(","))
     }
 

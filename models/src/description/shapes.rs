@@ -51,7 +51,7 @@ struct Shapes<'a> {
 /// Checks the layers and their inputs.
 pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Vec<Layer> {
     let mut outputs = vec![None; file.layers.len() + 1];
-    outputs[0] = Some(Output::Feature { level: 0, channels: Some(1), hops: 0, index: 0 });
+    outputs[0] = Some(Output::Feature { level: 0, channels: Some(file.network.inputs()), hops: 0, index: 0 });
     let events = Level { name: "the events".to_owned(), cell: None, features: 1, below: Vec::new() };
     let mut shapes = Shapes { file, wiring, problems, outputs, levels: vec![events] };
     let layers: Vec<Layer> = wiring.order.iter().filter_map(|&i| shapes.layer(i)).collect();

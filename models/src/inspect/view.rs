@@ -64,10 +64,13 @@ impl Description {
             ("window", format!("{} us, at most {} events", self.span_us(), self.capacity())),
             ("graph", graph.to_string()),
         ];
+        if let Some([x, y]) = self.place() {
+            head.push(("input", format!("polarity, and place in a cell of {x} x {y}")));
+        }
         if graph.scale.is_none() {
             head.push(("normalised", "per graph: batch only".to_owned()));
         }
-        head.push(("output", output(self.outputs())));
+        head.push(("output", self.labelled_outputs()));
         let events = self.layers().iter().filter(|layer| layer.level == Some(0));
         let cost: usize = events.map(|layer| layer.cost.multiply_adds).sum();
         let mut foot = vec![
@@ -97,9 +100,14 @@ impl Description {
             foot,
             input: Input {
                 name: "events",
-                word: "polarity",
-                about: "polarity of each event: -1 or 1",
-                shape: "1 channel".to_owned(),
+                word: if self.place().is_some() { "polarity, place" } else { "polarity" },
+                about: match self.place() {
+                    None => "polarity of each event: -1 or 1",
+                    Some(_) => {
+                        "polarity of each event: -1 or 1; its place in a cell along each axis: -1 to 1"
+                    }
+                },
+                shape: format!("{} channel{}", self.inputs(), if self.inputs() == 1 { "" } else { "s" }),
                 band: Some(0),
             },
             bands,
@@ -122,7 +130,7 @@ impl FrameDescription {
                 ("network", self.name().to_owned()),
                 ("input", self.input().to_string()),
                 ("frames", self.source().to_string()),
-                ("output", format!("{}, {}", output(self.outputs()), self.output())),
+                ("output", format!("{}, {}", self.labelled_outputs(), self.output())),
             ],
             headings: ["multiply-adds", "state"],
             foot: vec![
@@ -138,10 +146,6 @@ impl FrameDescription {
             rows: self.layers().iter().map(frame_row).collect(),
         }
     }
-}
-
-fn output((names, unit): (&[String], &str)) -> String {
-    format!("{} ({unit})", names.join(", "))
 }
 
 fn sizes(parameters: usize, tensors: &[Needed]) -> String {

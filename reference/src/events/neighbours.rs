@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use meissner_engine::{Candidates, Event, Stream};
+use meissner_engine::{Candidates, Event, Fraction, Stream};
 
 use super::{EventReference, ReferenceLevel};
 use crate::convolution::Edge;
@@ -42,11 +42,28 @@ pub(super) fn level(reference: &EventReference, stream: Stream<'_>) -> Reference
     let position = |e: &Event| scaled([e.x.into(), e.y.into(), e.t_us - stream.epoch_us]);
     ReferenceLevel {
         edges: (0..events.len()).map(neighbourhood).collect(),
-        features: vec![events.iter().map(|e| vec![if e.on { 1.0 } else { -1.0 }]).collect()],
+        features: vec![events.iter().map(|e| input(reference, e)).collect()],
         positions: events.iter().map(position).collect(),
         cells: Vec::new(),
         first: first - start,
     }
+}
+
+/// The input features of `event`.
+fn input(reference: &EventReference, event: &Event) -> Vec<f64> {
+    let mut row = vec![if event.on { 1.0 } else { -1.0 }];
+    if let Some([x, y]) = reference.network.parts().place {
+        // The cell of a pixel is found in integers; the pixel's centre can lie beyond its end.
+        let along = |pixel: u16, extent: u16, size: Fraction| {
+            let [n, d] = [size.numerator(), size.denominator()].map(u64::from);
+            let (length, start) = (u64::from(extent) * n, u64::from(pixel) * d);
+            let within = (start - start / length * length) as f64 + 0.5 * d as f64;
+            2.0 * within / length as f64 - 1.0
+        };
+        row.push(along(event.x, reference.sensor.width, x));
+        row.push(along(event.y, reference.sensor.height, y));
+    }
+    row
 }
 
 /// Range of event indices that event `i` may read from; it may include `i`.
