@@ -2,7 +2,7 @@
 
 use super::support;
 
-use meissner_engine::{Candidates, Lifetime, Network, Normalisation, Position, Reach};
+use meissner_engine::{Candidates, Lifetime, Network, NetworkParts, Normalisation, Position, Reach};
 use meissner_models::description::{FieldStart, Per};
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
@@ -263,4 +263,33 @@ fn the_shipped_weights_are_what_the_generator_writes() {
         let weights = Weights::from_bytes(&shipped).expect("readable");
         assert_eq!(weights.metadata()["about"], format!("drawn, untrained, seed {seed}"));
     }
+}
+
+#[test]
+fn the_place_in_a_cell_adds_two_inputs_and_belongs_to_the_preparation() {
+    let text = changed("[network]\n", "[network]\nplace = [\"1/9\", \"2/7\"]\n");
+    let description = Description::parse(&text).expect("consistent");
+    assert_eq!((description.inputs(), Description::parse(SMALL).expect("consistent").inputs()), (3, 1));
+    let needed = |description: &Description| {
+        let tensors = description.tensors();
+        tensors
+            .into_iter()
+            .find(|(name, _)| name == "conv1.conv.weight")
+            .expect("the first block has a weight")
+            .1
+    };
+    assert_eq!(needed(&description)[1], 3);
+    let network = description.network(&draw(&description, 7)).expect("weights of these shapes");
+    let cell = network.parts().place.expect("places are inputs").map(|size| size.to_string());
+    assert_eq!(cell, ["1/9", "2/7"]);
+    assert!(
+        description.preparation().ends_with(",\"place\":[\"1/9\",\"2/7\"]}"),
+        "{}",
+        description.preparation()
+    );
+    assert!(description.to_table().contains("place in a cell of 1/9 x 2/7"), "{}", description.to_table());
+    let without = Description::parse(SMALL).expect("consistent");
+    let drawn = |place| Network::new(NetworkParts { place, ..network.parts().clone() });
+    assert!(drawn(network.parts().place).is_ok() && drawn(None).is_err(), "the block reads three channels");
+    assert_ne!(without.preparation(), description.preparation());
 }

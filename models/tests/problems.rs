@@ -391,3 +391,11 @@ fn classes_stand_in_place_of_names_and_unit_and_are_checked_by_line() {
         assert!(error.starts_with("line ") && error.contains(expected), "{output}: {error}");
     }
 }
+
+#[test]
+fn a_place_needs_two_cells_of_a_positive_size() {
+    for wrong in ["[\"1/9\"]", "\"1/9\"", "[\"1/9\", \"0/7\"]", "[1, 2]", "[\"1/9\", \"1/7\", \"1/3\"]"] {
+        let found = only(&changed("[network]\n", &format!("[network]\nplace = {wrong}\n")));
+        assert!(found.contains("place: expected two fractions of the sensor along x and y"), "{found}");
+    }
+}

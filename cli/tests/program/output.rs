@@ -106,7 +106,10 @@ fn networks_lists_every_shipped_network_with_what_it_reads_and_predicts() {
     let of = |name: &str| json.iter().find(|entry| entry["name"] == name).expect("it is listed");
     let tactigraph = of("tactigraph");
     assert_eq!(tactigraph["outputs"], serde_json::json!(["roll", "pitch"]));
-    assert_eq!((&tactigraph["unit"], &tactigraph["trained"]), (&"rad".into(), &false.into()));
+    assert_eq!(
+        (&tactigraph["units"], &tactigraph["trained"]),
+        (&serde_json::json!(["rad", "rad"]), &false.into())
+    );
     assert_eq!(of("digits-past")["sensor"], serde_json::json!([34, 34]));
     assert_eq!((&of("digits-past")["trained"], &of("canf")["input"]), (&true.into(), &"pictures".into()));
 }
