@@ -11,6 +11,7 @@
 //! | [`Matrix`] | a confusion matrix |
 //! | [`TradeOff`] | run time against error, with fronts and labels |
 //! | [`Network`] | the layers of a network |
+//! | [`Plane`] | lines and dots between linear axes |
 //!
 //! ```
 //! use meissner_plot::{Distribution, LatencyCurve, Panel, page};
@@ -29,12 +30,14 @@ mod axes;
 mod labels;
 mod latency;
 mod network;
+mod plane;
 mod svg;
 mod trade_off;
 
 pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
 pub use latency::{Distribution, LatencyCurve};
 pub use network::{Network, Node};
+pub use plane::{Plane, Series, Style};
 pub use trade_off::{Setting, TradeOff};
 
 use svg::{GREY, Svg};
@@ -49,6 +52,7 @@ pub enum Panel<'a> {
     Distribution(Distribution),
     Matrix(Matrix<'a>),
     Network(Network<'a>),
+    Plane(Plane),
     TradeOff(TradeOff),
 }
 
@@ -75,6 +79,7 @@ pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
                 Panel::Distribution(distribution) => distribution.draw(&mut part),
                 Panel::Matrix(matrix) => matrix.draw(&mut part),
                 Panel::Network(network) => network.draw(&mut part),
+                Panel::Plane(plane) => plane.draw(&mut part),
                 Panel::TradeOff(trade_off) => trade_off.draw(&mut part),
             };
             svg.group((x, bottom), &part);

@@ -107,6 +107,10 @@ impl Svg {
         self.add("rect", &corner).set("fill", fill)
     }
 
+    pub(crate) fn circle(&mut self, (x, y): Place, radius: f64, fill: &str) -> &mut Element {
+        self.add("circle", &[("cx", x), ("cy", y), ("r", radius)]).set("fill", fill)
+    }
+
     /// Adds a path that is not filled.
     pub(crate) fn path(&mut self, commands: &str, stroke: &str) -> &mut Element {
         self.add("path", &[]).set("d", commands).set("fill", "none").set("stroke", stroke)

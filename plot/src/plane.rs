@@ -1,0 +1,130 @@
+//! Lines and dots between two linear axes, such as errors against time, or found values against true ones.
+
+use crate::axes::{Axis, Field, widened};
+use crate::svg::{Area, GREY, Place, SMALL, Svg, colour};
+
+const LINES: Area = Area { left: 62.0, top: 66.0, right: 480.0, bottom: 396.0 };
+/// Baseline of the first names, and names in a row.
+const LEGEND: f64 = 48.0;
+const IN_A_ROW: usize = 3;
+const WIDTH: f64 = 1.8;
+const RADIUS: f64 = 1.8;
+
+/// Lines and dots in one field.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// Bold, above the field.
+    pub title: String,
+    /// A line below the title.
+    pub about: String,
+    /// Title of the horizontal axis, with its unit.
+    pub x_title: String,
+    /// Title of the vertical axis, with its unit.
+    pub y_title: String,
+    /// Whether the vertical axis begins at 0.
+    pub from_zero: bool,
+    /// In the order in which they are drawn.
+    pub series: Vec<Series>,
+}
+
+/// One line of a [`Plane`], or its dots.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Text of the legend; none if it is empty.
+    pub name: String,
+    /// Number of its colour, from 0. Six colours repeat.
+    pub colour: usize,
+    /// How the points are drawn.
+    pub style: Style,
+    /// The points. Those that are not finite are left out.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How a [`Series`] is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Style {
+    Line,
+    Dashed,
+    Dots,
+}
+
+impl Plane {
+    /// Draws the panel. Returns its width and height with the space to the next panel.
+    pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        svg.text((0.0, 14.0), &self.title).bold();
+        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        let points = || self.series.iter().flat_map(|series| series.points.iter());
+        let (low, high) = widened(points().map(|point| point.1), 0.1);
+        let field = Field {
+            area: LINES,
+            x: Axis::linear(widened(points().map(|point| point.0), 0.1), (LINES.left, LINES.right)),
+            y: Axis::linear((if self.from_zero { 0.0 } else { low }, high), (LINES.bottom, LINES.top)),
+        };
+        field.draw(svg, &self.x_title, &self.y_title);
+        for series in &self.series {
+            let finite = series.points.iter().filter(|(x, y)| x.is_finite() && y.is_finite());
+            let places = finite.map(|&(x, y)| field.place(x, y));
+            match series.style {
+                Style::Dots => places.for_each(|place| {
+                    svg.circle(place, RADIUS, colour(series.colour)).set("fill-opacity", 0.5);
+                }),
+                style => {
+                    let dashes = if style == Style::Dashed { "6 4" } else { "" };
+                    svg.polyline(places, colour(series.colour)).width(WIDTH).dashes(dashes);
+                }
+            }
+        }
+        let named = self.series.iter().filter(|series| !series.name.is_empty());
+        for (i, series) in named.enumerate() {
+            let x = LINES.left + LINES.width() / IN_A_ROW as f64 * (i % IN_A_ROW) as f64;
+            let y = LEGEND + 12.0 * (i / IN_A_ROW) as f64;
+            let dashes = if series.style == Style::Dashed { "4 2" } else { "" };
+            svg.line((x, y - 4.0), (x + 16.0, y - 4.0), colour(series.colour)).width(2.6).dashes(dashes);
+            svg.text((x + 21.0, y), &series.name).size(SMALL);
+        }
+        (LINES.right + 40.0, LINES.bottom + 50.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use roxmltree::Document;
+
+    use super::{LINES, Plane, Series, Style};
+    use crate::Panel;
+
+    fn page(series: Vec<Series>) -> String {
+        let [title, about, x_title, y_title] = ["a", "b", "x", "y"].map(str::to_owned);
+        crate::page(
+            "",
+            "",
+            &[vec![Panel::Plane(Plane { title, about, x_title, y_title, from_zero: true, series })]],
+        )
+    }
+
+    #[test]
+    fn lines_and_dots_lie_in_the_field_and_points_without_a_value_are_left_out() {
+        let of = |style, points: &[(f64, f64)]| Series {
+            name: "n".to_owned(),
+            colour: 0,
+            style,
+            points: points.to_vec(),
+        };
+        let dots = of(Style::Dots, &[(0.0, 1.0), (1.0, 3.0), (f64::NAN, 1.0)]);
+        let svg = page(vec![of(Style::Dashed, &[(0.0, 1.0), (2.0, 2.0)]), dots]);
+        let document = Document::parse(&svg).expect("it is well-formed XML");
+        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
+        let circles: Vec<_> = document.descendants().filter(|node| node.has_tag_name("circle")).collect();
+        assert_eq!(circles.len(), 2);
+        for circle in circles {
+            let (x, y) = (number(circle.attribute("cx")), number(circle.attribute("cy")));
+            assert!((LINES.left..=LINES.right).contains(&x) && (LINES.top..=LINES.bottom).contains(&y));
+        }
+        let line =
+            document.descendants().find(|node| node.has_tag_name("polyline")).expect("there is a line");
+        assert!(line.attribute("stroke-dasharray").is_some());
+        // Nothing at all is an empty field.
+        assert!(Document::parse(&page(Vec::new())).is_ok());
+    }
+}
