@@ -2,9 +2,10 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `slip` | arguments of the tasks; tables and picture of `slip` |
+//! | `digits`, `slip`, `angle` | arguments of the tasks; tables and pictures of `slip` and `angle` |
 //! | `events` | tables and picture of tasks on recordings of events |
 
+mod angle;
 mod digits;
 mod events;
 mod slip;
@@ -44,9 +45,11 @@ enum TaskArgs {
     Slip(slip::SlipArgs),
     /// Digits in front of a moving event camera (N-MNIST), over time.
     Digits(digits::DigitsArgs),
+    /// Angles of a contact, or other quantities of presses, over time.
+    Angle(angle::AngleArgs),
 }
 
-/// Threads and files of both tasks.
+/// Threads and files of all tasks.
 #[derive(Debug, clap::Args)]
 struct OutputArgs {
     /// Threads that share the recordings [default: the machine's cores].
@@ -59,7 +62,7 @@ struct OutputArgs {
     /// It also contains the figures of each training. On standard output it replaces the text.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     json: Option<PathBuf>,
-    /// Draw accuracies and confusion matrices into this file.
+    /// Draw the figures into this file.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     svg: Option<PathBuf>,
     /// Write the outputs of the networks to this file (safetensors).
@@ -72,6 +75,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
     match &args.task {
         TaskArgs::Slip(args) => slip::eval(args),
         TaskArgs::Digits(args) => digits::eval(args),
+        TaskArgs::Angle(args) => angle::eval(args),
     }
 }
 

@@ -48,12 +48,16 @@ Reads, of T times one stream after the other:
   t_us      I64 (T): times in microseconds, ascending in each stream
   start     I64 (streams + 1): where each stream begins in T, and the end
   position  F32 (T, markers, 2): column and row of each marker in pixels
+  NAME      F32 (T): any label of the streams along time, such as depth
 
 Writes, of E events one stream after the other, as `prepare graphs` reads them, all I64:
   t_us, x, y, on  (E): time, pixel, and 1 where the brightness rose
   cause           (E): 0 signal, 1 leak, 2 shot noise, 3 hot pixel
   start           (streams + 1): where each stream begins in E, and the end
-  Metadata: sensor, JSON [width, height].";
+  Metadata: sensor, JSON [width, height].
+With labels also, for `eval angle`:
+  truth.t_us      I64 (T), truth.start I64 (streams + 1): the times of the tracks
+  truth.NAME      F32 (T): each label, linear between these times.";
 
 /// `meissner simulate markers`.
 #[derive(Debug, clap::Args)]

@@ -60,6 +60,29 @@ pub(crate) struct SlipTask {
     trainings: Option<PathBuf>,
 }
 
+/// Quantities of presses.
+#[derive(Debug, clap::Args)]
+pub(crate) struct PressTask {
+    /// Presses with labels along time (safetensors), such as `simulate markers` writes.
+    #[arg(value_name = "EVENTS")]
+    pub(crate) events: PathBuf,
+    /// Network: the name of a shipped network, or a description file.
+    ///
+    /// A description file needs --weights or --trainings. The option may be given several times.
+    #[arg(long = "network", value_name = "NETWORK", default_value = "tactigraph-past", help_heading = NETWORK)]
+    networks: Vec<String>,
+    /// Weights of the only network [default: those shipped with it].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved.
+    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+    /// Folder of safetensors files, each a training of a network.
+    ///
+    /// `meissner eval angle --help` explains their metadata.
+    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
+    trainings: Option<PathBuf>,
+}
+
 impl DigitsTask {
     pub(crate) fn request(&self) -> Request<'_> {
         let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
@@ -74,5 +97,12 @@ impl DigitsTask {
 impl SlipTask {
     pub(crate) fn request(&self) -> Request<'_> {
         Request { networks: &self.networks, weights: None, trainings: self.trainings.as_deref() }
+    }
+}
+
+impl PressTask {
+    pub(crate) fn request(&self) -> Request<'_> {
+        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
+        Request { networks: &self.networks, weights, trainings }
     }
 }

@@ -105,6 +105,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
 const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("run", "threads", FRAMES),
     ("eval digits", "stride", NETWORK),
+    ("eval angle", "stride", NETWORK),
     ("prepare digits", "folds", OUTPUT),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),

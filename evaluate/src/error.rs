@@ -133,13 +133,13 @@ pub enum StreamsError {
     Format(#[from] SafeTensorError),
     /// A tensor is missing or has another type or shape.
     #[error("tensor {tensor}: expected {expected}, found {found}")]
-    Tensor { tensor: &'static str, expected: String, found: String },
+    Tensor { tensor: String, expected: String, found: String },
     /// The metadata have no size of the sensor.
     #[error("metadata sensor: expected JSON [width, height] of 1 to 65535 pixels, found {0}")]
     Sensor(String),
     /// A bound of a stream or an event is impossible.
     #[error("{list} {index}: expected {expected}, found {found}")]
-    Value { list: &'static str, index: usize, expected: String, found: String },
+    Value { list: String, index: usize, expected: String, found: String },
     /// Tracks of markers do not fit.
     #[error("stream {stream}")]
     Tracks { stream: usize, source: SimulatorError },

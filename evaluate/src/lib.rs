@@ -7,6 +7,7 @@
 //! | [`judged`] | figures of one training and of several |
 //! | [`events`] | labelled recordings of events: accuracy event by event |
 //! | [`digits`] | N-MNIST, a task of [`events`] |
+//! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
@@ -39,9 +40,12 @@ pub mod judged;
 pub mod metrics;
 pub mod pareto;
 pub mod prepare;
+pub mod regression;
 pub mod slip;
+mod streams;
 pub mod trainings;
 mod trials;
+mod truth;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};

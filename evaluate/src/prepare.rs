@@ -5,7 +5,6 @@
 
 mod dome;
 mod filmed;
-mod streams;
 
 pub use dome::dome_presses;
 pub use filmed::{film_images, film_markers};
@@ -28,7 +27,7 @@ use serde_json::{Value, json};
 use crate::error::{EvaluateError, weights_error};
 use crate::events::EventData;
 use crate::slip::{SlipData, Windows};
-use streams::Streams;
+use crate::streams::Streams;
 
 /// Tensors for training.
 pub struct Prepared {

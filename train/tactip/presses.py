@@ -5,9 +5,9 @@ usage: presses.py DATA --part test --out test.safetensors [--meissner PATH] [--s
 DATA has tap_train.npz and tap_test.npz. Each real image becomes a press: every pin moves from rest, along the field that was fitted to
 the training images, to where the image has it. The camera of `meissner simulate markers` sees the pins move.
 
-The result has the events of all presses as `prepare graphs` reads them, and for each press `pose` F32 (presses, 3), depth in mm and two
-tilts in degrees as the robot had them, and `duration_us` I64 (presses): depth rises from 0 to that of the pose from 10 ms on for this
-long, as 3 t^2 - 2 t^3; then the press is held for 20 ms.
+The result has the events of all presses as `prepare graphs` reads them, and along the time of each press `truth.depth` in mm, and
+`truth.tilt_x` and `truth.tilt_y` in degrees, as the robot had them. The tilts are constant. From 10 ms on, depth rises from 0 to that of
+the pose within 100 to 200 ms, as 3 t^2 - 2 t^3; then the press is held for 20 ms.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pins
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import save_file
 
 REST_US, HOLD_US = 10_000, 20_000
 DURATION_US = 100_000, 200_000
@@ -33,17 +33,18 @@ def risen(share):
 
 
 def tracks(field, pose, seen, duration):
-    """Times (press, time) in microseconds and positions (press, time, pin, 2) of presses."""
+    """Of presses: times (press, time) in microseconds, positions (press, time, pin, 2) and depths (press, time)."""
     shares = np.linspace(0, 1, STEPS + 1)
     times = REST_US + np.rint(shares * duration[:, None]).astype(np.int64)
     # Whatever the field misses of a real image grows with the depth. A pin that was not seen ends where the field says.
     residual = np.nan_to_num(seen - field(pose))
-    positions = []
+    positions, depths = [], []
     for rise in risen(shares):
-        shallower = np.column_stack([rise * pose[:, 0], pose[:, 1:]])
-        positions.append(field(shallower) + rise * residual)
+        depths.append(rise * pose[:, 0])
+        positions.append(field(np.column_stack([depths[-1], pose[:, 1:]])) + rise * residual)
     times = np.column_stack([np.zeros_like(duration), times, times[:, -1] + HOLD_US])
-    return times, np.stack([positions[0], *positions, positions[-1]], 1).astype(np.float32)
+    held = [np.stack([values[0], *values, values[-1]], 1).astype(np.float32) for values in (positions, depths)]
+    return times, *held
 
 
 def main():
@@ -65,17 +66,16 @@ def main():
         print(f"test: {100 * np.mean(~np.isnan(seen)):.2f} % of the pins followed")
 
     duration = np.random.default_rng(args.seed).integers(*DURATION_US, len(pose), endpoint=True)
-    times, positions = tracks(field, pose, seen, duration)
+    times, positions, depth = tracks(field, pose, seen, duration)
+    tilts = {name: np.repeat(pose[:, i].astype(np.float32), times.shape[1]) for i, name in ((1, "tilt_x"), (2, "tilt_y"))}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tracks.safetensors"
         start = np.arange(len(pose) + 1) * times.shape[1]
         flat = positions.reshape(-1, *positions.shape[2:])
-        save_file({"t_us": times.ravel(), "start": start, "position": flat}, path)
+        save_file({"t_us": times.ravel(), "start": start, "position": flat, "depth": depth.ravel(), **tilts}, path)
         sensor = f"{pins.SIDE}x{pins.SIDE}"
         command = [args.meissner, "simulate", "markers", path, "--sensor", sensor, "--out", args.out, "--seed", args.seed, *SCENE]
         subprocess.run([str(word) for word in command], check=True)
-    tensors = load_file(args.out) | {"pose": pose.astype(np.float32), "duration_us": duration}
-    save_file(tensors, args.out, {"sensor": f"[{pins.SIDE}, {pins.SIDE}]"})
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ pub(super) struct DigitsArgs {
 }
 
 /// Reads the time between two predictions.
-fn every_us(text: &str) -> Result<i64, String> {
+pub(super) fn every_us(text: &str) -> Result<i64, String> {
     let us = text::span_us(text)?;
     let fits = (100..=10_000_000).contains(&us);
     if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }

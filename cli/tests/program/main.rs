@@ -8,6 +8,7 @@ mod broken_input;
 mod digits_data;
 mod draw;
 mod equality;
+mod eval_angle;
 mod eval_digits;
 mod eval_digits_trainings;
 mod eval_slip;

@@ -49,6 +49,34 @@ fn markers_become_streams_of_events_that_prepare_graphs_reads() {
 }
 
 #[test]
+fn labels_along_time_travel_with_the_events() {
+    let mut tracks = TensorFile::new([].into());
+    tracks.i64("t_us", &[4], &[0, 50_000, 100, 60_100]);
+    tracks.i64("start", &[3], &[0, 2, 4]);
+    tracks.f32("position", &[4, 1, 2], &[10.0, 8.0, 10.0, 8.0, 6.0, 8.0, 14.0, 8.0]);
+    tracks.f32("depth", &[4], &[0.0, 0.0, 0.0, 2.5]);
+    // It has another shape: it is not a label along time.
+    tracks.f32("pose", &[2], &[7.0; 2]);
+    let (folder, tracks) = file("tracks.safetensors", tracks.into_bytes());
+    let out = folder.path().join("events.safetensors");
+    assert!(simulate(&tracks, &out, &["--ideal"]).status.success());
+    let bytes = std::fs::read(&out).expect("it was written");
+    assert_eq!(integers(&bytes, "truth.t_us"), [0, 50_000, 100, 60_100]);
+    assert_eq!(integers(&bytes, "truth.start"), [0, 2, 4]);
+    let written = SafeTensors::deserialize(&bytes).expect("a valid file");
+    let depth = written.tensor("truth.depth").expect("it is there");
+    assert_eq!(depth.data(), [0.0_f32, 0.0, 0.0, 2.5].map(f32::to_le_bytes).concat());
+    assert!(written.tensor("truth.pose").is_err());
+    let mut wrong = TensorFile::new([].into());
+    wrong.i64("t_us", &[2], &[0, 5]);
+    wrong.i64("start", &[2], &[0, 2]);
+    wrong.f32("position", &[2, 1, 2], &[0.0; 4]);
+    wrong.f32("depth", &[2], &[0.0, f32::NAN]);
+    std::fs::write(&tracks, wrong.into_bytes()).expect("it can be written");
+    fails(&simulate(&tracks, &out, &[]), 1, &["depth 1: expected a finite number, found NaN"]);
+}
+
+#[test]
 fn equal_seeds_give_equal_bytes_and_other_seeds_other_noise() {
     let (folder, tracks) = file("tracks.safetensors", tracks());
     let out = folder.path().join("events.safetensors");

@@ -1,7 +1,7 @@
 //! Marker tracks and images, filmed by the camera model.
 //!
-//! Enters: a safetensors file with times and positions of markers for each stream, or a sequence of images. Leaves: events
-//! with their causes.
+//! Enters: a safetensors file with times and positions of markers for each stream, and labels where it has them, or a sequence
+//! of images. Leaves: events with their causes, and the labels.
 
 use std::path::Path;
 
@@ -16,9 +16,10 @@ use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde_json::json;
 
-use super::streams::{bounds, integers};
 use super::{Prepared, add_streams, metadata};
 use crate::error::{EvaluateError, StreamsError};
+use crate::streams::{bounds, integers};
+use crate::truth::Truth;
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
 ///
@@ -29,9 +30,11 @@ use crate::error::{EvaluateError, StreamsError};
 /// | `t_us` | I64 (times) | times of all streams, ascending in each |
 /// | `start` | I64 (streams + 1) | the first time of each stream, and the number of times |
 /// | `position` | F32 (times, markers, 2) | column and row of each marker in pixels |
+/// | any other | F32 (times) | a label of the streams along time |
 ///
 /// The result has `t_us`, `x`, `y`, `on`, `start` as [`super::graphs`] reads them, and `cause` (0 signal, 1 leak, 2 shot noise,
-/// 3 hot pixel), all I64. The threads of `pool` share the streams.
+/// 3 hot pixel), all I64. With labels it also has `truth.start` I64 (streams + 1), `truth.t_us` I64 (times), and a label NAME
+/// as `truth.NAME` F32 (times), linear between the times. The threads of `pool` share the streams.
 ///
 /// # Errors
 /// The file cannot be read, its tensors do not fit, or the simulator refuses settings or tracks.
@@ -44,7 +47,8 @@ pub fn film_markers(
     pool: &ThreadPool,
 ) -> Result<Prepared, EvaluateError> {
     let bytes = std::fs::read(tracks).map_err(|source| PipelineError::file("open", tracks, source))?;
-    let tracks = read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
+    let (tracks, truth) =
+        read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
     let film = |(i, tracks): (usize, MarkerTracks)| -> Result<Vec<SimulatedEvent>, SimulatorError> {
         let mut camera = Camera::new(sensor, settings, seed.wrapping_add(i as u64))?;
         let mut events = Vec::new();
@@ -58,6 +62,9 @@ pub fn film_markers(
     add_streams(&mut file, streams.iter().map(|stream| stream.iter().map(|simulated| &simulated.event)));
     let cause: Vec<i64> = streams.iter().flatten().map(|simulated| simulated.cause as i64).collect();
     file.i64("cause", &[cause.len()], &cause);
+    if let Some(truth) = truth {
+        truth.write(&mut file);
+    }
     let count = grouped(cause.len() as u64);
     let streams = grouped(streams.len() as u64);
     Ok(Prepared { file, contents: format!("{count} events of {streams} streams") })
@@ -103,12 +110,13 @@ pub fn film_images(
     Ok((camera.sensor(), events))
 }
 
-fn read(bytes: &[u8]) -> Result<Vec<MarkerTracks>, StreamsError> {
+/// The tracks of each stream, and their labels.
+fn read(bytes: &[u8]) -> Result<(Vec<MarkerTracks>, Option<Truth>), StreamsError> {
     let file = SafeTensors::deserialize(bytes)?;
     let t_us = integers(&file, "t_us", None)?;
     let start = bounds(&integers(&file, "start", None)?, t_us.len())?;
     let wrong = |found: String| StreamsError::Tensor {
-        tensor: "position",
+        tensor: "position".to_owned(),
         expected: format!("F32 ({}, markers, 2)", t_us.len()),
         found,
     };
@@ -125,5 +133,6 @@ fn read(bytes: &[u8]) -> Result<Vec<MarkerTracks>, StreamsError> {
         MarkerTracks::new(t_us[times].to_vec(), markers, positions[places].to_vec())
             .map_err(|source| StreamsError::Tracks { stream, source })
     };
-    start.windows(2).enumerate().map(tracks).collect()
+    let tracks = start.windows(2).enumerate().map(tracks).collect::<Result<_, _>>()?;
+    Ok((tracks, Truth::of_tracks(&file, start, t_us)?))
 }

@@ -1,7 +1,8 @@
 //! Streams of events from a safetensors file.
 //!
 //! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that do not descend within a
-//! stream. A file that breaks this is refused with the index of the first value that does.
+//! stream, and the truth about each stream along time where the file has it. A file that breaks this is refused with the
+//! index of the first value that does.
 
 use std::path::Path;
 
@@ -10,18 +11,21 @@ use meissner_pipeline::PipelineError;
 use safetensors::tensor::{Dtype, SafeTensors};
 
 use crate::error::{EvaluateError, StreamsError};
+use crate::truth::Truth;
 
 /// Events, stream after stream.
-pub(super) struct Streams {
-    pub(super) sensor: Sensor,
+pub(crate) struct Streams {
+    pub(crate) sensor: Sensor,
     events: Vec<Event>,
     /// Index of the first event of each stream, and the number of events.
     start: Vec<usize>,
+    /// Labels along time; `None` where the file has none.
+    pub(crate) truth: Option<Truth>,
 }
 
 impl Streams {
     /// The streams in the file at `path`.
-    pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
         let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
         Self::from_bytes(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
@@ -49,7 +53,8 @@ impl Streams {
         }
         let start = integers(&file, "start", None)?;
         let start = bounds(&start, events.len())?;
-        let streams = Self { sensor, events, start };
+        let truth = Truth::of_events(&file, start.len().saturating_sub(1))?;
+        let streams = Self { sensor, events, start, truth };
         streams.check_times()?;
         Ok(streams)
     }
@@ -69,22 +74,23 @@ impl Streams {
     }
 
     /// The events of each stream.
-    pub(super) fn parts(&self) -> Vec<&[Event]> {
+    pub(crate) fn parts(&self) -> Vec<&[Event]> {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 
     /// Where each stream ends.
-    pub(super) fn ends(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn ends(&self) -> impl Iterator<Item = usize> {
         self.start.iter().skip(1).copied()
     }
 }
 
-fn value(list: &'static str, index: usize, expected: String, found: String) -> StreamsError {
-    StreamsError::Value { list, index, expected, found }
+/// A value of `list` that is not as `expected`.
+pub(crate) fn value(list: &str, index: usize, expected: String, found: String) -> StreamsError {
+    StreamsError::Value { list: list.to_owned(), index, expected, found }
 }
 
-/// Bounds of streams among `count` events.
-pub(super) fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
+/// Bounds of streams among `count` events or times.
+pub(crate) fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
     let mut bounds = Vec::with_capacity(start.len());
     let mut least = 0;
     for (i, &at) in start.iter().enumerate() {
@@ -102,16 +108,16 @@ pub(super) fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsE
 }
 
 /// The values of a vector of I64, `count` of them where that is known.
-pub(super) fn integers(
+pub(crate) fn integers(
     file: &SafeTensors<'_>,
-    name: &'static str,
+    name: &str,
     count: Option<usize>,
 ) -> Result<Vec<i64>, StreamsError> {
     let expected = || match count {
         Some(count) => format!("I64 ({count})"),
         None => "I64 (any number)".to_owned(),
     };
-    let wrong = |found: String| StreamsError::Tensor { tensor: name, expected: expected(), found };
+    let wrong = |found: String| StreamsError::Tensor { tensor: name.to_owned(), expected: expected(), found };
     let view = file.tensor(name).map_err(|_| wrong("nothing".to_owned()))?;
     let fits = view.shape().len() == 1 && count.is_none_or(|count| view.shape() == [count]);
     if view.dtype() != Dtype::I64 || !fits {

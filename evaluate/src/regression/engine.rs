@@ -1,0 +1,152 @@
+//! Networks that read events, behind the same calls: event graphs, and frame networks over a sliding window.
+//!
+//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that they took.
+
+use std::sync::Arc;
+
+use meissner_engine::frames::{Convolution, FrameEngine, FrameShape};
+use meissner_engine::representations::SlidingSigned;
+use meissner_engine::{EngineError, Event, Options, Sensor};
+use meissner_models::description::Per;
+use meissner_models::description::frames::SignedTiming;
+use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::model::{LayerCost, Model, frame_network};
+use meissner_pipeline::predictor::{EventPredictor, Mode};
+
+use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::trainings::Training;
+
+/// A network that reads events, with its engine.
+#[derive(Clone)]
+pub(super) enum PressEngine {
+    Graph { predictor: Box<EventPredictor>, costs: Arc<GraphCosts> },
+    Frames { window: Box<SlidingSigned>, engine: Box<FrameEngine>, costs: Arc<Vec<LayerCost>> },
+}
+
+/// Multiply-adds of a network over events.
+pub(super) struct GraphCosts {
+    /// Of a row of each layer.
+    row: Vec<u64>,
+    /// Of a prediction: dense layers, and the layers of a head.
+    prediction: u64,
+}
+
+/// Counts of work.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Count {
+    /// Rows of event graphs; 0 for frames.
+    pub(super) rows: u64,
+    pub(super) multiply_adds: u64,
+}
+
+impl PressEngine {
+    /// The network of `description` with the weights of `training`, for events of `sensor`.
+    pub(super) fn new(
+        description: &AnyDescription,
+        training: &Training,
+        sensor: Sensor,
+        mode: Mode,
+    ) -> Result<Self, EvaluateError> {
+        match description {
+            AnyDescription::Events(description) => Self::graph(description, training, sensor, mode),
+            AnyDescription::Frames(description) => Self::frames(description, training, sensor),
+        }
+    }
+
+    fn graph(
+        description: &Description,
+        training: &Training,
+        sensor: Sensor,
+        mode: Mode,
+    ) -> Result<Self, EvaluateError> {
+        let model = Model::of(description, (&training.weights, training.label.clone()), false)?;
+        let dense = description.layers().iter().filter(|layer| layer.cost.per == Per::Prediction);
+        let dense: usize = dense.map(|layer| layer.cost.multiply_adds).sum();
+        let head: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
+        let costs = GraphCosts { row: model.multiply_adds, prediction: (dense + head) as u64 };
+        let exact = Approximations::default();
+        let predictor =
+            EventPredictor::new(mode, Arc::new(model.network), sensor, &exact, Options::default());
+        let predictor =
+            predictor.map_err(|source| weights_error(&training.label)(ModelError::Engine(source)))?;
+        Ok(Self::Graph { predictor: Box::new(predictor), costs: Arc::new(costs) })
+    }
+
+    fn frames(
+        description: &FrameDescription,
+        training: &Training,
+        sensor: Sensor,
+    ) -> Result<Self, EvaluateError> {
+        let (
+            &FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, place, rule },
+            FrameShape::Image { height, width, .. },
+        ) = (description.source(), description.input())
+        else {
+            let expected = "networks over events, or over signed frames of a sliding window";
+            let found = format!("{}, which reads other frames", description.name());
+            return Err(EvaluateError::request(RequestPart::Networks, expected, found));
+        };
+        let weights = (&training.weights, training.label.clone());
+        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
+        // The sides in a description are at most 4096.
+        let crop = place.crop(width as u16, height as u16, sensor);
+        let window = SlidingSigned::new(sensor, crop, rule, span_us, SlidingSigned::DEFAULT_CAPACITY);
+        let network_name = description.name().to_owned();
+        let window = window.map_err(|source| PipelineError::Frames { network: network_name, source })?;
+        let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
+        Ok(Self::Frames { window: Box::new(window), engine: Box::new(FrameEngine::new(network)?), costs })
+    }
+
+    pub(super) fn reset(&mut self) {
+        match self {
+            Self::Graph { predictor, .. } => predictor.reset(),
+            Self::Frames { window, engine, .. } => {
+                window.reset();
+                engine.reset();
+            }
+        }
+    }
+
+    pub(super) fn push(&mut self, event: Event) {
+        match self {
+            Self::Graph { predictor, .. } => drop(predictor.push(event)),
+            Self::Frames { window, .. } => drop(window.push(event)),
+        }
+    }
+
+    /// Writes the prediction at `t_us` to `values`.
+    pub(super) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<(), EngineError> {
+        values.clear();
+        match self {
+            Self::Graph { predictor, .. } => {
+                predictor.advance(t_us);
+                values.extend_from_slice(predictor.predict()?.values);
+            }
+            Self::Frames { window, engine, .. } => {
+                window.advance(t_us);
+                engine.push(window.frame().values)?;
+                values.extend_from_slice(engine.predict()?.values);
+            }
+        }
+        Ok(())
+    }
+
+    /// Counts since the engine was made.
+    pub(super) fn count(&self) -> Count {
+        match self {
+            Self::Graph { predictor, costs } => {
+                let counters = predictor.counters();
+                let rows = || counters.layers.iter().map(|layer| layer.recomputed);
+                let products: u64 = rows().zip(&costs.row).map(|(rows, cost)| rows * cost).sum();
+                let predictions = counters.predictions.read - counters.predictions.reused;
+                Count { rows: rows().sum(), multiply_adds: products + predictions * costs.prediction }
+            }
+            Self::Frames { engine, costs, .. } => {
+                let layers = costs.iter().zip(&engine.counters().layers);
+                Count { rows: 0, multiply_adds: layers.map(|(cost, layer)| cost.of(layer)).sum() }
+            }
+        }
+    }
+}

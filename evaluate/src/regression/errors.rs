@@ -1,0 +1,187 @@
+//! Errors of quantities at the end of presses and over time.
+
+use std::time::Duration;
+
+use meissner_pipeline::latency::Latency;
+use serde::Serialize;
+
+use super::Quantity;
+use super::press::Outcome;
+use crate::judged::Figures;
+use crate::metrics::MeanStd;
+
+/// Figures of a network on presses; `T` is a number for one training and [`MeanStd`] for several.
+#[derive(Serialize)]
+pub struct Errors<T = f64> {
+    /// Number of presses.
+    pub presses: u64,
+    /// Each output.
+    pub outputs: Vec<OutputErrors<T>>,
+    /// All angles together, where there are several.
+    pub angles: Option<OutputErrors<T>>,
+    /// Median share of the press from which on all angles stay within 1 degree, over all trainings; `None` where half or more
+    /// never settle.
+    pub settled_share: Option<f64>,
+    /// Events and work of all trainings together.
+    pub work: Work,
+    /// Share of each press from which on its angles stay within 1 degree.
+    #[serde(skip)]
+    settled: Vec<Option<f64>>,
+}
+
+/// Errors of an output, or of several with the same unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OutputErrors<T = f64> {
+    /// Name of the output.
+    pub name: String,
+    /// Unit of the errors.
+    pub unit: String,
+    /// Mean absolute error at the end of a press.
+    pub mean_absolute: T,
+    /// Standard deviation of that absolute error over the presses; 0 for a single press.
+    pub std: T,
+    /// Mean absolute error of the newest prediction that a reader has, at each millisecond since contact; `None` where no
+    /// prediction came in time.
+    pub newest: Option<T>,
+    /// Mean absolute error at each time since contact. After the end of a press, its last error stands.
+    pub mean_absolute_at: Vec<T>,
+}
+
+/// Events and work of presses.
+#[derive(Debug, Default, Serialize)]
+pub struct Work {
+    /// Presses, once for each training.
+    pub presses: u64,
+    /// Pushed events.
+    pub events: u64,
+    /// Predictions that were read.
+    pub predictions: u64,
+    /// Rows of the event graph; 0 for networks over frames.
+    pub rows: u64,
+    /// Multiply-adds of rows, dense layers and frames.
+    pub multiply_adds: u64,
+    /// Time for a prediction with the events since the one before it, as measured.
+    pub update_us: Latency,
+}
+
+impl Errors {
+    /// The figures of presses with these `outcomes`, over `times` times since contact; `None` for no presses.
+    pub(super) fn new(quantities: &[Quantity], outcomes: &[Outcome], times: usize) -> Option<Self> {
+        let each = |i: usize| OutputErrors::of(&quantities[i], &[i], outcomes, times);
+        let outputs = (0..quantities.len()).map(each).collect::<Option<Vec<_>>>()?;
+        let angles: Vec<usize> = (0..quantities.len()).filter(|&i| quantities[i].is_angle()).collect();
+        let together = angles.first().filter(|_| angles.len() > 1).and_then(|&first| {
+            let quantity = Quantity { name: "all angles".to_owned(), ..quantities[first].clone() };
+            OutputErrors::of(&quantity, &angles, outcomes, times)
+        });
+        let settled: Vec<Option<f64>> = outcomes.iter().map(|outcome| outcome.settled).collect();
+        let mut work = Work::default();
+        outcomes.iter().for_each(|outcome| work.add_press(outcome));
+        Some(Self {
+            presses: outcomes.len() as u64,
+            outputs,
+            angles: together,
+            settled_share: lower_median(settled.clone()),
+            work,
+            settled,
+        })
+    }
+}
+
+impl OutputErrors {
+    /// The errors of the outputs `chosen` together.
+    fn of(quantity: &Quantity, chosen: &[usize], outcomes: &[Outcome], times: usize) -> Option<Self> {
+        let at = |time: usize| {
+            let errors = outcomes.iter().flat_map(|outcome| {
+                let errors = &outcome.errors_at[time.min(outcome.errors_at.len() - 1)];
+                chosen.iter().map(|&i| errors[i])
+            });
+            MeanStd::of(&errors.collect::<Vec<_>>())
+        };
+        let end = at(usize::MAX)?;
+        let newest = outcomes.iter().filter_map(|outcome| outcome.newest.as_ref());
+        let newest: Vec<f64> = newest.flat_map(|errors| chosen.iter().map(|&i| errors[i])).collect();
+        Some(Self {
+            name: quantity.name.clone(),
+            unit: quantity.unit.clone(),
+            mean_absolute: end.mean,
+            std: end.std.unwrap_or(0.0),
+            newest: MeanStd::of(&newest).map(|newest| newest.mean),
+            mean_absolute_at: (0..times).map(|time| at(time).map(|at| at.mean)).collect::<Option<_>>()?,
+        })
+    }
+
+    /// Mean and deviation over trainings.
+    fn mean(each: &[&Self]) -> Option<OutputErrors<MeanStd>> {
+        let first = each.first()?;
+        let newest: Vec<f64> = each.iter().filter_map(|one| one.newest).collect();
+        let times = 0..first.mean_absolute_at.len();
+        Some(OutputErrors {
+            name: first.name.clone(),
+            unit: first.unit.clone(),
+            mean_absolute: MeanStd::over(each, |one| one.mean_absolute)?,
+            std: MeanStd::over(each, |one| one.std)?,
+            newest: MeanStd::of(&newest),
+            mean_absolute_at: times
+                .map(|time| MeanStd::over(each, |one| one.mean_absolute_at[time]))
+                .collect::<Option<_>>()?,
+        })
+    }
+}
+
+impl Figures for Errors {
+    type Mean = Errors<MeanStd>;
+
+    fn mean(each: &[&Self]) -> Option<Errors<MeanStd>> {
+        let first = each.first()?;
+        let output =
+            |i: usize| OutputErrors::mean(&each.iter().map(|one| &one.outputs[i]).collect::<Vec<_>>());
+        let angles: Vec<&OutputErrors> = each.iter().filter_map(|one| one.angles.as_ref()).collect();
+        let settled: Vec<Option<f64>> = each.iter().flat_map(|one| one.settled.iter().copied()).collect();
+        let mut work = Work::default();
+        each.iter().for_each(|one| work.add(&one.work));
+        Some(Errors {
+            presses: first.presses,
+            outputs: (0..first.outputs.len()).map(output).collect::<Option<_>>()?,
+            angles: OutputErrors::mean(&angles),
+            settled_share: lower_median(settled.clone()),
+            work,
+            settled,
+        })
+    }
+}
+
+impl Work {
+    fn add_press(&mut self, outcome: &Outcome) {
+        self.presses += 1;
+        self.events += outcome.events;
+        self.predictions += outcome.update_ns.len() as u64;
+        self.rows += outcome.count.rows;
+        self.multiply_adds += outcome.count.multiply_adds;
+        outcome.update_ns.iter().for_each(|&ns| self.update_us.record(Duration::from_nanos(ns)));
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.presses += other.presses;
+        self.events += other.events;
+        self.predictions += other.predictions;
+        self.rows += other.rows;
+        self.multiply_adds += other.multiply_adds;
+        self.update_us.add(&other.update_us);
+    }
+}
+
+/// True and predicted values at the end of each press, for each output, in the units of the report.
+pub(super) fn scatter(outcomes: &[Outcome], quantities: &[Quantity]) -> Vec<Vec<(f64, f64)>> {
+    let point =
+        |outcome: &Outcome, i: usize, scale: f64| (outcome.truth[i], f64::from(outcome.values[i]) * scale);
+    let each = quantities.iter().enumerate();
+    each.map(|(i, quantity)| outcomes.iter().map(|outcome| point(outcome, i, quantity.scale)).collect())
+        .collect()
+}
+
+/// The lower median of `shares`, where `None` is larger than all shares.
+fn lower_median(mut shares: Vec<Option<f64>>) -> Option<f64> {
+    shares.sort_unstable_by(|a, b| a.unwrap_or(f64::INFINITY).total_cmp(&b.unwrap_or(f64::INFINITY)));
+    shares.get(shares.len().checked_sub(1)? / 2).copied().flatten()
+}

@@ -1,0 +1,251 @@
+//! Presses: streams of events with the truth along time, and a network on each.
+
+use std::path::Path;
+use std::time::Instant;
+
+use meissner_engine::Event;
+
+use super::Quantity;
+use super::engine::{Count, PressEngine};
+use crate::error::{EvaluateError, RequestPart, StreamsError};
+use crate::streams::Streams;
+use crate::truth::Truth;
+
+/// The label whose rise is the contact.
+const DEPTH: &str = "depth";
+/// From one millisecond to the next.
+const MILLISECOND_US: i64 = 1_000;
+/// An angle that stays within this many degrees of the truth has settled.
+const SETTLED_DEG: f64 = 1.0;
+
+/// The presses of a file.
+pub(super) struct Presses {
+    pub(super) streams: Streams,
+    truth: Truth,
+}
+
+/// What a network said about a press, in the units of the report.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Outcome {
+    /// The values at the end, as the network gives them.
+    pub(super) values: Vec<f32>,
+    /// The truth at the end.
+    pub(super) truth: Vec<f64>,
+    /// Absolute errors of each output at every time since contact, and at the end.
+    pub(super) errors_at: Vec<Vec<f64>>,
+    /// The mean of each output's absolute error of the newest prediction that a reader has, over the milliseconds since
+    /// contact; `None` where no prediction came in time.
+    pub(super) newest: Option<Vec<f64>>,
+    /// The share of the press from which on all angles stay within [`SETTLED_DEG`]; `None` if they do not.
+    pub(super) settled: Option<f64>,
+    /// Number of pushed events.
+    pub(super) events: u64,
+    pub(super) count: Count,
+    /// Time for each prediction, with the events since the one before it, in nanoseconds.
+    pub(super) update_ns: Vec<u64>,
+}
+
+impl Presses {
+    /// The presses in the file at `path`.
+    pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
+        let mut streams = Streams::read(path)?;
+        let truth = streams.truth.take().ok_or_else(|| EvaluateError::Streams {
+            path: path.to_owned(),
+            source: StreamsError::Tensor {
+                tensor: "truth.t_us".to_owned(),
+                expected: "labels along time, as `simulate markers` copies them from tracks".to_owned(),
+                found: "nothing".to_owned(),
+            },
+        })?;
+        Ok(Self { streams, truth })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.streams.parts().len()
+    }
+
+    /// The names of the labels.
+    pub(super) fn labels(&self) -> Vec<String> {
+        self.truth.names().map(str::to_owned).collect()
+    }
+
+    /// `Ok` where there is a label for each output of `network`.
+    pub(super) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<(), EvaluateError> {
+        match quantities.iter().find(|quantity| !self.truth.names().any(|name| name == quantity.name)) {
+            None => Ok(()),
+            Some(Quantity { name, .. }) => {
+                let expected =
+                    format!("networks that predict labels of the file: {}", self.labels().join(", "));
+                let found = format!("{network}, which predicts {name}");
+                Err(EvaluateError::request(RequestPart::Networks, expected, found))
+            }
+        }
+    }
+
+    /// Contact and end of `press`.
+    fn span_us(&self, press: usize) -> [i64; 2] {
+        let [start, end] = self.truth.span_us(press);
+        [self.truth.rises_us(DEPTH, press).unwrap_or(start), end]
+    }
+
+    /// Multiples of `every_us` from contact on, from 0 to the first at or after the end of every press.
+    pub(super) fn times(&self, every_us: i64) -> Vec<i64> {
+        let length = |press| {
+            let [contact, end] = self.span_us(press);
+            end - contact
+        };
+        let longest = (0..self.len()).map(length).max().unwrap_or(0);
+        (0..=(longest + every_us - 1) / every_us).map(|i| i * every_us).collect()
+    }
+
+    /// Lets `engine` predict during `press`, from every `stride`-th event.
+    pub(super) fn judge(
+        &self,
+        engine: &mut PressEngine,
+        press: usize,
+        quantities: &[Quantity],
+        stride: usize,
+        every_us: i64,
+    ) -> Result<Outcome, EvaluateError> {
+        let [contact, end] = self.span_us(press);
+        let start = self.truth.span_us(press)[0];
+        let truth_at = |t_us: i64| -> Vec<f64> {
+            let value = |quantity: &Quantity| {
+                self.truth.at(&quantity.name, press, t_us).unwrap_or(f64::NAN) * quantity.scale
+            };
+            quantities.iter().map(value).collect()
+        };
+        engine.reset();
+        let before = engine.count();
+        let part = self.streams.parts()[press];
+        let mut events = part.iter().step_by(stride).copied().peekable();
+        let (mut values, mut pushed) = (Vec::new(), 0);
+        let mut found: Vec<Found> = Vec::new();
+        let mut update_ns = Vec::new();
+        let mut free_us = f64::MIN;
+        for t_us in due(start, contact, end, every_us) {
+            let clock = Instant::now();
+            // An event at the due time belongs to its window.
+            while let Some(event) = events.next_if(|event: &Event| event.t_us <= t_us) {
+                engine.push(event);
+                pushed += 1;
+            }
+            engine.predict(t_us, &mut values)?;
+            let spent = clock.elapsed().as_nanos();
+            update_ns.push(spent as u64);
+            // The worker starts when the prediction is due, or when it has finished the one before.
+            free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
+            let shown =
+                values.iter().zip(quantities).map(|(&value, quantity)| f64::from(value) * quantity.scale);
+            found.push(Found { t_us, available_us: free_us, values: shown.collect() });
+        }
+        let since_contact = found.iter().filter(|found| found.t_us >= contact);
+        let errors_at: Vec<Vec<f64>> =
+            since_contact.map(|found| found.errors(&truth_at(found.t_us))).collect();
+        let after = engine.count();
+        Ok(Outcome {
+            truth: truth_at(end),
+            newest: newest(&found, contact, end, truth_at),
+            settled: settled(&errors_at, quantities).map(|tick| {
+                let t_us = if tick + 1 == errors_at.len() { end } else { contact + tick as i64 * every_us };
+                if end > contact { (t_us - contact) as f64 / (end - contact) as f64 } else { 0.0 }
+            }),
+            values,
+            errors_at,
+            events: pushed,
+            count: Count {
+                rows: after.rows - before.rows,
+                multiply_adds: after.multiply_adds - before.multiply_adds,
+            },
+            update_ns,
+        })
+    }
+}
+
+/// A prediction.
+struct Found {
+    t_us: i64,
+    /// When a reader has it.
+    available_us: f64,
+    values: Vec<f64>,
+}
+
+impl Found {
+    fn errors(&self, truth: &[f64]) -> Vec<f64> {
+        self.values.iter().zip(truth).map(|(value, truth)| (value - truth).abs()).collect()
+    }
+}
+
+/// The times of predictions: every `every_us` before and after `contact` from `start` on, below `end`, and `end`.
+fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item = i64> {
+    let before = (contact - start) / every_us;
+    let ticks = (-before..).map(move |tick| contact + tick * every_us);
+    ticks.take_while(move |&t_us| t_us < end).chain([end])
+}
+
+/// The mean errors of the newest prediction that a reader has at every millisecond from `contact` to `end`.
+fn newest(found: &[Found], contact: i64, end: i64, truth_at: impl Fn(i64) -> Vec<f64>) -> Option<Vec<f64>> {
+    let (mut sums, mut count) = (Vec::new(), 0_u32);
+    let mut next = 0;
+    for t_us in (contact..=end).step_by(MILLISECOND_US as usize) {
+        while found.get(next).is_some_and(|found| found.available_us <= t_us as f64) {
+            next += 1;
+        }
+        let Some(held) = next.checked_sub(1).map(|held| &found[held]) else { continue };
+        let errors = held.errors(&truth_at(t_us));
+        sums.resize(errors.len(), 0.0);
+        sums.iter_mut().zip(errors).for_each(|(sum, error): (&mut f64, f64)| *sum += error);
+        count += 1;
+    }
+    (count > 0).then(|| sums.into_iter().map(|sum| sum / f64::from(count)).collect())
+}
+
+/// The first time from which on the errors of all angles are small; `None` without angles.
+fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
+    let small = |errors: &Vec<f64>| {
+        let angles = errors.iter().zip(quantities).filter(|(_, quantity)| quantity.is_angle());
+        angles.map(|(error, _)| *error).all(|error| error <= SETTLED_DEG)
+    };
+    let first = errors_at.iter().rposition(|errors| !small(errors)).map_or(0, |last| last + 1);
+    (first < errors_at.len() && quantities.iter().any(Quantity::is_angle)).then_some(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Found, due, newest, settled};
+    use crate::regression::Quantity;
+
+    #[test]
+    fn predictions_are_due_around_contact_and_at_the_end_once() {
+        let times = |start, contact, end| due(start, contact, end, 10).collect::<Vec<_>>();
+        assert_eq!(times(-25, 0, 25), [-20, -10, 0, 10, 20, 25]);
+        assert_eq!(times(5, 5, 25), [5, 15, 25]);
+        assert_eq!(times(5, 5, 5), [5]);
+    }
+
+    #[test]
+    fn a_reader_has_a_prediction_only_after_its_latency() {
+        let found = |t_us: i64, available_us: f64, value| Found { t_us, available_us, values: vec![value] };
+        let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
+        // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
+        let errors = newest(&predictions, 0, 4_000, |_| vec![0.0]).expect("one came in time");
+        assert_eq!(errors, [4.0 * 4.0 / 4.0]);
+        assert!(newest(&predictions, 0, 500, |_| vec![0.0]).is_none());
+    }
+
+    #[test]
+    fn an_angle_has_settled_after_its_last_large_error() {
+        let quantity = |unit: &str| Quantity { name: "a".to_owned(), unit: unit.to_owned(), scale: 1.0 };
+        let (angle, depth) = (quantity("deg"), quantity("mm"));
+        let at = |errors: &[f64], quantity: &Quantity| {
+            let errors: Vec<_> = errors.iter().map(|&error| vec![error]).collect();
+            settled(&errors, std::slice::from_ref(quantity))
+        };
+        assert_eq!(at(&[0.5, 2.0, 1.0, 0.1], &angle), Some(2));
+        assert_eq!(
+            [at(&[0.5, 0.9], &angle), at(&[0.1, 1.1], &angle), at(&[], &angle)],
+            [Some(0), None, None]
+        );
+        assert_eq!(at(&[0.1], &depth), None);
+    }
+}

@@ -1,0 +1,154 @@
+use std::path::Path;
+
+use meissner_engine::{Engine, Event, Sensor};
+use meissner_models::{Description, TensorFile, Weights};
+use meissner_pipeline::predictor::Mode;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::{Options, Report, evaluate};
+use crate::trainings::{Evaluation, Request};
+
+const SENSOR: Sensor = Sensor { width: 346, height: 260 };
+
+/// Two presses: contact at 10 ms, end at 40 and at 60 ms; events that wander over the sensor.
+fn streams() -> [Vec<Event>; 2] {
+    let stream = |seed: u16, count: i64| {
+        let event = |i: i64| {
+            let (x, y) = (97 * i as u16 + 13 * seed, 61 * i as u16 + 7 * seed);
+            Event::new(500 * i + i64::from(seed), x % SENSOR.width, y % SENSOR.height, i % 3 == 0)
+        };
+        (0..count).map(event).collect()
+    };
+    [stream(1, 70), stream(2, 100)]
+}
+
+fn file(labels: &[&str]) -> Vec<u8> {
+    let mut file = TensorFile::new([("sensor".to_owned(), "[346, 260]".to_owned())].into());
+    let events = streams().concat();
+    let mut add = |name, value: fn(&Event) -> i64| {
+        file.i64(name, &[events.len()], &events.iter().map(value).collect::<Vec<_>>());
+    };
+    add("t_us", |event| event.t_us);
+    add("x", |event| event.x.into());
+    add("y", |event| event.y.into());
+    add("on", |event| event.on.into());
+    file.i64("start", &[3], &[0, 70, 170]);
+    file.i64("truth.start", &[3], &[0, 3, 6]);
+    file.i64("truth.t_us", &[6], &[0, 10_000, 40_000, 0, 10_000, 60_000]);
+    for &name in labels {
+        let values = if name == "depth" {
+            [0.0, 0.0, 5.0, 0.0, 0.0, 9.0]
+        } else {
+            [0.1, 0.1, 0.1, -0.05, -0.05, -0.05]
+        };
+        file.f32(&format!("truth.{name}"), &[6], &values);
+    }
+    file.into_bytes()
+}
+
+fn pool(threads: usize) -> ThreadPool {
+    ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+}
+
+fn judged(path: &Path, network: &str, (mode, threads): (Mode, usize)) -> Evaluation<Report> {
+    let networks = [network.to_owned()];
+    let request = Request { networks: &networks, ..Request::default() };
+    let options = Options { request, stride: Some(1), every_us: 10_000, mode };
+    evaluate(path, &options, &pool(threads), |_, _| {}).expect("it is judged")
+}
+
+fn written(labels: &[&str]) -> tempfile::TempPath {
+    let file_of =
+        tempfile::NamedTempFile::new().expect("there is a place for temporary files").into_temp_path();
+    std::fs::write(&file_of, file(labels)).expect("it can be written");
+    file_of
+}
+
+#[test]
+fn errors_at_the_end_are_those_of_the_engine_in_degrees() {
+    let path = written(&["roll", "pitch", "depth"]);
+    let Evaluation { report, .. } = judged(&path, "tactigraph-past", (Mode::Incremental, 1));
+    assert_eq!(report.times_us, [0, 10_000, 20_000, 30_000, 40_000, 50_000]);
+    let judged = report.networks[0].figures.as_ref().expect("there are presses");
+    let (description, weights) = (
+        Description::shipped("tactigraph-past").expect("shipped"),
+        Weights::shipped("tactigraph-past").expect("shipped"),
+    );
+    let mut engine = Engine::new(description.network(&weights).expect("they fit"), SENSOR).expect("a sensor");
+    let mut errors = [0.0; 2];
+    for (events, (end, truth)) in streams().iter().zip([(40_000, 0.1), (60_000, -0.05)]) {
+        engine.reset();
+        events.iter().filter(|event| event.t_us <= end).for_each(|&event| {
+            engine.push(event);
+        });
+        engine.advance(end);
+        let values = engine.predict().expect("it predicts").values.to_vec();
+        for (error, value) in errors.iter_mut().zip(values) {
+            *error += (f64::from(value) - f64::from(truth as f32)).abs().to_degrees() / 2.0;
+        }
+    }
+    for (output, error) in judged.mean.outputs.iter().zip(errors) {
+        assert!((output.mean_absolute.mean - error).abs() < 1e-9, "{}: {error}", output.name);
+        assert_eq!((output.unit.as_str(), output.mean_absolute_at.len()), ("deg", 6));
+        // At the last time both presses are over.
+        assert_eq!(output.mean_absolute_at[5], output.mean_absolute);
+    }
+    let angles = judged.mean.angles.as_ref().expect("there are two angles").mean_absolute.mean;
+    assert!((angles - errors.iter().sum::<f64>() / 2.0).abs() < 1e-9);
+    // Each press has predictions at 0, at contact, every 10 ms, and at the end.
+    assert_eq!((judged.mean.work.events, judged.mean.work.predictions), (70 + 100, 5 + 7));
+}
+
+#[test]
+fn threads_and_the_mode_change_no_figure_and_no_bit_of_the_outputs() {
+    let path = written(&["roll", "pitch", "depth"]);
+    let of = |how| {
+        let Evaluation { report, logits, .. } = judged(&path, "tactigraph-past", how);
+        let judged = report.networks.into_iter().next().and_then(|network| network.figures).expect("presses");
+        let figures: Vec<_> = judged
+            .mean
+            .outputs
+            .into_iter()
+            .map(|output| (output.mean_absolute, output.mean_absolute_at))
+            .collect();
+        (figures, judged.mean.settled_share, logits.into_bytes())
+    };
+    let first = of((Mode::Incremental, 1));
+    assert!(of((Mode::Incremental, 2)) == first && of((Mode::Batch, 1)) == first);
+}
+
+#[test]
+fn a_frame_network_over_a_sliding_window_is_judged_on_the_same_presses() {
+    let path = written(&["roll", "pitch"]);
+    let Evaluation { report, .. } = judged(&path, "event-frame-cnn", (Mode::Incremental, 1));
+    let judged = report.networks[0].figures.as_ref().expect("there are presses");
+    // Without depth, contact is the first time of the truth.
+    assert_eq!(report.times_us.last(), Some(&60_000));
+    assert!(judged.mean.work.multiply_adds > 0 && judged.mean.work.rows == 0);
+    assert!(judged.mean.outputs.iter().all(|output| output.mean_absolute.mean > 0.0));
+}
+
+#[test]
+fn presses_without_labels_and_networks_of_other_quantities_are_refused() {
+    let refused = |labels: &[&str], network: &str, expected: &str| {
+        let path = written(labels);
+        let networks = [network.to_owned()];
+        let request = Request { networks: &networks, ..Request::default() };
+        let options = Options { request, stride: None, every_us: 1_000, mode: Mode::Incremental };
+        let Err(error) = evaluate(&path, &options, &pool(1), |_, _| {}) else { panic!("{expected}") };
+        let text = meissner_pipeline::error::chain(&error);
+        assert!(text.contains(expected), "{text}");
+    };
+    refused(&[], "tactigraph-past", "truth.t_us: expected labels along time");
+    refused(
+        &["roll", "depth"],
+        "tactigraph-past",
+        "expected networks that predict labels of the file: depth, roll, found tactigraph-past, which predicts pitch",
+    );
+    refused(&["roll", "pitch"], "digits-past", "found digits-past, which predicts classes");
+    refused(
+        &["force"],
+        "force-lstm",
+        "expected networks over events, or over signed frames of a sliding window",
+    );
+}
