@@ -43,6 +43,7 @@ pub mod prepare;
 pub mod regression;
 pub mod slip;
 mod streams;
+mod tensors;
 pub mod trainings;
 mod trials;
 mod truth;

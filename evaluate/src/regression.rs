@@ -13,6 +13,7 @@
 mod engine;
 mod errors;
 mod press;
+mod quantity;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -36,6 +37,7 @@ use crate::trials::{Cases, Trial};
 use crate::workers;
 use engine::PressEngine;
 use press::{Outcome, Presses};
+use quantity::Quantity;
 
 /// The task of predicting quantities from events.
 #[derive(Clone, Copy, Debug)]
@@ -136,31 +138,6 @@ pub struct NetworkReport {
 /// Figures of several trainings on the same presses.
 pub type Judged = judged::Judged<Errors>;
 
-/// Names of the outputs of `description`, and the units in which they are reported, with what a value is multiplied by.
-fn outputs(description: &AnyDescription) -> Vec<Quantity> {
-    let (names, units) = description.outputs();
-    let quantity = |(name, unit): (&String, &String)| match unit.as_str() {
-        "rad" => Quantity { name: name.clone(), unit: "deg".to_owned(), scale: 180.0 / std::f64::consts::PI },
-        unit => Quantity { name: name.clone(), unit: unit.to_owned(), scale: 1.0 },
-    };
-    names.iter().zip(units).map(quantity).collect()
-}
-
-/// An output as it is reported.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Quantity {
-    name: String,
-    unit: String,
-    /// A value times this is in `unit`.
-    scale: f64,
-}
-
-impl Quantity {
-    fn is_angle(&self) -> bool {
-        self.unit == "deg"
-    }
-}
-
 /// Judges the networks of `options` on the presses in the safetensors file `events`, with the threads of `pool`. `done` is
 /// called after each training with its label and the time since judging began.
 ///
@@ -181,7 +158,7 @@ pub fn evaluate(
     let all: Vec<usize> = (0..presses.len()).collect();
     let mut plans = Vec::new();
     for candidate in &candidates {
-        let quantities = outputs(&candidate.description);
+        let quantities = Quantity::of(&candidate.description);
         presses.check(candidate.description.name(), &quantities)?;
         let own = candidate.stride();
         let stride = options.stride.map_or(own, Ok)?;

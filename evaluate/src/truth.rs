@@ -10,7 +10,7 @@ use meissner_models::TensorFile;
 use safetensors::tensor::{Dtype, SafeTensors};
 
 use crate::error::StreamsError;
-use crate::streams::{bounds, integers, value};
+use crate::tensors::{bounds, integers, value};
 
 /// Beginning of the names of labels in a file of events.
 const PREFIX: &str = "truth.";

@@ -18,7 +18,7 @@ use serde_json::json;
 
 use super::{Prepared, add_streams, metadata};
 use crate::error::{EvaluateError, StreamsError};
-use crate::streams::{bounds, integers};
+use crate::tensors::{bounds, integers};
 use crate::truth::Truth;
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.

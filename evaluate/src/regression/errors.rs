@@ -5,8 +5,8 @@ use std::time::Duration;
 use meissner_pipeline::latency::Latency;
 use serde::Serialize;
 
-use super::Quantity;
 use super::press::Outcome;
+use super::quantity::Quantity;
 use crate::judged::Figures;
 use crate::metrics::MeanStd;
 

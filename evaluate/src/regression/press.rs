@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use meissner_engine::Event;
 
-use super::Quantity;
 use super::engine::{Count, PressEngine};
+use super::quantity::Quantity;
 use crate::error::{EvaluateError, RequestPart, StreamsError};
 use crate::streams::Streams;
 use crate::truth::Truth;
@@ -213,7 +213,7 @@ fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::{Found, due, newest, settled};
-    use crate::regression::Quantity;
+    use crate::regression::quantity::Quantity;
 
     #[test]
     fn predictions_are_due_around_contact_and_at_the_end_once() {
