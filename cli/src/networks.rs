@@ -53,6 +53,7 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("slip-tuned", SLIP, "tuned ConvLSTM over the tactile image"),
     ("tactigraph", ANGLE, "TactiGraph: 10 spline blocks over all nodes of the window"),
     ("tactigraph-frozen", ANGLE, "TactiGraph over earlier nodes, chosen on arrival"),
+    ("tactigraph-lean", ANGLE, "few channels for many events: trained on a simulated dome"),
     ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
 ];
 

@@ -45,7 +45,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 8] = [
+static EVENTS: [Shipped; 9] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),
@@ -53,6 +53,7 @@ static EVENTS: [Shipped; 8] = [
     shipped!("graphres-published", file = "graphres"),
     shipped!("tactigraph", file = "tactigraph"),
     shipped!("tactigraph-frozen", file = "tactigraph"),
+    shipped!("tactigraph-lean", file = "angle/tactigraph-lean.0"),
     shipped!("tactigraph-past", file = "tactigraph-past"),
 ];
 

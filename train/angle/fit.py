@@ -1,0 +1,108 @@
+"""The training loop: AdamW on a robust loss of the values, every epoch on other events and at other ages of each press.
+
+A press is read at a random time since contact and at its end: the network is to be right as early as it can be.
+"""
+
+import math
+import time
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from graphs import Graphs
+from presses import MIRRORED, SHIFT, thinned
+
+BATCH = 16
+DECAY = 0.001
+RISE = 0.05
+# Presses whose graphs are built together, and how often each graph is used before others are built.
+CHUNK = 320
+PASSES = 4
+
+
+def fit(network, data, settings, valid, random, resume, log=print):
+    """Trains `network` in place on `data`, the presses as each camera saw them; `settings` has what the command line asks for.
+    `resume` is a file with the state after an epoch, which is written after each."""
+    optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=DECAY)
+    first, mean = 0, float("nan")
+    if resume.exists():
+        state = torch.load(resume, weights_only=False)
+        network.load_state_dict(state["network"])
+        optimiser.load_state_dict(state["optimiser"])
+        random.bit_generator.state, first, mean = state["random"], state["epochs"], state.get("loss", float("nan"))
+    for epoch in range(first, settings.epochs):
+        started, total, seen = time.time(), 0.0, 0
+        network.train()
+        presses = random.permutation(len(data[0]))[: settings.presses]
+        for chunk in range(0, len(presses), CHUNK):
+            for batch, target in batches(data, presses[chunk : chunk + CHUNK], settings, random):
+                for group in optimiser.param_groups:
+                    group["lr"] = settings.rate * share((epoch + seen / len(presses) / PASSES) / settings.epochs)
+                loss = F.smooth_l1_loss(network(batch), target, beta=settings.beta)
+                optimiser.zero_grad()
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+                optimiser.step()
+                total, seen = total + loss.item() * BATCH, seen + BATCH
+        mean = total / seen
+        line = f"epoch {epoch + 1:3}  loss {mean:.5f}  {time.time() - started:.1f} s"
+        if (epoch + 1) % settings.check == 0 or epoch + 1 == settings.epochs:
+            line += "  valid " + "  ".join(f"{name} {error:.3f}" for name, error in valid(network).items())
+        log(line)
+        state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
+        torch.save(state | {"random": random.bit_generator.state, "epochs": epoch + 1, "loss": mean}, resume)
+    return mean
+
+
+def share(done):
+    """The share of the rate when a share of the training is done: it rises, then falls as a cosine to almost 0."""
+    if done < RISE:
+        return 0.1 + 0.9 * done / RISE
+    return 0.01 + 0.99 * (1 + math.cos(math.pi * (done - RISE) / (1 - RISE))) / 2
+
+
+def batches(data, presses, settings, random):
+    """Batches of `presses`, each press as a random camera of `data` saw it, with their targets in units of the network."""
+    sources = [data[i] for i in random.integers(len(data), size=len(presses))]
+    stride = [int(random.integers(settings.strides[0], settings.strides[1] + 1)) for _ in presses]
+    streams = [thinned(source.events[press], n, random) for source, press, n in zip(sources, presses, stride)]
+    graphs = Graphs(settings.meissner, settings.network, settings.said, sources[0].sensor, streams, settings.folder)
+    parts = []
+    for first in range(0, len(streams) - BATCH + 1, BATCH):
+        parts.append((range(first, first + BATCH), graphs.part(range(first, first + BATCH))))
+    for _ in range(PASSES):
+        for place in random.permutation(len(parts)):
+            streams, part = parts[place]
+            mirrors = [axis for axis in settings.mirrors if random.random() < 0.5]
+            turned = [name for axis in mirrors for name in MIRRORED[axis]]
+            signs = np.array([-1 if name in turned else 1 for name in settings.outputs])
+            times, targets = [], []
+            for i in streams:
+                source, press = sources[i], presses[i]
+                contact, end = source.contact_us[press], source.end_us[press]
+                read = np.array([random.uniform(contact + settings.youngest * (end - contact), end), end]).astype(np.int64)
+                times.append(read)
+                targets.append(signs * np.stack([source.at(name, press, read) for name in settings.outputs], axis=1))
+            target = torch.from_numpy(np.concatenate(targets).astype(np.float32) / settings.unit)
+            shift = random.integers(-SHIFT, SHIFT + 1, 2)
+            yield part.read(np.stack(times), mirrors, shift), target
+
+
+@torch.no_grad()
+def errors(network, presses, settings, stride, shares=(1.0,)):
+    """Errors (presses, shares, outputs) at shares of each press, on every `stride`-th event."""
+    network.eval()
+    found = []
+    for chunk in range(0, len(presses), CHUNK):
+        chosen = range(chunk, min(chunk + CHUNK, len(presses)))
+        streams = [presses.events[i][::stride] for i in chosen]
+        graphs = Graphs(settings.meissner, settings.network, settings.said, presses.sensor, streams, settings.folder)
+        for first in range(0, len(streams), BATCH):
+            part = range(first, min(first + BATCH, len(streams)))
+            numbers = [chosen[i] for i in part]
+            contact, end = presses.contact_us[numbers, None], presses.end_us[numbers, None]
+            times = (contact + np.array(shares) * (end - contact)).astype(np.int64)
+            truth = [np.stack([presses.at(name, i, t) for name in settings.outputs], 1) for i, t in zip(numbers, times)]
+            values = network(graphs.part(part).read(times)).numpy().reshape(len(part), len(shares), -1)
+            found.append(values * settings.unit - np.stack(truth))
+    return np.concatenate(found)
