@@ -8,7 +8,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
-use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::predictor::Mode;
 pub(crate) use meissner_pipeline::schedule::Every;
@@ -83,7 +82,8 @@ pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
     /// Events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy. On standard input, CSV lines (t_us,x,y,p) are read as they
-    /// arrive. The built-in recording is a synthetic press and release.
+    /// arrive. The built-in recording is a synthetic press and release; `meissner run` without any option shows another
+    /// press, whose true angles are known.
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM
     /// or PGM file, a folder of them, or a text file with one path per line.
@@ -114,9 +114,10 @@ pub(crate) struct Input {
     pub(crate) read: ReadArgs,
     /// Name of a shipped network, or a description file (.toml).
     ///
-    /// `meissner networks` lists the shipped networks. A description file needs --weights.
-    #[arg(long, value_name = "NETWORK", default_value = DEFAULT_NETWORK, help_heading = NETWORK)]
-    pub(crate) network: String,
+    /// `meissner networks` lists the shipped networks. A description file needs --weights. Without this option, it is
+    /// graphres.
+    #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
+    pub(crate) network: Option<String>,
     /// Weights [default: those shipped with the network].
     ///
     /// The file is safetensors, or a state dict that PyTorch saved.

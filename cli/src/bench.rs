@@ -20,7 +20,7 @@ pub(crate) use args::BenchArgs;
 
 /// Runs the benchmark that `args` describe, and writes the report to standard output.
 pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
-    match (describe_any(&args.input.network)?, &args.compare) {
+    match (describe_any(args.input.network())?, &args.compare) {
         ((AnyDescription::Frames(_), _), _) => bench_frames(args),
         ((AnyDescription::Events(_), _), Some(name)) => compare(args, name),
         ((AnyDescription::Events(_), _), None) => bench_events(args),
@@ -46,8 +46,8 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
 /// Measures a frame network over events.
 fn bench_frames(args: &BenchArgs) -> Result<(), CliError> {
     check_frames(args)?;
-    let Input { network, weights, ignore_preparation, .. } = &args.input;
-    let model = EventFrameModel::named(network, weights.as_deref(), *ignore_preparation)?;
+    let Input { weights, ignore_preparation, .. } = &args.input;
+    let model = EventFrameModel::named(args.input.network(), weights.as_deref(), *ignore_preparation)?;
     let report = bench::bench_frames(&model, &input(args, &model.model.card)?, &args.options())?;
     output::print(args.json, &report, |out| frame_table::write(out, &report))
 }
@@ -82,7 +82,7 @@ fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
         ("--compare", args.compare.is_some()),
     ];
     given.into_iter().chain(approximations.given()).find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
-        let found = format!("the frame network {}", args.input.network);
+        let found = format!("the frame network {}", args.input.network());
         Err(CliError::usage(option, "a network over events with it", &found))
     })
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
+use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::losses::LossReason;
 use meissner_pipeline::model::{Model, ModelOptions};
@@ -62,10 +63,15 @@ impl ReadArgs {
 }
 
 impl Input {
+    /// The name of the network, or its file.
+    pub(crate) fn network(&self) -> &str {
+        self.network.as_deref().unwrap_or(DEFAULT_NETWORK)
+    }
+
     /// The network with its weights.
     pub(crate) fn model(&self) -> Result<Model, CliError> {
         let options = ModelOptions {
-            network: self.network.clone(),
+            network: self.network().to_owned(),
             weights: self.weights.clone(),
             ignore_preparation: self.ignore_preparation,
             span_us: self.span_us,

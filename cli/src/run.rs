@@ -1,6 +1,8 @@
-//! `meissner run`: runs a network over an input, and writes predictions and measurements to standard output.
+//! `meissner run`: runs a network over an input, and writes predictions and measurements to standard output. Without arguments
+//! it shows a press that the program holds.
 
 mod args;
+mod press;
 
 use meissner_engine::Sensor;
 use meissner_models::systems::slip::DecisionFilter;
@@ -23,7 +25,17 @@ pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.
 pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
-    let (description, _) = describe_any(&args.input.network)?;
+    if args.is_bare() {
+        return press::run(args.svg.as_deref());
+    }
+    if args.svg.is_some() {
+        return Err(CliError::usage(
+            "--svg",
+            "no INPUT and no other option: it draws the press that the program holds",
+            "others",
+        ));
+    }
+    let (description, _) = describe_any(args.input.network())?;
     let kind = NetworkKind::of(&description);
     args.check(kind)?;
     if kind == NetworkKind::EventGraph {
@@ -31,7 +43,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
     }
     let input = &args.input;
     let (weights, convolution) = (input.weights.as_deref(), args.frames.convolution());
-    let model = FrameModel::named(&input.network, weights, convolution, input.ignore_preparation)?;
+    let model = FrameModel::named(input.network(), weights, convolution, input.ignore_preparation)?;
     let model = match args.electrodes.sampling {
         Some(sampling) => model.with_sampling(sampling),
         None => model,
@@ -76,7 +88,7 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let given =
         [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
     if let Some(option) = first_given(given).filter(|_| model.card.classes.is_none()) {
-        let expected = format!("network {} to predict classes, in logit", args.input.network);
+        let expected = format!("network {} to predict classes, in logit", args.input.network());
         let found = model.description.labelled_outputs();
         return Err(CliError::usage(option, &expected, &found));
     }

@@ -28,6 +28,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`source`] | events of a file, of standard input, of the embedded recording |
+//! | [`press`] | a simulated press with its truth |
 //! | [`losses`] | lost input, and truncated recordings |
 //! | [`model`] | networks and weights by name or from files |
 //! | [`provenance`] | network, weights and input of a result, for reports |
@@ -55,6 +56,7 @@ pub mod memory;
 pub mod model;
 pub mod play;
 pub mod predictor;
+pub mod press;
 pub mod provenance;
 mod refusals;
 pub mod run;

@@ -145,6 +145,11 @@ impl Source {
         }
     }
 
+    /// An embedded `recording` called `name`.
+    pub(crate) fn embedded(recording: Recording, name: &str) -> Self {
+        Self::of(recording, Refusals::new(name, true))
+    }
+
     fn of(recording: Recording, refusals: Refusals) -> Self {
         let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, .. } = recording;

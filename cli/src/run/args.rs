@@ -24,6 +24,8 @@ use crate::report::{About, TableKind};
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
 Examples:
+  meissner run
+  meissner run --svg press.svg
   meissner run touch.aedat4 --network tactigraph-past --every event
   meissner run monday.csv --save-state touch.state
   meissner run tuesday.csv --resume touch.state --save-state touch.state
@@ -70,6 +72,11 @@ pub(crate) struct RunArgs {
     /// The keys are explained below.
     #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
+    /// Draw the angles of the press that the program holds into this file.
+    ///
+    /// `meissner run` without INPUT and other options shows this press: what a network predicts of it, and what is true.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(super) svg: Option<PathBuf>,
     #[command(flatten)]
     pub(super) state: StateArgs,
     #[command(flatten)]
@@ -276,17 +283,36 @@ impl RunArgs {
     }
 
     pub(super) fn no_input(&self, expected: &str, found: &str) -> CliError {
-        let network = format!("network {}", self.input.network);
+        let network = format!("network {}", self.input.network());
         CliError::usage(&network, &format!("{expected} as INPUT"), found)
     }
 
     /// Refuses options that do not apply to a network of `kind`.
     pub(super) fn check(&self, kind: NetworkKind) -> Result<(), CliError> {
+        let input = &self.input;
+        let misfit = self.given().into_iter().find(|(_, given, kinds)| *given && !kinds.contains(&kind));
+        misfit.map_or(Ok(()), |(option, _, kinds)| {
+            let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
+            Err(CliError::Misfit { option, fits, network: input.network().to_owned(), kind: kind.name() })
+        })
+    }
+
+    /// Whether there is no input, and no option except --svg.
+    pub(super) fn is_bare(&self) -> bool {
+        let Input { recording, limit, network, weights, ignore_preparation, approximations, .. } =
+            &self.input;
+        let is_given = recording.is_some() || network.is_some() || weights.is_some() || limit.is_some();
+        let is_given = is_given || *ignore_preparation || self.json || approximations.tolerance.is_some();
+        !is_given && self.given().iter().all(|(_, given, _)| !given)
+    }
+
+    /// The options that apply only to networks of some kinds, whether each was given, and the kinds.
+    fn given(&self) -> Vec<(&'static str, bool, &'static [NetworkKind])> {
         use NetworkKind::{Electrodes, EventFrames, EventGraph, Pictures};
         let Self { input, frames, electrodes, .. } = self;
-        let all_frames: &[NetworkKind] = &[EventFrames, Electrodes, Pictures];
-        let events: &[NetworkKind] = &[EventGraph, EventFrames];
-        let options: [(&str, bool, &[NetworkKind]); 19] = [
+        let all_frames: &'static [NetworkKind] = &[EventFrames, Electrodes, Pictures];
+        let events: &'static [NetworkKind] = &[EventGraph, EventFrames];
+        let options: [(&'static str, bool, &'static [NetworkKind]); 19] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--late clamp", input.late == LatePolicy::Clamp, events),
             ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
@@ -310,15 +336,7 @@ impl RunArgs {
         let of_graphs =
             input.approximations.given().map(|(option, given)| (option, given, &[EventGraph][..]));
         let of_events = input.read.given().map(|(option, given)| (option, given, events));
-        let misfit = options
-            .into_iter()
-            .chain(of_graphs)
-            .chain(of_events)
-            .find(|(_, given, kinds)| *given && !kinds.contains(&kind));
-        misfit.map_or(Ok(()), |(option, _, kinds)| {
-            let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
-            Err(CliError::Misfit { option, fits, network: input.network.clone(), kind: kind.name() })
-        })
+        options.into_iter().chain(of_graphs).chain(of_events).collect()
     }
 
     /// Refuses approximations that reuse earlier results in batch mode, and states of runs with memory that the state

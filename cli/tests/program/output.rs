@@ -2,6 +2,7 @@
 
 use meissner_models::{AnyDescription, Description, FrameDescription};
 
+use crate::exit_status::fails;
 use crate::support::{lines, meissner, text, words};
 
 #[test]
@@ -125,8 +126,35 @@ fn inspect_draws_to_a_file_and_says_so() {
 }
 
 #[test]
-fn without_arguments_it_runs_is_labelled_synthetic_and_the_weights_say_what_they_are() {
-    let output = meissner(&["run"]);
+fn without_arguments_it_shows_a_simulated_press_beside_the_truth_in_less_than_30_lines() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let svg = folder.path().join("press.svg");
+    let output = meissner(&["run", "--svg", crate::support::argument(&svg)]);
+    assert!(output.status.success(), "{}", crate::support::message(&output));
+    let said = text(&output);
+    assert!(said.lines().count() < 30 && said.lines().all(|line| line.chars().count() <= 80), "{said}");
+    for expected in
+        ["tactigraph-lean", "simulated", "predicted", "true", "5.71", "-1.85", "latency", "skipped"]
+    {
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+    // The direction of the press is one that training has not seen.
+    let error =
+        said.lines().find_map(|line| line.strip_prefix("error")).expect("there is a line of the error");
+    let error: f64 = error.split_whitespace().next().and_then(|word| word.parse().ok()).expect("a number");
+    assert!(error < 1.5, "{said}");
+    let picture = std::fs::read_to_string(&svg).expect("it was written");
+    assert!(roxmltree::Document::parse(&picture).is_ok() && picture.contains("roll, predicted"));
+    fails(
+        &meissner(&["run", "--json", "--svg", crate::support::argument(&svg)]),
+        2,
+        &["--svg", "no other option"],
+    );
+}
+
+#[test]
+fn an_embedded_recording_is_labelled_synthetic_and_the_weights_say_what_they_are() {
+    let output = meissner(&["run", "--network", "graphres"]);
     assert!(output.status.success());
     let text = words(&output);
     for expected in [
