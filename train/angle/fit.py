@@ -9,15 +9,15 @@ import time
 import numpy as np
 import torch
 import torch.nn.functional as F
-from graphs import Graphs
+from frames import Frames
+from graphs import Graphs, reads_later_rows
 from presses import MIRRORED, SHIFT, thinned
 
 BATCH = 16
 DECAY = 0.001
 RISE = 0.05
-# Presses whose graphs are built together, and how often each graph is used before others are built.
+# Presses whose graphs are built together.
 CHUNK = 320
-PASSES = 4
 
 
 def fit(network, data, settings, valid, random, resume, log=print):
@@ -37,7 +37,7 @@ def fit(network, data, settings, valid, random, resume, log=print):
         for chunk in range(0, len(presses), CHUNK):
             for batch, target in batches(data, presses[chunk : chunk + CHUNK], settings, random):
                 for group in optimiser.param_groups:
-                    group["lr"] = settings.rate * share((epoch + seen / len(presses) / PASSES) / settings.epochs)
+                    group["lr"] = settings.rate * share((epoch + seen / len(presses) / settings.passes) / settings.epochs)
                 loss = F.smooth_l1_loss(network(batch), target, beta=settings.beta)
                 optimiser.zero_grad()
                 loss.backward()
@@ -47,7 +47,7 @@ def fit(network, data, settings, valid, random, resume, log=print):
         mean = total / seen
         line = f"epoch {epoch + 1:3}  loss {mean:.5f}  {time.time() - started:.1f} s"
         if (epoch + 1) % settings.check == 0 or epoch + 1 == settings.epochs:
-            line += "  valid " + "  ".join(f"{name} {error:.3f}" for name, error in valid(network).items())
+            line += "  valid " + "  ".join(f"{name} {found}" for name, found in valid(network).items())
         log(line)
         state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
         torch.save(state | {"random": random.bit_generator.state, "epochs": epoch + 1, "loss": mean}, resume)
@@ -66,26 +66,42 @@ def batches(data, presses, settings, random):
     sources = [data[i] for i in random.integers(len(data), size=len(presses))]
     stride = [int(random.integers(settings.strides[0], settings.strides[1] + 1)) for _ in presses]
     streams = [thinned(source.events[press], n, random) for source, press, n in zip(sources, presses, stride)]
-    graphs = Graphs(settings.meissner, settings.network, settings.said, sources[0].sensor, streams, settings.folder)
+    late = None
+    if reads_later_rows(settings.said):
+        # Such a graph is read at its end alone: half of the presses are cut off.
+        late = [times(source, press, settings, random)[random.integers(2) :][:1] for source, press in zip(sources, presses)]
+        streams = [stream[stream[:, 0] <= end] for stream, end in zip(streams, late)]
+    graphs = prepared(settings, sources[0].sensor, streams)
     parts = []
     for first in range(0, len(streams) - BATCH + 1, BATCH):
         parts.append((range(first, first + BATCH), graphs.part(range(first, first + BATCH))))
-    for _ in range(PASSES):
+    for _ in range(settings.passes):
         for place in random.permutation(len(parts)):
             streams, part = parts[place]
             mirrors = [axis for axis in settings.mirrors if random.random() < 0.5]
             turned = [name for axis in mirrors for name in MIRRORED[axis]]
             signs = np.array([-1 if name in turned else 1 for name in settings.outputs])
-            times, targets = [], []
+            read, targets = [], []
             for i in streams:
                 source, press = sources[i], presses[i]
-                contact, end = source.contact_us[press], source.end_us[press]
-                read = np.array([random.uniform(contact + settings.youngest * (end - contact), end), end]).astype(np.int64)
-                times.append(read)
-                targets.append(signs * np.stack([source.at(name, press, read) for name in settings.outputs], axis=1))
+                read.append(times(source, press, settings, random) if late is None else late[i])
+                targets.append(signs * np.stack([source.at(name, press, read[-1]) for name in settings.outputs], axis=1))
             target = torch.from_numpy(np.concatenate(targets).astype(np.float32) / settings.unit)
             shift = random.integers(-SHIFT, SHIFT + 1, 2)
-            yield part.read(np.stack(times), mirrors, shift), target
+            yield part.read(np.stack(read), mirrors, shift), target
+
+
+def times(source, press, settings, random):
+    """A random time since contact, and the end."""
+    contact, end = source.contact_us[press], source.end_us[press]
+    return np.array([random.uniform(contact + settings.youngest * (end - contact), end), end]).astype(np.int64)
+
+
+def prepared(settings, sensor, streams):
+    """What the network of `settings` reads of `streams`."""
+    if "graph" not in settings.said:
+        return Frames(settings.said, sensor, streams)
+    return Graphs(settings.meissner, settings.network, settings.said, sensor, streams, settings.folder)
 
 
 @torch.no_grad()
@@ -93,10 +109,12 @@ def errors(network, presses, settings, stride, shares=(1.0,)):
     """Errors (presses, shares, outputs) at shares of each press, on every `stride`-th event."""
     network.eval()
     found = []
+    if reads_later_rows(settings.said):
+        shares = shares[-1:]
     for chunk in range(0, len(presses), CHUNK):
         chosen = range(chunk, min(chunk + CHUNK, len(presses)))
         streams = [presses.events[i][::stride] for i in chosen]
-        graphs = Graphs(settings.meissner, settings.network, settings.said, presses.sensor, streams, settings.folder)
+        graphs = prepared(settings, presses.sensor, streams)
         for first in range(0, len(streams), BATCH):
             part = range(first, min(first + BATCH, len(streams)))
             numbers = [chosen[i] for i in part]

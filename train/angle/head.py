@@ -9,6 +9,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from fit import batches
+from network import ACTIVATIONS
 
 BATCH = 128
 RATE = 0.001
@@ -26,7 +27,8 @@ def refit(network, data, settings, random, epochs, log=print):
         variance, axes = torch.linalg.eigh(torch.cov((features - mean).T))
         scale = (variance + FLOOR * variance.max()).sqrt()
         components = (features - mean) @ (axes / scale)
-        hidden, last = (network.part[layer["name"]] for layer in network.layers if layer["kind"] == "dense")
+        layers = [layer for layer in network.layers if layer["kind"] == "dense"]
+        (hidden, last), activation = (network.part[layer["name"]] for layer in layers), ACTIVATIONS[layers[0]["activation"]]
         first = torch.nn.Linear(len(scale), hidden.out_features)
         first.weight.copy_(hidden.weight @ (axes * scale))
         first.bias.copy_(hidden.bias + hidden.weight @ mean)
@@ -39,7 +41,7 @@ def refit(network, data, settings, random, epochs, log=print):
             group["lr"] = RATE * (1 - epoch / epochs)
         for i in range(0, len(order), BATCH):
             part = torch.from_numpy(order[i : i + BATCH])
-            loss = F.smooth_l1_loss(last(F.elu(first(components[part]))), targets[part], beta=settings.beta)
+            loss = F.smooth_l1_loss(last(activation(first(components[part]))), targets[part], beta=settings.beta)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

@@ -1,4 +1,4 @@
-"""A network over events, as `meissner inspect --json` describes it, over batches of graphs.
+"""A network over events or over frames of events, as `meissner inspect --json` describes it, over batches of either.
 
 Sums of a row run in another order than the engine's: values agree to some 1e-5 of the largest.
 """
@@ -12,17 +12,19 @@ ACTIVATIONS = {"identity": lambda x: x, "elu": F.elu, "relu": F.relu}
 
 
 class Network(nn.Module):
-    """Spline blocks, a readout, perhaps poolings of it, and dense layers.
+    """Spline blocks and a readout, or frames; then perhaps convolutions and poolings, and dense layers.
 
-    The last layer gives values in units of `unit`: small outputs of large weights train slowly.
+    The last layer gives values in units of `unit` (outputs,): small outputs of large weights train slowly.
     """
 
     def __init__(self, said, unit, dropout):
         super().__init__()
-        self.layers, self.unit = said["layers"] + said["head"], unit
-        self.is_image = bool(said["head"])
+        self.layers, self.unit = said["layers"] + said.get("head", []), torch.as_tensor(unit, dtype=torch.float32)
+        self.is_image = bool(said.get("head"))
         self.dropout = nn.Dropout(dropout)
-        self.names = {tensor["layer"]: tensor["name"] for tensor in said["tensors"] if tensor["name"].endswith("weight")}
+        self.tensors = {}
+        for tensor in said["tensors"]:
+            self.tensors.setdefault(tensor["layer"], []).append(tensor["name"])
         self.part = nn.ModuleDict()
         for layer in self.layers:
             if layer["kind"] == "spline":
@@ -31,8 +33,10 @@ class Network(nn.Module):
             elif layer["kind"] == "dense":
                 inputs = layer["input"][0] if "input" in layer else layer["inputs"]
                 self.part[layer["name"]] = nn.Linear(inputs, layer["outputs"], bias=layer["bias"])
+            elif layer["kind"] == "conv":
+                self.part[layer["name"]] = Convolution(layer)
             else:
-                assert layer["kind"] in ("readout", "average_pool", "max_pool", "flatten"), layer
+                assert layer["kind"] in ("pool", "readout", "average_pool", "max_pool", "flatten"), layer
 
     def forward(self, batch):
         """Values (readouts, outputs) in units of `unit`."""
@@ -48,9 +52,12 @@ class Network(nn.Module):
                 if layer["skip"]:
                     x = x + done[layer["skip"]]
             elif kind == "readout":
-                x = maxima(x.index_select(0, batch.row), batch.place, batch.readouts * layer["columns"] * layer["rows"])
-                x = x.view(batch.readouts, layer["rows"], layer["columns"], -1)
-                x = x.permute(0, 3, 1, 2) if self.is_image else x.flatten(1)
+                grids = batch.readouts * layer["times"]
+                x = maxima(x.index_select(0, batch.row), batch.place, grids * layer["columns"] * layer["rows"])
+                x = x.view(batch.readouts, layer["times"], layer["rows"], layer["columns"], -1)
+                x = x.permute(0, 1, 4, 2, 3).flatten(1, 2) if self.is_image else x.flatten(1)
+            elif kind == "conv":
+                x = ACTIVATIONS[layer["activation"]](self.part[name](x))
             elif kind == "average_pool":
                 x = F.avg_pool2d(x, layer["size"])
             elif kind == "max_pool":
@@ -67,33 +74,30 @@ class Network(nn.Module):
                 x = ACTIVATIONS[layer["activation"]](self.part[layer["name"]](x))
         return x
 
+    @torch.no_grad()
+    def load(self, tensors):
+        """Copies what `exported` gave."""
+        for name, tensor in self.exported().items():
+            tensor.copy_(tensors[name])
+        last = self.layers[-1]["name"]
+        for parameter, name in zip(self.part[last].parameters(), self.tensors[last]):
+            parameter.copy_(tensors[name] / self.unit.view(-1, *[1] * (parameter.dim() - 1)))
+
     def exported(self):
         """Tensors by the names of the description."""
-        tensors, last = {}, self.layers[-1]["name"]
-        for layer in self.layers:
-            if layer["name"] not in self.part:
-                continue
-            part, weight = self.part[layer["name"]], self.names[layer["name"]]
-            if layer["kind"] == "spline":
-                block = weight.removesuffix(".norm.weight")
-                tensors[f"{block}.conv.weight"] = part.weight
-                if layer["root"]:
-                    tensors[f"{block}.conv.lin.weight"] = part.root
-                for name in ("weight", "bias", "running_mean", "running_var"):
-                    tensors[f"{block}.norm.{name}"] = getattr(part.norm, name)
-            else:
-                scale = self.unit if layer["name"] == last else 1.0
-                tensors[weight] = part.weight if scale == 1.0 else part.weight * scale
-                if layer["bias"]:
-                    tensors[weight.removesuffix("weight") + "bias"] = part.bias if scale == 1.0 else part.bias * scale
-        return {name: tensor.detach() for name, tensor in tensors.items()}
+        exported, last = {}, self.layers[-1]["name"]
+        for name, part in self.part.items():
+            tensors = part.tensors() if hasattr(part, "tensors") else [part.weight] + ([] if part.bias is None else [part.bias])
+            if name == last:
+                tensors = [tensor * self.unit.view(-1, *[1] * (tensor.dim() - 1)) for tensor in tensors]
+            exported |= dict(zip(self.tensors[name], tensors, strict=True))
+        return {name: tensor.detach() for name, tensor in exported.items()}
 
 
 def load(path, said):
     """The network of a description with the tensors of the file at `path`, in evaluation."""
-    network, tensors = Network(said, 1.0, 0.0), load_file(path)
-    for name, tensor in network.exported().items():
-        tensor.copy_(tensors[name])
+    network = Network(said, [1.0] * len(said["outputs"]), 0.0)
+    network.load(load_file(path))
     return network.eval()
 
 
@@ -112,6 +116,33 @@ class Spline(nn.Module):
         sums = torch.bmm(batch.basis, read).flatten(1)
         found = sums @ self.weight.flatten(0, 1) / batch.in_edges
         return self.norm(F.elu(found if self.root is None else found + x @ self.root.T))
+
+    def tensors(self):
+        """In the order of the description."""
+        return [self.weight, *([] if self.root is None else [self.root]), *statistics(self.norm)]
+
+
+class Convolution(nn.Module):
+    """A convolution of images, with batch norm where its layer has one."""
+
+    def __init__(self, layer):
+        super().__init__()
+        inputs, outputs, kernel = layer["input"][0], layer["channels"], layer["kernel"]
+        self.conv = nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=layer["bias"])
+        self.norm = nn.BatchNorm2d(outputs) if layer["norm"] else None
+
+    def forward(self, x):
+        x = self.conv(x)
+        return x if self.norm is None else self.norm(x)
+
+    def tensors(self):
+        """In the order of the description."""
+        bias = [] if self.conv.bias is None else [self.conv.bias]
+        return [self.conv.weight, *bias, *([] if self.norm is None else statistics(self.norm))]
+
+
+def statistics(norm):
+    return [norm.weight, norm.bias, norm.running_mean, norm.running_var]
 
 
 def maxima(x, place, places):

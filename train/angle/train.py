@@ -3,7 +3,7 @@
     python train/angle/dome.py /tmp/dome
     python train/angle/train.py /tmp/dome/on /tmp/dome/off --mirrors columns rows
 
-Each FOLDER has train.safetensors and valid.safetensors, the same presses filmed by different cameras. Writes
+Each FOLDER has train.safetensors, the same presses filmed by different cameras, and perhaps valid.safetensors. Writes
 NETWORK.SEED.safetensors; a training that was cut off goes on. Then `meissner eval angle` says what it is worth.
 """
 
@@ -21,6 +21,7 @@ from fit import errors, fit
 from graphs import inspected
 from head import refit
 from network import Network
+from safetensors.torch import load_file
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
@@ -37,16 +38,19 @@ def main():
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
     data = [presses.read(folder / "train.safetensors") for folder in args.data]
-    valid = {folder.name: presses.read(folder / "valid.safetensors") for folder in args.data}
+    valid = {f.name: presses.read(f / "valid.safetensors") for f in args.data if (f / "valid.safetensors").exists()}
+    args.unit = np.broadcast_to(args.unit, len(args.outputs)).astype(np.float64)
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
     network = Network(args.said, args.unit, args.dropout)
+    if args.start:
+        network.load(load_file(args.start))
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
 
         def error(network):
             found = {name: errors(network, each, args, args.stride, (0.5, 1.0)) for name, each in valid.items()}
-            return {f"{name} {share}": in_degrees(args, found[name][:, i]) for name in found for i, share in enumerate(("half", "end"))}
+            return {name: [mean_errors(args, each[:, i]) for i in range(each.shape[1])] for name, each in found.items()}
 
         def log(line):
             print(line, flush=True)
@@ -60,24 +64,31 @@ def main():
         "seed": args.seed,
         "date": datetime.date.today().isoformat(),
         "about": args.about,
-        "recipe": f"{args.epochs} epochs of 4 passes, batch 16, AdamW {args.rate} on a cosine, decay 0.001, smooth L1; then the "
-        f"dense layers alone, {args.head_epochs} epochs in principal components",
+        "recipe": recipe(args),
         "presses": len(data[0]),
         "trained_on": "train",
         "stride": args.stride,
         "sensor": json.dumps(data[0].sensor),
         "preparation": args.said["preparation"],
         "loss": f"{loss:.5f}",
-        "valid": json.dumps({name: round(float(value), 4) for name, value in found.items()}),
+        "valid": json.dumps(found),
     }
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
 
 
-def in_degrees(args, found):
-    """Mean absolute error over all outputs, in degrees where the outputs are angles in radians."""
-    scale = 180 / np.pi if args.said["unit"] == "rad" else 1.0
-    return scale * np.abs(found).mean()
+def recipe(args):
+    """What was done, in one line."""
+    begin = f"from {args.start.name}: " if args.start else ""
+    line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch 16, "
+    line += f"AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
+    return line + (f"; then the dense layers alone, {args.head_epochs} epochs in principal components" if args.head_epochs else "")
+
+
+def mean_errors(args, found):
+    """Mean absolute error of each output, in degrees where it is an angle in radians."""
+    scale = [180 / np.pi if unit == "rad" else 1.0 for unit in args.said["units"]]
+    return [round(float(value), 3) for value in np.abs(found).mean(axis=0) * scale]
 
 
 def arguments():
@@ -89,7 +100,9 @@ def arguments():
     parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
     parser.add_argument("--beta", type=float, default=0.1, help="error at which the loss becomes linear, in units; default: 0.1")
     parser.add_argument("--dropout", type=float, default=0.0, help="of the readout; default: 0")
-    parser.add_argument("--unit", type=float, default=0.1, help="of the outputs during training; default: 0.1")
+    parser.add_argument("--unit", type=float, nargs="+", default=[0.1], help="of each output during training; default: 0.1")
+    parser.add_argument("--start", type=Path, help="weights to start from; default: drawn from the seed")
+    parser.add_argument("--passes", type=int, default=4, help="times that a graph is used before others are built; default: 4")
     parser.add_argument("--strides", type=int, nargs=2, default=[2, 4], help="range of the thinning; default: 2 4")
     parser.add_argument("--stride", type=int, default=2, help="thinning that the weights are meant for; default: 2")
     parser.add_argument("--presses", type=int, help="presses of an epoch; default: all")

@@ -93,7 +93,7 @@ fn values_that_are_not_of_classes_have_no_decision() {
     assert!(summary["decisions"].is_null());
     for option in ["--hold=3", "--least-probability=0.5"] {
         let name = option.split('=').next().expect("an option has a name");
-        fails(&meissner(&network.arguments(&path, &[option])), 2, &[name, "classes", "values in N"]);
+        fails(&meissner(&network.arguments(&path, &[option])), 2, &[name, "classes", "(N)"]);
     }
     assert!(!text(&meissner(&network.arguments(&path, &[]))).contains("decisions"));
 }
