@@ -8,7 +8,6 @@ use meissner_engine::EngineError;
 use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{IoError, Kind};
 use meissner_models::ModelError;
-use meissner_models::systems::digits::DigitsError;
 use meissner_models::systems::slip::DecisionError;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::source::STDIN_NAME;
@@ -180,10 +179,9 @@ impl CliError {
                 PipelineError::Recording { source, .. } => matches!(**source, IoError::Undecided { .. }),
                 _ => false,
             },
-            Self::Evaluate(error) => matches!(
-                **error,
-                EvaluateError::NeedsTrainings(_) | EvaluateError::Digits(DigitsError::Folds { .. })
-            ),
+            Self::Evaluate(error) => {
+                matches!(**error, EvaluateError::NeedsTrainings(_) | EvaluateError::Folds { .. })
+            }
             Self::Verify(error) => matches!(error, VerifyError::Empty(_)),
             Self::NotWritable(_)
             | Self::Usage { .. }

@@ -2,13 +2,14 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `slip`, `angle` | arguments of the tasks; tables and pictures of `slip` and `angle` |
-//! | `events` | tables and picture of tasks on recordings of events |
+//! | `digits`, `touch`, `slip`, `angle` | the tasks; tables and pictures of `slip` and `angle` |
+//! | `events` | arguments, tables and picture of tasks on recordings of events |
 
 mod angle;
 mod digits;
 mod events;
 mod slip;
+mod touch;
 
 use std::io::{self, IsTerminal, Write, stderr};
 use std::path::PathBuf;
@@ -45,6 +46,8 @@ enum TaskArgs {
     Slip(slip::SlipArgs),
     /// Digits in front of a moving event camera (N-MNIST), over time.
     Digits(digits::DigitsArgs),
+    /// Objects and containers under a tactile skin, over time.
+    Touch(touch::TouchArgs),
     /// Angles of a contact, or other quantities of presses, over time.
     Angle(angle::AngleArgs),
 }
@@ -76,6 +79,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
         TaskArgs::Slip(args) => slip::eval(args),
         TaskArgs::Digits(args) => digits::eval(args),
         TaskArgs::Angle(args) => angle::eval(args),
+        TaskArgs::Touch(args) => touch::eval(args),
     }
 }
 

@@ -22,9 +22,10 @@ use args::{Common, StudyArgs};
 pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
     match &args.study {
         StudyArgs::Digits(args) => {
-            let (task, options) = (&args.task, args.common.options());
+            let (networks, options) = (&args.task.networks, args.common.options());
             let pool = threads::pool(args.common.threads)?;
-            let study = events::<Digits>(&task.data, task.request(), task.folds(), &options, &pool)?;
+            let (request, folds) = (networks.request(), networks.folds());
+            let study = events::<Digits>(&args.task.data, request, folds, &options, &pool)?;
             write(study, &args.common)
         }
         StudyArgs::Angle(args) => {

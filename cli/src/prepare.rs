@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use meissner_evaluate::digits::Digits;
-use meissner_evaluate::events::EventTask;
+use meissner_evaluate::events::{EventData, EventTask};
 use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows};
 use meissner_evaluate::slip::SlipData;
+use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_io::datasets::NeutouchSet;
 use meissner_pipeline::model::{describe, describe_frames};
 
 use crate::args::{NETWORK, OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::tasks::TouchData;
 use crate::tell::tell;
 use crate::{output, threads};
 
@@ -39,6 +42,10 @@ enum InputArgs {
     ///
     /// Equal data give equal bytes.
     Digits(DigitsArgs),
+    /// Events of the recordings of a tactile skin, with labels, splits and folds.
+    ///
+    /// Equal data give equal bytes.
+    Touch(TouchArgs),
 }
 
 /// At the end of the long help.
@@ -124,12 +131,20 @@ Writes, for the N rows of a level, one stream after the other, and for their M i
                   its grid
   LEVEL is level0 for events, level1 for the first pooling and so on. At level 0 of a `frozen` graph, rows that have left the window are listed if other rows read them; their cell is -1.";
 
-/// Tensors of the file.
+/// At the end of the long help.
 const DIGITS: &str = "\
 Examples:
   meissner prepare digits nmnist/ --out digits.safetensors
-  meissner prepare digits nmnist/ --folds 5 --out digits.safetensors
+  meissner prepare digits nmnist/ --folds 5 --out digits.safetensors";
+const TOUCH: &str = "\
+Examples:
+  meissner prepare touch objects neutouch/ --folds 5 --out o.safetensors
+  meissner prepare touch containers neutouch/ --folds 5 --out c.safetensors
 
+A pixel is 0.05 mm, and a spike has the time at which its bin of 20 ms begins.";
+
+/// Tensors of the file.
+const LABELLED: &str = "\
 Tensors, all I64, the recordings by split (train first), by class and by number:
   t_us, x, y, on  (events): the events of all recordings, one after the other:
                   time in microseconds as recorded, column, row, 1 where the
@@ -148,13 +163,30 @@ Metadata, each JSON:
 
 /// `meissner prepare digits`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{DIGITS}\n\n{STATUS}"))]
+#[command(after_help = STATUS, after_long_help = format!("{DIGITS}\n\n{LABELLED}\n\n{STATUS}"))]
 struct DigitsArgs {
     /// Folder of the data set, with folders train and test.
     ///
     /// One of the two is enough. Recordings are files such as train/3/00123.bin.
     #[arg(value_name = "DATA")]
     data: PathBuf,
+    #[command(flatten)]
+    labelled: LabelledArgs,
+}
+
+/// `meissner prepare touch`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{TOUCH}\n\n{LABELLED}\n\n{STATUS}"))]
+struct TouchArgs {
+    #[command(flatten)]
+    data: TouchData,
+    #[command(flatten)]
+    labelled: LabelledArgs,
+}
+
+/// A file of labelled events.
+#[derive(Debug, clap::Args)]
+struct LabelledArgs {
     /// File to write (safetensors); an existing file is replaced.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
@@ -178,10 +210,21 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
             let data = SlipData::read(&args.data)?;
             write(&args.out, &data.notes, slip_windows(&data, &description)?)
         }
-        InputArgs::Digits(args) => {
-            let data = Digits::read(&args.data)?;
-            write(&args.out, &data.notes, labelled_events(&data, args.folds as usize)?)
+        InputArgs::Digits(args) => args.labelled.write(&Digits::read(&args.data)?),
+        InputArgs::Touch(args) => {
+            let TouchData { set, data } = &args.data;
+            args.labelled.write(&match set {
+                NeutouchSet::Objects => TouchObjects::read(data)?,
+                NeutouchSet::Containers => TouchContainers::read(data)?,
+            })
         }
+    }
+}
+
+impl LabelledArgs {
+    /// Writes the events of `data` with labels, splits and folds.
+    fn write(&self, data: &EventData) -> Result<(), CliError> {
+        write(&self.out, &data.notes, labelled_events(data, self.folds as usize)?)
     }
 }
 

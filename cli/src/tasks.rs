@@ -4,8 +4,9 @@
 use std::path::PathBuf;
 
 use meissner_evaluate::trainings::Request;
+use meissner_io::datasets::NeutouchSet;
 
-use crate::args::NETWORK;
+use crate::args::{NETWORK, choice};
 
 /// Digits with networks over events.
 #[derive(Debug, clap::Args)]
@@ -15,7 +16,33 @@ pub(crate) struct DigitsTask {
     /// One of the two is enough. Recordings are files such as train/3/00123.bin.
     #[arg(value_name = "DATA")]
     pub(crate) data: PathBuf,
-    /// Network [default: every shipped network for digits].
+    #[command(flatten)]
+    pub(crate) networks: EventNetworks,
+}
+
+/// A set of recordings of touch.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TouchData {
+    /// Set of recordings.
+    #[arg(value_name = "SET", value_parser = choice(SETS))]
+    pub(crate) set: NeutouchSet,
+    /// Folder of the data set, with the archive of the set.
+    ///
+    /// The archives are Ev-Objects.zip and Ev-Containers.zip.
+    #[arg(value_name = "DATA")]
+    pub(crate) data: PathBuf,
+}
+
+/// The names of the sets, with their help.
+const SETS: &[(&str, &str, NeutouchSet)] = &[
+    ("objects", "36 objects, grasped and held", NeutouchSet::Objects),
+    ("containers", "4 containers with 5 fillings each, grasped and lifted", NeutouchSet::Containers),
+];
+
+/// Networks over events, with their trainings.
+#[derive(Debug, clap::Args)]
+pub(crate) struct EventNetworks {
+    /// Network [default: every shipped network for the task].
     ///
     /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
     /// several times. With --trainings, the default is every shipped network with trainings in the folder.
@@ -33,7 +60,7 @@ pub(crate) struct DigitsTask {
     trainings: Option<PathBuf>,
     /// Number of folds of the cross-validation in --trainings.
     ///
-    /// The folds must be those that `meissner prepare digits --folds N` writes.
+    /// The folds must be those that `meissner prepare` writes for the task with --folds N.
     #[arg(long, value_name = "N", requires = "trainings", value_parser = clap::value_parser!(u32).range(2..),
           help_heading = NETWORK)]
     folds: Option<u32>,
@@ -83,7 +110,7 @@ pub(crate) struct PressTask {
     trainings: Option<PathBuf>,
 }
 
-impl DigitsTask {
+impl EventNetworks {
     pub(crate) fn request(&self) -> Request<'_> {
         let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
         Request { networks: &self.networks, weights, trainings }

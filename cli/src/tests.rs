@@ -106,7 +106,9 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("run", "threads", FRAMES),
     ("eval digits", "stride", NETWORK),
     ("eval angle", "stride", NETWORK),
+    ("eval touch", "stride", NETWORK),
     ("prepare digits", "folds", OUTPUT),
+    ("prepare touch", "folds", OUTPUT),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),
 ];

@@ -2,15 +2,14 @@
 
 use std::path::Path;
 
-use meissner_io::datasets::NmnistDataset;
+use meissner_io::IoError;
+use meissner_io::datasets::EventDataset;
 use meissner_models::Description;
-use meissner_models::systems::digits::{CLASSES, SENSOR, check, trained_as};
-use meissner_pipeline::model::describe;
+use meissner_models::systems::digits::{CLASSES, SENSOR, trained_as};
 
-use crate::error::{EvaluateError, TrainingError};
-use crate::events::{EventData, EventSet, EventTask};
-use crate::trainings::HeldOut;
-use crate::trainings::{Metadata, Task};
+use crate::error::EvaluateError;
+use crate::events::{EventSet, EventTask};
+use crate::trainings::Task;
 
 /// The task of digits.
 #[derive(Clone, Copy, Debug)]
@@ -21,9 +20,7 @@ impl Task for Digits {
     const PREFIX: &'static str = "digits-";
 
     fn describe(network: &str) -> Result<(Description, bool), EvaluateError> {
-        let (description, shipped) = describe(network)?;
-        check(&description)?;
-        Ok((description, shipped))
+        Self::SET.describe(network)
     }
 
     fn name(description: &Description) -> &str {
@@ -33,31 +30,18 @@ impl Task for Digits {
     fn trained_as(network: &str) -> &str {
         trained_as(network)
     }
-
-    /// The recordings that a fold held out; a whole training must have left out the split test.
-    fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
-        if metadata.0.contains_key("held_out") {
-            let expected = "with a JSON list of recordings, such as [\"train/3/00123\"]";
-            return metadata.recordings(expected).map(Some);
-        }
-        if metadata.0.get("trained_on").is_some_and(|split| split == "train") {
-            return Ok(None);
-        }
-        let expected = "\"train\", or \"held_out\" with a JSON list of recordings,";
-        Err(metadata.refused("trained_on", expected))
-    }
 }
 
 impl EventTask for Digits {
-    fn read(folder: &Path) -> Result<EventData, EvaluateError> {
-        let set = EventSet {
-            task: "digits",
-            command: "eval digits",
-            name: "N-MNIST",
-            sensor: SENSOR,
-            classes: &CLASSES,
-        };
-        let NmnistDataset { recordings, passed_over } = NmnistDataset::read(folder)?;
-        Ok(EventData::new(set, folder, recordings, &passed_over))
+    const SET: EventSet = EventSet {
+        task: "digits",
+        command: "eval digits",
+        name: "N-MNIST",
+        sensor: SENSOR,
+        classes: &CLASSES,
+    };
+
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
+        EventDataset::nmnist(folder)
     }
 }

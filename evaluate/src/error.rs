@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use meissner_engine::EngineError;
 use meissner_io::IoError;
 use meissner_models::ModelError;
-use meissner_models::systems::digits::DigitsError;
+use meissner_models::systems::OutputsError;
 use meissner_models::systems::slip::SlipError;
 use meissner_pipeline::PipelineError;
 use meissner_simulator::SimulatorError;
@@ -40,9 +40,12 @@ pub enum EvaluateError {
     /// A network or a recording does not belong to direction of slip; the source names it.
     #[error(transparent)]
     Slip(#[from] SlipError),
-    /// A network does not predict digits, or a cross-validation cannot have so many folds.
+    /// A network does not predict the classes of a task; the source names it.
     #[error(transparent)]
-    Digits(#[from] DigitsError),
+    Outputs(#[from] OutputsError),
+    /// A cross-validation cannot have so many folds.
+    #[error("folds: expected 2 to {recordings}, the number of recordings, found {found}")]
+    Folds { recordings: usize, found: usize },
     /// A recording of a slip cannot be cut into windows.
     #[error("recording {recording}")]
     SlipRecording { recording: String, source: SlipError },
@@ -170,7 +173,7 @@ pub enum TrainingError {
     Incomplete { network: String, seed: String, recordings: usize, found: usize, missing: String },
     /// It did not hold out all recordings of one fold, and no others.
     #[error(
-        "expected the {expected} recordings of one fold of {count}, as `prepare digits --folds {count}` writes them, found \
+        "expected the {expected} recordings of one fold of {count}, as `meissner prepare` writes them with --folds {count}, found \
          {found} recordings of {folds} folds"
     )]
     OtherFold { count: usize, expected: usize, found: usize, folds: usize },

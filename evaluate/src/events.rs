@@ -2,42 +2,70 @@
 //!
 //! [`evaluate`] judges networks event by event. A new task implements [`EventTask`].
 
+pub mod folds;
 mod judge;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
-use meissner_io::datasets::{NmnistRecording, Split};
+use meissner_io::IoError;
+use meissner_io::datasets::{Dataset, EventDataset, EventRecording, Split};
 use meissner_models::Description;
-use meissner_models::systems::digits::{DigitsError, folds};
+use meissner_models::systems::check_outputs;
 use meissner_pipeline::losses::{InputLosses, LossWarning};
+use meissner_pipeline::model::describe;
 use meissner_pipeline::text::grouped;
 
-use crate::error::{EvaluateError, TrainingError};
+use crate::error::EvaluateError;
 use crate::trainings::{Task, Training};
 use crate::trials::{Cases, Trial};
+use folds::{folds, is_a_fold};
 pub use judge::{DataReport, Judged, NetworkReport, Options, OverTime, Report, evaluate};
 
 /// A task on labelled recordings of events.
 pub trait EventTask: Task<Description = Description> {
-    /// Reads the data set in `folder`.
+    /// The data set.
+    const SET: EventSet;
+
+    /// The recordings of the data set in `folder`.
     ///
     /// # Errors
     /// The folder has another layout, or a recording cannot be read.
-    fn read(folder: &Path) -> Result<EventData, EvaluateError>;
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError>;
+
+    /// Reads the data set in `folder`.
+    ///
+    /// # Errors
+    /// As [`Self::recordings`].
+    fn read(folder: &Path) -> Result<EventData, EvaluateError> {
+        let Dataset { recordings, passed_over } = Self::recordings(folder)?;
+        Ok(EventData::new(Self::SET, folder, recordings, &passed_over))
+    }
 }
 
 /// The data set of a task.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct EventSet {
-    pub(crate) task: &'static str,
+pub struct EventSet {
+    /// Name of the task.
+    pub task: &'static str,
     /// The command that judges the networks of the task.
-    pub(crate) command: &'static str,
-    pub(crate) name: &'static str,
-    pub(crate) sensor: Sensor,
+    pub command: &'static str,
+    /// Name of the data set.
+    pub name: &'static str,
+    /// The sensor of all recordings.
+    pub sensor: Sensor,
     /// Names of the classes, in the order of their indices.
-    pub(crate) classes: &'static [&'static str],
+    pub classes: &'static [&'static str],
+}
+
+impl EventSet {
+    /// The description of a shipped network or in a file, which predicts the classes, and whether it is shipped.
+    pub(crate) fn describe(&self, network: &str) -> Result<(Description, bool), EvaluateError> {
+        let (description, shipped) = describe(network)?;
+        check_outputs(description.name(), description.outputs().0, self.classes)?;
+        Ok((description, shipped))
+    }
 }
 
 /// The recordings of a data set.
@@ -46,7 +74,7 @@ pub struct EventData {
     pub(crate) set: EventSet,
     pub(crate) folder: PathBuf,
     /// The recordings by split, by class, and by file name in natural order.
-    pub(crate) recordings: Vec<NmnistRecording>,
+    pub(crate) recordings: Vec<EventRecording>,
     /// Remarks about the data, for people.
     pub notes: Vec<String>,
 }
@@ -56,7 +84,7 @@ impl EventData {
     pub(crate) fn new(
         set: EventSet,
         folder: &Path,
-        recordings: Vec<NmnistRecording>,
+        recordings: Vec<EventRecording>,
         passed_over: &[PathBuf],
     ) -> Self {
         let late: u64 = recordings.iter().map(|recording| late(&recording.events)).sum();
@@ -71,7 +99,7 @@ impl EventData {
     }
 
     /// The fold of each recording in a cross-validation with `count` folds.
-    pub(crate) fn folds(&self, count: usize) -> Result<Vec<usize>, DigitsError> {
+    pub(crate) fn folds(&self, count: usize) -> Result<Vec<usize>, EvaluateError> {
         let classes: Vec<usize> = self.recordings.iter().map(|recording| recording.class).collect();
         folds(&classes, count)
     }
@@ -101,7 +129,7 @@ impl EventData {
         trainings: &[Arc<Training>],
         count: Option<usize>,
     ) -> Result<Vec<Trial>, EvaluateError> {
-        let assigned = count.map(|count| Ok::<_, DigitsError>((count, self.folds(count)?))).transpose()?;
+        let assigned = count.map(|count| Ok::<_, EvaluateError>((count, self.folds(count)?))).transpose()?;
         let mut cases = Cases::default();
         self.recordings.iter().for_each(|recording| cases.push(&recording.name, 1));
         let check = |chosen: &[usize]| match &assigned {
@@ -157,45 +185,14 @@ fn late(events: &[Event]) -> u64 {
     late
 }
 
-/// `Ok` where the recordings `chosen` are one of the `folds`, of which there are `count`.
-fn is_a_fold(chosen: &[usize], count: usize, folds: &[usize]) -> Result<(), TrainingError> {
-    let mut met: Vec<usize> = chosen.iter().map(|&recording| folds[recording]).collect();
-    met.sort_unstable();
-    met.dedup();
-    let expected = met.first().map_or(0, |first| folds.iter().filter(|fold| *fold == first).count());
-    if met.len() == 1 && chosen.len() == expected {
-        return Ok(());
-    }
-    Err(TrainingError::OtherFold { count, expected, found: chosen.len(), folds: met.len() })
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{is_a_fold, late};
+    use super::late;
     use meissner_engine::Event;
 
     #[test]
     fn an_event_is_late_after_any_newer_one() {
         let events = [5, 3, 4, 5, 9].map(|t_us| Event::new(t_us, 0, 0, true));
         assert_eq!(late(&events), 2);
-    }
-
-    #[test]
-    fn a_fold_is_all_of_its_recordings_and_no_other() {
-        let folds = [0, 1, 0, 1, 2];
-        for chosen in [&[0, 2][..], &[1, 3], &[4]] {
-            assert!(is_a_fold(chosen, 3, &folds).is_ok(), "{chosen:?}");
-        }
-        for (chosen, found) in [
-            (
-                &[0][..],
-                "the 2 recordings of one fold of 3, as `prepare digits --folds 3` writes them, found 1",
-            ),
-            (&[0, 1], "found 2 recordings of 2 folds"),
-            (&[], "found 0 recordings of 0 folds"),
-        ] {
-            let error = is_a_fold(chosen, 3, &folds).unwrap_err().to_string();
-            assert!(error.contains(found), "{error}");
-        }
     }
 }

@@ -8,6 +8,7 @@
 //! | [`events`] | labelled recordings of events: accuracy event by event |
 //! | [`digits`] | N-MNIST, a task of [`events`] |
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
+//! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
@@ -44,6 +45,7 @@ pub mod regression;
 pub mod slip;
 mod streams;
 mod tensors;
+pub mod touch;
 pub mod trainings;
 mod trials;
 mod truth;

@@ -3,6 +3,10 @@
 //! Recordings are ordered by class and then by file name in natural order (`pen2` before `pen10`). Entries whose names start
 //! with a dot are ignored. Files beside the class folders, and files with another extension in them, are skipped and listed.
 
+mod neutouch;
+
+pub use neutouch::NeutouchSet;
+
 use std::ffi::OsStr;
 use std::fmt;
 use std::fs::File;
@@ -84,7 +88,7 @@ impl<R> Dataset<R> {
 /// Names of the classes of N-MNIST, which are the folders of a split.
 const DIGITS: [&str; 10] = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"];
 
-/// The purpose of a recording of N-MNIST.
+/// The purpose of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Split {
     /// Training.
@@ -112,49 +116,51 @@ impl fmt::Display for Split {
     }
 }
 
-/// A recording of a digit.
+/// A recording of events with its class.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NmnistRecording {
-    /// Split, class and file name without its extension: "train/3/00123".
+pub struct EventRecording {
+    /// Its place in the data set, without an extension: "train/3/00123".
     pub name: String,
     /// Its purpose.
     pub split: Split,
-    /// The digit, from 0 to 9.
+    /// Index of its class.
     pub class: usize,
-    /// Its events on 34 x 34 pixels, in the file's order, with the file's times; at least one.
+    /// Its events, in the file's order, with the file's times; at least one.
     pub events: Vec<Event>,
 }
 
-/// Digits seen by a moving event camera: the layout of N-MNIST.
-///
-/// ```text
-/// DATA/<train|test>/<digit>/<number>.bin        DATA/train/3/00123.bin
-/// ```
-///
-/// Every folder is a split or a digit, and every recording has an event. Every `.bin` file is read as [`Format::Nmnist`],
-/// whatever its content. Source: Orchard, Jayawant, Cohen and Thakor, "Converting static image datasets to spiking
-/// neuromorphic datasets using saccades", 2015.
-pub type NmnistDataset = Dataset<NmnistRecording>;
+/// A set of recordings of events with a split and classes.
+pub type EventDataset = Dataset<EventRecording>;
 
-impl NmnistDataset {
-    /// Reads the data set in `folder`, which has one or both splits. O(bytes); all events are held in memory.
+impl EventDataset {
+    /// Reads digits seen by a moving event camera, in the layout of N-MNIST, with one or both splits. O(bytes); all events are
+    /// held in memory.
+    ///
+    /// ```text
+    /// DATA/<train|test>/<digit>/<number>.bin        DATA/train/3/00123.bin
+    /// ```
+    ///
+    /// Every folder is a split or a digit, and every recording has an event. Every `.bin` file is read as
+    /// [`Format::Nmnist`], on 34 x 34 pixels, whatever its content. Source: Orchard, Jayawant, Cohen and Thakor, "Converting
+    /// static image datasets to spiking neuromorphic datasets using saccades", 2015.
     ///
     /// # Errors
     /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
     /// events.
-    pub fn read(folder: impl AsRef<Path>) -> Result<Self, IoError> {
+    pub fn nmnist(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let mut set = Self::new();
         for (split, folder) in set.subfolders(folder, &Split::ALL.map(Split::name))? {
             for (class, folder) in set.subfolders(&folder, &DIGITS)? {
-                set.extend(&folder, "bin", |path| NmnistRecording::read(path, Split::ALL[split], class))?;
+                set.extend(&folder, "bin", |path| EventRecording::read(path, Split::ALL[split], class))?;
             }
         }
         set.not_empty(folder, "<train|test>/<digit>/<number>.bin", &DIGITS)
     }
 }
 
-impl NmnistRecording {
+impl EventRecording {
+    /// The digit in the file at `path`.
     fn read(path: &Path, split: Split, class: usize) -> Result<Self, IoError> {
         let events = read_with(path, Format::Nmnist).map_err(IoError::content(path))?.events;
         if events.is_empty() {

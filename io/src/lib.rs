@@ -56,6 +56,7 @@ mod npy;
 mod prophesee;
 mod recording;
 mod text;
+mod zip;
 
 pub use codec::{ReadOptions, decode, decode_with, encode, read, read_with, write};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};

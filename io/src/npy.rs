@@ -106,12 +106,22 @@ struct Layout {
     start: usize,
 }
 
-/// A column of the records by its name; `None`: it is skipped for its type.
-type Column<'a> = (&'a [u8], Option<Field>);
+/// What the text of a header says of an array of `N` dimensions; `descr` has its type.
+struct Header<T, const N: usize> {
+    /// Byte of the file at which the text starts.
+    text_at: usize,
+    /// Byte of the file at which the content starts.
+    start: usize,
+    descr: T,
+    shape: [u64; N],
+}
 
-impl Layout {
-    /// Reads magic, version and header.
-    fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+impl<T, const N: usize> Header<T, N> {
+    /// Reads magic, version and header, with `descr` for the type.
+    fn parse<'a>(
+        file: Bytes<'a>,
+        descr: impl Fn(&mut Scanner<'a>) -> Result<T, IoError>,
+    ) -> Result<Self, IoError> {
         let what = "magic and version";
         let magic = file.get(what, 0, 8)?;
         let (length, text_at) = match (magic.starts_with(MAGIC), magic[6]) {
@@ -127,17 +137,21 @@ impl Layout {
         }
         let start = text_at + file.get("header", text_at, length as usize)?.len();
         let mut scanner = Scanner { file: Bytes { data: &file.data[..start], ..file }, at: text_at };
-        let (mut record, mut count) = (None, None);
+        let (mut found, mut sizes) = (None, None);
         scanner.expect(b'{')?;
         while !scanner.eat(b'}') {
             let key = scanner.string()?;
             scanner.expect(b':')?;
             match key {
-                b"descr" => record = Some(columns(&mut scanner)?),
-                b"shape" => count = Some(shape(&mut scanner)?),
+                b"descr" => found = Some(descr(&mut scanner)?),
+                b"shape" => sizes = Some(shape(&mut scanner)?),
                 // With one dimension, both orders are the same.
-                b"fortran_order" if matches!(scanner.word(), b"True" | b"False") => {}
-                _ => return Err(scanner.error("the keys descr, fortran_order (True or False) and shape")),
+                b"fortran_order" if matches!((scanner.word(), N), (b"False", _) | (b"True", 1)) => {}
+                _ => {
+                    let orders = if N == 1 { "True or False" } else { "False" };
+                    let expected = format!("the keys descr, fortran_order ({orders}) and shape");
+                    return Err(scanner.error(&expected));
+                }
             }
             if scanner.peek() != Some(b'}') {
                 scanner.expect(b',')?;
@@ -146,9 +160,48 @@ impl Layout {
         if scanner.peek().is_some() {
             return Err(scanner.error("nothing after the dictionary"));
         }
-        let Some(((columns, stride), count)) = record.zip(count) else {
+        let Some((descr, shape)) = found.zip(sizes) else {
             return Err(scanner.error("the keys descr and shape"));
         };
+        Ok(Self { text_at, start, descr, shape })
+    }
+}
+
+/// An array of f32 of `N` dimensions, in C order.
+pub(crate) struct Floats<'a, const N: usize> {
+    pub(crate) shape: [u64; N],
+    /// As many as the shape says, little-endian.
+    pub(crate) values: &'a [[u8; 4]],
+    /// Byte of the file at which the values start.
+    pub(crate) start: usize,
+}
+
+/// The array in the file `bytes`.
+pub(crate) fn floats<const N: usize>(bytes: &[u8]) -> Result<Floats<'_, N>, IoError> {
+    let file = Bytes::file(Format::Npy.name(), bytes);
+    let descr = |scanner: &mut Scanner<'_>| match scanner.string()? {
+        b"<f4" => Ok(()),
+        other => Err(scanner.error(&format!("the type <f4 before this, not {}", shown(other)))),
+    };
+    let Header { start, shape, .. } = Header::<_, N>::parse(file, descr)?;
+    let promised = shape.iter().fold(4_u64, |bytes, &size| bytes.saturating_mul(size));
+    let content = &bytes[start..];
+    if content.len() as u64 != promised {
+        let expected = format!("{promised} bytes of the shape {shape:?}");
+        return Err(file.malformed("array", start, expected, content.len()));
+    }
+    // A multiple of four bytes, as promised.
+    Ok(Floats { shape, values: content.as_chunks().0, start })
+}
+
+/// A column of the records by its name; `None`: it is skipped for its type.
+type Column<'a> = (&'a [u8], Option<Field>);
+
+impl Layout {
+    /// Reads magic, version and header.
+    fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+        let Header { text_at, start, descr: (columns, stride), shape: [count] } =
+            Header::parse(file, columns)?;
         let find = |what: &'static str, known: &[&str]| {
             let is_known = |name: &[u8]| known.iter().any(|k| name.eq_ignore_ascii_case(k.as_bytes()));
             let mut found = columns.iter().filter(|(name, _)| is_known(name));
@@ -221,16 +274,25 @@ fn column(text: &[u8], offset: usize) -> Option<(Option<Field>, usize)> {
     }
 }
 
-/// The length of an array of one dimension.
-fn shape(scanner: &mut Scanner<'_>) -> Result<u64, IoError> {
+/// The lengths of an array of `N` dimensions.
+fn shape<const N: usize>(scanner: &mut Scanner<'_>) -> Result<[u64; N], IoError> {
+    let mut sizes = [0; N];
     scanner.expect(b'(')?;
-    let before = scanner.at;
-    let Some(count) = str::from_utf8(scanner.word()).ok().and_then(|digits| digits.parse().ok()) else {
-        scanner.at = before;
-        return Err(scanner.error("an integer from 0 to 2^64 - 1"));
-    };
-    scanner.expect(b',')?;
-    if scanner.eat(b')') { Ok(count) } else { Err(scanner.error("an array of one dimension")) }
+    for (i, size) in sizes.iter_mut().enumerate() {
+        let before = scanner.at;
+        let Some(count) = str::from_utf8(scanner.word()).ok().and_then(|digits| digits.parse().ok()) else {
+            scanner.at = before;
+            return Err(scanner.error("an integer from 0 to 2^64 - 1"));
+        };
+        *size = count;
+        // Only a tuple of one needs a comma at its end.
+        if i == 0 || i + 1 < N {
+            scanner.expect(b',')?;
+        }
+    }
+    let end = scanner.eat(b')') || (N > 1 && scanner.eat(b',') && scanner.eat(b')'));
+    let dimensions = if N == 1 { "one dimension".to_owned() } else { format!("{N} dimensions") };
+    if end { Ok(sizes) } else { Err(scanner.error(&format!("an array of {dimensions}"))) }
 }
 
 /// A tokenizer of the few Python literals of a header.

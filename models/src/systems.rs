@@ -4,6 +4,7 @@
 pub mod contact_area;
 pub mod digits;
 pub mod slip;
+pub mod touch;
 
 use thiserror::Error;
 
@@ -21,7 +22,10 @@ pub struct OutputsError {
 }
 
 /// `Ok` where the `outputs` of `network` are `classes`.
-pub(crate) fn check_outputs(network: &str, outputs: &[String], classes: &[&str]) -> Result<(), OutputsError> {
+///
+/// # Errors
+/// [`OutputsError`] where they are something else.
+pub fn check_outputs(network: &str, outputs: &[String], classes: &[&str]) -> Result<(), OutputsError> {
     if outputs == classes {
         return Ok(());
     }

@@ -10,7 +10,7 @@ use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Plane, Series, Style, page};
 
-use super::digits::every_us;
+use super::events::every_us;
 use super::{NONE, OutputArgs, networks, write};
 use crate::args::{MODES, NETWORK, PREDICTIONS, STATUS, choice};
 use crate::error::CliError;

@@ -1,12 +1,9 @@
 //! `meissner eval digits`: accuracies of networks over events for digits, event by event.
 
 use meissner_evaluate::digits::Digits;
-use meissner_evaluate::events::{Options, evaluate};
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::text;
 
-use super::{OutputArgs, events, write};
-use crate::args::{MODES, NETWORK, PREDICTIONS, STATUS, choice};
+use super::events::JudgeArgs;
+use crate::args::STATUS;
 use crate::error::CliError;
 use crate::tasks::DigitsTask;
 
@@ -47,41 +44,11 @@ Examples:
 pub(super) struct DigitsArgs {
     #[command(flatten)]
     task: DigitsTask,
-    /// Take every Nth event of each recording [default: as the weights say].
-    ///
-    /// The first event is taken. The metadata of the weights state the stride of the training; if they state none, every
-    /// event is taken.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
-    stride: Option<u32>,
-    /// Time between two predictions, from 100us to 10s.
-    #[arg(long = "every", value_name = "TIME", default_value = "10ms", value_parser = every_us,
-          help_heading = PREDICTIONS)]
-    every_us: i64,
-    /// Recompute what an event changes, or every row at every prediction.
-    ///
-    /// Both give the same values, bit for bit.
-    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
-    mode: Mode,
     #[command(flatten)]
-    output: OutputArgs,
-}
-
-/// Reads the time between two predictions.
-pub(super) fn every_us(text: &str) -> Result<i64, String> {
-    let us = text::span_us(text)?;
-    let fits = (100..=10_000_000).contains(&us);
-    if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }
+    judge: JudgeArgs,
 }
 
 pub(super) fn eval(args: &DigitsArgs) -> Result<(), CliError> {
-    let options = Options {
-        request: args.task.request(),
-        stride: args.stride.map(|stride| stride as usize),
-        folds: args.task.folds(),
-        every_us: args.every_us,
-        mode: args.mode,
-    };
-    let svg = |report: &_| events::svg(report, "Digits, event by event");
-    let judge = |pool: &_, done| evaluate::<Digits>(&args.task.data, &options, pool, done);
-    write(&args.output, svg, events::table, judge)
+    let DigitsTask { data, networks } = &args.task;
+    args.judge.eval::<Digits>(data, networks, "Digits, event by event")
 }

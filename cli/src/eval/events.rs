@@ -1,21 +1,75 @@
-//! Accuracies of networks over events, event by event: the tables of a report, and its picture.
+//! Accuracies of networks over events, event by event: arguments, the tables of a report, and its picture.
 //!
 //! The picture has a row for the split test and one for the cross-validation, with accuracies against time and a confusion
 //! matrix for each network.
 
 use std::io::{self, Write};
+use std::path::Path;
 
-use meissner_evaluate::events::{Judged, Report};
+use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
 use meissner_evaluate::judged::JudgedSeed;
 use meissner_evaluate::trainings::seed_name;
-use meissner_pipeline::text::grouped;
+use meissner_pipeline::predictor::Mode;
+use meissner_pipeline::text::{self, grouped};
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
 
-use super::{NONE, accuracy_of, confusion, matrix, networks, spread};
+use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread, write};
+use crate::args::{MODES, NETWORK, PREDICTIONS, choice};
+use crate::error::CliError;
+use crate::tasks::EventNetworks;
 use crate::text::{Table, file_name, interval, percent};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
 const MOST_TIMES: usize = 40;
+
+/// How networks are judged.
+#[derive(Debug, clap::Args)]
+pub(super) struct JudgeArgs {
+    /// Take every Nth event of each recording [default: as the weights say].
+    ///
+    /// The first event is taken. The metadata of the weights state the stride of the training; if they state none, every
+    /// event is taken.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
+    stride: Option<u32>,
+    /// Time between two predictions, from 100us to 10s.
+    #[arg(long = "every", value_name = "TIME", default_value = "10ms", value_parser = every_us,
+          help_heading = PREDICTIONS)]
+    every_us: i64,
+    /// Recompute what an event changes, or every row at every prediction.
+    ///
+    /// Both give the same values, bit for bit.
+    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
+    mode: Mode,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// Reads the time between two predictions.
+pub(super) fn every_us(text: &str) -> Result<i64, String> {
+    let us = text::span_us(text)?;
+    let fits = (100..=10_000_000).contains(&us);
+    if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }
+}
+
+impl JudgeArgs {
+    /// Judges `networks` on the data set in `folder`; the picture has a `title`.
+    pub(super) fn eval<T: EventTask>(
+        &self,
+        folder: &Path,
+        networks: &EventNetworks,
+        title: &str,
+    ) -> Result<(), CliError> {
+        let options = Options {
+            request: networks.request(),
+            stride: self.stride.map(|stride| stride as usize),
+            folds: networks.folds(),
+            every_us: self.every_us,
+            mode: self.mode,
+        };
+        let judge = |pool: &_, done| evaluate::<T>(folder, &options, pool, done);
+        write(&self.output, |report: &_| svg(report, title), table, judge)
+    }
+}
 
 /// The report for people: shares in percent, times in milliseconds.
 pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use meissner_engine::Event;
+use meissner_evaluate::events::folds::folds;
 use meissner_models::Weights;
-use meissner_models::systems::digits::folds;
 use safetensors::{Dtype, SafeTensors};
 use serde_json::{Value, json};
 

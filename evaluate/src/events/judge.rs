@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::{EngineError, Event};
 use meissner_io::datasets::Split;
-use meissner_models::systems::digits::correct_from;
 use meissner_models::{AnyDescription, Description, ModelError, TensorFile};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::losses::LossWarning;
@@ -363,6 +362,14 @@ impl Outcome {
         let is_end = first + 1 == self.answers.len();
         Some(if is_end { self.end_us } else { (first as i64 + 1) * every_us })
     }
+}
+
+/// The index of the first of `answers`, in order of time, from which on all are `truth`; `None` where the last one is not,
+/// or where there are no answers. O(n).
+fn correct_from(answers: &[usize], truth: usize) -> Option<usize> {
+    let wrong = answers.iter().rposition(|&answer| answer != truth);
+    let first = wrong.map_or(0, |last_wrong| last_wrong + 1);
+    (first < answers.len()).then_some(first)
 }
 
 /// The lower median of `times`, where `None` is later than all times.

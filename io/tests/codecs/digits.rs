@@ -6,7 +6,7 @@ use std::path::Path;
 
 use meissner_engine::Event;
 use meissner_io::IoError;
-use meissner_io::datasets::{NmnistDataset, Split};
+use meissner_io::datasets::{EventDataset, Split};
 use tempfile::TempDir;
 
 use crate::shared_files::shared;
@@ -31,7 +31,7 @@ fn folder(files: &[(&str, &[u8])]) -> TempDir {
 
 /// The message for a folder with these files.
 fn refusal(files: &[(&str, &[u8])]) -> String {
-    NmnistDataset::read(folder(files).path()).unwrap_err().to_string()
+    EventDataset::nmnist(folder(files).path()).unwrap_err().to_string()
 }
 
 #[test]
@@ -47,7 +47,7 @@ fn recordings_come_by_split_then_by_class_and_then_by_number() {
         ("train/labels", b"beside the digits"),
         ("README", b"about"),
     ]);
-    let set = NmnistDataset::read(folder.path()).unwrap();
+    let set = EventDataset::nmnist(folder.path()).unwrap();
     let found: Vec<_> =
         set.recordings.iter().map(|r| (r.name.as_str(), r.split, r.class, r.events.len())).collect();
     let expected = [
@@ -66,7 +66,7 @@ fn recordings_come_by_split_then_by_class_and_then_by_number() {
 fn one_split_is_enough() {
     for split in Split::ALL {
         let folder = folder(&[(&format!("{split}/4/1.bin"), &digit(1))]);
-        let set = NmnistDataset::read(folder.path()).unwrap();
+        let set = EventDataset::nmnist(folder.path()).unwrap();
         assert_eq!((set.recordings.len(), set.recordings[0].split), (1, split));
     }
 }
@@ -83,7 +83,7 @@ fn a_folder_that_is_no_split_or_no_digit_is_refused_by_name() {
 #[test]
 fn what_is_missing_is_said() {
     let nowhere = tempfile::tempdir().unwrap().path().join("data");
-    let message = NmnistDataset::read(&nowhere).unwrap_err().to_string();
+    let message = EventDataset::nmnist(&nowhere).unwrap_err().to_string();
     assert!(message.contains(nowhere.to_str().unwrap()) && message.contains("found nothing"), "{message}");
     assert!(refusal(&[("README", b"about")]).contains("<train|test>/<digit>/<number>.bin"));
     let message = refusal(&[("train/3/1.bin", b"")]);
@@ -94,7 +94,7 @@ fn what_is_missing_is_said() {
 fn a_bad_recording_is_an_error_with_path_and_byte() {
     let broken = [&digit(2)[..], &[1, 2]].concat();
     let folder = folder(&[("train/3/00123.bin", &broken)]);
-    let error = NmnistDataset::read(folder.path()).unwrap_err();
+    let error = EventDataset::nmnist(folder.path()).unwrap_err();
     assert!(matches!(error, IoError::Content { .. }));
     let message = format!("{error}: {}", error.source().expect("why"));
     let place = Path::new("train").join("3").join("00123.bin");
@@ -105,7 +105,7 @@ fn a_bad_recording_is_an_error_with_path_and_byte() {
 #[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_shared_digits_are_1_000_and_100_of_1_069_to_7_152_events() {
     let folder = shared("data/nmnist");
-    let set = NmnistDataset::read(folder).unwrap();
+    let set = EventDataset::nmnist(folder).unwrap();
     let count = |split| set.recordings.iter().filter(|recording| recording.split == split).count();
     assert_eq!((count(Split::Train), count(Split::Test), set.passed_over.len()), (1_000, 100, 0));
     assert!((0..10).all(|class| set.recordings.iter().any(|recording| recording.class == class)));

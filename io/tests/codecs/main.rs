@@ -14,6 +14,7 @@ mod evt2;
 mod evt3;
 mod hostile;
 mod kinds;
+mod neutouch;
 mod nmnist;
 mod npy;
 mod recordings;

@@ -1,6 +1,8 @@
 //! Figures of made-up answers.
 
-use super::{Outcome, OverTime, lower_median};
+use proptest::prelude::*;
+
+use super::{Outcome, OverTime, correct_from, lower_median};
 use crate::judged::Figures;
 
 fn outcome(answers: &[usize], end_us: i64) -> Outcome {
@@ -49,4 +51,22 @@ fn several_trainings_give_mean_and_deviation_and_the_mean_of_their_bounds() {
     assert_eq!((judged.accuracy.mean, judged.recordings), (1.0, 1));
     assert!((judged.interval_95_at[0].0 - bounds).abs() < 1e-15);
     assert_eq!((judged.settled_us, judged.confusion.count(3, 3)), (Some(10), 2));
+}
+
+#[test]
+fn an_answer_that_is_right_for_a_while_has_not_settled_then() {
+    assert_eq!(correct_from(&[3, 1, 3, 3], 3), Some(2));
+    assert_eq!(correct_from(&[3, 3], 3), Some(0));
+    assert_eq!(correct_from(&[3, 3, 1], 3), None);
+    assert_eq!(correct_from(&[], 3), None);
+}
+
+proptest! {
+    #[test]
+    fn it_is_the_first_place_behind_which_nothing_is_wrong(
+        answers in proptest::collection::vec(0..3_usize, 0..12)
+    ) {
+        let slow = (0..answers.len()).find(|&i| answers[i..].iter().all(|&answer| answer == 1));
+        prop_assert_eq!(correct_from(&answers, 1), slow);
+    }
 }

@@ -1,28 +1,12 @@
-//! Folds and answers against their definitions.
+//! Folds against their definition.
 
 use proptest::prelude::*;
 
-use super::{check, correct_from, folds, trained_as};
-use crate::Description;
-
-#[test]
-fn a_network_that_tells_no_digits_is_refused_with_its_outputs() {
-    let network = Description::shipped("tactigraph").unwrap();
-    let error = check(&network).unwrap_err().to_string();
-    assert!(error.contains("tactigraph") && error.contains("roll, pitch"), "{error}");
-}
-
-#[test]
-fn the_frozen_network_is_the_one_over_the_past() {
-    assert_eq!(
-        ["digits-frozen", "digits-past", "own"].map(trained_as),
-        ["digits-past", "digits-past", "own"]
-    );
-}
+use super::{folds, is_a_fold};
 
 #[test]
 fn recordings_are_dealt_class_after_class() {
-    assert_eq!(folds(&[1, 0, 1, 0, 0, 1, 2], 2), Ok(vec![1, 0, 0, 1, 0, 1, 0]));
+    assert_eq!(folds(&[1, 0, 1, 0, 0, 1, 2], 2).unwrap(), [1, 0, 0, 1, 0, 1, 0]);
 }
 
 #[test]
@@ -30,6 +14,25 @@ fn too_few_and_too_many_folds_are_refused() {
     for count in [0, 1, 4] {
         let error = folds(&[0, 0, 1], count).unwrap_err().to_string();
         assert!(error.contains("2 to 3") && error.ends_with(&format!("found {count}")), "{error}");
+    }
+}
+
+#[test]
+fn a_fold_is_all_of_its_recordings_and_no_other() {
+    let folds = [0, 1, 0, 1, 2];
+    for chosen in [&[0, 2][..], &[1, 3], &[4]] {
+        assert!(is_a_fold(chosen, 3, &folds).is_ok(), "{chosen:?}");
+    }
+    for (chosen, found) in [
+        (
+            &[0][..],
+            "the 2 recordings of one fold of 3, as `meissner prepare` writes them with --folds 3, found 1",
+        ),
+        (&[0, 1], "found 2 recordings of 2 folds"),
+        (&[], "found 0 recordings of 0 folds"),
+    ] {
+        let error = is_a_fold(chosen, 3, &folds).unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
     }
 }
 
@@ -65,23 +68,5 @@ proptest! {
             let before = (0..classes.len()).filter(|&j| (classes[j], j) < (classes[i], i)).count();
             prop_assert_eq!(fold, before % 2);
         }
-    }
-}
-
-#[test]
-fn an_answer_that_is_right_for_a_while_has_not_settled_then() {
-    assert_eq!(correct_from(&[3, 1, 3, 3], 3), Some(2));
-    assert_eq!(correct_from(&[3, 3], 3), Some(0));
-    assert_eq!(correct_from(&[3, 3, 1], 3), None);
-    assert_eq!(correct_from(&[], 3), None);
-}
-
-proptest! {
-    #[test]
-    fn it_is_the_first_place_behind_which_nothing_is_wrong(
-        answers in proptest::collection::vec(0..3_usize, 0..12)
-    ) {
-        let slow = (0..answers.len()).find(|&i| answers[i..].iter().all(|&answer| answer == 1));
-        prop_assert_eq!(correct_from(&answers, 1), slow);
     }
 }
