@@ -30,3 +30,4 @@ mod tactile;
 mod tolerance;
 mod trained_digits;
 mod trained_slip;
+mod trained_touch;

@@ -12,15 +12,21 @@ use serde_json::Value;
 /// Relative to the largest magnitude of a stream's logits, at least 1.
 const MOST: f64 = 1e-4;
 
-struct Golden {
-    sensor: Sensor,
-    streams: Vec<Vec<Event>>,
+/// Streams of events, and what `PyTorch` says at their ends.
+pub(crate) struct Golden {
+    pub(crate) sensor: Sensor,
+    pub(crate) streams: Vec<Vec<Event>>,
     /// Of each network, of each stream.
-    logits: Vec<(String, Vec<Vec<f64>>)>,
+    pub(crate) logits: Vec<(String, Vec<Vec<f64>>)>,
 }
 
 fn golden() -> Golden {
-    let golden: Value = serde_json::from_str(include_str!("golden/digits.json")).expect("JSON");
+    read(include_str!("golden/digits.json"))
+}
+
+/// The content of a golden file.
+pub(crate) fn read(text: &str) -> Golden {
+    let golden: Value = serde_json::from_str(text).expect("JSON");
     let list = |value: &Value| value.as_array().expect("a list").clone();
     let row = |row: &Value| -> Vec<f64> { list(row).iter().filter_map(Value::as_f64).collect() };
     let event = |value: &Value| {
@@ -39,7 +45,8 @@ fn golden() -> Golden {
     }
 }
 
-fn network(name: &str) -> meissner_engine::Network {
+/// A shipped network.
+pub(crate) fn network(name: &str) -> meissner_engine::Network {
     let weights = Weights::shipped(name).expect("shipped weights");
     Description::shipped(name).expect("a shipped network").network(&weights).expect("the weights fit")
 }
@@ -62,12 +69,18 @@ fn logits(name: &str, sensor: Sensor, events: &[Event]) -> Vec<f32> {
 
 #[test]
 fn trained_networks_agree_with_pytorch_in_digit_and_logits() {
-    let Golden { sensor, streams, logits: expected } = golden();
-    assert_eq!(expected.len(), 2, "digits-frozen has the weights of digits-past");
-    for (name, expected) in &expected {
+    let golden = golden();
+    assert_eq!(golden.logits.len(), 2, "digits-frozen has the weights of digits-past");
+    agree(&golden);
+}
+
+/// Class and logits of the engine are those of `golden`.
+pub(crate) fn agree(golden: &Golden) {
+    let Golden { sensor, streams, logits: expected } = golden;
+    for (name, expected) in expected {
         assert_eq!(expected.len(), streams.len());
         for (i, (events, expected)) in streams.iter().zip(expected).enumerate() {
-            let found: Vec<f64> = logits(name, sensor, events).into_iter().map(f64::from).collect();
+            let found: Vec<f64> = logits(name, *sensor, events).into_iter().map(f64::from).collect();
             assert_eq!(found.len(), expected.len());
             assert_eq!(largest(&found), largest(expected), "{name}, stream {i}");
             let scale = expected.iter().fold(1f64, |scale, v| scale.max(v.abs()));

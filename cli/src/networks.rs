@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_engine::frames::FrameShape;
-use meissner_models::systems::digits;
+use meissner_models::systems::{digits, touch};
 use meissner_models::{AnyDescription, Card};
 use serde::Serialize;
 
@@ -31,7 +31,8 @@ const FORCE: &str = "contact force";
 const SLIP: &str = "direction of slip";
 const AREA: &str = "contact area and normal force";
 const DIGITS: &str = "digits (N-MNIST)";
-const SYSTEMS: [&str; 5] = [ANGLE, FORCE, SLIP, AREA, DIGITS];
+const TOUCH: &str = "objects by touch (NeuTouch)";
+const SYSTEMS: [&str; 6] = [ANGLE, FORCE, SLIP, AREA, DIGITS, TOUCH];
 
 /// Name, system and purpose of each shipped network.
 const PURPOSES: &[(&str, &str, &str)] = &[
@@ -55,6 +56,8 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("tactigraph-frozen", ANGLE, "TactiGraph over earlier nodes, chosen on arrival"),
     ("tactigraph-lean", ANGLE, "few channels for many events: trained on a simulated dome"),
     ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
+    ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),
+    ("touch-objects", TOUCH, "objects in a gripper, from spikes of 39 taxels"),
 ];
 
 /// A shipped network.
@@ -89,8 +92,9 @@ impl Entry {
         let kind = NetworkKind::of(&description);
         let sensor = match &description {
             AnyDescription::Events(_) => {
-                let of_digits = [digits::SENSOR.width, digits::SENSOR.height].map(usize::from);
-                (system == DIGITS).then_some(of_digits)
+                let sensors = [(DIGITS, digits::SENSOR), (TOUCH, touch::SENSOR)];
+                let sensor = sensors.iter().find(|(of, _)| *of == system);
+                sensor.map(|(_, sensor)| [sensor.width, sensor.height].map(usize::from))
             }
             AnyDescription::Frames(frames) => match frames.input() {
                 FrameShape::Image { width, height, .. } if kind != NetworkKind::Electrodes => {

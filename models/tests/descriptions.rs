@@ -38,8 +38,23 @@ fn networks_for_digits_give_a_logit_for_each_over_three_saccades() {
 }
 
 #[test]
+fn networks_for_touch_give_a_logit_for_each_class_and_have_a_cell_for_each_taxel_and_two_bins() {
+    for (name, classes) in [("touch-containers", 20), ("touch-objects", 36)] {
+        let (description, network) = shipped(name);
+        let (names, units) = description.outputs();
+        assert_eq!(
+            (names.len(), units, network.outputs()),
+            (classes, &vec!["logit".to_owned(); classes][..], classes)
+        );
+        assert!((0..classes).all(|class| names[class] == class.to_string()));
+        assert_eq!((network.parts().span_us, network.readout_times()), (5_000_000, 126));
+    }
+}
+
+#[test]
 fn every_other_shipped_network_predicts_roll_and_pitch_in_rad() {
-    for name in Description::shipped_names().iter().filter(|name| !name.starts_with("digits-")) {
+    let of_classes = |name: &&&str| name.starts_with("digits-") || name.starts_with("touch-");
+    for name in Description::shipped_names().iter().filter(|name| !of_classes(name)) {
         let (description, network) = shipped(name);
         let (names, units) = description.outputs();
         assert_eq!((names.len(), units.len(), network.outputs()), (2, 2, 2));

@@ -1,4 +1,4 @@
-"""Recordings as the engine sees them: `meissner prepare digits` reads them, this reads what it writes."""
+"""Recordings as the engine sees them: `meissner prepare digits` (or `touch`) reads them, this reads what it writes."""
 
 import json
 import subprocess
@@ -19,16 +19,16 @@ class Recordings:
     fold: np.ndarray  # (recordings,)
     names: list
     sensor: str  # JSON [width, height]
-    side: int  # of the sensor, which is a square
+    side: int  # columns of the sensor; that of the digits is a square
 
     def __len__(self):
         return len(self.events)
 
 
-def prepare(meissner, data, folds, folder):
-    """The recordings under `data`."""
-    path = Path(folder) / "digits.safetensors"
-    command = [meissner, "prepare", "digits", data, "--folds", folds, "--out", path]
+def prepare(meissner, data, folds, folder, task=("digits",)):
+    """The recordings of `task` under `data`."""
+    path = Path(folder) / "recordings.safetensors"
+    command = [meissner, "prepare", *task, data, "--folds", folds, "--out", path]
     subprocess.run([str(word) for word in command], check=True)
     with safe_open(path, "np") as file:
         columns = np.stack([file.get_tensor(name) for name in ("t_us", "x", "y", "on")], axis=1)
