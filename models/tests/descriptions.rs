@@ -3,6 +3,7 @@
 use super::support;
 
 use meissner_engine::{Candidates, Lifetime, Network, NetworkParts, Normalisation, Position, Reach};
+use meissner_models::description::frames::FrameKind;
 use meissner_models::description::{FieldStart, Per};
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
@@ -252,9 +253,10 @@ fn the_table_the_data_and_the_pictures_name_every_layer() {
         }
         assert!(texts[1].starts_with("digraph") && texts[1].trim_end().ends_with('}'));
         let skips = |l: &&Layer| matches!(l.kind, LayerKind::Block { skip: Some(_), .. });
-        let skips = description.layers().iter().filter(skips).count();
-        assert_eq!(texts[1].matches("style = dashed").count(), skips);
-        assert_eq!(texts[2].matches("stroke-dasharray").count(), skips);
+        let joins = description.head().iter().filter(|l| matches!(l.kind, FrameKind::Concat { .. })).count();
+        let seconds = description.layers().iter().filter(skips).count() + joins;
+        assert_eq!(texts[1].matches("style = dashed").count(), seconds);
+        assert_eq!(texts[2].matches("stroke-dasharray").count(), seconds);
     }
 }
 

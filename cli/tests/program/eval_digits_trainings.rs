@@ -141,13 +141,7 @@ fn with_a_number_of_folds_they_must_be_those_that_prepare_writes() {
     fold(&runs, &description, 20, &all[..15]);
     fold(&runs, &description, 21, &all[15..]);
     assert_eq!(judged(&data, &runs, &[])["networks"][0]["cross_validation"]["recordings"], 30);
-    refused(
-        &data,
-        &runs,
-        &["--folds", "2"],
-        1,
-        &["fold20.safetensors", "prepare digits --folds 2", "2 folds"],
-    );
+    refused(&data, &runs, &["--folds", "2"], 1, &["fold20.safetensors", "with --folds 2", "2 folds"]);
     refused(&data, &runs, &["--folds", "31"], 2, &["2 to 30", "found 31"]);
 }
 
