@@ -28,6 +28,7 @@ mod stream;
 mod stress;
 mod tactile;
 mod tolerance;
+mod trained_angles;
 mod trained_digits;
 mod trained_slip;
 mod trained_touch;

@@ -56,6 +56,8 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("tactigraph-frozen", ANGLE, "TactiGraph over earlier nodes, chosen on arrival"),
     ("tactigraph-lean", ANGLE, "few channels for many events: trained on a simulated dome"),
     ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
+    ("tactip", ANGLE, "depth and tilts of a real sensor (TacTip), over all nodes of the window"),
+    ("tactip-past", ANGLE, "depth and tilts of a real sensor (TacTip), over earlier nodes"),
     ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),
     ("touch-objects", TOUCH, "objects in a gripper, from spikes of 39 taxels"),
 ];

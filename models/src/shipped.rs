@@ -45,7 +45,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 11] = [
+static EVENTS: [Shipped; 13] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),
@@ -55,6 +55,8 @@ static EVENTS: [Shipped; 11] = [
     shipped!("tactigraph-frozen", file = "tactigraph"),
     shipped!("tactigraph-lean", file = "angle/tactigraph-lean.0"),
     shipped!("tactigraph-past", file = "tactigraph-past"),
+    shipped!("tactip", file = "angle/tactip.0"),
+    shipped!("tactip-past", file = "angle/tactip-past.0"),
     shipped!("touch-containers", file = "touch/touch-containers.0"),
     shipped!("touch-objects", file = "touch/touch-objects.0"),
 ];

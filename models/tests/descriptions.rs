@@ -53,9 +53,20 @@ fn networks_for_touch_give_a_logit_for_each_class_and_have_a_cell_for_each_taxel
 }
 
 #[test]
+fn networks_for_the_tactip_give_depth_and_tilts_of_cells_of_four_pixels() {
+    for name in ["tactip", "tactip-past"] {
+        let (description, network) = shipped(name);
+        assert_eq!(description.labelled_outputs(), "depth (mm), tilt_x (deg), tilt_y (deg)");
+        let place = network.parts().place.expect("places are inputs");
+        assert_eq!(place.map(|size| size.to_string()), ["1/32", "1/32"]);
+        assert_eq!((network.outputs(), network.readout_times(), network.readout_channels()), (3, 7, 16));
+    }
+}
+
+#[test]
 fn every_other_shipped_network_predicts_roll_and_pitch_in_rad() {
-    let of_classes = |name: &&&str| name.starts_with("digits-") || name.starts_with("touch-");
-    for name in Description::shipped_names().iter().filter(|name| !of_classes(name)) {
+    let other = |name: &&&str| ["digits-", "touch-", "tactip"].iter().any(|start| name.starts_with(start));
+    for name in Description::shipped_names().iter().filter(|name| !other(name)) {
         let (description, network) = shipped(name);
         let (names, units) = description.outputs();
         assert_eq!((names.len(), units.len(), network.outputs()), (2, 2, 2));

@@ -62,29 +62,7 @@ fn truth() -> Vec<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use meissner_engine::Engine;
-
-    use super::{NETWORK, Press, truth};
-    use crate::model::Model;
-
-    /// What `PyTorch` makes of the press at its end (`train/angle/golden.py`), in radians.
-    const PYTORCH: [f32; 2] = [0.098_732_79, -0.031_502_45];
-
-    #[test]
-    fn the_trained_network_gives_what_pytorch_gives_with_the_same_weights() {
-        let model = Model::named(NETWORK, None, false).expect("it is shipped");
-        let Press { source, end_us, .. } = Press::embedded().expect("it can be read");
-        let sensor = source.sensor(None).expect("EVT3 states it");
-        let mut engine = Engine::new(model.network, sensor).expect("it is exact");
-        let events = source.every(model.card.network.stride).map(|event| event.expect("it can be read"));
-        for event in events.filter(|event| event.t_us <= end_us) {
-            engine.push(event);
-        }
-        engine.advance(end_us);
-        let found = engine.predict().expect("it predicts").values;
-        let near = found.iter().zip(PYTORCH).all(|(found, expected)| (found - expected).abs() < 1e-5);
-        assert!(near && found.len() == 2, "{found:?}");
-    }
+    use super::{Press, truth};
 
     #[test]
     fn the_embedded_press_has_events_from_contact_to_its_end_and_constant_angles() {

@@ -1,41 +1,66 @@
-"""Prints what PyTorch makes of a press with the shipped weights, at its end, for a test of `pipeline/src/press.rs`:
+"""Writes streams of events that no sensor made, and what PyTorch makes of them with the shipped weights, for a test:
 
-    python train/angle/golden.py /tmp/dome/on/unseen.safetensors 107
+    python train/angle/golden.py tests/golden/angles.json
+
+Dots move over the sensor by fixed formulas; `meissner prepare graphs` makes the graphs.
 """
 
 import argparse
+import json
+import math
 import tempfile
 from pathlib import Path
 
-import presses
+import numpy as np
 import torch
 from graphs import Graphs, inspected
 from network import load
-from safetensors import safe_open
+
+NETWORKS = {"tactigraph-lean": "tactigraph-lean.0", "tactip": "tactip.0", "tactip-past": "tactip-past.0"}
+# The smaller sensor: a description fits any.
+SENSOR = [128, 128]
+# Events and milliseconds; the last stream is shorter than any cell in time.
+STREAMS = [(900, 140), (500, 110), (200, 30)]
 
 
 @torch.no_grad()
 def main():
     args = arguments()
-    with safe_open(args.weights, "pt") as file:
-        metadata = file.metadata()
-    said = inspected(args.meissner, metadata["network"])
-    data = presses.read(args.events)
-    stream = data.events[args.press][:: int(metadata["stride"])]
+    streams = [stream(number, *size) for number, size in enumerate(STREAMS)]
+    ends = np.array([[made[-1][0]] for made in streams])
+    found = {}
     with tempfile.TemporaryDirectory() as folder:
-        graphs = Graphs(args.meissner, metadata["network"], said, data.sensor, [stream], folder)
-        print(load(args.weights, said)(graphs.part(range(1)).read(data.end_us[[args.press]][:, None])).tolist())
+        for name, file in NETWORKS.items():
+            said = inspected(args.meissner, name)
+            graphs = Graphs(args.meissner, name, said, SENSOR, [np.array(made) for made in streams], folder)
+            network = load(args.weights / f"{file}.safetensors", said)
+            found[name] = network(graphs.part(range(len(streams))).read(ends)).tolist()
+    args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
+
+
+def stream(number, events, milliseconds):
+    """Events (t in microseconds, x, y, on) of 36 dots that move away from the middle, with noise of a linear congruence."""
+    made, state = [], 11 + number
+    for i in range(events):
+        state = (1103515245 * state + 12345) % 2**31
+        dot, on = state // 2**8 % 36, state // 2**20 % 2
+        x, y = 14 + 20 * (dot % 6), 14 + 20 * (dot // 6)
+        moved = (number + 1) * 4 * i / events
+        angle = math.atan2(y - 64, x - 60)
+        x += moved * math.cos(angle) + state // 2**13 % 3 - 1 + 2 * on
+        y += moved * math.sin(angle) + state // 2**15 % 3 - 1
+        made.append([i * milliseconds * 1000 // events, round(x), round(y), on])
+    return made
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("events", type=Path)
-    parser.add_argument("press", type=int)
-    path = Path("models/weights/angle/tactigraph-lean.0.safetensors")
-    parser.add_argument("--weights", type=Path, default=path, help="default: %(default)s")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--weights", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     return parser.parse_args()
 
 
 if __name__ == "__main__":
+    torch.set_num_threads(1)
     main()
