@@ -3,7 +3,6 @@
 use std::io::{self, Write};
 
 use meissner_engine::frames::FrameShape;
-use meissner_models::systems::{digits, touch};
 use meissner_models::{AnyDescription, Card};
 use serde::Serialize;
 
@@ -20,7 +19,7 @@ pub(crate) struct NetworksArgs {
     /// Print one JSON array.
     ///
     /// It has one object per network: {"name", "system", "purpose", "trained" (whether the shipped weights are),
-    /// "sensor": [columns, rows] in pixels (null if any size fits), "input", "outputs": list of names, "unit"}.
+    /// "sensor": [columns, rows] in pixels (null if any size fits), "input", "outputs": list of names, "units": of each}.
     #[arg(long, help_heading = OUTPUT)]
     json: bool,
 }
@@ -70,7 +69,7 @@ struct Entry {
     purpose: &'static str,
     /// Whether its shipped weights are trained.
     trained: bool,
-    /// Columns and rows in pixels of the sensor, or of the part that is read; `None` if any size fits.
+    /// Columns and rows in pixels of the sensor of the training, or of the part that is read; `None` if any size fits.
     sensor: Option<[usize; 2]>,
     input: &'static str,
     outputs: Vec<String>,
@@ -94,9 +93,7 @@ impl Entry {
         let kind = NetworkKind::of(&description);
         let sensor = match &description {
             AnyDescription::Events(_) => {
-                let sensors = [(DIGITS, digits::SENSOR), (TOUCH, touch::SENSOR)];
-                let sensor = sensors.iter().find(|(of, _)| *of == system);
-                sensor.map(|(_, sensor)| [sensor.width, sensor.height].map(usize::from))
+                card.sensor.map(|sensor| [sensor.width, sensor.height].map(usize::from))
             }
             AnyDescription::Frames(frames) => match frames.input() {
                 FrameShape::Image { width, height, .. } if kind != NetworkKind::Electrodes => {

@@ -53,7 +53,7 @@ fn engine(candidates: Candidates, tolerance: f32) -> Engine {
         graph: GraphRule { reach: Reach::Knn { k: 3 }, candidates },
         span_us: 500,
         capacity: 12,
-        place: Some([(1, 4), (1, 2)]),
+        place: None,
         blocks: vec![block(2)],
         pooled: vec![PoolShape {
             from: 1,
