@@ -15,6 +15,7 @@ mod neighbours;
 mod out_of_range;
 mod promises;
 mod readout_by_time;
+mod readout_sums;
 mod recordings;
 mod reference;
 mod reference_golden;

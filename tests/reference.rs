@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{
-    Block, Candidates, DenseLayer, Event, GraphConvolution, GraphRule, Level, Network, NetworkParts,
-    Normalisation, Reach, Readout, Search, Sensor, Stream, Trace,
+    Aggregation, Block, Candidates, DenseLayer, Event, GraphConvolution, GraphRule, Level, Network,
+    NetworkParts, Normalisation, Reach, Readout, Search, Sensor, Stream, Trace,
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, ReferenceError};
@@ -147,7 +147,7 @@ fn line(normalisation: Normalisation) -> Network {
             blocks: vec![Block { name: "slope".to_owned(), input: 0, skip: None, conv: slope() }],
         },
         pooled: Vec::new(),
-        readout: Readout { from: 1, columns: 2, rows: 1, by_time: false },
+        readout: Readout { from: 1, columns: 2, rows: 1, aggregation: Aggregation::Max, by_time: false },
         dense: vec![DenseLayer { name: "fc".to_owned(), dense }],
         head: None,
     };

@@ -21,12 +21,12 @@ use rayon::prelude::*;
 use crate::EngineError;
 use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
-use crate::network::{Level, Normalisation, Pooling};
+use crate::network::{Aggregation, Level, Normalisation, Pooling};
 pub use pool::Cells;
 pub use setup::{Batch, Places, Propose, Search};
 pub use stream::Stream;
-use trace::maximum_of;
 pub use trace::{Edges, LevelTrace, Trace};
+use trace::{maximum_of, sum_of};
 
 /// Neighbourhoods, cells and positions of a network on one window. They depend on the network's graph, poolings and
 /// readout, not on its weights.
@@ -137,7 +137,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Maximum over the readout's grid.
+    /// Maximum or sum over the readout's grid.
     fn readout(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Matrix {
         let readout = self.network.parts().readout;
         let features = &top.features[readout.from];
@@ -148,7 +148,11 @@ impl Batch {
             members[cell].push(row);
         }
         for (cell, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
-            maximum_of(features, members, out.row_mut(cell));
+            let of = match readout.aggregation {
+                Aggregation::Max => maximum_of,
+                Aggregation::Sum => sum_of,
+            };
+            of(features, members, out.row_mut(cell));
         }
         out
     }

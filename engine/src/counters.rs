@@ -89,7 +89,7 @@ pub struct PredictionCounters {
     pub reused: u64,
     /// Readout cells recomputed.
     pub cells_recomputed: u64,
-    /// Recomputed readout cells whose maxima did not change.
+    /// Recomputed readout cells whose values did not change.
     pub cells_unchanged: u64,
     /// Pooled neighbourhoods checked because an edge or a position near them changed.
     pub neighbourhoods_checked: u64,

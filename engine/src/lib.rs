@@ -20,7 +20,7 @@
 //!
 //! ```
 //! use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
-//! use meissner_engine::{Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network};
+//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network};
 //! use meissner_engine::{NetworkParts, Normalisation, Reach, Readout};
 //! use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 //!
@@ -37,7 +37,7 @@
 //!     place: None,
 //!     events: Level { scale: 0.5, blocks: vec![Block { name: "conv".to_owned(), input: 0, skip: None, conv }] },
 //!     pooled: Vec::new(),
-//!     readout: Readout { from: 1, columns: 1, rows: 1, by_time: false },
+//!     readout: Readout { from: 1, columns: 1, rows: 1, aggregation: Aggregation::Max, by_time: false },
 //!     dense: vec![DenseLayer { name: "out".to_owned(), dense }],
 //!     head: None,
 //! })?;
@@ -96,6 +96,7 @@ mod snapshot;
 mod stages;
 mod stale;
 mod step;
+mod sums;
 mod window;
 
 pub use admission::{Admission, LatePolicy, Outcome};
@@ -108,8 +109,8 @@ pub use error::EngineError;
 pub use event::{Event, Sensor};
 pub use fraction::Fraction;
 pub use network::{
-    Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts, Normalisation, Pooling,
-    Position, Reach, Readout,
+    Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts,
+    Normalisation, Pooling, Position, Reach, Readout,
 };
 pub use options::Options;
 pub use predictor::Predictor;

@@ -98,6 +98,14 @@ impl Members {
         Walk { links: &self.younger, next: ends.oldest, left: ends.count }
     }
 
+    /// The `count` youngest members of a cell, the oldest of these first. O(count) before the first.
+    #[inline]
+    pub(crate) fn youngest(&self, cell: u32, count: u32) -> Walk<'_> {
+        let before = count.checked_sub(1).map(|steps| steps as usize);
+        let first = before.and_then(|steps| self.youngest_first(cell).nth(steps));
+        Walk { links: &self.younger, next: first.unwrap_or(0), left: if first.is_some() { count } else { 0 } }
+    }
+
     /// Members of a cell from the youngest to the oldest.
     #[inline]
     pub(crate) fn youngest_first(&self, cell: u32) -> Walk<'_> {
@@ -155,6 +163,10 @@ mod tests {
                     prop_assert!(list.is_empty() || members.oldest(cell) == list[0]);
                     prop_assert!(members.oldest_first(cell).eq(list.iter().copied()));
                     prop_assert!(members.youngest_first(cell).eq(list.iter().rev().copied()));
+                    for count in 0..=list.len() {
+                        let last = &list[list.len() - count..];
+                        prop_assert!(members.youngest(cell, count as u32).eq(last.iter().copied()));
+                    }
                 }
             }
         }

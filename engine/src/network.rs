@@ -13,8 +13,8 @@ use std::sync::OnceLock;
 use crate::error::in_range;
 use crate::{EngineError, Fraction};
 pub use parts::{
-    Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, NetworkParts, Normalisation, Pooling,
-    Position, Reach, Readout,
+    Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, NetworkParts, Normalisation,
+    Pooling, Position, Reach, Readout,
 };
 
 /// A checked, immutable network; engines share it by `Arc`.

@@ -1,10 +1,10 @@
-//! The readout: from the last level's features to the maxima over its grid and, through the head, to the prediction.
+//! The readout: from the last level's features to the maxima or sums over its grid and, through the head, to the prediction.
 //!
 //! Input: the last level's delta, its changed rows and, above a pooling, its positions. Output: the prediction. A node
 //! belongs to the readout cell that contains its position, as in the reference; the cell of an event is computed in
-//! integers. Nothing is recomputed if no maximum changed.
+//! integers. Nothing is recomputed if no value of the grid changed.
 //!
-//! If time cells stay separate, the grid's maxima are a ring over these cells: a new cell replaces the one that the
+//! If time cells stay separate, the grid's rows are a ring over these cells: a new cell replaces the one that the
 //! window has left, no row moves, and the head receives the grids from the newest to the oldest.
 
 use meissner_kernels::{Isa, Matrix};
@@ -15,9 +15,10 @@ use crate::delta::Delta;
 use crate::head::Head;
 use crate::maxima::Maxima;
 use crate::memory::Memory;
-use crate::network::{Network, Readout};
+use crate::network::{Aggregation, Network, Readout};
 use crate::pooled::PooledGraph;
 use crate::rows::RowSet;
+use crate::sums::Sums;
 use crate::window::Window;
 use crate::{EngineError, Fraction, Sensor};
 
@@ -52,12 +53,20 @@ impl ReadoutGrid {
     }
 }
 
-/// The maxima over the readout's grid, the head, and its last prediction.
+/// What the grid's rows are of the rows that it reads.
+#[derive(Clone, Debug)]
+enum Cells {
+    Maxima(Maxima),
+    /// Of events only.
+    Sums(Sums),
+}
+
+/// The readout's grid, the head, and its last prediction.
 #[derive(Clone, Debug)]
 pub(crate) struct ReadoutState {
     grid: ReadoutGrid,
-    maxima: Maxima,
-    /// The readout: one row of maxima per cell.
+    cells: Cells,
+    /// The readout: one row per cell.
     values: Matrix,
     /// Number of separate time cells; 1 if they are not separate.
     times: usize,
@@ -88,7 +97,12 @@ impl ReadoutState {
         let times = network.readout_times();
         let cells = grid.cells() * times;
         Self {
-            maxima: Maxima::new(rows, cells, channels, Self::reads_queues(network), memory),
+            cells: match grid.readout.aggregation {
+                Aggregation::Max => {
+                    Cells::Maxima(Maxima::new(rows, cells, channels, Self::reads_queues(network), memory))
+                }
+                Aggregation::Sum => Cells::Sums(Sums::new(rows, cells, channels, memory)),
+            },
             values: memory.matrix(cells, channels),
             time: network.readout_time().map(|size| (size, network.parts().span_us)),
             newest: 0,
@@ -113,7 +127,10 @@ impl ReadoutState {
     }
 
     pub(crate) fn clear(&mut self) {
-        self.maxima.clear(&mut self.values);
+        match &mut self.cells {
+            Cells::Maxima(maxima) => maxima.clear(&mut self.values),
+            Cells::Sums(sums) => sums.clear(&mut self.values),
+        }
         self.entered.clear();
         self.valid = false;
     }
@@ -125,22 +142,44 @@ impl ReadoutState {
                 self.entered.insert(row);
             } else {
                 let node = window.node(row);
-                self.maxima.enter(row, self.grid.of_pixel(node.x, node.y));
+                let cell = self.grid.of_pixel(node.x, node.y);
+                match &mut self.cells {
+                    Cells::Maxima(maxima) => maxima.enter(row, cell),
+                    Cells::Sums(sums) => sums.enter(row, cell),
+                }
             }
         }
         for &row in delta.left.iter() {
             if self.entered.contains(row) {
                 self.entered.remove(row);
             } else {
-                self.maxima.leave(row, last.activations.feature(self.grid.readout.from), &self.values);
+                match &mut self.cells {
+                    Cells::Maxima(maxima) => {
+                        maxima.leave(row, last.activations.feature(self.grid.readout.from), &self.values);
+                    }
+                    Cells::Sums(sums) => sums.leave(row),
+                }
             }
         }
     }
 
-    /// Readout cell of a pooled node, in the grid of its time cell.
-    fn cell_of(&self, pooled: &PooledGraph, row: u32) -> u32 {
-        let place = pooled.time_cell(row) as usize % self.times;
-        (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
+    /// Brings pooled nodes to their readout cells, each in the grid of its time cell.
+    fn place(&mut self, pooled: &PooledGraph) {
+        let Cells::Maxima(maxima) = &mut self.cells else { return };
+        let cell_of = |row: u32| {
+            let place = pooled.time_cell(row) as usize % self.times;
+            (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
+        };
+        for &row in pooled.shifted().as_slice() {
+            let cell = cell_of(row);
+            if !self.entered.contains(row) && cell != maxima.cell_of(row) {
+                maxima.relocate(row, cell);
+            }
+        }
+        for &row in self.entered.as_slice() {
+            maxima.enter(row, cell_of(row));
+        }
+        self.entered.clear();
     }
 
     /// Brings the readout up to date at `now`, in microseconds since the epoch; returns whether the prediction must be
@@ -158,22 +197,19 @@ impl ReadoutState {
             self.newest = newest;
         }
         if let Some(pooled) = last.pooled {
-            for &row in pooled.shifted().as_slice() {
-                let cell = self.cell_of(pooled, row);
-                if !self.entered.contains(row) && cell != self.maxima.cell_of(row) {
-                    self.maxima.relocate(row, cell);
-                }
-            }
-            for &row in self.entered.as_slice() {
-                self.maxima.enter(row, self.cell_of(pooled, row));
-            }
-            self.entered.clear();
+            self.place(pooled);
         }
         let from = self.grid.readout.from;
         let (features, changed) = (last.activations.feature(from), last.activations.changed(from));
         let valid = &mut self.valid;
         let mut log = LayerLog::default();
-        self.maxima.update(isa, features, changed, &mut self.values, &mut log, |_, _| *valid = false);
+        let values = &mut self.values;
+        match &mut self.cells {
+            Cells::Maxima(maxima) => {
+                maxima.update(isa, features, changed, values, &mut log, |_, _| *valid = false);
+            }
+            Cells::Sums(sums) => sums.update(isa, features, changed, values, &mut log, || *valid = false),
+        }
         counters.cells_recomputed += log.counters.recomputed;
         counters.cells_unchanged += log.counters.unchanged;
         counters.read += 1;

@@ -18,7 +18,7 @@ pub enum Stage {
     PooledAttributes,
     /// Blocks above the event level.
     PooledLayers,
-    /// Maxima of the readout.
+    /// Maxima or sums of the readout.
     Readout,
     /// Dense layers.
     Dense,

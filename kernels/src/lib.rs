@@ -75,7 +75,7 @@ pub use graph::{GraphRow, Neighbour, attribute, offset};
 pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
-pub use maximum::{clear_negative_zero, is_nan, maximum, same_bits};
+pub use maximum::{add, clear_negative_zero, is_nan, maximum, same_bits};
 pub use nearby::Nearby;
 pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
 pub use pointnet::{PointNetConv, PointNetParts, PointNetScratch, pointnet_multiply_adds};

@@ -1,4 +1,4 @@
-//! Channel-wise maxima that do not depend on the order of the members, and comparisons of bits.
+//! Channel-wise maxima that do not depend on the order of the members, sums that do, and comparisons of bits.
 
 use crate::lanes::Lanes;
 
@@ -21,6 +21,14 @@ pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
 pub fn clear_negative_zero(acc: &mut [Lanes]) {
     for a in acc {
         *a = *a + Lanes::ZERO;
+    }
+}
+
+/// `acc = acc + row` channel by channel. The order of rows matters: addition rounds.
+#[inline(always)]
+pub fn add(acc: &mut [Lanes], row: &[Lanes]) {
+    for (a, &r) in acc.iter_mut().zip(row) {
+        *a = *a + r;
     }
 }
 

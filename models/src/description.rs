@@ -53,6 +53,7 @@
 //! name = "grid"
 //! kind = "readout"
 //! grid = [4, 4]                # columns, rows
+//! aggregation = "max"          # default; or "sum", over events only: a sum counts, a maximum does not
 //! by_time = false              # default; true: a grid for each cell in time of the poolings, the newest first
 //!
 //! [[layer]]

@@ -309,6 +309,15 @@ fn a_readout_by_time_needs_cells_in_time() {
 }
 
 #[test]
+fn a_sum_is_over_events_only() {
+    let sum = |text: &str| text.replace("kind = \"readout\"", "kind = \"readout\"\naggregation = \"sum\"");
+    assert_eq!(
+        only(&sum(SMALL)),
+        "line 31: layer \"grid\": aggregation: expected \"max\" above a pooling, found \"sum\""
+    );
+}
+
+#[test]
 fn cells_in_time_shorter_than_a_microsecond_are_refused() {
     let text = changed("cell = [\"1/8\", \"1/6\"]", "cell = [\"1/8\", \"1/6\"]\ntime = \"1/3\"");
     assert!(Description::parse(&text).is_ok());

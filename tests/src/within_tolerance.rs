@@ -4,8 +4,8 @@
 //! are computed here once more, in wide integers.
 
 use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
-use meissner_engine::{ConvolutionScratch, Event, Fraction, Pooling, Trace};
-use meissner_kernels::{Isa, Lanes, Matrix, clear_negative_zero, maximum};
+use meissner_engine::{Aggregation, ConvolutionScratch, Event, Fraction, Pooling, Trace};
+use meissner_kernels::{Isa, Lanes, Matrix, add, clear_negative_zero, maximum};
 
 use meissner_verify::{CheckedEngine, bits};
 
@@ -122,6 +122,10 @@ fn maxima(features: &Matrix, keys: &[[i128; 3]], cells: &[[i128; 3]]) -> Matrix 
     out
 }
 
+fn sum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [Lanes]) {
+    rows.for_each(|row| add(out, features.row(row)));
+}
+
 fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [Lanes]) {
     let mut rows = rows.peekable();
     if rows.peek().is_none() {
@@ -155,7 +159,10 @@ fn prediction(checked: &CheckedEngine, trace: &Trace, top: &[Matrix]) -> Vec<f32
     let mut values = Matrix::zeros(plane * network.readout_times(), features.columns());
     for cell in 0..values.rows() {
         let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
-        maximum_of(features, rows, values.row_mut(cell));
+        match readout.aggregation {
+            Aggregation::Max => maximum_of(features, rows, values.row_mut(cell)),
+            Aggregation::Sum => sum_of(features, rows, values.row_mut(cell)),
+        }
     }
     if let Some(head) = &network.parts().head {
         let image: Vec<f32> = (0..network.readout_times())

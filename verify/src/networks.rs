@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
-    Block, DenseLayer, Fraction, GraphConvolution, GraphRule, Level, Network, NetworkParts, Normalisation,
-    Pooling, Position, Readout,
+    Aggregation, Block, DenseLayer, Fraction, GraphConvolution, GraphRule, Level, Network, NetworkParts,
+    Normalisation, Pooling, Position, Readout,
 };
 use meissner_kernels::{Activation, Dense, PointNetConv, PointNetParts, SplineConv, SplineParts};
 
@@ -170,10 +170,13 @@ impl NetworkShape {
         let time = pooled.first().and_then(|(pooling, _): &(Pooling, Level)| pooling.time);
         let same = pooled.iter().all(|(pooling, _)| pooling.time == time);
         let time = time.filter(|_| same && self.seed.is_multiple_of(2));
+        // Only events can be summed; every other such network does so.
+        let sums = pooled.is_empty() && self.seed.is_multiple_of(2);
         let readout = Readout {
             from: self.from % channels.len(),
             columns: self.grid[0],
             rows: self.grid[1],
+            aggregation: if sums { Aggregation::Sum } else { Aggregation::Max },
             by_time: time.is_some(),
         };
         let times = time.map_or(1, |size| size.cells() + 1);

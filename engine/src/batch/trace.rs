@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, clear_negative_zero, maximum};
+use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, add, clear_negative_zero, maximum};
 
 /// In-edges of consecutive rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,6 +75,12 @@ pub struct Trace {
     pub readout: Matrix,
     /// Outputs of the last dense layer.
     pub prediction: Vec<f32>,
+}
+
+/// Channel-wise sum over some rows, one after the other.
+pub(super) fn sum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
+    out.fill(Lanes::ZERO);
+    rows.iter().for_each(|&row| add(out, features.row(row)));
 }
 
 /// Channel-wise maximum over some rows.

@@ -2,7 +2,7 @@
 //!
 //! Input: [`NetworkParts`]. Output: the channels of every feature, or the first error, by layer.
 
-use super::parts::{Level, NetworkParts, Pooling, Reach};
+use super::parts::{Aggregation, Level, NetworkParts, Pooling, Reach};
 use crate::error::{in_range, misfit, option};
 use crate::frames::FrameShape;
 use crate::{EngineError, Fraction, input};
@@ -33,6 +33,9 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     let top = &channels[channels.len() - 1];
     let inputs = feature("readout", "read feature", top, parts.readout.from)?;
     let (columns, rows) = (parts.readout.columns, parts.readout.rows);
+    if parts.readout.aggregation == Aggregation::Sum && !parts.pooled.is_empty() {
+        return Err(misfit("readout", "poolings below a sum", 0, parts.pooled.len()));
+    }
     let times = readout_times(parts)?;
     let cells = columns.saturating_mul(rows).saturating_mul(times);
     in_range("readout cells", cells.min(1 << 62) as i64, 1, 1 << 16)?;

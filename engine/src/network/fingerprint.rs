@@ -1,8 +1,8 @@
 //! Fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
 
 use super::parts::{
-    Block, Candidates, DenseLayer, Level, Lifetime, NetworkParts, Normalisation, Pooling, Position, Reach,
-    Readout,
+    Aggregation, Block, Candidates, DenseLayer, Level, Lifetime, NetworkParts, Normalisation, Pooling,
+    Position, Reach, Readout,
 };
 use crate::Fraction;
 use crate::fingerprint::{Fingerprint, activation_code};
@@ -34,8 +34,11 @@ pub(super) fn of(parts: &NetworkParts) -> u64 {
         pooling(&mut to, above);
         level(&mut to, blocks);
     }
-    let Readout { from, columns, rows, by_time } = parts.readout;
+    let Readout { from, columns, rows, aggregation, by_time } = parts.readout;
     to.sizes([from, columns, rows, by_time.into()]);
+    if aggregation == Aggregation::Sum {
+        to.text("sum");
+    }
     to.size(parts.dense.len());
     for DenseLayer { name, dense } in &parts.dense {
         to.text(name);

@@ -141,7 +141,17 @@ impl Level {
     }
 }
 
-/// The maximum over a grid of the image, in row-major order of cells.
+/// How the rows of a cell become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Aggregation {
+    /// The maximum of each channel.
+    #[default]
+    Max,
+    /// The sum of each channel, from 0 in order of arrival.
+    Sum,
+}
+
+/// The maximum or the sum over a grid of the image, in row-major order of cells. An empty cell is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readout {
     /// Feature of the last level.
@@ -150,6 +160,8 @@ pub struct Readout {
     pub columns: usize,
     /// Cells along y.
     pub rows: usize,
+    /// How the rows of a cell become one: a sum counts, a maximum does not. Sums are of events: there can be no pooling.
+    pub aggregation: Aggregation,
     /// Whether the poolings' cells in time stay separate: there is then one copy of the grid for each time cell that a
     /// window can occupy, newest first.
     pub by_time: bool,

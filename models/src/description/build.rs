@@ -58,8 +58,9 @@ impl Description {
                     poolings.push(Pooling { name, from, cell: cell.cell, time: cell.time, position });
                     levels.push(Level { scale: *scale, blocks: Vec::new() });
                 }
-                &LayerKind::Readout { columns, rows, times } => {
-                    readout = Some(Readout { from: layer.reads, columns, rows, by_time: times > 1 });
+                &LayerKind::Readout { columns, rows, aggregation, times } => {
+                    let (from, by_time) = (layer.reads, times > 1);
+                    readout = Some(Readout { from, columns, rows, aggregation, by_time });
                     segments = Some(layer.inputs);
                 }
                 LayerKind::Dense { .. } => {

@@ -4,7 +4,9 @@
 
 use std::ops::RangeInclusive;
 
-use meissner_engine::{Candidates, Fraction, GraphRule, Lifetime, Network, Normalisation, Position, Reach};
+use meissner_engine::{
+    Aggregation, Candidates, Fraction, GraphRule, Lifetime, Network, Normalisation, Position, Reach,
+};
 use meissner_kernels::{Activation, SplineConv};
 use toml::de::DeValue;
 
@@ -143,7 +145,9 @@ fn keys(
             time = table.line_of("by_time").filter(|_| by_time);
             outputs = grid.map(|[columns, rows]| columns * rows);
             let [columns, rows] = grid.unwrap_or([1, 1]);
-            LayerKind::Readout { columns, rows, times: 1 }
+            let aggregation =
+                table.option("aggregation", &[("max", Aggregation::Max), ("sum", Aggregation::Sum)]);
+            LayerKind::Readout { columns, rows, aggregation, times: 1 }
         }
         "dense" => {
             outputs = table.known(|table| table.size("outputs", CHANNELS, None));

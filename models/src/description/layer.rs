@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use meissner_engine::{Fraction, Normalisation, Position};
+use meissner_engine::{Aggregation, Fraction, Normalisation, Position};
 use meissner_kernels::Activation;
 use serde::{Serialize, Serializer};
 
@@ -65,12 +65,15 @@ pub enum LayerKind {
         /// Scale of the edge attributes of the level that starts here.
         scale: f32,
     },
-    /// Maximum over a grid of the image, cell after cell.
+    /// Maximum or sum over a grid of the image, cell after cell.
     Readout {
         /// Cells along x.
         columns: usize,
         /// Cells along y.
         rows: usize,
+        /// How the rows of a cell become one.
+        #[serde(serialize_with = "serialize_aggregation")]
+        aggregation: Aggregation,
         /// Number of grids: 1, or one for each cell in time that a window can fill.
         times: usize,
     },
@@ -115,8 +118,13 @@ impl fmt::Display for LayerKind {
         match self {
             Self::Block { conv, norm, .. } => f.write_str(&conv.options(*norm)),
             Self::Pool { cell, .. } => write!(f, " {cell}"),
-            Self::Readout { columns, rows, times: 1 } => write!(f, " {columns}x{rows}"),
-            Self::Readout { columns, rows, times } => write!(f, " {columns}x{rows}x{times}"),
+            Self::Readout { columns, rows, times, aggregation } => {
+                if *aggregation == Aggregation::Sum {
+                    f.write_str(" sum")?;
+                }
+                write!(f, " {columns}x{rows}")?;
+                if *times == 1 { Ok(()) } else { write!(f, "x{times}") }
+            }
             Self::Dense { activation, .. } => write!(f, " {}", activation_word(*activation)),
         }
     }
@@ -278,6 +286,14 @@ fn fractions<S: Serializer>(cell: &[Fraction; 2], s: S) -> Result<S::Ok, S::Erro
 #[expect(clippy::ref_option, reason = "serde calls it with a reference to the field")]
 fn fraction<S: Serializer>(time: &Option<Fraction>, s: S) -> Result<S::Ok, S::Error> {
     time.map(|t| t.to_string()).serialize(s)
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]
+fn serialize_aggregation<S: Serializer>(aggregation: &Aggregation, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_str(match aggregation {
+        Aggregation::Max => "max",
+        Aggregation::Sum => "sum",
+    })
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference to the field")]

@@ -3,6 +3,7 @@
 //! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s, without the layers that have problems. Invariant: where
 //! no problem was reported, all layers are there, the levels are a chain, and the engine accepts the layers.
 
+use meissner_engine::Aggregation;
 use meissner_engine::frames::FrameShape;
 
 use super::convolution::ConvolutionKind;
@@ -144,9 +145,7 @@ impl Shapes<'_> {
         match &written.kind {
             LayerKind::Block { conv, .. } => self.block(i, conv, read, &mut checked)?,
             LayerKind::Pool { cell, .. } => self.pool(i, *cell, read, &mut checked)?,
-            LayerKind::Readout { columns, rows, .. } => {
-                self.readout(i, [*columns, *rows], read, &mut checked)?;
-            }
+            LayerKind::Readout { .. } => self.readout(i, written.kind.clone(), read, &mut checked)?,
             LayerKind::Dense { .. } => self.dense(i, read, &mut checked)?,
         }
         checked.parameters = checked.tensors().iter().map(Needed::parameters).sum();
@@ -248,12 +247,16 @@ impl Shapes<'_> {
     fn readout(
         &mut self,
         i: usize,
-        [columns, rows]: [usize; 2],
+        kind: LayerKind,
         read: Option<Output>,
         checked: &mut Layer,
     ) -> Option<()> {
         let layer = &self.file.layers[i];
         let Some(Output::Feature { level, channels, hops, index }) = read else { return None };
+        let LayerKind::Readout { columns, rows, aggregation, .. } = kind else { return None };
+        if aggregation == Aggregation::Sum && level > 0 {
+            self.refuse(layer, layer.line, "aggregation", "\"max\" above a pooling", "\"sum\"".to_owned());
+        }
         let by_time = layer.kind.as_ref().is_some_and(|kind| kind.time.is_some());
         let times = if by_time { self.times(layer) } else { Some(1) };
         let cells = self.written(i).zip(times).map(|(cells, times)| cells * times);
@@ -263,7 +266,7 @@ impl Shapes<'_> {
         let outputs = channels.zip(cells).map(|(channels, cells)| channels * cells);
         self.outputs[i + 1] = Some(Output::Values(outputs));
         (checked.inputs, checked.outputs, checked.reads) = (channels?, outputs?, index);
-        checked.kind = LayerKind::Readout { columns, rows, times: times? };
+        checked.kind = LayerKind::Readout { columns, rows, aggregation, times: times? };
         checked.cost.per = Per::Prediction;
         let from = FieldStart::ReadoutCell { columns, rows };
         checked.field = ReceptiveField { steps: self.field(level, hops), from };
@@ -344,6 +347,6 @@ pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems)
 
 /// The image that a head reads of the readout `layer`.
 fn image(layer: &Layer) -> Option<FrameShape> {
-    let LayerKind::Readout { columns, rows, times } = layer.kind else { return None };
+    let LayerKind::Readout { columns, rows, times, .. } = layer.kind else { return None };
     Some(FrameShape::Image { channels: layer.inputs.saturating_mul(times), height: rows, width: columns })
 }

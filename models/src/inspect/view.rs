@@ -4,6 +4,7 @@
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
 use crate::description::{Cost, Description, FieldStart, Layer, LayerKind, Needed, Per, ReceptiveField};
+use meissner_engine::Aggregation;
 
 /// A network as tables and pictures show it.
 pub(crate) struct View<'a> {
@@ -165,6 +166,7 @@ fn row(layer: &Layer) -> Row<'_> {
         _ => None,
     };
     let cost = match layer.kind {
+        LayerKind::Readout { aggregation: Aggregation::Sum, .. } => "sums only".to_owned(),
         LayerKind::Pool { .. } | LayerKind::Readout { .. } => "maxima only".to_owned(),
         LayerKind::Block { .. } | LayerKind::Dense { .. } => layer.cost.to_string(),
     };

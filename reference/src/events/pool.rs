@@ -1,8 +1,8 @@
-//! A pooled level, and the readout: channel-wise maxima over cells, which are computed in integers.
+//! A pooled level, and the readout: channel-wise maxima or sums over cells, which are computed in integers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use meissner_engine::{Event, Fraction, Pooling, Position, Stream};
+use meissner_engine::{Aggregation, Event, Fraction, Pooling, Position, Stream};
 
 use super::{EventReference, ReferenceLevel, Rows};
 use crate::convolution::Edge;
@@ -57,7 +57,7 @@ pub(super) fn level(
     }
 }
 
-/// Maximum over the readout's grid, 0 for an empty cell; (cells, channels).
+/// Maximum or sum over the readout's grid, 0 for an empty cell; (cells, channels).
 pub(super) fn readout(reference: &EventReference, top: &ReferenceLevel, stream: Stream<'_>) -> Rows {
     let network = &reference.network;
     let readout = network.parts().readout;
@@ -84,8 +84,9 @@ pub(super) fn readout(reference: &EventReference, top: &ReferenceLevel, stream: 
         members[age * plane + line * readout.columns + column].push(row);
     }
     let channels = network.readout_channels();
-    let cell = |members: &Vec<usize>| {
-        if members.is_empty() { vec![0.0; channels] } else { maximum(features, members) }
+    let cell = |members: &Vec<usize>| match readout.aggregation {
+        Aggregation::Max if !members.is_empty() => maximum(features, members),
+        _ => (0..channels).map(|c| members.iter().fold(0.0, |sum, &row| sum + features[row][c])).collect(),
     };
     members.iter().map(cell).collect()
 }
