@@ -190,10 +190,7 @@ pub fn evaluate(
             warnings: lost(&name, sensor, parts.iter().map(|part| part.iter().step_by(stride))),
             file: name,
         },
-        mode: match options.mode {
-            Mode::Incremental => "incremental",
-            Mode::Batch => "batch",
-        },
+        mode: options.mode.word(),
         every_us: options.every_us,
         times_us: presses.times(options.every_us),
         networks,

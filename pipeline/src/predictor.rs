@@ -31,6 +31,16 @@ pub enum Mode {
     Batch,
 }
 
+impl Mode {
+    /// Its word in reports.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Incremental => "incremental",
+            Self::Batch => "batch",
+        }
+    }
+}
+
 /// The engine of a mode.
 #[derive(Clone)]
 enum Backend {

@@ -182,10 +182,7 @@ pub fn evaluate<T: EventTask>(
             folder: name,
         },
         classes: data.set.classes,
-        mode: match options.mode {
-            Mode::Incremental => "incremental",
-            Mode::Batch => "batch",
-        },
+        mode: options.mode.word(),
         every_us: options.every_us,
         times_us,
         networks,
