@@ -279,6 +279,12 @@ impl Engine {
         self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
     }
 
+    /// The readout of the last prediction: (times x cells, channels), grids from the newest to the oldest.
+    pub fn readout(&self) -> Vec<Vec<f32>> {
+        let readout = self.step.readout();
+        (0..readout.rows()).map(|cell| readout.values(cell).collect()).collect()
+    }
+
     /// Rows of each layer that were computed for the last prediction or since, and that have not left. Ascending row
     /// indices as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without `Options::with_record_rows`.
     #[doc(hidden)]

@@ -233,6 +233,11 @@ impl ReadoutState {
         self.valid = true;
     }
 
+    /// The cells that the last prediction was computed from; (times, cells, channels).
+    pub(crate) fn values(&self) -> &Matrix {
+        if self.times > 1 { &self.by_age } else { &self.values }
+    }
+
     /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         self.head.failure(network)

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use meissner_kernels::Isa;
+use meissner_kernels::{Isa, Matrix};
 
 use crate::activations::Activations;
 use crate::counters::Log;
@@ -252,6 +252,11 @@ impl Step {
             Some(error) => Err(error),
             None => Ok(self.readout.prediction()),
         }
+    }
+
+    /// The readout as of the last `compute_changes`.
+    pub(crate) fn readout(&self) -> &Matrix {
+        self.readout.values()
     }
 
     /// Slots of a level's rows, in batch order.

@@ -10,6 +10,7 @@
 //! | end | the last time of the truth |
 //! | predictions | every [`Options::every_us`] before and after contact, and at the end |
 
+mod embedding;
 mod engine;
 mod errors;
 mod press;
@@ -35,6 +36,7 @@ use crate::judged;
 use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
 use crate::trials::{Cases, Trial};
 use crate::workers;
+use embedding::embedding;
 use engine::PressEngine;
 use press::{Outcome, Presses};
 use quantity::Quantity;
@@ -85,6 +87,8 @@ pub struct Options<'a> {
     pub every_us: i64,
     /// How predictions of networks over events are computed.
     pub mode: Mode,
+    /// Whether readouts are embedded in two dimensions.
+    pub embeds: bool,
 }
 
 /// Figures of all networks, with the keys of the JSON report.
@@ -133,6 +137,10 @@ pub struct NetworkReport {
     /// True and predicted values at the end of each press, in the units of the report, for each output of the first training.
     #[serde(skip)]
     pub scatter: Vec<Vec<(f64, f64)>>,
+    /// A point for each press, from what the first training reads out of it, where this was asked for; frame networks and
+    /// fewer than seven presses have none.
+    #[serde(skip)]
+    pub embedding: Option<Vec<(f64, f64)>>,
 }
 
 /// Figures of several trainings on the same presses.
@@ -217,13 +225,13 @@ impl Judge<'_> {
     ) -> Result<NetworkReport, EvaluateError> {
         let Candidate { description, trainings } = candidate;
         let times = self.presses.times(self.options.every_us).len();
-        let (mut judged, mut scatter) = (Vec::new(), None);
+        let (mut judged, mut first) = (Vec::new(), None);
         for trial in trials {
             let outcomes = trial.outcomes(&mut done, |training, chosen| {
                 let engine =
                     PressEngine::new(description, training, self.presses.streams.sensor, self.options.mode)?;
                 let work = |engine: &mut PressEngine, &press: &usize| {
-                    self.presses.judge(engine, press, quantities, stride, self.options.every_us)
+                    self.presses.judge(engine, press, quantities, stride, self.options)
                 };
                 workers::for_each(self.pool, &engine, chosen, work)
             })?;
@@ -231,14 +239,19 @@ impl Judge<'_> {
                 outcomes.iter().flat_map(|(_, outcome)| outcome.values.iter().copied()).collect();
             trial.write(description.name(), quantities.len(), &values, logits);
             let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();
-            scatter.get_or_insert_with(|| errors::scatter(&outcomes, quantities));
+            first.get_or_insert_with(|| {
+                let readouts: Option<Vec<_>> =
+                    outcomes.iter().map(|outcome| outcome.readout.clone()).collect();
+                let embedding = readouts.and_then(|readouts| embedding(&readouts));
+                (errors::scatter(&outcomes, quantities), embedding)
+            });
             judged.push((trial, Errors::new(quantities, &outcomes, times)));
         }
         let weights = candidate.weights();
         let mut card = ModelCard::new(description, &trainings[0].weights, weights.clone())?;
         card.network.stride = stride;
-        let (figures, scatter) = (judged::Judged::new(judged), scatter.unwrap_or_default());
-        Ok(NetworkReport { card, weights, stride, figures, scatter })
+        let (scatter, embedding) = first.unwrap_or_default();
+        Ok(NetworkReport { card, weights, stride, figures: judged::Judged::new(judged), scatter, embedding })
     }
 }
 

@@ -20,6 +20,9 @@ use crate::text::{Table, duration, file_name};
 /// Largest number of rows of the table of errors against time. JSON has all times.
 const MOST_TIMES: usize = 25;
 
+/// Colours of an embedding.
+const BANDS: usize = 6;
+
 /// At the end of the long help.
 const METHOD: &str = "\
 How it judges:
@@ -29,6 +32,7 @@ How it judges:
   newest: at every millisecond from contact to the end, the error of the newest prediction that a reader has, latency included, against the truth at that millisecond. Latencies are those of this machine: one thread pushes and predicts, and begins when a prediction is due or when it has finished the one before.
   settled: the share of a press from which on all angles stay within 1 degree; the median of all presses.
   A frame network over a sliding window of signed frames is judged on the same windows.
+  --svg draws errors against time, predicted against true values, and for networks over events what is read out of each press in two dimensions (t-SNE), in colours of the true values.
 
 Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
   network     name of the network; tactigraph-frozen uses those of tactigraph
@@ -80,6 +84,7 @@ pub(super) fn eval(args: &AngleArgs) -> Result<(), CliError> {
         stride: args.stride.map(|stride| stride as usize),
         every_us: args.every_us,
         mode: args.mode,
+        embeds: args.output.svg.is_some(),
     };
     write(&args.output, svg, table, |pool, done| evaluate(&args.task.events, &options, pool, done))
 }
@@ -213,11 +218,9 @@ fn svg(report: &Report) -> String {
     }
     let curves = units.iter().map(|unit| curves(report, unit)).collect();
     let scatters = report.networks.iter().map(|network| scatters(network).collect());
-    page(
-        "Errors of presses",
-        &about,
-        &std::iter::once(curves).chain(scatters).collect::<Vec<Vec<Panel<'_>>>>(),
-    )
+    let embeddings = report.networks.iter().map(|network| embeddings(network).collect());
+    let rows: Vec<Vec<Panel<'_>>> = std::iter::once(curves).chain(scatters).chain(embeddings).collect();
+    page("Errors of presses", &about, &rows)
 }
 
 /// Errors against time of all outputs in `unit`.
@@ -266,6 +269,40 @@ fn scatters(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
             y_title: format!("predicted ({})", output.unit),
             from_zero: false,
             series: vec![equal, dots],
+        })
+    })
+}
+
+/// The embedding of what `network` reads out, once for each output, whose true values give the colours.
+fn embeddings(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
+    let outputs = network.figures.iter().flat_map(|figures| &figures.mean.outputs);
+    let points = network.embedding.iter().flat_map(|points| std::iter::repeat(points));
+    outputs.zip(&network.scatter).zip(points).map(|((output, values), points)| {
+        let truth = || values.iter().map(|value| value.0);
+        let (low, high) =
+            truth().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let width = (high - low).max(f64::MIN_POSITIVE) / BANDS as f64;
+        let band = |value: f64| (((value - low) / width) as usize).min(BANDS - 1);
+        let series = (0..BANDS).map(|colour| Series {
+            name: format!("{:.1} to {:.1}", low + width * colour as f64, low + width * (colour + 1) as f64),
+            colour,
+            style: Style::Dots,
+            points: truth()
+                .zip(points)
+                .filter(|(v, _)| band(*v) == colour)
+                .map(|(_, &point)| point)
+                .collect(),
+        });
+        Panel::Plane(Plane {
+            title: format!("{}, readout by {}", network.card.network.name, output.name),
+            about: format!(
+                "t-SNE of what is read out at the end of each press; colours: true {} ({})",
+                output.name, output.unit
+            ),
+            x_title: "first dimension".to_owned(),
+            y_title: "second dimension".to_owned(),
+            from_zero: false,
+            series: series.collect(),
         })
     })
 }

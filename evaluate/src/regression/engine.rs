@@ -133,6 +133,14 @@ impl PressEngine {
         Ok(())
     }
 
+    /// The readout of the last prediction; `None` for frame networks and from scratch.
+    pub(super) fn readout(&self) -> Option<Vec<f32>> {
+        match self {
+            Self::Graph { predictor, .. } => Some(predictor.engine()?.readout().concat()),
+            Self::Frames { .. } => None,
+        }
+    }
+
     /// Counts since the engine was made.
     pub(super) fn count(&self) -> Count {
         match self {

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use meissner_engine::Event;
 
+use super::Options;
 use super::engine::{Count, PressEngine};
 use super::quantity::Quantity;
 use crate::error::{EvaluateError, RequestPart, StreamsError};
@@ -38,6 +39,8 @@ pub(super) struct Outcome {
     pub(super) newest: Option<Vec<f64>>,
     /// The share of the press from which on all angles stay within [`SETTLED_DEG`]; `None` if they do not.
     pub(super) settled: Option<f64>,
+    /// What the network reads out at the end, where it is embedded.
+    pub(super) readout: Option<Vec<f32>>,
     /// Number of pushed events.
     pub(super) events: u64,
     pub(super) count: Count,
@@ -98,14 +101,14 @@ impl Presses {
         (0..=(longest + every_us - 1) / every_us).map(|i| i * every_us).collect()
     }
 
-    /// Lets `engine` predict during `press`, from every `stride`-th event.
+    /// Lets `engine` predict during `press`, from every `stride`-th event, as `options` say.
     pub(super) fn judge(
         &self,
         engine: &mut PressEngine,
         press: usize,
         quantities: &[Quantity],
         stride: usize,
-        every_us: i64,
+        &Options { every_us, embeds, .. }: &Options<'_>,
     ) -> Result<Outcome, EvaluateError> {
         let [contact, end] = self.span_us(press);
         let start = self.truth.span_us(press)[0];
@@ -152,6 +155,7 @@ impl Presses {
             }),
             values,
             errors_at,
+            readout: if embeds { engine.readout() } else { None },
             events: pushed,
             count: Count {
                 rows: after.rows - before.rows,

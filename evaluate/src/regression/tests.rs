@@ -53,7 +53,7 @@ fn pool(threads: usize) -> ThreadPool {
 fn judged(path: &Path, network: &str, (mode, threads): (Mode, usize)) -> Evaluation<Report> {
     let networks = [network.to_owned()];
     let request = Request { networks: &networks, ..Request::default() };
-    let options = Options { request, stride: Some(1), every_us: 10_000, mode };
+    let options = Options { request, stride: Some(1), every_us: 10_000, mode, embeds: false };
     evaluate(path, &options, &pool(threads), |_, _| {}).expect("it is judged")
 }
 
@@ -134,7 +134,8 @@ fn presses_without_labels_and_networks_of_other_quantities_are_refused() {
         let path = written(labels);
         let networks = [network.to_owned()];
         let request = Request { networks: &networks, ..Request::default() };
-        let options = Options { request, stride: None, every_us: 1_000, mode: Mode::Incremental };
+        let options =
+            Options { request, stride: None, every_us: 1_000, mode: Mode::Incremental, embeds: false };
         let Err(error) = evaluate(&path, &options, &pool(1), |_, _| {}) else { panic!("{expected}") };
         let text = meissner_pipeline::error::chain(&error);
         assert!(text.contains(expected), "{text}");
