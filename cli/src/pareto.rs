@@ -9,25 +9,30 @@ mod args;
 mod plot;
 mod table;
 
+use std::path::Path;
+
 use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::EventTask;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
+
+use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_io::datasets::NeutouchSet;
 
 use crate::error::CliError;
 use crate::progress;
+use crate::tasks::{EventNetworks, TouchData};
 use crate::{output, threads};
 pub(crate) use args::ParetoArgs;
-use args::{Common, StudyArgs};
+use args::{Common, StudyArgs, TouchArgs};
 
 /// Measures the networks that `args` name.
 pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
     match &args.study {
-        StudyArgs::Digits(args) => {
-            let (networks, options) = (&args.task.networks, args.common.options());
-            let pool = threads::pool(args.common.threads)?;
-            let (request, folds) = (networks.request(), networks.folds());
-            let study = events::<Digits>(&args.task.data, request, folds, &options, &pool)?;
-            write(study, &args.common)
-        }
+        StudyArgs::Digits(args) => recordings::<Digits>(&args.task.data, &args.task.networks, &args.common),
+        StudyArgs::Touch(TouchArgs { data: TouchData { set, data }, networks, common }) => match set {
+            NeutouchSet::Objects => recordings::<TouchObjects>(data, networks, common),
+            NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
+        },
         StudyArgs::Angle(args) => {
             let source = args.read.open(Some(&args.recording), args.sensor.is_some(), true)?;
             let asked = AngleOptions {
@@ -45,6 +50,17 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             write(slip(&args.task.data, args.task.request(), &options, &pool)?, &args.common)
         }
     }
+}
+
+/// Measures `networks` on the labelled recordings in `folder`.
+fn recordings<T: EventTask>(
+    folder: &Path,
+    networks: &EventNetworks,
+    common: &Common,
+) -> Result<(), CliError> {
+    let pool = threads::pool(common.threads)?;
+    let (request, folds) = (networks.request(), networks.folds());
+    write(events::<T>(folder, request, folds, &common.options(), &pool)?, common)
 }
 
 /// Runs `study`, and writes its files and text.

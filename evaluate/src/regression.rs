@@ -224,6 +224,7 @@ impl Judge<'_> {
         mut done: impl FnMut(&Training),
     ) -> Result<NetworkReport, EvaluateError> {
         let Candidate { description, trainings } = candidate;
+        let Options { every_us, embeds, .. } = *self.options;
         let times = self.presses.times(self.options.every_us).len();
         let (mut judged, mut first) = (Vec::new(), None);
         for trial in trials {
@@ -231,7 +232,7 @@ impl Judge<'_> {
                 let engine =
                     PressEngine::new(description, training, self.presses.streams.sensor, self.options.mode)?;
                 let work = |engine: &mut PressEngine, &press: &usize| {
-                    self.presses.judge(engine, press, quantities, stride, self.options)
+                    self.presses.judge(engine, press, quantities, stride, every_us, embeds)
                 };
                 workers::for_each(self.pool, &engine, chosen, work)
             })?;

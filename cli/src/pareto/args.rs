@@ -10,7 +10,7 @@ use meissner_pipeline::source::is_stdin;
 use meissner_pipeline::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
-use crate::tasks::{DigitsTask, SlipTask};
+use crate::tasks::{DigitsTask, EventNetworks, SlipTask, TouchData};
 
 /// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
@@ -21,7 +21,7 @@ How it measures:
   Frame networks: the time of a window of readings, from the reset. The time of push is that of the frames of the window.
   Work: computed rows of events and cells (pixels of frame networks), and multiply-adds at full neighbourhoods, as `meissner inspect` lists them. Winograd convolutions count like direct ones.
   Numerical error: over all predictions at the same moments, after each event, in the order of time, and for each tenth of the streams. The max and RMS error are in the units of the outputs. The relative RMS error is a share of the RMS of the exact outputs. A stale readout is compared with the exact prediction of that moment.
-  Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits are judged on the split test, or by cross-validation over all recordings if --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other, so the intervals for windows are too narrow. If predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
+  Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits and touch are judged on the split test, or by cross-validation over all recordings if --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other, so the intervals for windows are too narrow. If predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
   Front: the settings that no other setting beats in time and error; equal settings are all on the front. With labels there is one front over all networks. Without labels there is one for each network, because errors are in the units of its outputs. The last paragraph names the fastest settings whose error is at most a bound above the exact one. A setting that is less than 1.02 times as fast does not count as faster.
 
 Settings:
@@ -50,6 +50,8 @@ pub(crate) struct ParetoArgs {
 pub(super) enum StudyArgs {
     /// Digits (N-MNIST), networks over events: time against wrong answers.
     Digits(DigitsArgs),
+    /// Objects and containers under a tactile skin: time against wrong answers.
+    Touch(TouchArgs),
     /// A recording without labels, networks over events: time against numerical error.
     Angle(AngleArgs),
     /// Direction of slip, frame networks: time against wrong answers on unseen objects.
@@ -62,6 +64,18 @@ pub(super) enum StudyArgs {
 pub(super) struct DigitsArgs {
     #[command(flatten)]
     pub(super) task: DigitsTask,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// `meissner pareto touch`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct TouchArgs {
+    #[command(flatten)]
+    pub(super) data: TouchData,
+    #[command(flatten)]
+    pub(super) networks: EventNetworks,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -124,7 +138,7 @@ pub(super) struct Common {
     only: Vec<String>,
     /// Approximate number of events that are timed in each repeat [default: 20000].
     ///
-    /// `pareto digits` takes whole recordings. For `pareto slip` it is the number of windows, 400 by default.
+    /// `pareto digits` and `pareto touch` take whole recordings. For `pareto slip` it is the number of windows, 400 by default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
     timed_events: Option<u32>,
     /// Repeats of each measurement of time.

@@ -51,10 +51,12 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
     std::fs::write(&network, text_of).expect("a temporary file can be written");
     let drawn = draw(&description, 3).to_safetensors(&[].into());
     std::fs::write(&weights, drawn).expect("a temporary file can be written");
-    let eval = |set: &str, more: &[&str]| {
-        let own = ["eval", "touch", set, argument(data.path()), "--network", argument(&network), "--weights"];
+    let of = |command: &str, set: &str, more: &[&str]| {
+        let own =
+            [command, "touch", set, argument(data.path()), "--network", argument(&network), "--weights"];
         meissner(&[&own[..], &[argument(&weights)], more].concat())
     };
+    let eval = |set: &str, more: &[&str]| of("eval", set, more);
     let output = eval("containers", &["--every", "20ms", "--json", "-"]);
     assert!(output.status.success(), "{}", message(&output));
     let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
@@ -63,6 +65,16 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
     assert_eq!(report["header"]["command"], "eval touch containers");
     assert_eq!(report["networks"][0]["test"]["recordings"], 20);
     assert!(report["data"]["warnings"].as_array().is_some_and(Vec::is_empty), "every taxel is on the sensor");
+    let accuracy = report["networks"][0]["test"]["accuracy"]["mean"].as_f64().expect("a share");
+    let output = of("pareto", "containers", &["--only", "exact", "--repeat", "1", "--json", "-"]);
+    let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
+    assert_eq!(
+        (&report["header"]["command"], &report["system"]),
+        (&"pareto".into(), &"touch containers".into())
+    );
+    let wrong = report["networks"][0]["settings"][0]["task"][0]["error"].as_f64().expect("a share");
+    assert!((wrong + accuracy - 1.0).abs() < 1e-12, "{report}");
+
     let table = eval("containers", &[]);
     assert!(text(&table).contains("own, test split"), "{}", text(&table));
     let other = eval("objects", &[]);

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use meissner_engine::Event;
 
-use super::Options;
 use super::engine::{Count, PressEngine};
 use super::quantity::Quantity;
 use crate::error::{EvaluateError, RequestPart, StreamsError};
@@ -101,14 +100,15 @@ impl Presses {
         (0..=(longest + every_us - 1) / every_us).map(|i| i * every_us).collect()
     }
 
-    /// Lets `engine` predict during `press`, from every `stride`-th event, as `options` say.
+    /// Lets `engine` predict during `press`, from every `stride`-th event. With `embeds` the outcome has the readout at the end.
     pub(super) fn judge(
         &self,
         engine: &mut PressEngine,
         press: usize,
         quantities: &[Quantity],
         stride: usize,
-        &Options { every_us, embeds, .. }: &Options<'_>,
+        every_us: i64,
+        embeds: bool,
     ) -> Result<Outcome, EvaluateError> {
         let [contact, end] = self.span_us(press);
         let start = self.truth.span_us(press)[0];
