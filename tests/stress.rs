@@ -136,9 +136,9 @@ fn outcomes(network: &Arc<Network>) -> Vec<Result<Vec<f32>, EngineError>> {
 #[test]
 fn exploding_activations_are_an_error_with_the_layers_name_in_engine_and_batch_alike() {
     for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
-        let network = changed(name, 1e6, 1.0);
+        let network = changed(name, 1e15, 1.0);
         let refused: Vec<EngineError> = outcomes(&network).into_iter().filter_map(Result::err).collect();
-        assert!(!refused.is_empty(), "{name}: 1e6 in each of 7 or 10 blocks is more than f32 holds");
+        assert!(!refused.is_empty(), "{name}: 1e15 in each of 3, 7 or 10 blocks is more than f32 holds");
         for error in refused {
             let EngineError::NotANumber { layer, .. } = &error else { panic!("{name}: {error}") };
             assert!(network.layers().contains(&layer.as_str()), "{name}: {layer}");
@@ -148,8 +148,9 @@ fn exploding_activations_are_an_error_with_the_layers_name_in_engine_and_batch_a
 
 #[test]
 fn an_infinite_prediction_is_given_as_such_and_holds_no_nan() {
-    for name in ["graphres", "tactigraph-past"] {
-        let outcomes = outcomes(&changed(name, 1.0, 1e38));
+    // The trained weights of the last layer are small.
+    for (name, blocks) in [("graphres", 1.0), ("tactigraph-past", 30.0)] {
+        let outcomes = outcomes(&changed(name, blocks, 1e38));
         let values = || outcomes.iter().flatten().flatten();
         assert!(values().any(|v| v.is_infinite()), "{name}");
         assert!(!values().any(|v| v.is_nan()), "{name}");

@@ -9,7 +9,7 @@ use meissner_verify::bits;
 
 use crate::trained_digits::{Golden, agree, network, read};
 
-const NETWORKS: [&str; 3] = ["tactigraph-lean", "tactip", "tactip-past"];
+const NETWORKS: [&str; 3] = ["tactigraph-past", "tactip", "tactip-past"];
 
 fn golden() -> Golden {
     read(include_str!("golden/angles.json"))

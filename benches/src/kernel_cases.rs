@@ -105,12 +105,12 @@ pub fn splines(name: &str, window: &Recording) -> Vec<KernelCase> {
     cases
 }
 
-/// The dense layers of the shipped networks: after a readout of 4 x 4 cells of 32 channels, and after a hidden layer.
+/// The dense layers of shipped networks: after readouts of 4 x 4 cells of 32 channels and of 24 x 18 of 16, and after a hidden layer.
 pub fn denses() -> Vec<KernelCase> {
     vec![
         dense("graphres", "fc", [16, 32, 2], Activation::Identity),
-        dense("tactigraph-past", "hidden", [16, 32, 38], Activation::Elu),
-        dense("tactigraph-past", "fc", [1, 38, 2], Activation::Identity),
+        dense("tactigraph-past", "hidden", [432, 16, 32], Activation::Elu),
+        dense("tactigraph-past", "fc", [1, 32, 2], Activation::Identity),
     ]
 }
 

@@ -53,8 +53,11 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("slip-tuned", SLIP, "tuned ConvLSTM over the tactile image"),
     ("tactigraph", ANGLE, "TactiGraph: 10 spline blocks over all nodes of the window"),
     ("tactigraph-frozen", ANGLE, "TactiGraph over earlier nodes, chosen on arrival"),
-    ("tactigraph-lean", ANGLE, "few channels for many events: trained on a simulated dome"),
-    ("tactigraph-past", ANGLE, "TactiGraph over earlier nodes of the window: made for latency"),
+    (
+        "tactigraph-past",
+        ANGLE,
+        "few blocks over earlier nodes: made for latency, trained on a simulated dome",
+    ),
     ("tactip", ANGLE, "depth and tilts of a real sensor (TacTip), over all nodes of the window"),
     ("tactip-past", ANGLE, "depth and tilts of a real sensor (TacTip), over earlier nodes"),
     ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),

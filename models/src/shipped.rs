@@ -45,7 +45,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 13] = [
+static EVENTS: [Shipped; 12] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),
@@ -53,8 +53,7 @@ static EVENTS: [Shipped; 13] = [
     shipped!("graphres-published", file = "graphres"),
     shipped!("tactigraph", file = "tactigraph"),
     shipped!("tactigraph-frozen", file = "tactigraph"),
-    shipped!("tactigraph-lean", file = "angle/tactigraph-lean.0"),
-    shipped!("tactigraph-past", file = "tactigraph-past"),
+    shipped!("tactigraph-past", file = "angle/tactigraph-past.0"),
     shipped!("tactip", file = "angle/tactip.0"),
     shipped!("tactip-past", file = "angle/tactip-past.0"),
     shipped!("touch-containers", file = "touch/touch-containers.0"),
@@ -90,7 +89,7 @@ const fn names<const N: usize>(shipped: &[Shipped; N]) -> [&'static str; N] {
 }
 
 /// Files of weights that are drawn, with their seeds.
-pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2), ("tactigraph-past", 3)];
+pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2)];
 
 /// The description of `name` in `list`, as `parse` reads it.
 fn description<T>(

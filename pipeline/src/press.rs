@@ -9,7 +9,7 @@ use crate::error::PipelineError;
 use crate::source::Source;
 
 /// The network that is trained for this press.
-pub const NETWORK: &str = "tactigraph-lean";
+pub const NETWORK: &str = "tactigraph-past";
 
 const EVENTS: &[u8] = include_bytes!("../assets/dome_press.evt3");
 const TRUTH: &str = include_str!("../assets/dome_press.csv");

@@ -16,7 +16,7 @@ import torch
 from graphs import Graphs, inspected
 from network import load
 
-NETWORKS = {"tactigraph-lean": "tactigraph-lean.0", "tactip": "tactip.0", "tactip-past": "tactip-past.0"}
+NETWORKS = {"tactigraph-past": "tactigraph-past.0", "tactip": "tactip.0", "tactip-past": "tactip-past.0"}
 # The smaller sensor: a description fits any.
 SENSOR = [128, 128]
 # Events and milliseconds; the last stream is shorter than any cell in time.

@@ -14,17 +14,25 @@ ACTIVATIONS = {"identity": lambda x: x, "elu": F.elu, "relu": F.relu}
 class Network(nn.Module):
     """Spline blocks and a readout, or frames; then perhaps convolutions and poolings, and dense layers.
 
-    The last layer gives values in units of `unit` (outputs,): small outputs of large weights train slowly.
+    The last layer gives values in units of `unit` (outputs,): small outputs of large weights train slowly. A readout that sums
+    gives sums times `share`, for the same reason.
     """
 
-    def __init__(self, said, unit, dropout):
+    def __init__(self, said, unit, dropout, share=1.0):
         super().__init__()
         self.layers, self.unit = said["layers"] + said.get("head", []), torch.as_tensor(unit, dtype=torch.float32)
+        self.dense = next(layer["name"] for layer in self.layers if layer["kind"] == "dense")
         self.is_image = bool(said.get("head"))
         self.dropout = nn.Dropout(dropout)
         self.tensors = {}
         for tensor in said["tensors"]:
             self.tensors.setdefault(tensor["layer"], []).append(tensor["name"])
+        # The factor of the sums, and the tensor that they meet first.
+        self.share, self.first = 1.0, None
+        for i, layer in enumerate(self.layers):
+            if layer.get("aggregation") == "sum":
+                reader = next(later for later in self.layers[i:] if later["kind"] in ("dense", "conv"))
+                self.share, self.first = share, self.tensors[reader["name"]][0]
         self.part = nn.ModuleDict()
         for layer in self.layers:
             if layer["kind"] == "spline":
@@ -40,10 +48,6 @@ class Network(nn.Module):
 
     def forward(self, batch):
         """Values (readouts, outputs) in units of `unit`."""
-        return self.dense(self.features(batch))
-
-    def features(self, batch):
-        """What the first dense layer reads (readouts, features)."""
         x, done = batch.input, {}
         for layer in self.layers:
             kind, name = layer["kind"], layer["name"]
@@ -53,7 +57,11 @@ class Network(nn.Module):
                     x = x + done[layer["skip"]]
             elif kind == "readout":
                 grids = batch.readouts * layer["times"]
-                x = maxima(x.index_select(0, batch.row), batch.place, grids * layer["columns"] * layer["rows"])
+                rows, cells = x.index_select(0, batch.row), grids * layer["columns"] * layer["rows"]
+                if layer["aggregation"] == "sum":
+                    x = x.new_zeros(cells, rows.shape[1]).index_add(0, batch.place, rows) * self.share
+                else:
+                    x = maxima(rows, batch.place, cells)
                 x = x.view(batch.readouts, layer["times"], layer["rows"], layer["columns"], -1)
                 x = x.permute(0, 1, 4, 2, 3).flatten(1, 2) if self.is_image else x.flatten(1)
             elif kind == "conv":
@@ -64,34 +72,33 @@ class Network(nn.Module):
                 x = F.max_pool2d(x, 2)
             elif kind == "flatten":
                 x = x.flatten(1)
+            elif kind == "dense":
+                x = ACTIVATIONS[layer["activation"]](self.part[name](self.dropout(x) if name == self.dense else x))
             done[name] = x
-        return self.dropout(x)
-
-    def dense(self, x):
-        """Values of features."""
-        for layer in self.layers:
-            if layer["kind"] == "dense":
-                x = ACTIVATIONS[layer["activation"]](self.part[layer["name"]](x))
         return x
 
     @torch.no_grad()
-    def load(self, tensors):
-        """Copies what `exported` gave."""
-        for name, tensor in self.exported().items():
-            tensor.copy_(tensors[name])
-        last = self.layers[-1]["name"]
-        for parameter, name in zip(self.part[last].parameters(), self.tensors[last]):
-            parameter.copy_(tensors[name] / self.unit.view(-1, *[1] * (parameter.dim() - 1)))
+    def load(self, tensors, thinner=1.0):
+        """Copies what `exported` gave; sums are of `thinner` times fewer events than they were."""
+        for name, tensor in self.parameters_by_name().items():
+            more = thinner if name == self.first else 1.0
+            tensor.copy_(tensors[name] * more / self.scale(name, tensor))
 
     def exported(self):
         """Tensors by the names of the description."""
-        exported, last = {}, self.layers[-1]["name"]
+        return {name: tensor.detach() * self.scale(name, tensor) for name, tensor in self.parameters_by_name().items()}
+
+    def parameters_by_name(self):
+        found = {}
         for name, part in self.part.items():
             tensors = part.tensors() if hasattr(part, "tensors") else [part.weight] + ([] if part.bias is None else [part.bias])
-            if name == last:
-                tensors = [tensor * self.unit.view(-1, *[1] * (tensor.dim() - 1)) for tensor in tensors]
-            exported |= dict(zip(self.tensors[name], tensors, strict=True))
-        return {name: tensor.detach() for name, tensor in exported.items()}
+            found |= dict(zip(self.tensors[name], tensors, strict=True))
+        return found
+
+    def scale(self, name, tensor):
+        """What the engine's tensor is larger by than that of this network."""
+        last = name in self.tensors[self.layers[-1]["name"]]
+        return (self.unit.view(-1, *[1] * (tensor.dim() - 1)) if last else 1.0) * (self.share if name == self.first else 1.0)
 
 
 def load(path, said):

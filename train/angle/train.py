@@ -19,14 +19,16 @@ import presses
 import torch
 from fit import errors, fit
 from graphs import inspected
-from head import refit
 from network import Network
+from safetensors import safe_open
 from safetensors.torch import load_file
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import export_weights
 
+# A sum over the events of a cell, one of `stride` of them, times this and the stride, is of the size of an event's features.
+SHARE = 0.01
 ABOUT = "trained on presses of a simulated dome, whose camera is simulated too"
 
 
@@ -42,9 +44,9 @@ def main():
     args.unit = np.broadcast_to(args.unit, len(args.outputs)).astype(np.float64)
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
-    network = Network(args.said, args.unit, args.dropout)
+    network = Network(args.said, args.unit, args.dropout, SHARE * args.stride)
     if args.start:
-        network.load(load_file(args.start))
+        network.load(load_file(args.start), args.stride / started_at(args.start))
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
 
@@ -56,8 +58,6 @@ def main():
             print(line, flush=True)
 
         loss = fit(network, data, args, error, random, path.with_suffix(".state"), log)
-        if args.head_epochs > 0:
-            refit(network, data, args, random, args.head_epochs, log)
         found = error(network)
     remarks = {
         "network": args.said["name"],
@@ -77,12 +77,18 @@ def main():
     print(path, remarks["valid"])
 
 
+def started_at(path):
+    """The thinning that the weights at `path` are meant for."""
+    with safe_open(path, "pt") as file:
+        return int(file.metadata()["stride"])
+
+
 def recipe(args):
     """What was done, in one line."""
     begin = f"from {args.start.name}: " if args.start else ""
     line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch 16, "
     line += f"AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
-    return line + (f"; then the dense layers alone, {args.head_epochs} epochs in principal components" if args.head_epochs else "")
+    return line
 
 
 def mean_errors(args, found):
@@ -94,7 +100,7 @@ def mean_errors(args, found):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="+", metavar="FOLDER")
-    parser.add_argument("--network", default="tactigraph-lean", help="name or description; default: %(default)s")
+    parser.add_argument("--network", default="tactigraph-past", help="name or description; default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--epochs", type=int, default=12, help="default: 12")
     parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
@@ -102,13 +108,12 @@ def arguments():
     parser.add_argument("--dropout", type=float, default=0.0, help="of the readout; default: 0")
     parser.add_argument("--unit", type=float, nargs="+", default=[0.1], help="of each output during training; default: 0.1")
     parser.add_argument("--start", type=Path, help="weights to start from; default: drawn from the seed")
-    parser.add_argument("--passes", type=int, default=4, help="times that a graph is used before others are built; default: 4")
-    parser.add_argument("--strides", type=int, nargs=2, default=[2, 4], help="range of the thinning; default: 2 4")
-    parser.add_argument("--stride", type=int, default=2, help="thinning that the weights are meant for; default: 2")
+    parser.add_argument("--passes", type=int, default=1, help="times that a graph is used before others are built; default: 1")
+    parser.add_argument("--strides", type=int, nargs=2, default=[1, 1], help="range of the thinning; default: 1 1")
+    parser.add_argument("--stride", type=int, default=1, help="thinning that the weights are meant for; default: 1")
     parser.add_argument("--presses", type=int, help="presses of an epoch; default: all")
     parser.add_argument("--youngest", type=float, default=0.1, help="least age as a share of the press; default: 0.1")
     parser.add_argument("--mirrors", nargs="*", default=[], choices=["columns", "rows"], help="axes of symmetry; default: none")
-    parser.add_argument("--head-epochs", type=int, default=10, help="of the dense layers alone; default: 10")
     parser.add_argument("--check", type=int, default=5, help="epochs from one validation to the next; default: 5")
     parser.add_argument("--about", default=ABOUT, help="remark about the data")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")

@@ -8,13 +8,12 @@ SHEAR = 0.2
 STRETCH = 0.12  # of the logarithm, for each axis
 SHIFT = 2.0  # pixels
 MOST_STRIDE = 6  # thinning, uniform in the logarithm
-CUT_SHORT = 0.1  # share of recordings that end early
-SHORTEST_US = 100_000
 
 
-def augment(events, side, random):
-    """Another recording like `events` (events, 4), on a sensor of `side` by `side` pixels."""
-    events = cut(thinned(events, random), random)
+def augment(events, side, random, share, shortest_us):
+    """Another recording like `events` (events, 4), on a sensor of `side` by `side` pixels. A `share` of the recordings ends
+    early, at `shortest_us` or later."""
+    events = cut(thinned(events, random), random, share, shortest_us)
     turn, shear = random.uniform(-TURN, TURN), random.uniform(-SHEAR, SHEAR)
     stretch = np.exp(random.uniform(-STRETCH, STRETCH, 2))
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
@@ -36,9 +35,9 @@ def thinned(events, random):
     return events[random.random(len(events)) < 1 / stride]
 
 
-def cut(events, random):
+def cut(events, random, share, shortest_us):
     """The events up to some time, where the recording is to end early."""
-    if random.random() >= CUT_SHORT:
+    if random.random() >= share:
         return events
-    end = events[0, 0] + random.uniform(SHORTEST_US, events[-1, 0] - events[0, 0])
+    end = events[0, 0] + random.uniform(shortest_us, events[-1, 0] - events[0, 0])
     return events[events[:, 0] <= end]

@@ -17,16 +17,17 @@ from graphs import Graphs
 from network import NEIGHBOURS, READOUT_CELLS
 
 BATCH = 32
-RATE = 0.003
 # Epochs in which the rate rises, the share of all at which it has fallen, and to what share of it.
 RISE, FALLEN, LEAST = 4, 0.4, 0.33
 DECAY = 0.001
 SMOOTHING = 0.05
 
 
-def fit(network, recordings, seen, epochs, random, graphs):
-    """Trains `network` in place on the recordings `seen`; `graphs` builds the graphs of streams. The last loss."""
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
+def fit(network, recordings, seen, settings, random, graphs):
+    """Trains `network` in place on the recordings `seen`; `graphs` builds the graphs of streams, and
+    `settings` has what the command line asks for. The last loss."""
+    epochs, (share_cut, shortest_ms) = settings.epochs, settings.cut
+    optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=DECAY)
     steps = -(-len(seen) // BATCH)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: share(step / steps, epochs))
     mean, averaged = None, 0
@@ -34,7 +35,7 @@ def fit(network, recordings, seen, epochs, random, graphs):
     for epoch in range(epochs):
         started, total, right = time.time(), 0.0, 0
         order = random.permutation(seen)
-        built = graphs([augment(recordings.events[i], recordings.side, random) for i in order])
+        built = graphs([augment(recordings.events[i], recordings.side, random, share_cut, 1_000 * shortest_ms) for i in order])
         for first in range(0, len(order), BATCH):
             streams = range(first, min(first + BATCH, len(order)))
             label = torch.from_numpy(recordings.label[order[first : streams.stop]])

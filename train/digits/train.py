@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from export import save
+from export import load, save
 from fit import fit
 from graphs import Graphs, preparation
 from network import Digits
@@ -46,10 +46,10 @@ def main():
                     if not path.exists():
                         graphs = partial(Graphs, args.meissner, network, recordings.sensor, folder=folder)
                         said = preparation(args.meissner, network)
-                        train(name, seed, fold, recordings, args.epochs, graphs, said, path)
+                        train(args, path, recordings, fold, seed, graphs, said)
 
 
-def train(name, seed, fold, recordings, epochs, graphs, said, path):
+def train(args, path, recordings, fold, seed, graphs, said):
     """One training, and what it says about itself."""
     print(path.stem, flush=True)
     started = time.time()
@@ -57,13 +57,16 @@ def train(name, seed, fold, recordings, epochs, graphs, said, path):
     random = np.random.default_rng(seed)
     seen = np.flatnonzero(recordings.in_train if fold is None else recordings.fold != fold)
     network = Digits()
-    loss = fit(network, recordings, seen, epochs, random, graphs)
+    if args.start:
+        network.load_state_dict(load(args.start / path.name).state_dict())
+    loss = fit(network, recordings, seen, args, random, graphs)
     remarks = {
-        "network": name,
+        "network": path.name.split(".")[0],
         "seed": seed,
         "date": datetime.date.today().isoformat(),
-        "recipe": f"{epochs} epochs, batch 32, AdamW 0.003 falling to 0.001, decay 0.001, label smoothing 0.05, "
-        "mean of the weights of the second half",
+        "recipe": f"{'weights of an earlier training, ' if args.start else ''}{args.epochs} epochs, batch 32, AdamW {args.rate} "
+        f"falling to a third, decay 0.001, label smoothing 0.05, a share of {args.cut[0]} cut off at random ages from "
+        f"{args.cut[1]:.0f} ms on, mean of the weights of the second half",
         "recordings": len(seen),
         "stride": STRIDE,
         "sensor": recordings.sensor,
@@ -88,6 +91,10 @@ def arguments():
     parser.add_argument("--folds", action="store_true", help=f"cross-validate instead, in {FOLDS} folds")
     parser.add_argument("--fold", nargs="+", type=int, default=range(FOLDS), help="of these the folds; default: all")
     parser.add_argument("--epochs", type=int, default=80, help="default: 80")
+    parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
+    parser.add_argument("--cut", nargs=2, type=float, default=(0.5, 20), metavar=("SHARE", "MS"),
+                        help="share of the recordings that end early, and the least age in ms; default: 0.5 20")
+    parser.add_argument("--start", type=Path, help="folder of weights to start from, of the same names; default: drawn")
     parser.add_argument("--out", type=Path, default=Path("models/weights/digits"), help="default: %(default)s")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     parser.add_argument("--threads", type=int, default=1, help="default: 1")

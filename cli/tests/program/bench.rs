@@ -186,7 +186,7 @@ fn the_table_names_every_part() {
     for part in [
         "push + predict",
         "phase",
-        "conv7",
+        "conv3",
         "kept (%)",
         "multiply-adds",
         "event graph",

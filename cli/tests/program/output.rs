@@ -134,7 +134,7 @@ fn without_arguments_it_shows_a_simulated_press_beside_the_truth_in_less_than_30
     let said = text(&output);
     assert!(said.lines().count() < 30 && said.lines().all(|line| line.chars().count() <= 80), "{said}");
     for expected in
-        ["tactigraph-lean", "simulated", "predicted", "true", "5.71", "-1.85", "latency", "skipped"]
+        ["tactigraph-past", "simulated", "predicted", "true", "5.71", "-1.85", "latency", "skipped"]
     {
         assert!(said.contains(expected), "{expected}: {said}");
     }

@@ -282,7 +282,7 @@ fn a_full_standard_output_is_an_error_after_which_the_state_is_there() {
     let state = folder.path().join("state");
     for json in [&["--json"][..], &[]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
-        let arguments = ["run", "--network", "tactigraph-past", "--save-state", argument(&state)];
+        let arguments = ["run", "--network", "graphres", "--save-state", argument(&state)];
         let output =
             command(&[&arguments[..], json].concat()).stdout(full).output().expect("the program starts");
         let said = crate::support::message(&output);

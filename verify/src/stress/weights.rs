@@ -49,7 +49,7 @@ pub(super) const ALTERED: &[Altered] = &[
     Altered { name: "weights x 1e-6", blocks: [1e-6; 2], ..NONE },
     Altered { name: "weights x 1e-6, nothing added", blocks: [1e-6; 2], added: 0.0, ..NONE },
     Altered { name: "weights x 1e3", blocks: [1e3; 2], ..NONE },
-    Altered { name: "weights x 1e6", blocks: [1e6; 2], expect: Expect::Overflow, ..NONE },
+    Altered { name: "weights x 1e15", blocks: [1e15; 2], expect: Expect::Overflow, ..NONE },
     Altered { name: "dense weights x 1e6", dense: 1e6, ..NONE },
     Altered { name: "dense weights x 3e38", dense: 3e38, expect: Expect::Overflow, ..NONE },
     Altered { name: "denormal weights", blocks: [1e-39; 2], ..NONE },

@@ -71,7 +71,7 @@ fn weights_without_a_lifetime_fit_both() {
 fn every_shipped_network_over_events_fits_its_weights() {
     for name in Description::shipped_names() {
         let weights = Weights::shipped(name).expect("shipped");
-        let trained = ["digits", "touch", "tactip", "tactigraph-lean"];
+        let trained = ["digits", "touch", "tactip", "tactigraph-past"];
         let is_trained = trained.iter().any(|start| name.starts_with(start));
         let expected = if is_trained { Agreement::Same } else { Agreement::Drawn };
         assert_eq!(shipped(name).agreement(&weights), expected, "{name}");
