@@ -69,10 +69,11 @@ def main():
         "trained_on": "train",
         "stride": args.stride,
         "sensor": json.dumps(data[0].sensor),
-        "preparation": args.said["preparation"],
         "loss": f"{loss:.5f}",
         "valid": json.dumps(found),
     }
+    if args.said["preparation"]:
+        remarks["preparation"] = args.said["preparation"]
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
 
