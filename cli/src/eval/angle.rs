@@ -276,7 +276,7 @@ fn scatters(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
 /// The embedding of what `network` reads out, once for each output, whose true values give the colours.
 fn embeddings(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
     let outputs = network.figures.iter().flat_map(|figures| &figures.mean.outputs);
-    let points = network.embedding.iter().flat_map(|points| std::iter::repeat(points));
+    let points = network.embedding.iter().flat_map(std::iter::repeat);
     outputs.zip(&network.scatter).zip(points).map(|((output, values), points)| {
         let truth = || values.iter().map(|value| value.0);
         let (low, high) =
