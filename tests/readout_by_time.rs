@@ -39,14 +39,15 @@ names = ["a", "b", "c"]
 unit = "1"
 "#;
 
-fn checked() -> CheckedEngine {
-    let description = Description::parse(NETWORK).expect("consistent");
+/// An engine beside a batch, for a network with drawn weights on 4 x 4 pixels.
+pub(crate) fn checked(network: &str) -> CheckedEngine {
+    let description = Description::parse(network).expect("consistent");
     let network: Network = description.network(&draw(&description, 5)).expect("drawn weights fit");
     CheckedEngine::new(network, Sensor::new(4, 4), Search::Exhaustive)
 }
 
 /// The readout's values from the newest cell in time to the oldest.
-fn ages(checked: &mut CheckedEngine) -> Vec<f32> {
+pub(crate) fn readout(checked: &mut CheckedEngine) -> Vec<f32> {
     checked.predict().expect("equal to batch");
     let readout = checked.batch.trace().expect("numbers").readout;
     let expected: Vec<Vec<f32>> = (0..readout.rows()).map(|row| readout.values(row).collect()).collect();
@@ -56,24 +57,24 @@ fn ages(checked: &mut CheckedEngine) -> Vec<f32> {
 
 #[test]
 fn what_time_moves_on_from_ages_and_leaves() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     checked.push(Event::new(1_000, 1, 1, false));
-    assert_eq!(ages(&mut checked), [-1.0, 0.0, 0.0, 0.0]);
+    assert_eq!(readout(&mut checked), [-1.0, 0.0, 0.0, 0.0]);
     checked.push(Event::new(1_120, 1, 1, true));
-    assert_eq!(ages(&mut checked), [1.0, -1.0, 0.0, 0.0]);
+    assert_eq!(readout(&mut checked), [1.0, -1.0, 0.0, 0.0]);
     checked.advance(1_300);
-    assert_eq!(ages(&mut checked), [0.0, 0.0, 1.0, -1.0]);
+    assert_eq!(readout(&mut checked), [0.0, 0.0, 1.0, -1.0]);
     checked.advance(1_301);
-    assert_eq!(ages(&mut checked), [0.0, 0.0, 1.0, 0.0]);
+    assert_eq!(readout(&mut checked), [0.0, 0.0, 1.0, 0.0]);
     checked.advance(1_400);
-    assert_eq!(ages(&mut checked), [0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(readout(&mut checked), [0.0, 0.0, 0.0, 1.0]);
     checked.advance(1_421);
-    assert_eq!(ages(&mut checked), [0.0; 4]);
+    assert_eq!(readout(&mut checked), [0.0; 4]);
 }
 
 #[test]
 fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     checked.push(Event::new(0, 1, 1, true));
     let mut seen = vec![checked.predict().expect("equal to batch")];
     for now in [99, 100, 199, 200, 299, 300] {
@@ -86,11 +87,11 @@ fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
 
 #[test]
 fn a_reset_begins_with_the_cell_of_the_next_event() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     checked.push(Event::new(0, 1, 1, true));
     checked.push(Event::new(250, 1, 1, true));
     checked.predict().expect("equal to batch");
     checked.reset();
     checked.push(Event::new(777, 2, 2, false));
-    assert_eq!(ages(&mut checked), [-1.0, 0.0, 0.0, 0.0]);
+    assert_eq!(readout(&mut checked), [-1.0, 0.0, 0.0, 0.0]);
 }

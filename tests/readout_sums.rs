@@ -1,9 +1,11 @@
 //! A readout that sums: what it holds, and which cells an event makes it sum again.
 #![forbid(unsafe_code)]
 
-use meissner_engine::{Aggregation, Event, Network, Search, Sensor};
+use meissner_engine::{Aggregation, Event, Network};
 use meissner_models::{Description, draw};
 use meissner_verify::CheckedEngine;
+
+use crate::readout_by_time::{checked, readout};
 
 /// Two cells side by side; the readout sums polarities over 300 us.
 const NETWORK: &str = r#"[network]
@@ -32,20 +34,6 @@ names = ["a", "b", "c"]
 unit = "1"
 "#;
 
-fn checked() -> CheckedEngine {
-    let description = Description::parse(NETWORK).expect("consistent");
-    let network: Network = description.network(&draw(&description, 5)).expect("drawn weights fit");
-    CheckedEngine::new(network, Sensor::new(4, 4), Search::Exhaustive)
-}
-
-fn sums(checked: &mut CheckedEngine) -> Vec<f32> {
-    checked.predict().expect("equal to batch");
-    let readout = checked.batch.trace().expect("numbers").readout;
-    let expected: Vec<Vec<f32>> = (0..readout.rows()).map(|row| readout.values(row).collect()).collect();
-    assert_eq!(checked.engine.readout(), expected);
-    expected.concat()
-}
-
 /// Cells that one more prediction recomputes.
 fn recomputed(checked: &mut CheckedEngine) -> u64 {
     let before = checked.engine.counters().predictions.cells_recomputed;
@@ -55,22 +43,22 @@ fn recomputed(checked: &mut CheckedEngine) -> u64 {
 
 #[test]
 fn sums_count_the_events_of_each_cell_while_they_are_in_the_window() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     for (t_us, x, on) in
         [(1_000, 0, true), (1_001, 1, true), (1_002, 3, false), (1_100, 0, true), (1_100, 3, false)]
     {
         checked.push(Event::new(t_us, x, 1, on));
     }
-    assert_eq!(sums(&mut checked), [3.0, -2.0]);
+    assert_eq!(readout(&mut checked), [3.0, -2.0]);
     checked.advance(1_301);
-    assert_eq!(sums(&mut checked), [2.0, -2.0]);
+    assert_eq!(readout(&mut checked), [2.0, -2.0]);
     checked.advance(1_401);
-    assert_eq!(sums(&mut checked), [0.0, 0.0]);
+    assert_eq!(readout(&mut checked), [0.0, 0.0]);
 }
 
 #[test]
 fn only_the_cell_of_an_event_is_summed_when_it_enters_and_when_it_leaves() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     checked.push(Event::new(0, 0, 0, true));
     checked.push(Event::new(10, 3, 0, true));
     assert_eq!(recomputed(&mut checked), 2);
@@ -84,12 +72,12 @@ fn only_the_cell_of_an_event_is_summed_when_it_enters_and_when_it_leaves() {
 
 #[test]
 fn an_event_that_comes_and_goes_between_predictions_leaves_no_trace() {
-    let mut checked = checked();
+    let mut checked = checked(NETWORK);
     checked.push(Event::new(0, 0, 0, true));
     checked.advance(301);
     checked.push(Event::new(302, 3, 3, true));
     assert_eq!(recomputed(&mut checked), 1);
-    assert_eq!(sums(&mut checked), [0.0, 1.0]);
+    assert_eq!(readout(&mut checked), [0.0, 1.0]);
 }
 
 #[test]

@@ -14,7 +14,6 @@ use std::path::Path;
 use meissner_evaluate::digits::Digits;
 use meissner_evaluate::events::EventTask;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
-
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 

@@ -176,7 +176,7 @@ impl Maxima {
 }
 
 /// Writes `row` if it differs; returns whether it did.
-fn store(row: &[Lanes], values: &mut Matrix, cell: u32) -> bool {
+pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32) -> bool {
     let stored = values.row_mut(cell as usize);
     let differs = !same_bits(row, stored);
     if differs {

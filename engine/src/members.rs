@@ -98,12 +98,11 @@ impl Members {
         Walk { links: &self.younger, next: ends.oldest, left: ends.count }
     }
 
-    /// The `count` youngest members of a cell, the oldest of these first. O(count) before the first.
+    /// The `count` youngest members of a cell, which has as many, the oldest of these first. O(count) before the first.
     #[inline]
     pub(crate) fn youngest(&self, cell: u32, count: u32) -> Walk<'_> {
-        let before = count.checked_sub(1).map(|steps| steps as usize);
-        let first = before.and_then(|steps| self.youngest_first(cell).nth(steps));
-        Walk { links: &self.younger, next: first.unwrap_or(0), left: if first.is_some() { count } else { 0 } }
+        let first = self.youngest_first(cell).take(count as usize).last();
+        Walk { links: &self.younger, next: first.unwrap_or(0), left: count }
     }
 
     /// Members of a cell from the youngest to the oldest.

@@ -208,7 +208,7 @@ impl ReadoutState {
             Cells::Maxima(maxima) => {
                 maxima.update(isa, features, changed, values, &mut log, |_, _| *valid = false);
             }
-            Cells::Sums(sums) => sums.update(isa, features, changed, values, &mut log, || *valid = false),
+            Cells::Sums(sums) => *valid &= !sums.update(isa, features, changed, values, &mut log),
         }
         counters.cells_recomputed += log.counters.recomputed;
         counters.cells_unchanged += log.counters.unchanged;

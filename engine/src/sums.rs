@@ -6,9 +6,10 @@
 //! member leaves or changes, the row is summed again from all members.
 //! Invariant after [`Sums::update`]: each row is the sum over the cell's members in this order, or zeros for an empty cell.
 
-use meissner_kernels::{Isa, Lanes, Matrix, Simd, Task, add, same_bits};
+use meissner_kernels::{Isa, Lanes, Matrix, Simd, Task, add};
 
 use crate::counters::LayerLog;
+use crate::maxima::store;
 use crate::members::Members;
 use crate::memory::Memory;
 use crate::rows::RowSet;
@@ -61,7 +62,7 @@ impl Sums {
         }
     }
 
-    /// Brings every row of `values` up to date; calls `moved` if a row changed. O(channels) for a cell with new members only
+    /// Brings every row of `values` up to date; returns whether one changed. O(channels) for a cell with new members only
     /// and each of these, O(members x channels) for any other cell whose members changed.
     pub(crate) fn update(
         &mut self,
@@ -70,8 +71,8 @@ impl Sums {
         changed: &RowSet,
         values: &mut Matrix,
         log: &mut LayerLog,
-        mut moved: impl FnMut(),
-    ) {
+    ) -> bool {
+        let mut moved = false;
         self.grown.clear();
         for &row in self.fresh.as_slice() {
             self.grown.insert(self.members.cell_of(row));
@@ -90,27 +91,21 @@ impl Sums {
             let fresh = self.members.youngest_first(cell).take_while(|&m| self.fresh.contains(m)).count();
             let members = self.members.youngest(cell, fresh as u32);
             isa.run(Over { members, features, out: &mut self.row });
-            log.note(cell, !store(&self.row, values, cell, &mut moved));
+            let changed = store(&self.row, values, cell);
+            log.note(cell, !changed);
+            moved |= changed;
         }
         for &cell in self.dirty.as_slice() {
             self.row.fill(Lanes::ZERO);
             isa.run(Over { members: self.members.oldest_first(cell), features, out: &mut self.row });
-            log.note(cell, !store(&self.row, values, cell, &mut moved));
+            let changed = store(&self.row, values, cell);
+            log.note(cell, !changed);
+            moved |= changed;
         }
         self.fresh.clear();
         self.dirty.clear();
+        moved
     }
-}
-
-/// Writes `row` if it differs, and calls `moved` then; returns whether it did.
-fn store(row: &[Lanes], values: &mut Matrix, cell: u32, moved: &mut impl FnMut()) -> bool {
-    let stored = values.row_mut(cell as usize);
-    let differs = !same_bits(row, stored);
-    if differs {
-        stored.copy_from_slice(row);
-        moved();
-    }
-    differs
 }
 
 /// Adds the members' rows to `out`, one after the other.
@@ -135,6 +130,7 @@ impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use meissner_kernels::same_bits;
     use proptest::prelude::*;
 
     const ROWS: usize = 12;
@@ -175,13 +171,13 @@ mod tests {
                     }
                 }
                 if step < 6 {
-                    let mut moved = 0;
                     let before = values.clone();
                     let mut log = LayerLog::default();
-                    sums.update(Isa::best(), &features, &changed, &mut values, &mut log, || moved += 1);
+                    let moved = sums.update(Isa::best(), &features, &changed, &mut values, &mut log);
                     changed.clear();
                     let differ = (0..CELLS).filter(|&c| !same_bits(values.row(c), before.row(c))).count();
-                    prop_assert_eq!(moved, differ);
+                    prop_assert_eq!(log.counters.recomputed - log.counters.unchanged, differ as u64);
+                    prop_assert_eq!(moved, differ > 0);
                     for (cell, list) in lists.iter().enumerate() {
                         let sum = list.iter().fold(0.0f32, |sum, &r| sum + features.row(r as usize)[0].0[0]);
                         prop_assert_eq!(values.row(cell)[0].0[0].to_bits(), sum.to_bits());

@@ -88,8 +88,7 @@ def recipe(args):
     """What was done, in one line."""
     begin = f"from {args.start.name}: " if args.start else ""
     line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch 16, "
-    line += f"AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
-    return line
+    return f"{line}AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
 
 
 def mean_errors(args, found):

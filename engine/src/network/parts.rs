@@ -142,10 +142,9 @@ impl Level {
 }
 
 /// How the rows of a cell become one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aggregation {
     /// The maximum of each channel.
-    #[default]
     Max,
     /// The sum of each channel, from 0 in order of arrival.
     Sum,

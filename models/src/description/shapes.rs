@@ -145,7 +145,9 @@ impl Shapes<'_> {
         match &written.kind {
             LayerKind::Block { conv, .. } => self.block(i, conv, read, &mut checked)?,
             LayerKind::Pool { cell, .. } => self.pool(i, *cell, read, &mut checked)?,
-            LayerKind::Readout { .. } => self.readout(i, written.kind.clone(), read, &mut checked)?,
+            LayerKind::Readout { columns, rows, aggregation, .. } => {
+                self.readout(i, [*columns, *rows], *aggregation, read, &mut checked)?;
+            }
             LayerKind::Dense { .. } => self.dense(i, read, &mut checked)?,
         }
         checked.parameters = checked.tensors().iter().map(Needed::parameters).sum();
@@ -247,13 +249,13 @@ impl Shapes<'_> {
     fn readout(
         &mut self,
         i: usize,
-        kind: LayerKind,
+        [columns, rows]: [usize; 2],
+        aggregation: Aggregation,
         read: Option<Output>,
         checked: &mut Layer,
     ) -> Option<()> {
         let layer = &self.file.layers[i];
         let Some(Output::Feature { level, channels, hops, index }) = read else { return None };
-        let LayerKind::Readout { columns, rows, aggregation, .. } = kind else { return None };
         if aggregation == Aggregation::Sum && level > 0 {
             self.refuse(layer, layer.line, "aggregation", "\"max\" above a pooling", "\"sum\"".to_owned());
         }
