@@ -10,8 +10,8 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from frames import Frames
-from graphs import Graphs, reads_later_rows
-from presses import MIRRORED, SHIFT, thinned
+from graphs import Graphs, has_pooled_blocks, reads_later_rows
+from presses import MIRRORED, SHIFT, moved, thinned
 
 BATCH = 16
 DECAY = 0.001
@@ -71,6 +71,11 @@ def batches(data, presses, settings, random):
         # Such a graph is read at its end alone: half of the presses are cut off.
         late = [times(source, press, settings, random)[random.integers(2) :][:1] for source, press in zip(sources, presses)]
         streams = [stream[stream[:, 0] <= end] for stream, end in zip(streams, late)]
+    moves = None
+    if has_pooled_blocks(settings.said):
+        # The cells of a pooling stay where they are: events are mirrored and shifted before their graphs are built.
+        moves = [(random_mirrors(settings, random), random.integers(-SHIFT, SHIFT + 1, 2)) for _ in presses]
+        streams = [moved(stream, sources[0].sensor, *move) for stream, move in zip(streams, moves)]
     graphs = prepared(settings, sources[0].sensor, streams)
     parts = []
     for first in range(0, len(streams) - BATCH + 1, BATCH):
@@ -78,17 +83,27 @@ def batches(data, presses, settings, random):
     for _ in range(settings.passes):
         for place in random.permutation(len(parts)):
             streams, part = parts[place]
-            mirrors = [axis for axis in settings.mirrors if random.random() < 0.5]
-            turned = [name for axis in mirrors for name in MIRRORED[axis]]
-            signs = np.array([-1 if name in turned else 1 for name in settings.outputs])
+            mirrors = [] if moves else random_mirrors(settings, random)
             read, targets = [], []
             for i in streams:
                 source, press = sources[i], presses[i]
                 read.append(times(source, press, settings, random) if late is None else late[i])
+                signs = turned(settings.outputs, moves[i][0] if moves else mirrors)
                 targets.append(signs * np.stack([source.at(name, press, read[-1]) for name in settings.outputs], axis=1))
             target = torch.from_numpy(np.concatenate(targets).astype(np.float32) / settings.unit)
-            shift = random.integers(-SHIFT, SHIFT + 1, 2)
+            shift = (0, 0) if moves else random.integers(-SHIFT, SHIFT + 1, 2)
             yield part.read(np.stack(read), mirrors, shift), target
+
+
+def random_mirrors(settings, random):
+    """The axes of a random mirror."""
+    return [axis for axis in settings.mirrors if random.random() < 0.5]
+
+
+def turned(outputs, mirrors):
+    """The signs (outputs,) that labels have in a mirror."""
+    names = [name for axis in mirrors for name in MIRRORED[axis]]
+    return np.array([-1 if name in names else 1 for name in outputs])
 
 
 def times(source, press, settings, random):
@@ -114,6 +129,8 @@ def errors(network, presses, settings, stride, shares=(1.0,)):
     for chunk in range(0, len(presses), CHUNK):
         chosen = range(chunk, min(chunk + CHUNK, len(presses)))
         streams = [presses.events[i][::stride] for i in chosen]
+        if has_pooled_blocks(settings.said):
+            streams = [stream[stream[:, 0] <= presses.end_us[i]] for i, stream in zip(chosen, streams)]
         graphs = prepared(settings, presses.sensor, streams)
         for first in range(0, len(streams), BATCH):
             part = range(first, min(first + BATCH, len(streams)))

@@ -12,7 +12,7 @@ ACTIVATIONS = {"identity": lambda x: x, "elu": F.elu, "relu": F.relu}
 
 
 class Network(nn.Module):
-    """Spline blocks and a readout, or frames; then perhaps convolutions and poolings, and dense layers.
+    """Spline blocks, poolings and a readout, or frames; then perhaps convolutions and poolings, and dense layers.
 
     The last layer gives values in units of `unit` (outputs,): small outputs of large weights train slowly. A readout that sums
     gives sums times `share`, for the same reason.
@@ -52,9 +52,12 @@ class Network(nn.Module):
         for layer in self.layers:
             kind, name = layer["kind"], layer["name"]
             if kind == "spline":
-                x = self.part[name](x, batch)
+                x = self.part[name](x, batch.levels[layer["level"]])
                 if layer["skip"]:
                     x = x + done[layer["skip"]]
+            elif kind == "pool" and layer["level"] < len(batch.levels):
+                level = batch.levels[layer["level"]]
+                x = maxima(x.index_select(0, level.row), level.place, len(level.source))
             elif kind == "readout":
                 grids = batch.readouts * layer["times"]
                 rows, cells = x.index_select(0, batch.row), grids * layer["columns"] * layer["rows"]
@@ -118,10 +121,10 @@ class Spline(nn.Module):
         self.root = nn.Parameter(torch.randn(outputs, inputs) * (2 / inputs) ** 0.5) if root else None
         self.norm = nn.BatchNorm1d(outputs)
 
-    def forward(self, x, batch):
-        read = x.index_select(0, batch.source.flatten()).unflatten(0, batch.source.shape)
-        sums = torch.bmm(batch.basis, read).flatten(1)
-        found = sums @ self.weight.flatten(0, 1) / batch.in_edges
+    def forward(self, x, level):
+        read = x.index_select(0, level.source.flatten()).unflatten(0, level.source.shape)
+        sums = torch.bmm(level.basis, read).flatten(1)
+        found = sums @ self.weight.flatten(0, 1) / level.in_edges
         return self.norm(F.elu(found if self.root is None else found + x @ self.root.T))
 
     def tensors(self):

@@ -55,3 +55,12 @@ def read(path):
 def thinned(events, stride, random):
     """One event of `stride`, evenly from a random one on."""
     return events[random.integers(stride) :: stride]
+
+
+def moved(events, sensor, mirrors, shift):
+    """The events mirrored along columns or rows, then shifted by pixels; those beside the sensor are left out."""
+    (width, height), (t_us, x, y, on) = sensor, events.T
+    x = (width - 1 - x if "columns" in mirrors else x) + shift[0]
+    y = (height - 1 - y if "rows" in mirrors else y) + shift[1]
+    there = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    return np.stack([t_us, x, y, on], axis=1)[there]
