@@ -47,14 +47,14 @@ def read(path):
         return np.unpackbits(file["images"], axis=-1), file["pose"]
 
 
-def blobs(image):
+def blobs(image, radius=RADIUS, area_range=AREA):
     """Column and row of the pins of an image, (pin, 2), without the frame around them."""
     labels, count = ndimage.label(image)
     index = np.arange(1, count + 1)
     centre = np.array(ndimage.center_of_mass(image, labels, index))[:, ::-1]
     area = ndimage.sum(image, labels, index)
-    inside = np.hypot(*(centre - CENTRE).T) < RADIUS
-    return centre[inside & (area >= AREA[0]) & (area <= AREA[1])]
+    inside = np.hypot(*(centre - CENTRE).T) < radius
+    return centre[inside & (area >= area_range[0]) & (area <= area_range[1])]
 
 
 def followed(found, expected):
@@ -66,7 +66,7 @@ def followed(found, expected):
     return seen
 
 
-def fit(images, pose):
+def fit(images, pose, follow=followed):
     """The field of images (press, 128, 128) with poses (press, 3), and the pins (press, pin, 2) that it follows."""
     found = [blobs(image) for image in images]
     far = np.abs(pose[:, 1]) + np.abs(pose[:, 2]) + 3 * np.abs(pose[:, 0] - MIDDLE)
@@ -77,7 +77,7 @@ def fit(images, pose):
     for count in (*STAGES, len(pose), len(pose), len(pose)):
         part = order[:count]
         seen = np.full(expected.shape, np.nan)
-        seen[part] = followed([found[i] for i in part], expected[part])
+        seen[part] = follow([found[i] for i in part], expected[part])
         coefficients = regressed(design, seen)
         expected = np.einsum("it,tpc->ipc", design, coefficients)
     rest = smooth_rest(Field(coefficients[0], coefficients[1:]))
