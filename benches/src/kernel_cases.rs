@@ -124,7 +124,6 @@ fn dense(
     let inputs = segments * channels;
     let weight = random.values(inputs * outputs, 0.3);
     let bias = random.values(outputs, 0.3);
-    let padded = |row: &[f32]| row.chunks(channels).flat_map(Lanes::pack).flat_map(|l| l.0).collect();
     KernelCase {
         network: network.to_owned(),
         layer: layer.to_owned(),
@@ -136,7 +135,7 @@ fn dense(
         kernel: Kernel::Dense {
             dense: Dense::new(segments, channels, outputs, &weight, Some(&bias), activation)
                 .expect("sizes fit"),
-            weight: weight.chunks(inputs).map(padded).collect(),
+            weight: weight.chunks(inputs).map(<[f32]>::to_vec).collect(),
             input: Matrix::from_rows(channels, &random.values(inputs, 1.0)),
             bias,
             activation,
@@ -181,7 +180,7 @@ impl KernelCase {
         };
         match &self.kernel {
             Kernel::Dense { weight, bias, activation, input, .. } => {
-                let input: Vec<f32> = input.lanes().iter().flat_map(|l| l.0).collect();
+                let input: Vec<_> = (0..input.rows()).map(|row| values(input, row)).collect();
                 check(0, &naive::dense(&input, weight, bias, *activation));
             }
             Kernel::Spline { parts, features, skip, rows, .. } => {

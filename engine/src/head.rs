@@ -1,11 +1,11 @@
 //! A network's head: dense layers over the readout, or a frame network that reads the readout as an image.
 //!
-//! Input: the readout, from the newest cell in time to the oldest. Output: the prediction. A frame network recomputes
-//! only the values that a changed cell reaches.
+//! Input: the readout, from the newest cell in time to the oldest, and its changed cells. Output: the prediction. The first
+//! dense layer and a frame network recompute only what a changed cell reaches.
 
 use std::sync::Arc;
 
-use meissner_kernels::{Isa, Matrix, is_nan};
+use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
 use crate::EngineError;
 use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
@@ -14,8 +14,8 @@ use crate::network::Network;
 
 #[derive(Clone, Debug)]
 pub(crate) enum Head {
-    /// Outputs of each dense layer.
-    Dense(Vec<Matrix>),
+    /// Outputs of each dense layer, and the sums that the first keeps.
+    Dense(Vec<Matrix>, Vec<Lanes>),
     Image(Box<ImageHead>),
 }
 
@@ -39,7 +39,11 @@ impl Head {
             }
         }
         let outputs = |layer: usize| parts.dense[layer].dense.outputs();
-        Self::Dense(memory.each(parts.dense.len(), |memory, layer| memory.matrix(1, outputs(layer))))
+        let sums = parts.dense.first().map_or(0, |first| first.dense.sums());
+        Self::Dense(
+            memory.each(parts.dense.len(), |memory, layer| memory.matrix(1, outputs(layer))),
+            memory.copies(Lanes::ZERO, sums),
+        )
     }
 
     /// Changes the instruction set.
@@ -49,20 +53,22 @@ impl Head {
         }
     }
 
-    /// Computes the prediction from `readout`, grids of `cells` rows one after the other.
+    /// Computes the prediction from `readout`, grids of `cells` rows one after the other, of which those in `changed` differ
+    /// from the last call's; the first call's differ from zeros.
     pub(crate) fn run(
         &mut self,
         network: &Network,
         isa: Isa,
         readout: &Matrix,
         cells: usize,
+        changed: &[u32],
         prediction: &mut Vec<f32>,
     ) {
         match self {
-            Self::Dense(hidden) => {
-                let mut inputs = readout.lanes();
+            Self::Dense(hidden, sums) => {
+                let (mut inputs, mut sums) = (readout.lanes(), &mut sums[..]);
                 for (layer, out) in network.parts().dense.iter().zip(&mut *hidden) {
-                    layer.dense.run(isa, inputs, out.row_mut(0));
+                    layer.dense.update(isa, inputs, changed, std::mem::take(&mut sums), out.row_mut(0));
                     inputs = out.lanes();
                 }
                 if let Some(last) = hidden.last() {
@@ -71,7 +77,7 @@ impl Head {
                 }
             }
             Self::Image(head) => {
-                head.failure = head.run(readout, cells, prediction).err();
+                head.failure = head.run(readout, cells, changed, prediction).err();
             }
         }
     }
@@ -79,7 +85,7 @@ impl Head {
     /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         match self {
-            Self::Dense(hidden) => {
+            Self::Dense(hidden, _) => {
                 let layer = hidden.iter().position(|values| is_nan(values.lanes()))?;
                 let layer = network.parts().dense[layer].name.clone();
                 Some(EngineError::NotANumber { layer, rows: 1 })
@@ -109,15 +115,16 @@ impl ImageHead {
         Self { image, engine, failure: None }
     }
 
-    /// The prediction for `readout`, grids of `cells` rows one after the other.
-    pub(crate) fn run(
+    /// As [`Head::run`].
+    fn run(
         &mut self,
         readout: &Matrix,
         cells: usize,
+        changed: &[u32],
         prediction: &mut Vec<f32>,
     ) -> Result<(), EngineError> {
         let channels = readout.columns();
-        for row in 0..readout.rows() {
+        for row in changed.iter().map(|&row| row as usize) {
             let (age, cell) = (row / cells, row % cells);
             for (c, value) in readout.values(row).enumerate() {
                 self.image[(age * channels + c) * cells + cell] = value;

@@ -74,8 +74,11 @@ pub(crate) struct ReadoutState {
     time: Option<(Fraction, i64)>,
     /// The newest time cell as of the last `update`.
     newest: i64,
-    /// `values` from the newest time cell to the oldest, if there are several.
+    /// Rows of `values` that have changed since the last prediction.
+    stale: RowSet,
+    /// `values` from the newest time cell to the oldest, if there are several, and its rows that are stale.
     by_age: Matrix,
+    stale_by_age: RowSet,
     head: Head,
     /// Pooled nodes whose cell is not known yet.
     entered: RowSet,
@@ -96,6 +99,7 @@ impl ReadoutState {
         let channels = network.readout_channels();
         let times = network.readout_times();
         let cells = grid.cells() * times;
+        let aged = if times > 1 { cells } else { 0 };
         Self {
             cells: match grid.readout.aggregation {
                 Aggregation::Max => {
@@ -106,7 +110,9 @@ impl ReadoutState {
             values: memory.matrix(cells, channels),
             time: network.readout_time().map(|size| (size, network.parts().span_us)),
             newest: 0,
-            by_age: memory.matrix(if times > 1 { cells } else { 0 }, channels),
+            stale: RowSet::within(cells, memory),
+            by_age: memory.matrix(aged, channels),
+            stale_by_age: RowSet::within(aged, memory),
             times,
             head: Head::new(network, isa, memory),
             entered: RowSet::within(rows, memory),
@@ -132,7 +138,12 @@ impl ReadoutState {
             Cells::Sums(sums) => sums.clear(&mut self.values),
         }
         self.entered.clear();
+        self.all_stale();
         self.valid = false;
+    }
+
+    fn all_stale(&mut self) {
+        (0..self.values.rows() as u32).for_each(|row| self.stale.insert(row));
     }
 
     /// Applies the last level's delta.
@@ -193,23 +204,28 @@ impl ReadoutState {
     ) -> bool {
         if let Some((size, span_us)) = self.time {
             let newest = size.cell(now.into(), span_us.into()) as i64;
-            self.valid &= newest == self.newest;
-            self.newest = newest;
+            if newest != self.newest {
+                self.newest = newest;
+                self.all_stale();
+                self.valid = false;
+            }
         }
         if let Some(pooled) = last.pooled {
             self.place(pooled);
         }
         let from = self.grid.readout.from;
         let (features, changed) = (last.activations.feature(from), last.activations.changed(from));
-        let valid = &mut self.valid;
+        let (values, stale) = (&mut self.values, &mut self.stale);
         let mut log = LayerLog::default();
-        let values = &mut self.values;
         match &mut self.cells {
             Cells::Maxima(maxima) => {
-                maxima.update(isa, features, changed, values, &mut log, |_, _| *valid = false);
+                maxima.update(isa, features, changed, values, &mut log, |cell, _| stale.insert(cell));
             }
-            Cells::Sums(sums) => *valid &= !sums.update(isa, features, changed, values, &mut log),
+            Cells::Sums(sums) => {
+                sums.update(isa, features, changed, values, &mut log, |cell| stale.insert(cell));
+            }
         }
+        self.valid &= self.stale.len() == 0;
         counters.cells_recomputed += log.counters.recomputed;
         counters.cells_unchanged += log.counters.unchanged;
         counters.read += 1;
@@ -220,16 +236,19 @@ impl ReadoutState {
     /// Computes the prediction from the readout.
     pub(crate) fn run(&mut self, network: &Network, isa: Isa) {
         if self.times > 1 {
-            for age in 0..self.times {
-                let place = (self.newest - age as i64).rem_euclid(self.times as i64) as usize;
-                for cell in 0..self.grid.cells() {
-                    let from = self.values.row(place * self.grid.cells() + cell);
-                    self.by_age.row_mut(age * self.grid.cells() + cell).copy_from_slice(from);
-                }
+            self.stale_by_age.clear();
+            for &row in self.stale.as_slice() {
+                let (place, cell) = (row as usize / self.grid.cells(), row as usize % self.grid.cells());
+                let age = (self.newest - place as i64).rem_euclid(self.times as i64) as usize;
+                let aged = age * self.grid.cells() + cell;
+                self.by_age.row_mut(aged).copy_from_slice(self.values.row(row as usize));
+                self.stale_by_age.insert(aged as u32);
             }
         }
-        let readout = if self.times > 1 { &self.by_age } else { &self.values };
-        self.head.run(network, isa, readout, self.grid.cells(), &mut self.prediction);
+        let (readout, changed) =
+            if self.times > 1 { (&self.by_age, &self.stale_by_age) } else { (&self.values, &self.stale) };
+        self.head.run(network, isa, readout, self.grid.cells(), changed.as_slice(), &mut self.prediction);
+        self.stale.clear();
         self.valid = true;
     }
 

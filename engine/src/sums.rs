@@ -62,8 +62,9 @@ impl Sums {
         }
     }
 
-    /// Brings every row of `values` up to date; returns whether one changed. O(channels) for a cell with new members only
-    /// and each of these, O(members x channels) for any other cell whose members changed.
+    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed.
+    /// O(channels) for a cell with new members only and each of these, O(members x channels) for any other cell whose members
+    /// changed.
     pub(crate) fn update(
         &mut self,
         isa: Isa,
@@ -71,8 +72,8 @@ impl Sums {
         changed: &RowSet,
         values: &mut Matrix,
         log: &mut LayerLog,
-    ) -> bool {
-        let mut moved = false;
+        mut moved: impl FnMut(u32),
+    ) {
         self.grown.clear();
         for &row in self.fresh.as_slice() {
             self.grown.insert(self.members.cell_of(row));
@@ -93,18 +94,21 @@ impl Sums {
             isa.run(Over { members, features, out: &mut self.row });
             let changed = store(&self.row, values, cell);
             log.note(cell, !changed);
-            moved |= changed;
+            if changed {
+                moved(cell);
+            }
         }
         for &cell in self.dirty.as_slice() {
             self.row.fill(Lanes::ZERO);
             isa.run(Over { members: self.members.oldest_first(cell), features, out: &mut self.row });
             let changed = store(&self.row, values, cell);
             log.note(cell, !changed);
-            moved |= changed;
+            if changed {
+                moved(cell);
+            }
         }
         self.fresh.clear();
         self.dirty.clear();
-        moved
     }
 }
 
@@ -173,11 +177,14 @@ mod tests {
                 if step < 6 {
                     let before = values.clone();
                     let mut log = LayerLog::default();
-                    let moved = sums.update(Isa::best(), &features, &changed, &mut values, &mut log);
+                    let mut moved = Vec::new();
+                    sums.update(Isa::best(), &features, &changed, &mut values, &mut log, |cell| moved.push(cell));
+                    moved.sort_unstable();
                     changed.clear();
-                    let differ = (0..CELLS).filter(|&c| !same_bits(values.row(c), before.row(c))).count();
-                    prop_assert_eq!(log.counters.recomputed - log.counters.unchanged, differ as u64);
-                    prop_assert_eq!(moved, differ > 0);
+                    let differ = (0..CELLS as u32).filter(|&c| !same_bits(values.row(c as usize), before.row(c as usize)));
+                    let differ: Vec<_> = differ.collect();
+                    prop_assert_eq!(log.counters.recomputed - log.counters.unchanged, differ.len() as u64);
+                    prop_assert_eq!(moved, differ);
                     for (cell, list) in lists.iter().enumerate() {
                         let sum = list.iter().fold(0.0f32, |sum, &r| sum + features.row(r as usize)[0].0[0]);
                         prop_assert_eq!(values.row(cell)[0].0[0].to_bits(), sum.to_bits());

@@ -1,10 +1,14 @@
 //! Dense layers: y = activation(W x + b).
 //!
-//! The sum over inputs runs in 32 partial sums, input i into sum i mod 32, each in ascending order, each product
-//! rounded once with its sum; they are added as four groups of eight, (a0 + a1) + (a2 + a3), and the eight that remain
-//! as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)). Inputs are the rows of a matrix one after the other, each padded to
-//! whole lanes; i counts the padding too. A whole step of 32 inputs that are all +0 is skipped: most cells of a readout
-//! are empty, and their products change no sum.
+//! Inputs are the rows (segments) of a matrix one after the other. The sum over one segment runs in 32 partial sums, input
+//! i into sum i mod 32, each in ascending order, each product rounded once with its sum; they are added as four groups of
+//! eight, (a0 + a1) + (a2 + a3), and the eight that remain as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)). A whole step of 32
+//! inputs that are all +0 is skipped, because its products change no sum. Over several segments the sum is a tree, so that
+//! a changed segment costs little (`segments.rs`).
+
+mod segments;
+
+use segments::Segments;
 
 use crate::elementary::{elu, sigmoid, tanh};
 use crate::error::{KernelError, check, check_sizes};
@@ -34,12 +38,16 @@ pub struct Dense {
     /// Values of one row of the input.
     channels: usize,
     outputs: usize,
-    /// Lanes per output in `weight`.
-    stride: usize,
-    /// (O, lanes of segments x channels).
-    weight: Vec<Lanes>,
+    weight: Weight,
     bias: Vec<f32>,
     activation: Activation,
+}
+
+#[derive(Clone, Debug)]
+enum Weight {
+    /// Of one segment, (O, lanes of channels).
+    One(Vec<Lanes>),
+    Several(Segments),
 }
 
 impl Dense {
@@ -62,9 +70,12 @@ impl Dense {
         check("weight", weight, inputs.saturating_mul(outputs))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;
-        let stride = segments * Lanes::count(channels);
-        let weight = weight.chunks_exact(channels).flat_map(Lanes::pack).collect();
-        Ok(Self { inputs, channels, outputs, stride, weight, bias, activation })
+        let weight = if segments == 1 {
+            Weight::One(weight.chunks_exact(channels).flat_map(Lanes::pack).collect())
+        } else {
+            Weight::Several(Segments::new(segments, channels, outputs, weight))
+        };
+        Ok(Self { inputs, channels, outputs, weight, bias, activation })
     }
 
     /// Number of inputs.
@@ -84,8 +95,13 @@ impl Dense {
 
     /// The weights, (outputs, inputs). O(weights).
     pub fn weight(&self) -> Vec<f32> {
-        let rows = self.weight.chunks_exact(Lanes::count(self.channels));
-        rows.flat_map(|row| row.iter().flat_map(|lanes| lanes.0).take(self.channels)).collect()
+        match &self.weight {
+            Weight::One(weight) => {
+                let rows = weight.chunks_exact(Lanes::count(self.channels));
+                rows.flat_map(|row| row.iter().flat_map(|lanes| lanes.0).take(self.channels)).collect()
+            }
+            Weight::Several(segments) => segments.weight(self.outputs),
+        }
     }
 
     /// The biases, (outputs).
@@ -99,20 +115,44 @@ impl Dense {
     }
 
     /// Computes every output. `inputs` has the layout of [`crate::Matrix::lanes`]; `out` is packed in lanes, and its
-    /// padding becomes zero.
+    /// padding becomes zero. O(inputs x outputs); allocates if there are several segments.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
     pub fn run(&self, isa: Isa, inputs: &[Lanes], out: &mut [Lanes]) {
-        assert_eq!(inputs.len(), self.stride, "the input must have the layer's size");
+        let all: Vec<u32> = (0..(self.inputs / self.channels) as u32).collect();
+        self.update(isa, inputs, &all, &mut vec![Lanes::ZERO; self.sums()], out);
+    }
+
+    /// Number of the sums that [`Self::update`] keeps, in lanes: fewer than 2 segments + 32 for each lane of outputs, and none
+    /// for one segment.
+    pub fn sums(&self) -> usize {
+        match &self.weight {
+            Weight::One(_) => 0,
+            Weight::Several(segments) => segments.sums(),
+        }
+    }
+
+    /// Computes every output as [`Self::run`], and with the same bits, from the `sums` of the last call and the `changed`
+    /// segments. The first call has zeros in `sums`, and every segment that is not +0 throughout is changed.
+    /// O(changed x (channels + log segments) x outputs) for several segments.
+    ///
+    /// # Panics
+    /// If a slice does not have the sizes of this layer.
+    pub fn update(&self, isa: Isa, inputs: &[Lanes], changed: &[u32], sums: &mut [Lanes], out: &mut [Lanes]) {
+        let stride = self.inputs / self.channels * Lanes::count(self.channels);
+        assert_eq!(inputs.len(), stride, "the input must have the layer's size");
+        assert_eq!(sums.len(), self.sums(), "the sums must have the layer's size");
         assert_eq!(out.len(), Lanes::count(self.outputs), "the output must have the layer's size");
-        isa.run(Run { dense: self, inputs, out });
+        isa.run(Run { dense: self, inputs, changed, sums, out });
     }
 }
 
 struct Run<'a> {
     dense: &'a Dense,
     inputs: &'a [Lanes],
+    changed: &'a [u32],
+    sums: &'a mut [Lanes],
     out: &'a mut [Lanes],
 }
 
@@ -121,10 +161,21 @@ impl Task for Run<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { dense, inputs, out } = self;
+        let Self { dense, inputs, changed, sums, out } = self;
         out.fill(Lanes::ZERO);
+        let weight = match &dense.weight {
+            Weight::One(weight) => weight,
+            Weight::Several(segments) => {
+                let sums = segments.update(simd, inputs, changed, sums);
+                return flat(sums)
+                    .iter()
+                    .take(dense.outputs)
+                    .enumerate()
+                    .for_each(|(o, &y)| dense.write(o, y, out));
+            }
+        };
         let inputs = flat(inputs);
-        let weight = |o: usize| &flat(&dense.weight)[o * inputs.len()..][..inputs.len()];
+        let weight = |o: usize| &flat(weight)[o * inputs.len()..][..inputs.len()];
         let mut o = 0;
         // Several outputs share the loaded inputs, as many as there are registers for their sums.
         while S::WIDE && o + 4 <= dense.outputs {

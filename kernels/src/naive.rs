@@ -142,15 +142,15 @@ pub fn nearby(
     Some(within(bound * (1.0 + 1.0 / 262_144.0)).collect())
 }
 
-/// A dense layer over inputs padded to whole lanes: `x` and each output's `weight` row have the same length.
-pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
+/// A dense layer over the rows of `x`, one after the other. Each output has a row of as many weights.
+pub fn dense(x: &[Vec<f32>], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
     let output = |(weight, bias): (&Vec<f32>, &f32)| {
-        let mut acc = [0.0; 32];
-        for (i, (x, w)) in x.iter().zip(weight).enumerate() {
-            acc[i % 32] = x.mul_add(*w, acc[i % 32]);
-        }
-        let v: Vec<f32> = (0..8).map(|i| (acc[i] + acc[i + 8]) + (acc[i + 16] + acc[i + 24])).collect();
-        let y = (((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))) + bias;
+        let products = x.iter().zip(weight.chunks(x[0].len()));
+        let sum = match x {
+            [x] => in_32_sums(x, weight),
+            _ => in_pairs(&products.map(|(x, w)| chain(x, w)).collect::<Vec<_>>()),
+        };
+        let y = sum + bias;
         match activation {
             Activation::Relu if y < 0.0 => 0.0,
             Activation::Identity | Activation::Relu => y,
@@ -160,6 +160,34 @@ pub fn dense(x: &[f32], weight: &[Vec<f32>], bias: &[f32], activation: Activatio
         }
     };
     weight.iter().zip(bias).map(output).collect()
+}
+
+/// A dot product in one chain.
+fn chain(x: &[f32], weight: &[f32]) -> f32 {
+    x.iter().zip(weight).fold(0.0, |sum, (x, w)| x.mul_add(*w, sum))
+}
+
+/// A dot product in 32 partial sums.
+fn in_32_sums(x: &[f32], weight: &[f32]) -> f32 {
+    let mut acc = [0.0; 32];
+    for (i, (x, w)) in x.iter().zip(weight).enumerate() {
+        acc[i % 32] = x.mul_add(*w, acc[i % 32]);
+    }
+    let v: Vec<f32> = (0..8).map(|i| (acc[i] + acc[i + 8]) + (acc[i + 16] + acc[i + 24])).collect();
+    ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
+}
+
+/// The sum in pairs, and the results in pairs, until one is left.
+fn in_pairs(sums: &[f32]) -> f32 {
+    match sums {
+        [sum] => *sum,
+        _ => in_pairs(
+            &sums
+                .chunks(2)
+                .map(|pair| pair.iter().copied().reduce(|a, b| a + b).unwrap_or(0.0))
+                .collect::<Vec<_>>(),
+        ),
+    }
 }
 
 /// Whether [`replace_rows_beyond`](crate::replace_rows_beyond) stores a row: false if `new` is within `tolerance` of

@@ -174,31 +174,46 @@ proptest! {
             (channels, segments * channels, Activation::Elu));
     }
 
+    /// Some segments change from one input to the next, and all of them are told.
     #[test]
     fn a_dense_layer_is_the_same_bits_as_its_scalar_twin(
-        (segments, channels, outputs, mut x, weight, bias) in (1usize..9, 1usize..40, 1usize..12)
-            .prop_flat_map(|(s, c, o)| (Just(s), Just(c), Just(o), values(s * c), values(s * c * o), values(o))),
-        empty in proptest::collection::vec(any::<bool>(), 8),
+        (segments, channels, outputs, inputs, weight, bias) in (1usize..20, 1usize..40, 1usize..40)
+            .prop_flat_map(|(s, c, o)| {
+                let inputs = proptest::collection::vec((values(s * c), proptest::collection::vec(0u8..4, s)), 1..4);
+                (Just(s), Just(c), Just(o), inputs, values(s * c * o), values(o))
+            }),
         activation in prop_oneof![
             Just(Activation::Identity), Just(Activation::Relu), Just(Activation::Elu), Just(Activation::Sigmoid),
             Just(Activation::Tanh),
         ],
     ) {
-        // Steps of inputs that are zero throughout are passed over; the twin adds them all.
-        x.chunks_mut(channels).zip(empty).filter(|(_, empty)| *empty).for_each(|(x, _)| x.fill(0.0));
-        let padded = |v: &[f32]| -> Vec<f32> {
-            v.chunks(channels).flat_map(Lanes::pack).flat_map(|lanes| lanes.0).collect()
-        };
-        let rows: Vec<Vec<f32>> = weight.chunks(segments * channels).map(padded).collect();
-        let expected: Vec<u32> =
-            naive::dense(&padded(&x), &rows, &bias, activation).iter().map(|v| v.to_bits()).collect();
+        let rows: Vec<Vec<f32>> = weight.chunks(segments * channels).map(<[f32]>::to_vec).collect();
         let dense = Dense::new(segments, channels, outputs, &weight, Some(&bias), activation).unwrap();
-        let input = Matrix::from_rows(channels, &x);
         for isa in Isa::available() {
-            let mut out = Matrix::zeros(1, outputs);
-            dense.run(isa, input.lanes(), out.row_mut(0));
-            let got: Vec<u32> = out.values(0).map(f32::to_bits).collect();
-            prop_assert_eq!(&got, &expected, "{}", isa.name());
+            let mut x = vec![vec![0.0; channels]; segments];
+            let mut sums = vec![Lanes::ZERO; dense.sums()];
+            let mut kept = Matrix::zeros(1, outputs);
+            for (values, kinds) in &inputs {
+                let mut changed = Vec::new();
+                for (segment, (value, kind)) in values.chunks(channels).zip(kinds).enumerate().rev() {
+                    match kind {
+                        0 => x[segment].fill(0.0),
+                        1 => x[segment].copy_from_slice(value),
+                        _ => continue,
+                    }
+                    changed.push(segment as u32);
+                }
+                let expected: Vec<u32> =
+                    naive::dense(&x, &rows, &bias, activation).iter().map(|v| v.to_bits()).collect();
+                let input = Matrix::from_rows(channels, &x.concat());
+                let mut out = Matrix::zeros(1, outputs);
+                dense.run(isa, input.lanes(), out.row_mut(0));
+                dense.update(isa, input.lanes(), &changed, &mut sums, kept.row_mut(0));
+                for got in [&out, &kept] {
+                    let got: Vec<u32> = got.values(0).map(f32::to_bits).collect();
+                    prop_assert_eq!(&got, &expected, "{}", isa.name());
+                }
+            }
         }
     }
 }

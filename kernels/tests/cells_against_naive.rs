@@ -1,9 +1,9 @@
 //! Cells, planar kernels and squeeze-and-excitation on every instruction set against their scalar twins, bit for bit.
 
 use meissner_kernels::{
-    Activation, FeatureMap, Isa, Lanes, Lstm, LstmParts, Occupancy, PlanarConv3x3, PlanarConvLstm, Planes,
-    Squash, SqueezeExcite, SqueezeScratch, TileRegion, lstm_update, lstm_update_rows, naive,
-    planar_average_pool, planar_max_pool, sigmoid, tanh,
+    Activation, FeatureMap, Isa, Lstm, LstmParts, Occupancy, PlanarConv3x3, PlanarConvLstm, Planes, Squash,
+    SqueezeExcite, SqueezeScratch, TileRegion, lstm_update, lstm_update_rows, naive, planar_average_pool,
+    planar_max_pool, sigmoid, tanh,
 };
 use proptest::prelude::*;
 
@@ -284,14 +284,13 @@ proptest! {
             (Just([h, w, c]), Just(m), values(c * m), values(c * m), values(h * w * c))),
     ) {
         let channels = size[2];
-        let pad = |v: &[f32]| -> Vec<f32> { Lanes::pack(v).into_iter().flat_map(|l| l.0).collect() };
-        let weights = |w: &[f32], n: usize| -> Vec<Vec<f32>> { w.chunks(n).map(pad).collect() };
+        let weights = |w: &[f32], n: usize| -> Vec<Vec<f32>> { w.chunks(n).map(<[f32]>::to_vec).collect() };
         let map = FeatureMap::from_pixels(size, 0, &image).unwrap();
         let mean = naive::frames::global_average(&naive::frames::Image::of(map.view()));
         let bias = |n: usize| vec![0.0; n];
         let squeezed =
-            naive::dense(&pad(&mean), &weights(&down, channels), &bias(middle), Activation::Relu);
-        let scale = naive::dense(&pad(&squeezed), &weights(&up, middle), &bias(channels), Activation::Sigmoid);
+            naive::dense(&[mean], &weights(&down, channels), &bias(middle), Activation::Relu);
+        let scale = naive::dense(&[squeezed], &weights(&up, middle), &bias(channels), Activation::Sigmoid);
         let expected: Vec<f32> = image.iter().enumerate().map(|(i, v)| v * scale[i % channels]).collect();
         let block = SqueezeExcite::new(channels, middle, &down, &up).unwrap();
         let mut scratch = SqueezeScratch::default();
