@@ -4,8 +4,11 @@
 //! `golden/digits.json` holds streams of events made by a formula, and `PyTorch`'s logits at their ends
 //! (`train/digits/golden.py`).
 
+use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
+use meissner_engine::representations::{Crop, SlidingSigned};
 use meissner_engine::{Batch, Engine, Event, Search, Sensor, Stream};
-use meissner_models::{Description, Weights};
+use meissner_models::description::frames::SignedTiming;
+use meissner_models::{Description, FrameDescription, FrameSource, Weights};
 use meissner_verify::bits;
 use serde_json::Value;
 
@@ -55,8 +58,11 @@ fn largest(values: &[f64]) -> usize {
     (0..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
 }
 
-/// Logits at the end of `events`, which are what a batch has of them.
+/// Values at the end of `events`, which are what a batch has of them.
 fn logits(name: &str, sensor: Sensor, events: &[Event]) -> Vec<f32> {
+    if let Some(description) = FrameDescription::shipped(name) {
+        return of_frames(&description, sensor, events);
+    }
     let mut engine = Engine::new(network(name), sensor).expect("an engine");
     engine.push_slice(events);
     let incremental = engine.predict().expect("numbers").values.to_vec();
@@ -65,6 +71,26 @@ fn logits(name: &str, sensor: Sensor, events: &[Event]) -> Vec<f32> {
     let batch = batch.forward(Stream::new(events)).expect("numbers");
     assert_eq!(bits(&incremental), bits(&batch.prediction), "{name}");
     incremental
+}
+
+/// Values of a frame network over a sliding window of signed frames.
+fn of_frames(description: &FrameDescription, sensor: Sensor, events: &[Event]) -> Vec<f32> {
+    let weights = Weights::shipped(description.name()).expect("shipped weights");
+    let parts = description.network_parts(&weights).expect("the weights fit");
+    let network = FrameNetwork::new(parts, Convolution::Direct).expect("the layers fit");
+    let FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, rule, .. } = *description.source()
+    else {
+        panic!("signed frames of a sliding window")
+    };
+    let crop = Crop::whole(sensor);
+    let window = SlidingSigned::new(sensor, crop, rule, span_us, SlidingSigned::DEFAULT_CAPACITY);
+    let mut window = window.expect("a window");
+    for &event in events {
+        window.push(event);
+    }
+    let mut engine = FrameEngine::new(network).expect("an engine");
+    engine.push(window.frame().values).expect("finite values");
+    engine.predict().expect("numbers").values.to_vec()
 }
 
 #[test]

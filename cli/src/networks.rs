@@ -59,6 +59,7 @@ const PURPOSES: &[(&str, &str, &str)] = &[
         "few blocks over earlier nodes: made for latency, trained on a simulated dome",
     ),
     ("tactip", ANGLE, "depth and tilts of a real sensor (TacTip), over all nodes of the window"),
+    ("tactip-frames", ANGLE, "frame-based baseline of tactip"),
     ("tactip-past", ANGLE, "depth and tilts of a real sensor (TacTip), over earlier nodes"),
     ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),
     ("touch-objects", TOUCH, "objects in a gripper, from spikes of 39 taxels"),

@@ -61,7 +61,7 @@ static EVENTS: [Shipped; 12] = [
 ];
 
 /// Frame networks. Of several trainings, the weights are those of seed 0.
-static FRAMES: [Shipped; 11] = [
+static FRAMES: [Shipped; 12] = [
     shipped!("canf", seed = 11),
     shipped!("canf-plain", seed = 12),
     shipped!("event-frame-cnn", seed = 13),
@@ -73,6 +73,7 @@ static FRAMES: [Shipped; 11] = [
     shipped!("slip-lstm", file = "slip/slip-lstm.0"),
     shipped!("slip-regularised", file = "slip/slip-regularised.0"),
     shipped!("slip-tuned", file = "slip/slip-tuned.0"),
+    shipped!("tactip-frames", file = "angle/tactip-frames.0"),
 ];
 
 static EVENT_NAMES: [&str; EVENTS.len()] = names(&EVENTS);

@@ -12,7 +12,7 @@ use meissner_models::{
 use support::{SMALL, SMALL_FRAMES, changed_frames, shared};
 
 /// Parameters as `PyTorch` counts them, and tensors in a state dict without counters of batches.
-const REFERENCE: [(&str, usize, usize); 11] = [
+const REFERENCE: [(&str, usize, usize); 12] = [
     ("canf", 1_940_577, 92),
     ("canf-plain", 1_927_009, 78),
     ("event-frame-cnn", 1_850_818, 20),
@@ -24,7 +24,10 @@ const REFERENCE: [(&str, usize, usize); 11] = [
     ("slip-lstm", 26_727, 22),
     ("slip-regularised", 360_423, 19),
     ("slip-tuned", 399_271, 21),
+    ("tactip-frames", 802_307, 20),
 ];
+
+const LOGITS: &str = "logit, logit, logit, logit, logit, logit, logit";
 
 fn shipped(name: &str) -> FrameDescription {
     FrameDescription::shipped(name).expect("a shipped description")
@@ -58,15 +61,16 @@ fn every_shipped_network_predicts_what_its_reference_does() {
     for (name, output, outputs, unit) in [
         ("canf", "1 x 240 x 320", 1, "N/pixel"),
         ("canf-plain", "1 x 240 x 320", 1, "N/pixel"),
-        ("event-frame-cnn", "2 values", 2, "rad"),
+        ("event-frame-cnn", "2 values", 2, "rad, rad"),
         ("force-cnnlstm", "1 values", 1, "N"),
         ("force-convlstm", "1 values", 1, "N"),
         ("force-lstm", "1 values", 1, "N"),
         ("force-tdnn", "1 values", 1, "N"),
-        ("slip-best", "7 values", 7, "logit"),
-        ("slip-lstm", "7 values", 7, "logit"),
-        ("slip-regularised", "7 values", 7, "logit"),
-        ("slip-tuned", "7 values", 7, "logit"),
+        ("slip-best", "7 values", 7, LOGITS),
+        ("slip-lstm", "7 values", 7, LOGITS),
+        ("slip-regularised", "7 values", 7, LOGITS),
+        ("slip-tuned", "7 values", 7, LOGITS),
+        ("tactip-frames", "3 values", 3, "mm, deg, deg"),
     ] {
         let description = shipped(name);
         let (names, units) = description.outputs();
@@ -74,7 +78,7 @@ fn every_shipped_network_predicts_what_its_reference_does() {
             (description.output().to_string().as_str(), names.len(), units.len()),
             (output, outputs, outputs)
         );
-        assert!(units.iter().all(|found| found == unit));
+        assert_eq!(units.join(", "), unit);
     }
 }
 
@@ -149,10 +153,10 @@ fn shapes_and_costs_follow_from_the_layers() {
 fn shipped_weights_fit_say_what_they_are_and_are_the_same_every_time() {
     for name in FrameDescription::shipped_names() {
         let (description, weights) = (shipped(name), Weights::shipped(name).expect("shipped weights"));
-        let about = if name.starts_with("slip-") {
-            "trained on the Basic objects of biotac_dos, seed 0"
-        } else {
-            "drawn, untrained, seed "
+        let about = match *name {
+            "tactip-frames" => "trained on presses of a real TacTip whose camera is modelled",
+            name if name.starts_with("slip-") => "trained on the Basic objects of biotac_dos, seed 0",
+            _ => "drawn, untrained, seed ",
         };
         assert!(weights.metadata()["about"].starts_with(about), "{name}");
         assert_eq!(weights.metadata()["network"], *name);
@@ -181,8 +185,9 @@ fn drawn_values_have_the_bits_that_another_implementation_gives() {
 #[test]
 #[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_references_weights_fit_their_descriptions_under_their_prefix() {
-    // `slip-best` is this project's own: its twin in PyTorch stands in `train/slip`.
-    for (name, _, _) in REFERENCE.into_iter().filter(|(name, _, _)| *name != "slip-best") {
+    // These are this project's own: their twins in PyTorch stand in `train/slip` and `train/angle`.
+    let own = ["slip-best", "tactip-frames"];
+    for (name, _, _) in REFERENCE.into_iter().filter(|(name, _, _)| !own.contains(name)) {
         let file = name.replace('-', "_");
         let path = shared(&format!("golden/{file}.safetensors"));
         let weights = Weights::load(path).expect("readable");

@@ -13,10 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from frames import Frames
 from graphs import Graphs, inspected
 from network import load
 
-NETWORKS = {"tactigraph-past": "tactigraph-past.0", "tactip": "tactip.0", "tactip-past": "tactip-past.0"}
+NETWORKS = {"tactigraph-past": "tactigraph-past.0", "tactip": "tactip.0", "tactip-frames": "tactip-frames.0",
+            "tactip-past": "tactip-past.0"}
 # The smaller sensor: a description fits any.
 SENSOR = [128, 128]
 # Events and milliseconds; the last stream is shorter than any cell in time.
@@ -32,7 +34,9 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         for name, file in NETWORKS.items():
             said = inspected(args.meissner, name)
-            graphs = Graphs(args.meissner, name, said, SENSOR, [np.array(made) for made in streams], folder)
+            events = [np.array(made) for made in streams]
+            frames = "graph" not in said
+            graphs = Frames(said, SENSOR, events) if frames else Graphs(args.meissner, name, said, SENSOR, events, folder)
             network = load(args.weights / f"{file}.safetensors", said)
             found[name] = network(graphs.part(range(len(streams))).read(ends)).tolist()
     args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
