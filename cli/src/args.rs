@@ -155,6 +155,23 @@ pub(crate) struct ApproximationArgs {
     /// Limit each node of the event graph to its first K neighbours.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(1..), help_heading = APPROXIMATIONS)]
     pub(crate) neighbours: Option<u8>,
+    #[command(flatten)]
+    pub(crate) filters: FilterArgs,
+    /// Recompute a prediction only after N more accepted events.
+    ///
+    /// Until then the last prediction is repeated, with its time. With --stale-time too, a prediction is recomputed as
+    /// soon as either limit is reached.
+    #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
+          value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
+    pub(crate) stale_events: Option<u64>,
+    /// Recompute a prediction only after TIME more of stream time.
+    #[arg(long = "stale-time", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
+    pub(crate) stale_us: Option<i64>,
+}
+
+/// Filters of events.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct FilterArgs {
     /// Drop events as noise if no neighbouring pixel fired within TIME before.
     ///
     /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us. Filters act in this
@@ -174,16 +191,19 @@ pub(crate) struct ApproximationArgs {
     /// Keep every Nth event, and drop the others.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = APPROXIMATIONS)]
     pub(crate) stride: Option<u32>,
-    /// Recompute a prediction only after N more accepted events.
-    ///
-    /// Until then the last prediction is repeated, with its time. With --stale-time too, a prediction is recomputed as
-    /// soon as either limit is reached.
-    #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
-          value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
-    pub(crate) stale_events: Option<u64>,
-    /// Recompute a prediction only after TIME more of stream time.
-    #[arg(long = "stale-time", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
-    pub(crate) stale_us: Option<i64>,
+}
+
+impl FilterArgs {
+    /// The filters that were asked for.
+    pub(crate) fn values(&self) -> Approximations {
+        Approximations {
+            activity_filter_us: self.activity_filter_us,
+            refractory_us: self.refractory_us,
+            rate_limit: self.rate_limit,
+            stride: self.stride,
+            ..Approximations::default()
+        }
+    }
 }
 
 impl ApproximationArgs {
@@ -200,10 +220,10 @@ impl ApproximationArgs {
     pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
         [
             ("--neighbours", self.neighbours.is_some()),
-            ("--activity-filter", self.activity_filter_us.is_some()),
-            ("--refractory", self.refractory_us.is_some()),
-            ("--rate-limit", self.rate_limit.is_some()),
-            ("--stride", self.stride.is_some()),
+            ("--activity-filter", self.filters.activity_filter_us.is_some()),
+            ("--refractory", self.filters.refractory_us.is_some()),
+            ("--rate-limit", self.filters.rate_limit.is_some()),
+            ("--stride", self.filters.stride.is_some()),
             ("--stale-events", self.stale_events.is_some()),
             ("--stale-time", self.stale_us.is_some()),
         ]
@@ -219,12 +239,9 @@ impl ApproximationArgs {
         Approximations {
             tolerance: self.tolerance,
             neighbours: self.neighbours,
-            activity_filter_us: self.activity_filter_us,
-            refractory_us: self.refractory_us,
-            rate_limit: self.rate_limit,
-            stride: self.stride,
             stale_events: self.stale_events,
             stale_us: self.stale_us,
+            ..self.filters.values()
         }
     }
 }

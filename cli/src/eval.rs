@@ -3,11 +3,13 @@
 //! | file | job |
 //! |---|---|
 //! | `digits`, `touch`, `slip`, `angle` | the tasks; tables and pictures of `slip` and `angle` |
+//! | `filters` | what filters of events keep |
 //! | `events` | arguments, tables and picture of tasks on recordings of events |
 
 mod angle;
 mod digits;
 mod events;
+mod filters;
 mod slip;
 mod touch;
 
@@ -50,6 +52,8 @@ enum TaskArgs {
     Touch(touch::TouchArgs),
     /// Angles of a contact, or other quantities of presses, over time.
     Angle(angle::AngleArgs),
+    /// What filters of events keep of a simulated signal and its noise.
+    Filters(filters::FiltersArgs),
 }
 
 /// Threads and files of all tasks.
@@ -80,6 +84,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
         TaskArgs::Digits(args) => digits::eval(args),
         TaskArgs::Angle(args) => angle::eval(args),
         TaskArgs::Touch(args) => touch::eval(args),
+        TaskArgs::Filters(args) => filters::eval(args),
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use meissner_engine::Sensor;
-use meissner_evaluate::prepare::{dome_presses, film_images, film_markers};
+use meissner_evaluate::prepare::{self, dome_presses, film_images, film_markers};
 use meissner_io::{Format, ImageSequence};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::{grouped, span_us};
@@ -107,7 +107,8 @@ struct ImagesArgs {
     camera: CameraArgs,
     /// Recording to write; it is replaced where it exists.
     ///
-    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
+    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3). A file that ends in .safetensors has the cause of each
+    /// event too, for `eval filters`; `simulate markers --help` has its tensors.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
 }
@@ -232,18 +233,25 @@ fn markers(args: &MarkersArgs) -> Result<String, CliError> {
 }
 
 fn images(args: &ImagesArgs) -> Result<String, CliError> {
+    let with_causes = args.out.extension().is_some_and(|extension| extension == "safetensors");
     let format = Format::from_path(&args.out).ok().filter(|format| format.is_writable());
-    let expected = "a file that ends in .csv, .npy, .dat, .evt3 or .raw";
-    let found = args.out.display().to_string();
-    let format = format.ok_or_else(|| CliError::usage("--out", expected, &found))?;
+    if format.is_none() && !with_causes {
+        let expected = "a file that ends in .csv, .npy, .dat, .evt3, .raw or .safetensors";
+        return Err(CliError::usage("--out", expected, &args.out.display().to_string()));
+    }
     output::check_writable(&args.out)?;
     let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
     let count = images.len();
     let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(), args.camera.seed)?;
+    let about = format!("{} events of {count} images, {sensor}", grouped(simulated.len() as u64));
+    let Some(format) = format else {
+        output::write(&args.out, prepare::with_causes(sensor, &[simulated]).file.into_bytes())?;
+        return Ok(format!("{about}, with their causes"));
+    };
     let events: Vec<_> = simulated.iter().map(|simulated| simulated.event).collect();
     meissner_io::write(&args.out, format, Some(sensor), &events)
         .map_err(|error| PipelineError::recording(&args.out.display().to_string(), error))?;
-    Ok(format!("{} events of {count} images, {sensor}, as {format}", grouped(events.len() as u64)))
+    Ok(format!("{about}, as {format}"))
 }
 
 fn dome(args: &DomeArgs) -> Result<String, CliError> {

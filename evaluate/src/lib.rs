@@ -10,6 +10,7 @@
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
+//! | [`filters`] | what filters of events keep of a simulated signal and its noise |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
@@ -37,6 +38,7 @@
 pub mod digits;
 pub mod error;
 pub mod events;
+pub mod filters;
 pub mod judged;
 pub mod metrics;
 pub mod pareto;

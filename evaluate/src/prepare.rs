@@ -7,7 +7,7 @@ mod dome;
 mod filmed;
 
 pub use dome::dome_presses;
-pub use filmed::{film_images, film_markers};
+pub use filmed::{film_images, film_markers, with_causes};
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
 use meissner_pipeline::PipelineError;
+use meissner_simulator::Cause;
 use safetensors::SafeTensors;
 
 use crate::error::{EvaluateError, StreamsError};
@@ -22,6 +23,8 @@ pub(crate) struct Streams {
     start: Vec<usize>,
     /// Labels along time; `None` where the file has none.
     pub(crate) truth: Option<Truth>,
+    /// Of each event, as [`crate::prepare::film_markers`] writes it; `None` where the file has none.
+    pub(crate) cause: Option<Vec<Cause>>,
 }
 
 impl Streams {
@@ -55,7 +58,9 @@ impl Streams {
         let start = integers(&file, "start", None)?;
         let start = bounds(&start, events.len())?;
         let truth = Truth::of_events(&file, start.len().saturating_sub(1))?;
-        let streams = Self { sensor, events, start, truth };
+        let cause = file.tensor("cause").is_ok().then(|| column("cause")).transpose()?;
+        let cause = cause.map(|cause| cause.iter().enumerate().map(of_number).collect::<Result<_, _>>());
+        let streams = Self { sensor, events, start, truth, cause: cause.transpose()? };
         streams.check_times()?;
         Ok(streams)
     }
@@ -83,6 +88,14 @@ impl Streams {
     pub(crate) fn ends(&self) -> impl Iterator<Item = usize> {
         self.start.iter().skip(1).copied()
     }
+}
+
+/// The cause of event `i`, whose number is `cause`.
+fn of_number((i, &cause): (usize, &i64)) -> Result<Cause, StreamsError> {
+    let known = usize::try_from(cause).ok().and_then(|cause| Cause::ALL.get(cause));
+    known
+        .copied()
+        .ok_or_else(|| value("cause", i, format!("0 to {}", Cause::ALL.len() - 1), cause.to_string()))
 }
 
 #[cfg(test)]

@@ -8,17 +8,20 @@ Writes LAMP/PART.safetensors for the lamps `on` and `off` and the parts
                    directions UNSEEN
     test           4 other presses for each tilt and direction
     unseen         those of `test` in the directions UNSEEN
+    jitter         those of `test`, every event moved by up to a pixel along each axis
 
 all as `meissner simulate markers` writes them: events, and roll, pitch, depth and force along time.
 """
 
 import argparse
+import json
 import subprocess
 from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file, save_file
 
+SENSOR = 346, 260
 TILTS, DIRECTIONS, EACH = 10, 20, 16
 PARTS = {"train": range(10), "valid": range(10, 12), "test": range(12, 16), "unseen": range(12, 16)}
 # 72, 108, 252 and 288 degrees: mirror images of each other, so that mirrored presses do not show them either.
@@ -36,14 +39,25 @@ def main():
         meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
     for number, part in enumerate(PARTS):
         own = args.folder / f"tracks.{part}.safetensors"
-        save_file(chosen(load_file(tracks), part), own, {"sensor": "[346, 260]"})
+        save_file(chosen(load_file(tracks), part), own, {"sensor": json.dumps(SENSOR)})
     for lamp, lux in LAMPS.items():
         for number, part in enumerate(PARTS):
             own, out = args.folder / f"tracks.{part}.safetensors", args.folder / lamp / f"{part}.safetensors"
             if not out.exists():
                 out.parent.mkdir(exist_ok=True)
                 seed = ["--seed", 100_000 * (number + 1)]
-                meissner(args, "simulate", "markers", own, "--sensor", "346x260", "--lux", lux, *CAMERA, *seed, "--out", out)
+                meissner(args, "simulate", "markers", own, "--sensor", "{}x{}".format(*SENSOR), "--lux", lux, *CAMERA, *seed, "--out", out)
+        moved = args.folder / lamp / "jitter.safetensors"
+        if not moved.exists():
+            save_file(jittered(load_file(args.folder / lamp / "test.safetensors")), moved, {"sensor": json.dumps(SENSOR)})
+
+
+def jittered(tensors):
+    """The presses with every event moved by -1, 0 or 1 pixel along each axis, to the edge of the sensor at most."""
+    random = np.random.default_rng(0)
+    for name, side in zip("xy", SENSOR):
+        tensors[name] = np.clip(tensors[name] + random.integers(-1, 2, len(tensors[name])), 0, side - 1)
+    return tensors
 
 
 def chosen(tracks, part):

@@ -106,6 +106,50 @@ fn images_become_a_recording() {
     let events = std::fs::read_to_string(&out).expect("it was written");
     let events = events.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).count();
     assert!((12 * 5..=12 * 8).contains(&events), "{events}");
+    // The same with their causes.
+    let out = folder.path().join("out.safetensors");
+    let output = meissner(&[&arguments[..], &["--out", argument(&out)]].concat());
+    assert!(output.status.success(), "{}", message(&output));
+    let bytes = std::fs::read(&out).expect("it was written");
+    assert_eq!(integers(&bytes, "cause"), vec![0; events]);
+    assert_eq!(integers(&bytes, "start"), [0, events as i64]);
+}
+
+#[test]
+fn filters_are_judged_by_the_causes_of_events() {
+    let mut made = TensorFile::new([("sensor".to_owned(), "[8, 6]".to_owned())].into());
+    // A pixel with a recent neighbour, one without; the second stream knows nothing of the first.
+    let columns = [
+        ("t_us", [0, 100, 200, 300, 310]),
+        ("x", [1, 2, 6, 2, 3]),
+        ("y", [1, 1, 4, 1, 1]),
+        ("on", [1, 1, 0, 1, 0]),
+        ("cause", [0, 0, 2, 0, 0]),
+    ];
+    columns.iter().for_each(|(name, values)| made.i64(name, &[5], values));
+    made.i64("start", &[3], &[0, 3, 5]);
+    let (_folder, events) = file("events.safetensors", made.into_bytes());
+    let judge = |arguments: &[&str]| meissner(&[&["eval", "filters", argument(&events)], arguments].concat());
+    let output = judge(&["--activity-filter", "1ms", "--json", "-"]);
+    assert!(output.status.success(), "{}", message(&output));
+    let report: serde_json::Value = serde_json::from_str(&text(&output)).expect("one object");
+    assert_eq!(report["header"]["command"], "eval filters");
+    assert_eq!((&report["streams"], &report["filters"][0]), (&2.into(), &"activity_filter".into()));
+    let counts =
+        |i: usize| ["events", "passed"].map(|key| report["causes"][i][key].as_u64().expect("a count"));
+    assert_eq!([counts(0), counts(1), counts(2), counts(3)], [[4, 2], [0, 0], [1, 0], [0, 0]]);
+    let output = judge(&["--stride", "2"]);
+    assert!(
+        text(&output).contains("shot noise       1       1    100.00              20.00      33.33"),
+        "{}",
+        text(&output)
+    );
+    fails(&judge(&[]), 2, &["expected at least one filter"]);
+    let mut bare = TensorFile::new([("sensor".to_owned(), "[8, 6]".to_owned())].into());
+    columns[..4].iter().for_each(|(name, values)| bare.i64(name, &[5], values));
+    bare.i64("start", &[2], &[0, 5]);
+    std::fs::write(&events, bare.into_bytes()).expect("it can be written");
+    fails(&judge(&["--stride", "2"]), 1, &["events.safetensors", "cause: expected the cause of each event"]);
 }
 
 #[test]

@@ -58,6 +58,15 @@ pub fn film_markers(
     let streams: Vec<Vec<SimulatedEvent>> =
         pool.install(|| tracks.into_par_iter().enumerate().map(film).collect::<Result<_, _>>())?;
 
+    Ok(prepared(sensor, &streams, truth))
+}
+
+/// Simulated `streams` in the form that [`film_markers`] documents, without labels.
+pub fn with_causes(sensor: Sensor, streams: &[Vec<SimulatedEvent>]) -> Prepared {
+    prepared(sensor, streams, None)
+}
+
+fn prepared(sensor: Sensor, streams: &[Vec<SimulatedEvent>], truth: Option<Truth>) -> Prepared {
     let mut file = TensorFile::new(metadata([("sensor", json!([sensor.width, sensor.height]))]));
     add_streams(&mut file, streams.iter().map(|stream| stream.iter().map(|simulated| &simulated.event)));
     let cause: Vec<i64> = streams.iter().flatten().map(|simulated| simulated.cause as i64).collect();
@@ -67,7 +76,7 @@ pub fn film_markers(
     }
     let count = grouped(cause.len() as u64);
     let streams = grouped(streams.len() as u64);
-    Ok(Prepared { file, contents: format!("{count} events of {streams} streams") })
+    Prepared { file, contents: format!("{count} events of {streams} streams") }
 }
 
 /// The events that a camera sees of `images`, one every `interval_us` microseconds from 0 on.

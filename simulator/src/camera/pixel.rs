@@ -29,6 +29,21 @@ pub enum Cause {
     HotPixel,
 }
 
+impl Cause {
+    /// All causes, each at the place of its number.
+    pub const ALL: [Self; 4] = [Self::Signal, Self::Leak, Self::ShotNoise, Self::HotPixel];
+
+    /// A name for reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Signal => "signal",
+            Self::Leak => "leak",
+            Self::ShotNoise => "shot noise",
+            Self::HotPixel => "hot pixel",
+        }
+    }
+}
+
 /// A pixel fires.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Firing {
