@@ -29,7 +29,9 @@ pub(super) enum PressEngine {
 pub(super) struct GraphCosts {
     /// Of a row of each layer.
     row: Vec<u64>,
-    /// Of a prediction: dense layers, and the layers of a head.
+    /// Of a changed cell of the readout, in the first dense layer.
+    cell: u64,
+    /// Of a prediction: all other dense layers, and the layers of a head.
     prediction: u64,
 }
 
@@ -65,7 +67,14 @@ impl PressEngine {
         let dense = description.layers().iter().filter(|layer| layer.cost.per == Per::Prediction);
         let dense: usize = dense.map(|layer| layer.cost.multiply_adds).sum();
         let head: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
-        let costs = GraphCosts { row: model.multiply_adds, prediction: (dense + head) as u64 };
+        // The grids of a readout by time move from age to age, so that a prediction may read all of them again.
+        let parts = model.network.parts();
+        let cells = parts.readout.columns * parts.readout.rows;
+        let first = parts.dense.first().map(|layer| &layer.dense);
+        let first = first.filter(|dense| dense.inputs() == cells * dense.channels());
+        let cell = first.map_or(0, |dense| dense.channels() * dense.outputs());
+        let prediction = (dense + head - cells * cell) as u64;
+        let costs = GraphCosts { row: model.multiply_adds, cell: cell as u64, prediction };
         let exact = Approximations::default();
         let predictor =
             EventPredictor::new(mode, Arc::new(model.network), sensor, &exact, Options::default());
@@ -148,8 +157,10 @@ impl PressEngine {
                 let counters = predictor.counters();
                 let rows = || counters.layers.iter().map(|layer| layer.recomputed);
                 let products: u64 = rows().zip(&costs.row).map(|(rows, cost)| rows * cost).sum();
-                let predictions = counters.predictions.read - counters.predictions.reused;
-                Count { rows: rows().sum(), multiply_adds: products + predictions * costs.prediction }
+                let of = counters.predictions;
+                let cells = of.cells_recomputed - of.cells_unchanged;
+                let after = cells * costs.cell + (of.read - of.reused) * costs.prediction;
+                Count { rows: rows().sum(), multiply_adds: products + after }
             }
             Self::Frames { engine, costs, .. } => {
                 let layers = costs.iter().zip(&engine.counters().layers);
