@@ -217,3 +217,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_dense_layer_reads_no_segment_that_it_is_not_told() {
+    let (segments, channels, outputs) = (5, 2, 3);
+    let numbers = |count: usize| (0..count).map(|i| (i as f32 * 0.7).sin()).collect::<Vec<_>>();
+    let weight = numbers(segments * channels * outputs);
+    let dense = Dense::new(segments, channels, outputs, &weight, None, Activation::Identity).unwrap();
+    let first = Matrix::from_rows(channels, &numbers(segments * channels));
+    let (mut told, mut all) = (first.clone(), first.clone());
+    told.row_mut(3)[0] = Lanes::splat(2.0);
+    all.row_mut(3)[0] = Lanes::splat(2.0);
+    all.row_mut(1)[0] = Lanes::splat(f32::NAN);
+    for isa in Isa::available() {
+        let mut sums = vec![Lanes::ZERO; dense.sums()];
+        let (mut out, mut expected) = (Matrix::zeros(1, outputs), Matrix::zeros(1, outputs));
+        dense.update(isa, first.lanes(), &[0, 1, 2, 3, 4], &mut sums, out.row_mut(0));
+        dense.update(isa, all.lanes(), &[3], &mut sums, out.row_mut(0));
+        dense.run(isa, told.lanes(), expected.row_mut(0));
+        assert_eq!(out.lanes(), expected.lanes(), "{}", isa.name());
+    }
+}

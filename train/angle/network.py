@@ -45,6 +45,10 @@ class Network(nn.Module):
                 self.part[layer["name"]] = Convolution(layer)
             else:
                 assert layer["kind"] in ("pool", "readout", "average_pool", "max_pool", "flatten"), layer
+        if "graph" not in said:
+            # A frame network is deep and has no norms: with smaller weights an image is hardly seen at the end (He et al. 2015).
+            for part in self.part.values():
+                nn.init.kaiming_normal_(part.conv.weight if hasattr(part, "conv") else part.weight, nonlinearity="relu")
 
     def forward(self, batch):
         """Values (readouts, outputs) in units of `unit`."""
@@ -82,10 +86,12 @@ class Network(nn.Module):
 
     @torch.no_grad()
     def load(self, tensors, thinner=1.0):
-        """Copies what `exported` gave; sums are of `thinner` times fewer events than they were."""
+        """Copies what `exported` gave; sums are of `thinner` times fewer events than they were. A tensor of another shape, as for
+        another sensor or other outputs, stays as it is."""
         for name, tensor in self.parameters_by_name().items():
             more = thinner if name == self.first else 1.0
-            tensor.copy_(tensors[name] * more / self.scale(name, tensor))
+            if tensors[name].shape == tensor.shape:
+                tensor.copy_(tensors[name] * more / self.scale(name, tensor))
 
     def exported(self):
         """Tensors by the names of the description."""
