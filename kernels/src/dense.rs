@@ -120,12 +120,13 @@ impl Dense {
     /// # Panics
     /// If a slice does not have the sizes of this layer.
     pub fn run(&self, isa: Isa, inputs: &[Lanes], out: &mut [Lanes]) {
-        let all: Vec<u32> = (0..(self.inputs / self.channels) as u32).collect();
+        let segments = if self.sums() == 0 { 0 } else { self.inputs / self.channels };
+        let all: Vec<u32> = (0..segments as u32).collect();
         self.update(isa, inputs, &all, &mut vec![Lanes::ZERO; self.sums()], out);
     }
 
-    /// Number of the sums that [`Self::update`] keeps, in lanes: fewer than 2 segments + 32 for each lane of outputs, and none
-    /// for one segment.
+    /// Number of the sums that [`Self::update`] keeps, in lanes: about 2 segments for each lane of outputs, and none for one
+    /// segment.
     pub fn sums(&self) -> usize {
         match &self.weight {
             Weight::One(_) => 0,
@@ -135,7 +136,7 @@ impl Dense {
 
     /// Computes every output as [`Self::run`], and with the same bits, from the `sums` of the last call and the `changed`
     /// segments. The first call has zeros in `sums`, and every segment that is not +0 throughout is changed.
-    /// O(changed x (channels + log segments) x outputs) for several segments.
+    /// O(changed x (channels + log segments) x outputs) for several segments; one is computed whole, changed or not.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
@@ -166,12 +167,8 @@ impl Task for Run<'_> {
         let weight = match &dense.weight {
             Weight::One(weight) => weight,
             Weight::Several(segments) => {
-                let sums = segments.update(simd, inputs, changed, sums);
-                return flat(sums)
-                    .iter()
-                    .take(dense.outputs)
-                    .enumerate()
-                    .for_each(|(o, &y)| dense.write(o, y, out));
+                let sums = flat(segments.update(simd, inputs, changed, sums));
+                return (0..dense.outputs).for_each(|o| dense.write(o, sums[o], out));
             }
         };
         let inputs = flat(inputs);
