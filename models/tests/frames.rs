@@ -154,6 +154,7 @@ fn shipped_weights_fit_say_what_they_are_and_are_the_same_every_time() {
     for name in FrameDescription::shipped_names() {
         let (description, weights) = (shipped(name), Weights::shipped(name).expect("shipped weights"));
         let about = match *name {
+            "event-frame-cnn" => "trained on presses of a simulated dome",
             "tactip-frames" => "trained on presses of a real TacTip whose camera is modelled",
             name if name.starts_with("slip-") => "trained on the Basic objects of biotac_dos, seed 0",
             _ => "drawn, untrained, seed ",
