@@ -11,7 +11,7 @@ use meissner_pipeline::provenance::{Header, InputCard};
 use meissner_simulator::Cause;
 use serde::Serialize;
 
-use crate::error::{EvaluateError, StreamsError};
+use crate::error::EvaluateError;
 use crate::streams::Streams;
 
 /// What filters kept.
@@ -43,14 +43,7 @@ pub struct Kept {
 /// # Errors
 /// The file cannot be read, does not fit or has no causes; or a filter refuses its setting.
 pub fn judge(events: &Path, filters: &Approximations) -> Result<Report, EvaluateError> {
-    let streams = Streams::read(events)?;
-    let missing = || StreamsError::Tensor {
-        tensor: "cause".to_owned(),
-        expected: "the cause of each event, as the simulator writes it".to_owned(),
-        found: "nothing".to_owned(),
-    };
-    let causes = streams.cause.as_ref().ok_or_else(missing);
-    let causes = causes.map_err(|source| EvaluateError::Streams { path: events.to_owned(), source })?;
+    let (streams, causes) = Streams::with_causes(events)?;
     let mut chain = filters.chain(streams.sensor)?;
     let mut kept = Cause::ALL.map(|cause| Kept { cause: cause.name(), events: 0, passed: 0 });
     let (parts, mut causes) = (streams.parts(), causes.iter());

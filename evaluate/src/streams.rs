@@ -23,15 +23,27 @@ pub(crate) struct Streams {
     start: Vec<usize>,
     /// Labels along time; `None` where the file has none.
     pub(crate) truth: Option<Truth>,
-    /// Of each event, as [`crate::prepare::film_markers`] writes it; `None` where the file has none.
-    pub(crate) cause: Option<Vec<Cause>>,
 }
 
 impl Streams {
     /// The streams in the file at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
+        Self::parsed(path, Self::from_bytes)
+    }
+
+    /// The streams in the file at `path`, and the cause of each event as [`crate::prepare::film_markers`] writes it.
+    pub(crate) fn with_causes(path: &Path) -> Result<(Self, Vec<Cause>), EvaluateError> {
+        Self::parsed(path, |bytes| {
+            let streams = Self::from_bytes(bytes)?;
+            let causes = integers(&SafeTensors::deserialize(bytes)?, "cause", Some(streams.events.len()))?;
+            let causes = causes.iter().enumerate().map(of_number).collect::<Result<_, _>>()?;
+            Ok((streams, causes))
+        })
+    }
+
+    fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T, EvaluateError> {
         let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
-        Self::from_bytes(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
+        parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 
     fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
@@ -58,9 +70,7 @@ impl Streams {
         let start = integers(&file, "start", None)?;
         let start = bounds(&start, events.len())?;
         let truth = Truth::of_events(&file, start.len().saturating_sub(1))?;
-        let cause = file.tensor("cause").is_ok().then(|| column("cause")).transpose()?;
-        let cause = cause.map(|cause| cause.iter().enumerate().map(of_number).collect::<Result<_, _>>());
-        let streams = Self { sensor, events, start, truth, cause: cause.transpose()? };
+        let streams = Self { sensor, events, start, truth };
         streams.check_times()?;
         Ok(streams)
     }

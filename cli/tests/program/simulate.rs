@@ -149,7 +149,7 @@ fn filters_are_judged_by_the_causes_of_events() {
     columns[..4].iter().for_each(|(name, values)| bare.i64(name, &[5], values));
     bare.i64("start", &[2], &[0, 5]);
     std::fs::write(&events, bare.into_bytes()).expect("it can be written");
-    fails(&judge(&["--stride", "2"]), 1, &["events.safetensors", "cause: expected the cause of each event"]);
+    fails(&judge(&["--stride", "2"]), 1, &["events.safetensors", "cause: expected I64 (5), found nothing"]);
 }
 
 #[test]
