@@ -145,9 +145,7 @@ impl Maxima {
             if let Some(queue) = &mut self.queue {
                 isa.run(Over { members, features, out: queue.back.row_mut(cell as usize) });
             }
-            let changed = store(&self.row, values, cell);
-            log.note(cell, !changed);
-            if changed {
+            if store(&self.row, values, cell, log) {
                 moved(cell, true);
             }
         }
@@ -164,9 +162,7 @@ impl Maxima {
                 self.row.fill(Lanes::splat(f32::NEG_INFINITY));
                 isa.run(Over { members: self.members.oldest_first(cell), features, out: &mut self.row });
             }
-            let changed = store(&self.row, values, cell);
-            log.note(cell, !changed);
-            if changed {
+            if store(&self.row, values, cell, log) {
                 moved(cell, filled);
             }
         }
@@ -175,13 +171,14 @@ impl Maxima {
     }
 }
 
-/// Writes `row` if it differs; returns whether it did.
-pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32) -> bool {
+/// Writes `row`, which was recomputed, if it differs, and notes both in `log`; returns whether it did.
+pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32, log: &mut LayerLog) -> bool {
     let stored = values.row_mut(cell as usize);
     let differs = !same_bits(row, stored);
     if differs {
         stored.copy_from_slice(row);
     }
+    log.note(cell, !differs);
     differs
 }
 

@@ -62,9 +62,8 @@ impl Sums {
         }
     }
 
-    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed.
-    /// O(channels) for a cell with new members only and each of these, O(members x channels) for any other cell whose members
-    /// changed.
+    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed. O(channels) for a cell with new
+    /// members only and each of these, O(members x channels) for any other cell whose members changed.
     pub(crate) fn update(
         &mut self,
         isa: Isa,
@@ -92,18 +91,14 @@ impl Sums {
             let fresh = self.members.youngest_first(cell).take_while(|&m| self.fresh.contains(m)).count();
             let members = self.members.youngest(cell, fresh as u32);
             isa.run(Over { members, features, out: &mut self.row });
-            let changed = store(&self.row, values, cell);
-            log.note(cell, !changed);
-            if changed {
+            if store(&self.row, values, cell, log) {
                 moved(cell);
             }
         }
         for &cell in self.dirty.as_slice() {
             self.row.fill(Lanes::ZERO);
             isa.run(Over { members: self.members.oldest_first(cell), features, out: &mut self.row });
-            let changed = store(&self.row, values, cell);
-            log.note(cell, !changed);
-            if changed {
+            if store(&self.row, values, cell, log) {
                 moved(cell);
             }
         }

@@ -120,9 +120,13 @@ impl Dense {
     /// # Panics
     /// If a slice does not have the sizes of this layer.
     pub fn run(&self, isa: Isa, inputs: &[Lanes], out: &mut [Lanes]) {
-        let segments = if self.sums() == 0 { 0 } else { self.inputs / self.channels };
-        let all: Vec<u32> = (0..segments as u32).collect();
-        self.update(isa, inputs, &all, &mut vec![Lanes::ZERO; self.sums()], out);
+        match &self.weight {
+            Weight::One(_) => self.update(isa, inputs, &[], &mut [], out),
+            Weight::Several(segments) => {
+                let all: Vec<u32> = (0..(self.inputs / self.channels) as u32).collect();
+                self.update(isa, inputs, &all, &mut vec![Lanes::ZERO; segments.sums()], out);
+            }
+        }
     }
 
     /// Number of the sums that [`Self::update`] keeps, in lanes: about 2 segments for each lane of outputs, and none for one

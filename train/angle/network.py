@@ -86,12 +86,10 @@ class Network(nn.Module):
 
     @torch.no_grad()
     def load(self, tensors, thinner=1.0):
-        """Copies what `exported` gave; sums are of `thinner` times fewer events than they were. A tensor of another shape, as for
-        another sensor or other outputs, stays as it is."""
+        """Copies what `exported` gave; sums are of `thinner` times fewer events than they were."""
         for name, tensor in self.parameters_by_name().items():
             more = thinner if name == self.first else 1.0
-            if tensors[name].shape == tensor.shape:
-                tensor.copy_(tensors[name] * more / self.scale(name, tensor))
+            tensor.copy_(tensors[name] * more / self.scale(name, tensor))
 
     def exported(self):
         """Tensors by the names of the description."""
