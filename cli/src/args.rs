@@ -82,8 +82,8 @@ pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
     /// Events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy. On standard input, CSV lines (t_us,x,y,p) are read as they
-    /// arrive. The built-in recording is a synthetic press and release; `meissner run` without any option shows another
-    /// press, whose true angles are known.
+    /// arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
+    /// its true angles with the predicted ones.
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM
     /// or PGM file, a folder of them, or a text file with one path per line.

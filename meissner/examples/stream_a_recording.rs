@@ -8,8 +8,8 @@ use std::error::Error;
 
 use meissner::{Description, Engine, Weights, io};
 
-/// A synthetic press and release.
-const DEFAULT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../pipeline/assets/press_release_synthetic.evt3");
+/// A simulated press and release.
+const DEFAULT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../pipeline/assets/dome_press.evt3");
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).unwrap_or_else(|| DEFAULT.to_owned());

@@ -9,7 +9,7 @@ use crate::weights::Weights;
 use crate::weights::card::{Card, DRAWN_BY};
 
 /// The network that runs if none is named: small enough for a laptop, with the shape of the published one.
-pub const DEFAULT_NETWORK: &str = "graphres";
+pub const DEFAULT_NETWORK: &str = "tactigraph-past";
 
 /// A description with the weights that it runs with.
 struct Shipped {

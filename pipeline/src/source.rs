@@ -12,9 +12,9 @@ use crate::interrupt;
 use crate::losses::{Advice, InputLosses, Salvaged};
 use crate::refusals::Refusals;
 
-/// A synthetic press and release; see `pipeline/assets/README.md`.
-const EMBEDDED: &[u8] = include_bytes!("../assets/press_release_synthetic.evt3");
-const EMBEDDED_NAME: &str = "press_release_synthetic.evt3 (embedded; synthetic, not a real sensor)";
+/// A simulated press and release; see `pipeline/assets/README.md`.
+const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
+const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
 /// Name of standard input, for messages.
 pub const STDIN_NAME: &str = "standard input";
 
@@ -98,6 +98,11 @@ fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError
     PipelineError::recording(&name, source)
 }
 
+/// The embedded recording.
+pub(crate) fn embedded() -> Result<Recording, PipelineError> {
+    meissner_io::decode(EMBEDDED).map_err(|error| PipelineError::recording(EMBEDDED_NAME, error))
+}
+
 /// The lines of standard input.
 fn arriving(options: &ReadOptions) -> Result<CsvEvents<interrupt::Input>, PipelineError> {
     Ok(CsvEvents::with_options(stdin()?, options.text))
@@ -119,11 +124,7 @@ impl Source {
         strict: bool,
     ) -> Result<Self, PipelineError> {
         match recording {
-            None => {
-                let recording =
-                    meissner_io::decode(EMBEDDED).map_err(|e| PipelineError::recording(EMBEDDED_NAME, e))?;
-                Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
-            }
+            None => Ok(Self::of(embedded()?, Refusals::new(EMBEDDED_NAME, strict))),
             Some(path) if is_stdin(path) => {
                 let mut refusals = Refusals::new(STDIN_NAME, strict);
                 let mut lines = arriving(options)?;
@@ -143,11 +144,6 @@ impl Source {
                 Ok(Self::of(recording, refusals))
             }
         }
-    }
-
-    /// An embedded `recording` called `name`.
-    pub(crate) fn embedded(recording: Recording, name: &str) -> Self {
-        Self::of(recording, Refusals::new(name, true))
     }
 
     fn of(recording: Recording, refusals: Refusals) -> Self {

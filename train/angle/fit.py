@@ -13,7 +13,6 @@ from frames import Frames
 from graphs import Graphs, has_pooled_blocks, reads_later_rows
 from presses import MIRRORED, SHIFT, moved, thinned
 
-BATCH = 16
 DECAY = 0.001
 RISE = 0.05
 # Presses whose graphs are built together.
@@ -43,7 +42,7 @@ def fit(network, data, settings, valid, random, resume, log=print):
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
                 optimiser.step()
-                total, seen = total + loss.item() * BATCH, seen + BATCH
+                total, seen = total + loss.item() * settings.batch, seen + settings.batch
         mean = total / seen
         line = f"epoch {epoch + 1:3}  loss {mean:.5f}  {time.time() - started:.1f} s"
         if (epoch + 1) % settings.check == 0 or epoch + 1 == settings.epochs:
@@ -78,8 +77,9 @@ def batches(data, presses, settings, random):
         streams = [moved(stream, sources[0].sensor, *move) for stream, move in zip(streams, moves)]
     graphs = prepared(settings, sources[0].sensor, streams)
     parts = []
-    for first in range(0, len(streams) - BATCH + 1, BATCH):
-        parts.append((range(first, first + BATCH), graphs.part(range(first, first + BATCH))))
+    for first in range(0, len(streams) - settings.batch + 1, settings.batch):
+        part = range(first, first + settings.batch)
+        parts.append((part, graphs.part(part)))
     for _ in range(settings.passes):
         for place in random.permutation(len(parts)):
             streams, part = parts[place]
@@ -132,8 +132,8 @@ def errors(network, presses, settings, stride, shares=(1.0,)):
         if has_pooled_blocks(settings.said):
             streams = [stream[stream[:, 0] <= presses.end_us[i]] for i, stream in zip(chosen, streams)]
         graphs = prepared(settings, presses.sensor, streams)
-        for first in range(0, len(streams), BATCH):
-            part = range(first, min(first + BATCH, len(streams)))
+        for first in range(0, len(streams), settings.batch):
+            part = range(first, min(first + settings.batch, len(streams)))
             numbers = [chosen[i] for i in part]
             contact, end = presses.contact_us[numbers, None], presses.end_us[numbers, None]
             times = (contact + np.array(shares) * (end - contact)).astype(np.int64)

@@ -87,7 +87,7 @@ def started_at(path):
 def recipe(args):
     """What was done, in one line."""
     begin = f"from {args.start.name}: " if args.start else ""
-    line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch 16, "
+    line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch {args.batch}, "
     return f"{line}AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
 
 
@@ -104,6 +104,7 @@ def arguments():
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--epochs", type=int, default=12, help="default: 12")
     parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
+    parser.add_argument("--batch", type=int, default=16, help="presses of a step; default: 16")
     parser.add_argument("--beta", type=float, default=0.1, help="error at which the loss becomes linear, in units; default: 0.1")
     parser.add_argument("--dropout", type=float, default=0.0, help="of the readout; default: 0")
     parser.add_argument("--unit", type=float, nargs="+", default=[0.1], help="of each output during training; default: 0.1")

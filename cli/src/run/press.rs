@@ -1,14 +1,18 @@
-//! `meissner run` without arguments: the embedded press, with predicted angles beside the true ones.
+//! `meissner run` without arguments: the embedded press, with predicted angles beside the true ones. The release is streamed too,
+//! but it is not judged: no training saw a release.
 
 use std::io::{self, Write};
 use std::path::Path;
 
+use meissner_io::ReadOptions;
+use meissner_models::DEFAULT_NETWORK as NETWORK;
 use meissner_pipeline::interrupt;
 use meissner_pipeline::latency::Quantiles;
 use meissner_pipeline::model::Model;
-use meissner_pipeline::press::{NETWORK, Press};
+use meissner_pipeline::press::Press;
 use meissner_pipeline::run::{EventRun, EventSummary, Observer, Prediction, RunOptions, Summary};
 use meissner_pipeline::schedule::Every;
+use meissner_pipeline::source::Source;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Plane, Series, Style, page};
 
@@ -56,7 +60,8 @@ pub(super) fn run(svg: Option<&Path>) -> Result<(), CliError> {
         output::check_writable(path)?;
     }
     let model = Model::named(NETWORK, None, false)?;
-    let Press { source, first_us, contact_us, end_us, angles } = Press::embedded()?;
+    let source = Source::open(None, &ReadOptions::default(), false, true)?;
+    let Press { first_us, contact_us, end_us, angles } = Press::embedded()?;
     let true_angles = angles.map(f64::to_degrees);
     let sensor = source.sensor(None)?;
     let recorded = source.recorded().unwrap_or(0);

@@ -33,7 +33,7 @@ JSON (--json):
 pub(crate) struct SoakArgs {
     /// Recordings, one after the other [default: a small built-in recording].
     ///
-    /// If the recordings have several sensors, the sensor covers all of them. The built-in recording is a synthetic
+    /// If the recordings have several sensors, the sensor covers all of them. The built-in recording is a simulated
     /// press and release.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,

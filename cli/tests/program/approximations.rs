@@ -7,7 +7,9 @@ use crate::support::{bits, file, lines, meissner, message, text, times};
 
 /// Predictions and summary of `graphres` over the first events of the default recording.
 fn run(more: &[&str]) -> (Vec<Value>, Value) {
-    lines(&meissner(&[&["run", "--json", "--limit", "4000", "--every", "200"], more].concat()))
+    lines(&meissner(
+        &[&["run", "--network", "graphres", "--json", "--limit", "4000", "--every", "200"], more].concat(),
+    ))
 }
 
 fn all_bits(lines: &[Value]) -> Vec<Vec<u32>> {

@@ -159,7 +159,7 @@ fn the_drawing_is_well_formed_and_names_what_it_shows() {
     let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
     let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
     for expected in
-        ["Latency of graphres", "dots & <taps>.csv: 3 events", "push", "predict", "push + predict"]
+        ["Latency of tactigraph-past", "dots & <taps>.csv: 3 events", "push", "predict", "push + predict"]
     {
         assert!(texts.iter().any(|text| text.contains(expected)), "{expected}: {texts:?}");
     }

@@ -57,7 +57,7 @@ fn broken(folder: &Folder) -> Vec<(PathBuf, &'static str)> {
     let events = &recording.events[..2000];
     let encoded = |format| {
         let mut bytes = Vec::new();
-        encode(format, Some(Sensor::new(240, 180)), events, &mut bytes).expect("the format holds them");
+        encode(format, Some(Sensor::new(346, 260)), events, &mut bytes).expect("the format holds them");
         bytes
     };
     let cut = |format, less: usize| {
@@ -88,7 +88,7 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
             folder.stays(&["convert", path, "--to", format, "--force"], &[""], &[name, place]);
         }
         // Without it, a line of a text is passed over.
-        let strict = [path, "--sensor", "240x180", "--strict"];
+        let strict = [path, "--sensor", "346x260", "--strict"];
         folder.stays(&[&["run"], &strict[..]].concat(), &["--save-state"], &[name, place]);
         let every = [&["run", "--every", "1ms", "--save-every", "1ms"], &strict[..]].concat();
         folder.stays(&every, &["--save-state"], &[name, place]);

@@ -81,8 +81,18 @@ fn they_agree_on_late_and_misplaced_events_and_over_gaps() {
 
 #[test]
 fn a_network_without_an_incremental_form_runs_in_batch_mode() {
-    let output =
-        meissner(&["run", "--network", "graphres-published", "--mode", "batch", "--every", "3000", "--json"]);
+    let output = meissner(&[
+        "run",
+        "--network",
+        "graphres-published",
+        "--mode",
+        "batch",
+        "--limit",
+        "15000",
+        "--every",
+        "3000",
+        "--json",
+    ]);
     let (predictions, _) = lines(&output);
     assert_eq!(predictions.len(), 5);
     for line in predictions {

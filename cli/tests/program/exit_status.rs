@@ -133,7 +133,7 @@ fn networks_and_weights_that_cannot_be_had_or_do_not_fit_are_bad_input() {
     fails(&meissner(&["run", "--weights", argument(&path)]), 1, &["weights.safetensors"]);
     // Well-formed, and without a single tensor.
     let (_folder, path) = file("empty.safetensors", [&[8, 0, 0, 0, 0, 0, 0, 0][..], b"{}      "].concat());
-    fails(&meissner(&["run", "--weights", argument(&path)]), 1, &["empty.safetensors", "graphres"]);
+    fails(&meissner(&["run", "--weights", argument(&path)]), 1, &["empty.safetensors", "tactigraph-past"]);
 }
 
 #[test]

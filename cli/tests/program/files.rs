@@ -29,12 +29,12 @@ fn every_format_that_is_written_gives_the_same_events_back() {
         convert(
             &from,
             &to,
-            if from.extension() == Some("npy".as_ref()) { &["--sensor", "240x180"] } else { &[] },
+            if from.extension() == Some("npy".as_ref()) { &["--sensor", "346x260"] } else { &[] },
         );
         let copy = meissner_io::read(&to).expect("what was written can be read");
         assert_eq!(copy.format, format);
         assert_eq!(copy.events, original.events, "{name}");
-        assert_eq!(copy.sensor, (format != Format::Npy).then(|| Sensor::new(240, 180)), "{name}");
+        assert_eq!(copy.sensor, (format != Format::Npy).then(|| Sensor::new(346, 260)), "{name}");
         from = to;
     }
 }

@@ -15,7 +15,7 @@ fn a_json_line_has_the_documented_keys_and_no_others() {
         assert_eq!(keys(line), "nodes rows t_us update_us value");
         assert!(line["update_us"].as_f64() > Some(0.0));
         assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
-        assert_eq!(line["rows"].as_array().map(Vec::len), Some(8), "a count for each layer");
+        assert_eq!(line["rows"].as_array().map(Vec::len), Some(3), "a count for each layer");
     }
     let expected =
         "accepted dropped events events_per_s latency_us lines_refused nodes_max predictions skips warnings";
@@ -153,14 +153,14 @@ fn without_arguments_it_shows_a_simulated_press_beside_the_truth_in_less_than_30
 }
 
 #[test]
-fn an_embedded_recording_is_labelled_synthetic_and_the_weights_say_what_they_are() {
-    let output = meissner(&["run", "--network", "graphres"]);
+fn an_embedded_recording_is_labelled_simulated_and_the_weights_say_what_they_are() {
+    let output = meissner(&["run", "--every", "10ms"]);
     assert!(output.status.success());
     let text = words(&output);
     for expected in [
-        "synthetic",
-        "EVT3, 240x180 pixels",
-        "network graphres on 240x180 pixels, weights drawn from a seed: predictions mean nothing",
+        "simulated, not a real sensor",
+        "EVT3, 346x260 pixels",
+        "network tactigraph-past on 346x260 pixels, weights trained incremental",
         "weights shipped with the network",
         "roll (rad)",
         "latency (us)",

@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::exit_status::fails;
 use crate::support::{argument, file, lines, meissner, meissner_reading, message, text, times};
 
-/// A hundred events on 8x8 pixels, 100 us apart, with `bad` in place of every `nth`.
+/// A hundred events, 100 us apart, with `bad` in place of every `nth`.
 fn events(nth: usize, bad: &str) -> String {
     let line = |i: usize| {
         if (i + 1).is_multiple_of(nth) {
@@ -17,7 +17,7 @@ fn events(nth: usize, bad: &str) -> String {
     (0..100).map(line).collect()
 }
 
-const RUN: [&str; 6] = ["run", "--sensor", "8x8", "--every", "event", "--json"];
+const RUN: [&str; 6] = ["run", "--sensor", "346x260", "--every", "event", "--json"];
 
 fn run(input: &str, more: &[&str]) -> std::process::Output {
     meissner_reading(&[&RUN[..], &["-"], more].concat(), input)

@@ -54,7 +54,7 @@ fn a_network_over_the_past_soaks_without_a_changed_bit() {
     let network = ["--network", "tactigraph-past", "--events", "2e5", "--checkpoint-every", "1e4"];
     let report = soak(&[&network[..], &["--disturb-every", "5e3", "--memory-growth", "25"]].concat());
     holds(&report, 20);
-    assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 12));
+    assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 6));
     let known = report["checkpoints"][0]["resident_bytes"].is_u64();
     assert_eq!((known, report["memory"].is_object()), (cfg!(target_os = "linux"), known));
 }

@@ -107,5 +107,5 @@ pub(crate) fn argument(path: &Path) -> &str {
 
 /// The embedded recording as a file of the repository.
 pub(crate) fn default_recording() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipeline/assets/press_release_synthetic.evt3")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipeline/assets/dome_press.evt3")
 }
