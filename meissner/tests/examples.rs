@@ -15,7 +15,7 @@ fn run(name: &str) -> String {
 
 #[test]
 fn a_recording_is_streamed_with_a_prediction_every_10_ms() {
-    assert_eq!(run("stream_a_recording").lines().filter(|line| line.contains(" events ")).count(), 59);
+    assert_eq!(run("stream_a_recording").lines().filter(|line| line.contains(" events ")).count(), 31);
 }
 
 #[test]
