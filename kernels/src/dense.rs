@@ -97,8 +97,14 @@ impl Dense {
     pub fn weight(&self) -> Vec<f32> {
         match &self.weight {
             Weight::One(weight) => {
-                let rows = weight.chunks_exact(Lanes::count(self.channels));
-                rows.flat_map(|row| row.iter().flat_map(|lanes| lanes.0).take(self.channels)).collect()
+                let mut values = Vec::with_capacity(self.outputs * self.inputs);
+                for row in weight.chunks_exact(Lanes::count(self.channels)) {
+                    let end = values.len() + self.channels;
+                    row.iter().for_each(|lanes| values.extend_from_slice(&lanes.0));
+                    // What fills the last lanes is no weight.
+                    values.truncate(end);
+                }
+                values
             }
             Weight::Several(segments) => segments.weight(self.outputs),
         }

@@ -243,6 +243,9 @@ fn scripts() -> io::Result<()> {
         let bytes: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
         put("graph", &format!("script{seed}"), &bytes)?;
         put("interleavings", &format!("script{seed}"), &bytes)?;
+        // Options of their right size, so that there is an engine.
+        let options = [size_of::<meissner_c::meissner_engine_options>() as u8, (seed % 2) as u8];
+        put("c_interface", &format!("script{seed}"), &[&options[..], &bytes].concat())?;
     }
     Ok(())
 }

@@ -2,8 +2,7 @@
 //!
 //! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_targets/`), the replay of the corpora
 //! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same promises. `fuzz/README.md` says how to run them.
-#![forbid(unsafe_code)]
-
+mod c_interface;
 mod choices;
 pub mod corpus;
 mod descriptions;
@@ -15,6 +14,7 @@ mod snapshots;
 mod target;
 mod weights;
 
+use c_interface::c_interface;
 use descriptions::description;
 use images::image;
 use meissner_io::Format;
@@ -29,7 +29,7 @@ pub use target::{Target, Verdict};
 pub use weights::NETWORK;
 
 /// All targets.
-pub const TARGETS: [Target; 21] = [
+pub const TARGETS: [Target; 22] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "evt2", run: |bytes| recording(Format::Evt2, bytes) },
     Target { name: "evt3", run: |bytes| recording(Format::Evt3, bytes) },
@@ -51,6 +51,7 @@ pub const TARGETS: [Target; 21] = [
     Target { name: "frame_snapshot", run: frame_snapshot },
     Target { name: "graph", run: graph },
     Target { name: "interleavings", run: interleavings },
+    Target { name: "c_interface", run: c_interface },
 ];
 
 /// Runs a target on `bytes`, for cargo-fuzz.

@@ -1,0 +1,418 @@
+//! Engines over events.
+
+use meissner::{Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, Sensor};
+
+use crate::arguments::{
+    Versioned, array, copy, fits, give, options, report, reportable, shared, write, write_if_wanted,
+};
+use crate::guarded::Guarded;
+use crate::network::{meissner_network, release};
+use crate::status::{Failure, call, meissner_status};
+
+/// A network over the events of a sliding window. One thread at a time.
+pub struct meissner_engine(Guarded<Engine>);
+
+impl meissner_engine {
+    pub(crate) fn new(engine: Engine) -> Self {
+        Self(Guarded::new(engine))
+    }
+
+    pub(crate) fn with<R>(&self, body: impl FnOnce(&mut Engine) -> Result<R, Failure>) -> Result<R, Failure> {
+        self.0.with(body)
+    }
+}
+
+/// A change of brightness at a pixel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_event {
+    /// Time in microseconds, on any epoch: only differences count.
+    pub t_us: i64,
+    /// Column, from the left.
+    pub x: u16,
+    /// Row, from the top.
+    pub y: u16,
+    /// More than 0 if the brightness rose; 0 or less if it fell.
+    pub polarity: i8,
+}
+
+impl From<meissner_event> for Event {
+    fn from(event: meissner_event) -> Self {
+        Self::new(event.t_us, event.x, event.y, event.polarity > 0)
+    }
+}
+
+/// Events that are earlier than the newest are dropped and counted.
+pub const MEISSNER_LATE_DROP: u32 = 0;
+/// Events that are earlier than the newest enter with its time, and are counted.
+pub const MEISSNER_LATE_CLAMP: u32 = 1;
+
+/// Options of an engine over events. 0 is the default of each.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_engine_options {
+    /// `sizeof(meissner_engine_options)`.
+    pub size: usize,
+    /// Limit of the state in bytes; 0 for 4 GiB.
+    pub memory_limit: u64,
+    /// Largest change of a row that does not propagate, in the units of the layer: an approximation. 0 is exact.
+    pub tolerance: f32,
+    /// MEISSNER_LATE_DROP or MEISSNER_LATE_CLAMP.
+    pub late: u32,
+}
+
+// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+unsafe impl Versioned for meissner_engine_options {}
+
+/// What a prediction is of.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_prediction {
+    /// `sizeof(meissner_prediction)`, set by the caller.
+    pub size: usize,
+    /// Time of the newest event or frame that it covers; 0 before the first.
+    pub t_us: i64,
+    /// 1 if an event or a frame has set the time.
+    pub has_time: u32,
+    /// Events in the window; for a frame engine, frames since the last reset.
+    pub nodes: u64,
+    /// Rows that were computed since the prediction before, over all layers.
+    pub rows: u64,
+}
+
+// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+unsafe impl Versioned for meissner_prediction {}
+
+/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the three reasons for which events are dropped.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_counters {
+    /// `sizeof(meissner_counters)`, set by the caller.
+    pub size: usize,
+    /// Events pushed.
+    pub pushed: u64,
+    /// Events that entered the window.
+    pub accepted: u64,
+    /// Dropped: not on the sensor.
+    pub outside_sensor: u64,
+    /// Dropped: earlier than the newest.
+    pub late: u64,
+    /// Dropped: too far from the first event for 64 bits.
+    pub time_out_of_range: u64,
+    /// Late events that entered with the newest time.
+    pub clamped: u64,
+    /// Events that left because they were older than the window.
+    pub expired: u64,
+    /// Events that left earlier because the window was full.
+    pub evicted: u64,
+    /// Predictions read.
+    pub predictions: u64,
+    /// Of these, predictions for which nothing had changed.
+    pub reused: u64,
+}
+
+// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+unsafe impl Versioned for meissner_counters {}
+
+/// Counts of rows of a layer, or of its pixels in a frame network, since the engine was made.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_layer_counters {
+    /// Computed.
+    pub computed: u64,
+    /// Kept, because nothing that they depend on had changed.
+    pub kept: u64,
+    /// Computed, with the bits that they had before.
+    pub unchanged: u64,
+}
+
+fn engine_options(options: meissner_engine_options) -> Result<Options, Failure> {
+    let late = match options.late {
+        MEISSNER_LATE_DROP => LatePolicy::Drop,
+        MEISSNER_LATE_CLAMP => LatePolicy::Clamp,
+        found => return Err(Failure::argument("late", "0 or 1", found)),
+    };
+    let made = Options::new().with_tolerance(options.tolerance).with_late(late);
+    Ok(if options.memory_limit == 0 { made } else { made.with_memory_limit(options.memory_limit.into()) })
+}
+
+/// Makes an engine for a network over events and a sensor of `width` x `height` pixels. `options` may be NULL. Allocates: the whole state
+/// is made here.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_new(
+    network: *const meissner_network,
+    width: u16,
+    height: u16,
+    options: *const meissner_engine_options,
+    result: *mut *mut meissner_engine,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (network, options) = unsafe { (shared(network, "network")?, self::options(options, "options")?) };
+        let sensor = Sensor::new(width, height);
+        let engine = Engine::with_options(network.of_events()?.clone(), sensor, engine_options(options)?)?;
+        network.warn_of_sensor(sensor);
+        // SAFETY: as above.
+        unsafe { give(meissner_engine::new(engine), result, "result") }
+    })
+}
+
+/// Makes an engine in the state of another. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_clone(
+    engine: *const meissner_engine,
+    result: *mut *mut meissner_engine,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let clone = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.clone()))?;
+        // SAFETY: as above.
+        unsafe { give(meissner_engine::new(clone), result, "result") }
+    })
+}
+
+/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_push(
+    engine: *const meissner_engine,
+    t_us: i64,
+    x: u16,
+    y: u16,
+    polarity: i8,
+    accepted: *mut bool,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let engine = unsafe { shared(engine, "engine") }?;
+        let event = Event::new(t_us, x, y, polarity > 0);
+        let entered = engine.with(|engine| Ok(engine.push(event) == Outcome::Accepted))?;
+        // SAFETY: as above.
+        unsafe { write_if_wanted(accepted, entered, "accepted") }
+    })
+}
+
+/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_push_events(
+    engine: *const meissner_engine,
+    events: *const meissner_event,
+    length: usize,
+    accepted: *mut usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (engine, events) = unsafe { (shared(engine, "engine")?, array(events, length, "events")?) };
+        let entered = engine.with(|engine| Ok(push_all(engine, events.iter().map(|&event| event.into()))))?;
+        // SAFETY: as above.
+        unsafe { write_if_wanted(accepted, entered, "accepted") }
+    })
+}
+
+/// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are in arrays of their own. `accepted`, which
+/// may be NULL, is set to how many entered the window.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_push_arrays(
+    engine: *const meissner_engine,
+    t_us: *const i64,
+    x: *const u16,
+    y: *const u16,
+    polarity: *const i8,
+    length: usize,
+    accepted: *mut usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (engine, events) =
+            unsafe { (shared(engine, "engine")?, from_arrays(t_us, x, y, polarity, length)?) };
+        let entered = engine.with(|engine| Ok(push_all(engine, events)))?;
+        // SAFETY: as above.
+        unsafe { write_if_wanted(accepted, entered, "accepted") }
+    })
+}
+
+/// The number of `events` that entered the window.
+fn push_all(engine: &mut Engine, events: impl Iterator<Item = Event>) -> usize {
+    events.filter(|&event| engine.push(event) == Outcome::Accepted).count()
+}
+
+/// Events from arrays of their parts.
+///
+/// # Safety
+/// As [`array`], for each.
+pub(crate) unsafe fn from_arrays<'a>(
+    t_us: *const i64,
+    x: *const u16,
+    y: *const u16,
+    polarity: *const i8,
+    length: usize,
+) -> Result<impl Iterator<Item = Event> + use<'a>, Failure> {
+    // SAFETY: the caller's.
+    let (t_us, x, y, polarity): (&'a [i64], &'a [u16], &'a [u16], &'a [i8]) = unsafe {
+        (
+            array(t_us, length, "t_us")?,
+            array(x, length, "x")?,
+            array(y, length, "y")?,
+            array(polarity, length, "polarity")?,
+        )
+    };
+    let pixels = x.iter().zip(y).zip(polarity);
+    Ok(t_us.iter().zip(pixels).map(|(&t_us, ((&x, &y), &polarity))| Event::new(t_us, x, y, polarity > 0)))
+}
+
+/// Advances the clock to `t_us` without an event: events older than the window leave. Earlier times change nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_advance(
+    engine: *const meissner_engine,
+    t_us: i64,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { shared(engine, "engine") }?.with(|engine| {
+            engine.advance(t_us);
+            Ok(())
+        })
+    })
+}
+
+/// Predicts for the current window: writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
+/// to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of outputs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_predict(
+    engine: *const meissner_engine,
+    values: *mut f32,
+    length: usize,
+    prediction: *mut meissner_prediction,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let engine = unsafe { shared(engine, "engine") }?;
+        engine.with(|engine| {
+            fits(engine.network().outputs(), length, "values")?;
+            // SAFETY: as above.
+            unsafe { reportable(prediction, "prediction") }?;
+            let found = Predictor::predict(engine)?;
+            let of = meissner_prediction {
+                size: 0,
+                t_us: found.t_us.unwrap_or(0),
+                has_time: found.t_us.is_some().into(),
+                nodes: found.nodes as u64,
+                rows: found.rows.iter().sum(),
+            };
+            // SAFETY: as above.
+            unsafe {
+                copy(found.values, values, length, "values")?;
+                report(prediction, of, "prediction")
+            }
+        })
+    })
+}
+
+/// Removes all events; the next one may have any time. Counters stay.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_reset(engine: *const meissner_engine) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { shared(engine, "engine") }?.with(|engine| {
+            engine.reset();
+            Ok(())
+        })
+    })
+}
+
+/// Counts of events and predictions. Allocates for a moment.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_counters(
+    engine: *const meissner_engine,
+    counters: *mut meissner_counters,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.counters()))?;
+        let EventCounters {
+            pushed,
+            accepted,
+            outside_sensor,
+            late,
+            time_out_of_range,
+            clamped,
+            expired,
+            evicted,
+        } = found.events;
+        let counts = meissner_counters {
+            size: 0,
+            pushed,
+            accepted,
+            outside_sensor,
+            late,
+            time_out_of_range,
+            clamped,
+            expired,
+            evicted,
+            predictions: found.predictions.read,
+            reused: found.predictions.reused,
+        };
+        // SAFETY: as above.
+        unsafe { report(counters, counts, "counters") }
+    })
+}
+
+/// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_layer_counters(
+    engine: *const meissner_engine,
+    layers: *mut meissner_layer_counters,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.counters()))?;
+        let counts = found.layers.iter().map(|layer| meissner_layer_counters {
+            computed: layer.recomputed,
+            kept: layer.kept,
+            unchanged: layer.unchanged,
+        });
+        // SAFETY: as above.
+        unsafe { copy(&counts.collect::<Vec<_>>(), layers, length, "layers") }
+    })
+}
+
+/// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to `length`. If there is too little room, only
+/// `length` is written: call with a `capacity` of 0 to ask for it. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_snapshot(
+    engine: *const meissner_engine,
+    bytes: *mut u8,
+    capacity: usize,
+    length: *mut usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.to_bytes()))?;
+        // SAFETY: as above.
+        unsafe {
+            write(length, found.len(), "length")?;
+            copy(&found, bytes, capacity, "bytes")
+        }
+    })
+}
+
+/// Returns to the state of a snapshot of an engine with the same network, sensor and options. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_restore(
+    engine: *const meissner_engine,
+    bytes: *const u8,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (engine, bytes) = unsafe { (shared(engine, "engine")?, array(bytes, length, "bytes")?) };
+        engine.with(|engine| Ok(engine.restore_bytes(bytes)?))
+    })
+}
+
+/// Ends an engine.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_release(engine: *mut meissner_engine) {
+    // SAFETY: it is one that a function of the interface made, and that is not used again.
+    unsafe { release(engine) };
+}

@@ -1,0 +1,189 @@
+//! Frame engines.
+
+use meissner::frames::{FrameEngine, FrameOptions, Skip};
+
+use crate::arguments::{Versioned, array, copy, fits, give, options, report, reportable, shared, write};
+use crate::engine::{meissner_layer_counters, meissner_prediction};
+use crate::guarded::Guarded;
+use crate::network::{flag, meissner_network, release};
+use crate::status::{Failure, call, meissner_status};
+
+/// A network over frames, with its state. One thread at a time.
+pub struct meissner_frames(Guarded<FrameEngine>);
+
+/// What no change reaches is kept: exact.
+pub const MEISSNER_SKIP_EXACT: u32 = 0;
+/// Everything is computed: the same results, as an oracle.
+pub const MEISSNER_SKIP_NOTHING: u32 = 1;
+/// Pixels that changed by no more than `tolerance` count as unchanged: an approximation.
+pub const MEISSNER_SKIP_TOLERANCE: u32 = 2;
+
+/// Options of a frame engine. 0 is the default of each.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_frames_options {
+    /// `sizeof(meissner_frames_options)`.
+    pub size: usize,
+    /// Limit of the state in bytes; 0 for 4 GiB.
+    pub memory_limit: u64,
+    /// MEISSNER_SKIP_EXACT or another.
+    pub skip: u32,
+    /// With MEISSNER_SKIP_TOLERANCE.
+    pub tolerance: f32,
+    /// 1 if frames are mostly zero, as those of events are: the same results with more memory and less time.
+    pub sparse: u32,
+    /// 1 to share large layers between two threads: the same results.
+    pub two_threads: u32,
+}
+
+// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+unsafe impl Versioned for meissner_frames_options {}
+
+fn frame_options(options: meissner_frames_options) -> Result<FrameOptions, Failure> {
+    let skip = match options.skip {
+        MEISSNER_SKIP_EXACT => Skip::Exact,
+        MEISSNER_SKIP_NOTHING => Skip::Nothing,
+        MEISSNER_SKIP_TOLERANCE => Skip::Tolerance(options.tolerance),
+        found => return Err(Failure::argument("skip", "0 to 2", found)),
+    };
+    let made = FrameOptions::new()
+        .with_skip(skip)
+        .with_sparse(flag(options.sparse, "sparse")?)
+        .with_two_threads(flag(options.two_threads, "two_threads")?);
+    Ok(if options.memory_limit == 0 { made } else { made.with_memory_limit(options.memory_limit.into()) })
+}
+
+/// Makes an engine for a frame network. `options` may be NULL. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_new(
+    network: *const meissner_network,
+    options: *const meissner_frames_options,
+    result: *mut *mut meissner_frames,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (network, options) = unsafe { (shared(network, "network")?, self::options(options, "options")?) };
+        let engine = FrameEngine::with_options(network.of_frames()?.clone(), frame_options(options)?)?;
+        // SAFETY: as above.
+        unsafe { give(meissner_frames(Guarded::new(engine)), result, "result") }
+    })
+}
+
+/// Pushes one or more whole frames, one after the other: `length` values in the order (frame, channel, row, column). All of them are
+/// finite, or no frame is taken.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_push(
+    frames: *const meissner_frames,
+    values: *const f32,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (frames, values) = unsafe { (shared(frames, "frames")?, array(values, length, "values")?) };
+        frames.0.with(|engine| Ok(engine.push_slice(values)?))
+    })
+}
+
+/// Predicts after the last frame: writes the network's outputs in the order (channel, row, column) to `values`, which has room for
+/// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of
+/// outputs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_predict(
+    frames: *const meissner_frames,
+    values: *mut f32,
+    length: usize,
+    prediction: *mut meissner_prediction,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let frames = unsafe { shared(frames, "frames") }?;
+        frames.0.with(|engine| {
+            fits(engine.network().output().values(), length, "values")?;
+            // SAFETY: as above.
+            unsafe { reportable(prediction, "prediction") }?;
+            let found = engine.predict()?;
+            let of = meissner_prediction { size: 0, t_us: 0, has_time: 0, nodes: found.frames, rows: 0 };
+            // SAFETY: as above.
+            unsafe {
+                copy(found.values, values, length, "values")?;
+                report(prediction, of, "prediction")
+            }
+        })
+    })
+}
+
+/// Returns to the state before the first frame. Counters stay.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { shared(frames, "frames") }?.0.with(|engine| {
+            engine.reset();
+            Ok(())
+        })
+    })
+}
+
+/// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_layer_counters(
+    frames: *const meissner_frames,
+    layers: *mut meissner_layer_counters,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let counts: Vec<_> = unsafe { shared(frames, "frames") }?.0.with(|engine| {
+            let counts = engine.counters().layers.iter();
+            Ok(counts
+                .map(|layer| meissner_layer_counters {
+                    computed: layer.computed,
+                    kept: layer.skipped + layer.absorbed,
+                    unchanged: 0,
+                })
+                .collect())
+        })?;
+        // SAFETY: as above.
+        unsafe { copy(&counts, layers, length, "layers") }
+    })
+}
+
+/// Writes the state as bytes, as `meissner_engine_snapshot`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_snapshot(
+    frames: *const meissner_frames,
+    bytes: *mut u8,
+    capacity: usize,
+    length: *mut usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let found = unsafe { shared(frames, "frames") }?.0.with(|engine| Ok(engine.to_bytes()))?;
+        // SAFETY: as above.
+        unsafe {
+            write(length, found.len(), "length")?;
+            copy(&found, bytes, capacity, "bytes")
+        }
+    })
+}
+
+/// Returns to the state of a snapshot of an engine with the same network and options. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_restore(
+    frames: *const meissner_frames,
+    bytes: *const u8,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (frames, bytes) = unsafe { (shared(frames, "frames")?, array(bytes, length, "bytes")?) };
+        frames.0.with(|engine| Ok(engine.restore_bytes(bytes)?))
+    })
+}
+
+/// Ends a frame engine.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_frames_release(frames: *mut meissner_frames) {
+    // SAFETY: it is one that a function above made, and that is not used again.
+    unsafe { release(frames) };
+}

@@ -1,0 +1,314 @@
+//! Live engines: a bounded queue, a thread that owns the engine, and predictions by a deadline.
+
+use std::time::Duration;
+
+use meissner::live::{Input, Live, Overload, QueueCounters, QueueOptions};
+use meissner::{Engine, Event};
+
+use crate::arguments::{Versioned, array, copy, fits, give, options, report, reportable, shared, write};
+use crate::engine::{from_arrays, meissner_engine, meissner_event};
+use crate::guarded::Guarded;
+use crate::network::{number, release};
+use crate::status::{Failure, call, meissner_status};
+
+/// The sensor's side of a live engine. One thread at a time.
+pub struct meissner_input(Guarded<Input>);
+
+/// The controller's side of a live engine. One thread at a time.
+pub struct meissner_live(Guarded<Sides>);
+
+struct Sides {
+    live: Live<Engine>,
+    outputs: usize,
+}
+
+/// When the queue is full, the oldest waiting event makes room.
+pub const MEISSNER_OVERLOAD_DROP_OLDEST: u32 = 0;
+/// When the queue is full, the thread that pushes waits: nothing is dropped.
+pub const MEISSNER_OVERLOAD_BLOCK: u32 = 1;
+/// When the queue is full, new events are dropped.
+pub const MEISSNER_OVERLOAD_DROP_NEWEST: u32 = 2;
+/// From when the queue is half full until it is a quarter full, one event of `stride` enters.
+pub const MEISSNER_OVERLOAD_THIN: u32 = 3;
+
+/// Options of a live engine. 0 is the default of each.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_live_options {
+    /// `sizeof(meissner_live_options)`.
+    pub size: usize,
+    /// Most waiting events, of 16 bytes each; 0 for 65,536.
+    pub capacity: u64,
+    /// Most events that the engine takes before it looks whether a prediction is due; 0 for 64.
+    pub batch: u64,
+    /// MEISSNER_OVERLOAD_DROP_OLDEST or another.
+    pub overload: u32,
+    /// With MEISSNER_OVERLOAD_THIN, at least 1.
+    pub stride: u32,
+}
+
+// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+unsafe impl Versioned for meissner_live_options {}
+
+/// What a live prediction is of, and how old it is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_timely {
+    /// `sizeof(meissner_timely)`, set by the caller.
+    pub size: usize,
+    /// Time of the newest event that it covers; 0 before the first.
+    pub t_us: i64,
+    /// Events in the window.
+    pub nodes: u64,
+    /// Events that had been pushed at the time of the call and are not covered.
+    pub behind_events: u64,
+    /// Stream time in microseconds from the last covered event to the last one that had been pushed.
+    pub behind_us: u64,
+    /// Nanoseconds since its computation began.
+    pub age_ns: u64,
+    /// Nanoseconds since the call.
+    pub waited_ns: u64,
+    /// 1 if an event has set `t_us`.
+    pub has_time: u32,
+    /// 1 if it covers every event that had been pushed, except dropped ones.
+    pub fresh: u32,
+    /// 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
+    pub own: u32,
+}
+
+// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+unsafe impl Versioned for meissner_timely {}
+
+/// Counts of pushed events. `offered` is the sum of `delivered`, `waiting` and the dropped ones.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct meissner_queue_counters {
+    /// `sizeof(meissner_queue_counters)`, set by the caller.
+    pub size: usize,
+    /// Events pushed.
+    pub offered: u64,
+    /// Events that the engine took.
+    pub delivered: u64,
+    /// Events that are waiting.
+    pub waiting: u64,
+    /// Dropped to make room for a newer one.
+    pub dropped_oldest: u64,
+    /// Dropped for lack of room.
+    pub dropped_newest: u64,
+    /// Dropped by thinning.
+    pub thinned: u64,
+    /// Most events that have been waiting at a time.
+    pub high_water: u64,
+    /// Nanoseconds for which the thread that pushes has waited for room.
+    pub blocked_ns: u64,
+}
+
+// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+unsafe impl Versioned for meissner_queue_counters {}
+
+fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure> {
+    let overload = match options.overload {
+        MEISSNER_OVERLOAD_DROP_OLDEST => Overload::DropOldest,
+        MEISSNER_OVERLOAD_BLOCK => Overload::Block,
+        MEISSNER_OVERLOAD_DROP_NEWEST => Overload::DropNewest,
+        MEISSNER_OVERLOAD_THIN => Overload::Thin { stride: options.stride },
+        found => return Err(Failure::argument("overload", "0 to 3", found)),
+    };
+    let mut made = QueueOptions::new().with_overload(overload);
+    if options.capacity != 0 {
+        made = made.with_capacity(number(options.capacity));
+    }
+    Ok(if options.batch == 0 { made } else { made.with_batch(number(options.batch)) })
+}
+
+/// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has the events, `live` for the one that
+/// needs predictions. It starts in the present state of `engine`, which stays the caller's. `options` may be NULL. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_new(
+    engine: *const meissner_engine,
+    options: *const meissner_live_options,
+    input: *mut *mut meissner_input,
+    live: *mut *mut meissner_live,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (engine, options) = unsafe { (shared(engine, "engine")?, self::options(options, "options")?) };
+        let engine = engine.with(|engine| Ok(engine.clone()))?;
+        let outputs = engine.network().outputs();
+        let (theirs, sides) = Live::spawn(engine, queue_options(options)?)?;
+        let sides = Guarded::new(Sides { live: sides, outputs });
+        // SAFETY: as above. What is refused is refused before there is a handle.
+        unsafe {
+            write(live, std::ptr::null_mut(), "live")?;
+            give(meissner_input(Guarded::new(theirs)), input, "input")?;
+            give(meissner_live(sides), live, "live")
+        }
+    })
+}
+
+/// Pushes `length` events in order: each enters the queue, or is dropped and counted. Waits only with MEISSNER_OVERLOAD_BLOCK.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_input_push_events(
+    input: *const meissner_input,
+    events: *const meissner_event,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (input, events) = unsafe { (shared(input, "input")?, array(events, length, "events")?) };
+        input.0.with(|input| push_all(input, events.iter().map(|&event| event.into())))
+    })
+}
+
+/// As `meissner_input_push_events`, from arrays as those of `meissner_engine_push_arrays`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_input_push_arrays(
+    input: *const meissner_input,
+    t_us: *const i64,
+    x: *const u16,
+    y: *const u16,
+    polarity: *const i8,
+    length: usize,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let (input, events) =
+            unsafe { (shared(input, "input")?, from_arrays(t_us, x, y, polarity, length)?) };
+        input.0.with(|input| push_all(input, events))
+    })
+}
+
+/// Pushes events by way of a small array, as the queue takes slices.
+fn push_all(input: &mut Input, mut events: impl Iterator<Item = Event>) -> Result<(), Failure> {
+    let mut chunk = [Event::new(0, 0, 0, false); 256];
+    loop {
+        let mut length = 0;
+        for (place, event) in chunk.iter_mut().zip(events.by_ref()) {
+            *place = event;
+            length += 1;
+        }
+        if length == 0 {
+            return Ok(());
+        }
+        input.push_slice(&chunk[..length])?;
+    }
+}
+
+/// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it would be late.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_input_advance(input: *const meissner_input, t_us: i64) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { shared(input, "input") }?.0.with(|input| {
+            input.advance(t_us);
+            Ok(())
+        })
+    })
+}
+
+/// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the newest finished one, with its age;
+/// UINT64_MAX waits for all events. Writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
+/// to `timely`, which may be NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_predict(
+    live: *const meissner_live,
+    deadline_ns: u64,
+    values: *mut f32,
+    length: usize,
+    timely: *mut meissner_timely,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let live = unsafe { shared(live, "live") }?;
+        let deadline =
+            if deadline_ns == u64::MAX { Duration::MAX } else { Duration::from_nanos(deadline_ns) };
+        live.0.with(|Sides { live, outputs }| {
+            fits(*outputs, length, "values")?;
+            // SAFETY: as above.
+            unsafe { reportable(timely, "timely") }?;
+            let found = live.predict(deadline)?;
+            let of = meissner_timely {
+                size: 0,
+                t_us: found.t_us.unwrap_or(0),
+                nodes: found.nodes as u64,
+                behind_events: found.behind_events,
+                behind_us: found.behind_us,
+                age_ns: nanoseconds(found.age),
+                waited_ns: nanoseconds(found.waited),
+                has_time: found.t_us.is_some().into(),
+                fresh: found.fresh.into(),
+                own: found.own.into(),
+            };
+            // SAFETY: as above.
+            unsafe {
+                copy(found.values, values, length, "values")?;
+                report(timely, of, "timely")
+            }
+        })
+    })
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Counts of pushed events.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_counters(
+    live: *const meissner_live,
+    counters: *mut meissner_queue_counters,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let found: QueueCounters =
+            unsafe { shared(live, "live") }?.0.with(|sides| Ok(sides.live.counters()))?;
+        let counts = meissner_queue_counters {
+            size: 0,
+            offered: found.offered,
+            delivered: found.delivered,
+            waiting: found.waiting,
+            dropped_oldest: found.dropped_oldest,
+            dropped_newest: found.dropped_newest,
+            thinned: found.thinned,
+            high_water: found.high_water,
+            blocked_ns: nanoseconds(found.blocked),
+        };
+        // SAFETY: as above.
+        unsafe { report(counters, counts, "counters") }
+    })
+}
+
+/// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
+/// a deadline of UINT64_MAX first to have them taken. The handle is gone in any case, unless the status is
+/// MEISSNER_INVALID_ARGUMENT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_close(
+    live: *mut meissner_live,
+    engine: *mut *mut meissner_engine,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header. What is refused is refused before the handle is gone.
+        unsafe {
+            shared(live.cast_const(), "live")?;
+            write(engine, std::ptr::null_mut(), "engine")?;
+        }
+        // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
+        let sides = unsafe { Box::from_raw(live) }.0.into_inner();
+        // SAFETY: as above.
+        unsafe { give(meissner_engine::new(sides.live.close()?), engine, "engine") }
+    })
+}
+
+/// Ends a live engine and its thread. Waiting events are discarded.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_release(live: *mut meissner_live) {
+    // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
+    unsafe { release(live) };
+}
+
+/// Ends the sensor's side. The controller's side goes on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_input_release(input: *mut meissner_input) {
+    // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
+    unsafe { release(input) };
+}
