@@ -8,6 +8,7 @@
 //! | `report`, `header`, `text`, `progress` | results as text and as JSON |
 //! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
 //! | `output`, `tell` | standard output and files; messages on standard error |
+//! | `manual` | completions of shells, pages of the manual |
 //! | `error` | errors, hints, and the exit status |
 //!
 //! Results go to standard output, messages and progress to standard error.
@@ -27,6 +28,7 @@ mod info;
 mod input;
 mod inspect;
 mod kind;
+mod manual;
 mod networks;
 mod output;
 mod pareto;
@@ -96,6 +98,10 @@ enum Command {
     Soak(soak::SoakArgs),
     /// Check that a network's incremental results equal full recomputation.
     Verify(verify::VerifyArgs),
+    /// Print the completions of a shell.
+    Completions(manual::CompletionsArgs),
+    /// Write the pages of the manual.
+    Man(manual::ManArgs),
 }
 
 /// The warning of a debug build, whose timings are meaningless.
@@ -153,5 +159,7 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Stress(args) => stress::stress(args),
         Command::Soak(args) => soak::soak(args),
         Command::Verify(args) => verify::verify(args),
+        Command::Completions(args) => manual::completions(args),
+        Command::Man(args) => manual::man(args),
     }
 }

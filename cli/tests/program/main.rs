@@ -25,6 +25,7 @@ mod frames_events;
 mod frames_pictures;
 mod live;
 mod lost;
+mod manual;
 mod output;
 mod pareto;
 mod pareto_digits;
