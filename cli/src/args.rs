@@ -81,8 +81,8 @@ impl ReadArgs {
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy. On standard input, CSV lines (t_us,x,y,p) are read as they
-    /// arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also inside gzip, or alone
+    /// in a zip archive. On standard input, CSV lines (t_us,x,y,p) are read as they arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
     /// its true angles with the predicted ones.
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM

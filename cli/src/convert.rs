@@ -34,7 +34,7 @@ pub(crate) struct ConvertArgs {
     sensor: Option<Sensor>,
     /// Format to write [default: from the extension of OUT].
     ///
-    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
+    /// The extensions are .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
     #[arg(long, value_name = "FORMAT", value_parser = choice(FORMATS), help_heading = OUTPUT)]
     to: Option<Format>,
 }
@@ -45,6 +45,7 @@ const FORMATS: &[(&str, &str, Format)] = &[
     ("npy", "NumPy structured array", Format::Npy),
     ("dat", "Prophesee DAT, version 2", Format::Dat),
     ("evt3", "Prophesee EVT 3.0", Format::Evt3),
+    ("es", "Event Stream 2, with a sensor", Format::Es),
 ];
 
 /// Reads and writes the recording, and reports the parts that the new format does not have.

@@ -12,7 +12,7 @@ use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
 use crate::recording::{Capacity, Recording};
 use crate::text::text_start;
-use crate::{aedat4, dat, evt2, evt3, nmnist, npy};
+use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
 
 /// How to read a recording; by default everything is found from its content.
 ///
@@ -34,7 +34,7 @@ pub struct ReadOptions {
     pub text: TextOptions,
     /// Whether a file that was cut short is read up to the cut.
     ///
-    /// The complete words of EVT2 and EVT3, events of DAT, N-MNIST and npy, packets of AEDAT4, and lines of CSV are kept;
+    /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of AEDAT3 and AEDAT4, and lines of CSV are kept;
     /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
     /// always: a damaged file is not salvaged.
     pub salvage: bool,
@@ -125,9 +125,12 @@ pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Reco
     };
     match found {
         Format::Aedat4 => aedat4::decode(bytes, salvage),
+        Format::Aedat3 => aedat3::decode(bytes, salvage),
+        Format::Aedat2 => aedat2::decode(bytes, salvage),
         Format::Evt2 => evt2::decode(bytes, salvage),
         Format::Evt3 => evt3::decode(bytes, salvage),
         Format::Dat => dat::decode(bytes, salvage),
+        Format::Es => es::decode(bytes, salvage),
         Format::Nmnist => nmnist::decode(bytes, salvage),
         Format::Csv => csv::decode(bytes, text, salvage),
         Format::Npy => npy::decode(bytes, salvage),
@@ -151,7 +154,7 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 ///
 /// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds
 /// times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless readers would take them for a
-/// wrap of the clock. `out` is written in small pieces: give it a buffer.
+/// wrap of the clock. ES needs a sensor and holds times from 0 to 2^36 - 1 in order. `out` is written in small pieces: give it a buffer.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or that lies outside
@@ -179,8 +182,13 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
         Format::Csv | Format::Npy => Capacity::UNLIMITED,
         Format::Dat => dat::CAPACITY,
         Format::Evt3 => evt3::CAPACITY,
-        Format::Aedat4 | Format::Evt2 | Format::Nmnist => {
-            let expected = "CSV, npy, DAT or EVT3 to be written";
+        Format::Es if sensor.is_none() => {
+            let expected = "a sensor, which a file of ES must name";
+            return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
+        }
+        Format::Es => es::CAPACITY,
+        Format::Aedat4 | Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Nmnist => {
+            let expected = "CSV, npy, DAT, EVT3 or ES to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }
     };
@@ -189,12 +197,13 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
 
 /// Writes events that [`check`] accepted.
 fn put(format: Format, sensor: Option<Sensor>, events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    match format {
-        Format::Csv => csv::encode(sensor, events, out),
-        Format::Npy => npy::encode(events, out),
-        Format::Dat => dat::encode(sensor, events, out),
-        Format::Evt3 => evt3::encode(sensor, events, out),
-        Format::Aedat4 | Format::Evt2 | Format::Nmnist => unreachable!("refused by check"),
+    match (format, sensor) {
+        (Format::Csv, _) => csv::encode(sensor, events, out),
+        (Format::Npy, _) => npy::encode(events, out),
+        (Format::Dat, _) => dat::encode(sensor, events, out),
+        (Format::Evt3, _) => evt3::encode(sensor, events, out),
+        (Format::Es, Some(sensor)) => es::encode(sensor, events, out),
+        _ => unreachable!("refused by check"),
     }
 }
 

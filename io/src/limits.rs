@@ -18,10 +18,13 @@ pub const PACKET_BYTES: u64 = 64 << 20;
 /// count: they are not decompressed. The sparse arrays of `NeuTouch` expand 50 times.
 pub const EXPANSION: u64 = 64;
 
-/// Longest header of AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
+/// Longest header of AEDAT3 and AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
 ///
 /// The XML parser compares each attribute of an element with all attributes before it: 1 MiB would take a minute.
 pub const HEADER_BYTES: u64 = 1 << 16;
+
+/// Longest header of AEDAT 2, in bytes: 16 MiB. The settings of a chip as XML take about 100 KiB.
+pub const JAER_HEADER_BYTES: u64 = 16 << 20;
 
 /// Longest header of `.npy`, in bytes (64 KiB, as in version 1 of the format).
 pub const NPY_HEADER_BYTES: u64 = 1 << 16;

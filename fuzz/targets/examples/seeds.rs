@@ -80,6 +80,14 @@ fn recordings() -> io::Result<()> {
         &codecs::evt3("% format EVT3\n% end\n", &[0x8fff, 0x6fff, 0x0001, 0x2001, 0x8000, 0x6000, 0x2802]),
     )?;
     put("dat", "no-sensor", &codecs::encoded(Format::Dat, None, events))?;
+    let records = codecs::aedat::dvs128_records(events);
+    put("aedat2", "no-chip", &codecs::aedat::aedat2(&["created by hand"], &records))?;
+    let words = [0, 1 << 31, 1 << 31 | 3 << 10, 1 << 10].map(|word| [word, u32::MAX]);
+    put("aedat2", "frames-imu", &codecs::aedat::aedat2(&codecs::aedat::DAVIS346, &words))?;
+    let packets = [(0, 8, 3), (1, 8, 1), (3, 36, 1)]
+        .map(|(kind, size, number)| codecs::aedat::aedat3_packet(kind, 0, size, 1, &vec![5; (size * number) as usize]));
+    put("aedat3", "types", &[codecs::aedat::aedat3_header(0, "DVS128"), packets.concat()].concat())?;
+    put("es", "resets", b"Event Stream\x02\0\0\x01\x04\0\x03\0\xfe\xfe\xff\x03\x01\0\x02\0\xff")?;
     put("nmnist", "one", &[1, 2, 0x80, 0, 9])?;
     let texts = [
         ("plain", "10,3,4,1\n12,3,5,0\n"),

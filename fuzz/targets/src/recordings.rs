@@ -135,7 +135,7 @@ fn keeps_its_promises(bytes: &[u8], recording: &Recording) {
 
 /// Writes `events` in every format that can hold them and reads them again; how many formats did.
 fn rewritten(sensor: Option<Sensor>, events: &[Event]) -> usize {
-    let held = [Format::Csv, Format::Npy, Format::Dat, Format::Evt3].into_iter().filter(|&format| {
+    let held = Format::ALL.into_iter().filter(|format| format.is_writable()).filter(|&format| {
         let mut bytes = Vec::new();
         if let Err(error) = encode(format, sensor, events, &mut bytes) {
             refused(&error);
