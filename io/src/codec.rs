@@ -1,6 +1,6 @@
 //! Reading and writing of recordings in any format: from and to files and bytes.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -10,6 +10,7 @@ use crate::csv::{self, TextOptions};
 use crate::detect::format_of;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
+use crate::packed;
 use crate::recording::{Capacity, Recording};
 use crate::text::text_start;
 use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
@@ -80,16 +81,27 @@ pub fn read(path: &Path) -> Result<Recording, IoError> {
 
 /// Reads the recording in the file at `path` with these options, which may be a [`Format`].
 ///
-/// The file is held in memory while it is decoded; [`crate::limits`] bounds the rest.
+/// The content of the file, unpacked from gzip or zip, is held in memory while it is decoded; [`crate::limits`] bounds the
+/// rest.
 ///
 /// # Errors
 /// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of
 /// [`decode_with`].
 pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
+    let options = options.into();
     if path.is_dir() {
         return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
     }
-    decode_with(&fs::read(path).map_err(IoError::file("read", path))?, options)
+    decode_content(packed::content_of_file(path, options.salvage)?, options)
+}
+
+/// The content of the file at `path`, unpacked if it is a gzip file, or a zip archive with one recording.
+///
+/// # Errors
+/// [`IoError::File`] where the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`], [`IoError::TooLarge`] or
+/// [`IoError::Unsupported`] where it cannot be unpacked.
+pub fn read_content(path: &Path) -> Result<Vec<u8>, IoError> {
+    Ok(packed::content_of_file(path, false)?.0.into_owned())
 }
 
 /// Decodes `bytes`, the whole content of a file in any format.
@@ -102,18 +114,33 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 
 /// Decodes `bytes`, the whole content of a file, with these options, which may be a [`Format`].
 ///
+/// A gzip file is unpacked first, and so is a zip archive that holds one recording, possibly among files of other kinds. The
+/// format, and the places of errors and salvage, are those of the content.
+///
 /// # Errors
 /// - Without a format: [`IoError::OtherKind`] where the content is known and not a recording that can be read,
 ///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
 /// - [`IoError::Truncated`] where the content is cut short; with [`ReadOptions::salvage`] only where its header is.
 /// - [`IoError::Malformed`] where it contradicts the format, [`IoError::OutsideSensor`] where an event lies outside the
 ///   sensor that the file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
-///   [`IoError::Unsupported`] where the content has a related format, [`IoError::Undecided`] where a text can be read in
-///   several ways.
+///   [`IoError::Unsupported`] where the content has a related format or a zip archive not one recording,
+///   [`IoError::Undecided`] where a text can be read in several ways.
 ///
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
-    let ReadOptions { format, text, salvage } = options.into();
+    let options = options.into();
+    decode_content(packed::content(bytes, options.salvage)?, options)
+}
+
+/// Decodes a content that may have been unpacked and salvaged.
+fn decode_content((content, salvaged): packed::Content<'_>, options: ReadOptions) -> Result<Recording, IoError> {
+    let recording = decode_bytes(&content, options)?;
+    Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
+}
+
+/// Decodes the content of a file that is not packed.
+fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
+    let ReadOptions { format, text, salvage } = options;
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,

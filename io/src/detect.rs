@@ -26,12 +26,13 @@ const MARKS: [(&[u8], Format); 5] = [
 ];
 
 /// Most bytes of a file that [`Kind::of_file`] reads: whole events of N-MNIST.
-const START: u64 = 5 << 14;
+pub(crate) const START: u64 = 5 << 14;
 
 impl Kind {
     /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB. `None`: unknown.
     ///
-    /// A text that is neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
+    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look into them. A text that is
+    /// neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
     /// N-MNIST O(n).
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let marked = MARKS.iter().find(|(mark, _)| bytes.starts_with(mark));
@@ -80,7 +81,8 @@ impl Kind {
 
 /// The format of `bytes`, the whole content of a file; `None` where it has none of the formats.
 ///
-/// Only the marks of the formats are examined: a file with a known format can still be corrupt. O(n) for N-MNIST, O(1) for
+/// Only the marks of the formats are examined: a file with a known format can still be corrupt. What is packed has no format
+/// before it is unpacked. O(n) for N-MNIST, O(1) for
 /// the others. Empty content has no format.
 pub fn detect(bytes: &[u8]) -> Option<Format> {
     format_of(bytes).ok()

@@ -20,6 +20,8 @@
 //! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
+//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first.
+//!
 //! The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
 //! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
 //!
@@ -59,12 +61,13 @@ mod images;
 pub mod limits;
 mod nmnist;
 mod npy;
+mod packed;
 mod prophesee;
 mod recording;
 mod text;
 mod zip;
 
-pub use codec::{ReadOptions, decode, decode_with, encode, read, read_with, write};
+pub use codec::{ReadOptions, decode, decode_with, encode, read, read_content, read_with, write};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};

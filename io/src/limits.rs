@@ -5,14 +5,14 @@
 //! compressed: the bounds below limit one packet, the whole file and a decompressor's window. No other buffer is sized
 //! by a length field unless the file has as many bytes.
 
-/// Longest packet of AEDAT4, and longest entry of a zip archive, after decompression, in bytes: 64 MiB, which is 4 million
-/// events of AEDAT4.
+/// Longest packet of AEDAT4, and longest of many entries of a zip archive, after decompression, in bytes: 64 MiB, which is 4
+/// million events of AEDAT4.
 ///
 /// A decompressor's window has the same bound, and a growing buffer may take twice its content: one hostile packet takes
 /// about 200 MiB at most.
 pub const PACKET_BYTES: u64 = 64 << 20;
 
-/// Bytes that an AEDAT4 file or a zip archive may decompress to per byte of the file, in addition to [`PACKET_BYTES`].
+/// Bytes that an AEDAT4 file, a gzip file or a zip archive may decompress to per byte of the file, in addition to [`PACKET_BYTES`].
 ///
 /// An event of AEDAT4 takes 16 bytes after decompression, so events may be compressed to a quarter of a byte. Frames do not
 /// count: they are not decompressed. The sparse arrays of `NeuTouch` expand 50 times.

@@ -1,6 +1,5 @@
 //! Sources of events: a file, lines on standard input as they arrive, or the embedded recording.
 
-use std::fs;
 use std::io::BufRead;
 use std::path::Path;
 
@@ -290,7 +289,8 @@ fn passing_over(
     options: &ReadOptions,
     refusals: &mut Refusals,
 ) -> Result<Recording, PipelineError> {
-    let bytes = fs::read(path).map_err(|source| PipelineError::file("read", path, source))?;
+    let bytes =
+        meissner_io::read_content(path).map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let lines = CsvEvents::of_text(&bytes, options.text);
     let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let mut events = Vec::new();

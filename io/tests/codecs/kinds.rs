@@ -52,7 +52,6 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it() {
     for (start, name, instead) in FOREIGN {
         let bytes = [start, &[0x80; 100]].concat();
         let messages = [
-            decode(&bytes).unwrap_err().to_string(),
             CsvEvents::new(&bytes[..]).next().unwrap().unwrap_err().to_string(),
             CsvEvents::new(BufReader::with_capacity(3, &bytes[..])).next().unwrap().unwrap_err().to_string(),
             Electrodes::new(&bytes[..], ElectrodeSettings::default())
@@ -61,7 +60,9 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it() {
                 .unwrap_err()
                 .to_string(),
         ];
-        for message in messages {
+        // What is packed is looked into.
+        let whole = (!["gzip", "zip"].contains(&name)).then(|| decode(&bytes).unwrap_err().to_string());
+        for message in messages.into_iter().chain(whole) {
             assert!(message.contains(name) && message.contains(instead), "{name}: {message}");
         }
     }

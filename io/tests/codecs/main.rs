@@ -20,6 +20,7 @@ mod kinds;
 mod neutouch;
 mod nmnist;
 mod npy;
+mod packed;
 mod recordings;
 mod salvage;
 #[path = "../../../tests/shared_files.rs"]
