@@ -23,9 +23,10 @@ use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::format::Format;
 use crate::prophesee::WrappingClock;
-use crate::recording::{Recording, Salvage, StreamKind, StreamSummary};
-pub(crate) use header::{MAGIC, sensor_of};
-use header::{Chip, Header};
+use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::Records;
+use header::Chip;
+pub(crate) use header::{Header, MAGIC, sensor_of};
 
 /// Bytes of a record.
 const STRIDE: usize = 8;
@@ -34,20 +35,57 @@ const TIME_RANGE: i64 = 1 << 32;
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
-    let format = Format::Aedat2;
-    let file = Bytes::file(format.name(), bytes);
-    let header = Header::parse(file)?;
-    let (records, salvaged) = file.records("the last event", header.end, salvage)?;
-    let mut decoder = Decoder::new(file, header.chip);
-    for (record, at) in records.iter().zip((header.end..).step_by(STRIDE)) {
-        decoder.push(*record, at)?;
+    let file = Bytes::file(Format::Aedat2.name(), bytes);
+    let header = Header::open(file)?;
+    header.events(file.after(header.end), WrappingClock::new(TIME_RANGE), salvage)
+}
+
+impl Header {
+    /// The events of `records`.
+    fn events(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError> {
+        let (all, salvaged) = records.records("the last event", 0, salvage)?;
+        let mut decoder = Decoder::new(records, self.chip, clock);
+        for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
+            decoder.push(*record, at)?;
+        }
+        // Without a record, nothing says that an unnamed chip is a DVS128.
+        let sensor = match self.chip {
+            None if self.is_empty => None,
+            chip => Some(chip.unwrap_or(Chip::DVS128).sensor),
+        };
+        let Decoder { events, external, frames, imu, .. } = decoder;
+        let other_streams = StreamSummary::present([external, frames, imu]);
+        Ok(Recording { format: Format::Aedat2, sensor, events, other_streams, salvaged })
     }
-    Ok(decoder.finish(salvaged))
+}
+
+impl Records for Header {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
+
+    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+        Self::parse(file)
+    }
+
+    fn start(&self) -> usize {
+        self.end
+    }
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        Some(u32::from_be_bytes(array(&record[4..])).into())
+    }
+
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
+        self.events(records, clock, false)
+    }
 }
 
 /// The state of a reader.
 struct Decoder<'a> {
-    file: Bytes<'a>,
+    records: Bytes<'a>,
     chip: Option<Chip>,
     clock: WrappingClock,
     events: Vec<Event>,
@@ -66,19 +104,19 @@ enum Word {
 }
 
 impl<'a> Decoder<'a> {
-    fn new(file: Bytes<'a>, chip: Option<Chip>) -> Self {
+    fn new(records: Bytes<'a>, chip: Option<Chip>, clock: WrappingClock) -> Self {
         Self {
-            file,
+            records,
             chip,
-            clock: WrappingClock::new(TIME_RANGE),
-            events: Vec::with_capacity(file.len() / STRIDE),
+            clock,
+            events: Vec::with_capacity(records.len() / STRIDE),
             external: StreamSummary::new("external events", StreamKind::Triggers),
             frames: StreamSummary::new("values of frames", StreamKind::Other),
             imu: StreamSummary::new("values of the IMU", StreamKind::Other),
         }
     }
 
-    /// Takes the record at byte `at`.
+    /// Takes the record at byte `at` of the records.
     #[inline]
     fn push(&mut self, record: [u8; STRIDE], at: usize) -> Result<(), IoError> {
         let (address, time) = (u32::from_be_bytes(array(&record)), u32::from_be_bytes(array(&record[4..])));
@@ -92,7 +130,7 @@ impl<'a> Decoder<'a> {
             Word::Change(x, y, on) if sensor.contains(x, y) => {
                 self.events.push(Event::new(t_us, sensor.width - 1 - x, sensor.height - 1 - y, on));
             }
-            Word::Change(x, y, _) => return Err(self.file.outside(sensor, x.into(), y, at)),
+            Word::Change(x, y, _) => return Err(self.records.outside(sensor, x.into(), y, at)),
             Word::External => self.external.add(1),
             Word::Frame => self.frames.add(1),
             Word::Imu => self.imu.add(1),
@@ -100,7 +138,7 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// The word of a DVS128 at byte `at`.
+    /// The word of a DVS128 at byte `at` of the records.
     #[inline]
     fn dvs128(&self, address: u32, at: usize) -> Result<Word, IoError> {
         match address >> 15 {
@@ -113,17 +151,9 @@ impl<'a> Decoder<'a> {
                     Some(_) => "16 bits for a DVS128",
                     None => "a header that names the AEChip, or the 16 bits of a DVS128",
                 };
-                Err(self.file.malformed("address", at, expected, format!("{address:#010x}")))
+                Err(self.records.malformed("address", at, expected, format!("{address:#010x}")))
             }
         }
-    }
-
-    fn finish(self, salvaged: Option<Salvage>) -> Recording {
-        // Without a single event, nothing says that an unnamed chip is a DVS128.
-        let is_known = self.chip.is_some() || !self.events.is_empty();
-        let sensor = is_known.then(|| self.chip.map_or(Chip::DVS128.sensor, |chip| chip.sensor));
-        let other_streams = StreamSummary::present([self.external, self.frames, self.imu]);
-        Recording { format: Format::Aedat2, sensor, events: self.events, other_streams, salvaged }
     }
 }
 

@@ -25,9 +25,10 @@ use meissner_engine::{Event, Sensor};
 use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::format::Format;
-use crate::recording::{Recording, Salvage, StreamKind, StreamSummary};
-pub(crate) use header::MAGIC;
+use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::{PacketHeader, Packets};
 use header::Header;
+pub(crate) use header::MAGIC;
 
 /// Bytes of a packet's header.
 const PACKET_HEADER: usize = 28;
@@ -39,76 +40,136 @@ const STRIDE: usize = 8;
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Aedat3.name(), bytes);
-    let header = Header::parse(file)?;
-    let mut decoder = Decoder { header, main: None, sensor: None, events: Vec::new(), others: BTreeMap::new() };
-    let mut at = decoder.header.end;
-    while at < file.len() {
-        let packet = match Packet::at(file, at) {
-            Err(IoError::Truncated { .. }) if salvage => {
-                return Ok(decoder.finish(Some(file.salvage("the last packet", at))));
-            }
-            packet => packet?,
-        };
-        decoder.push(file, at, &packet)?;
-        at += PACKET_HEADER + packet.content.len();
-    }
-    Ok(decoder.finish(None))
+    let container = Container::open(file, file.len() as u64)?;
+    container.events(file.after(container.header.end), salvage)
 }
 
-/// A complete packet.
-struct Packet<'a> {
+/// What is known of a file before its packets are read.
+pub(crate) struct Container {
+    header: Header,
+    /// The source whose events are read: that of the file's first packet of changes of brightness, once it is found.
+    main: Option<i16>,
+}
+
+impl Container {
+    /// The events of `packets`.
+    fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
+        let (mut decoder, mut at, mut salvaged) = (Decoder::new(packets, self), 0, None);
+        while at < packets.len() {
+            let packet = match Head::at(packets, at).and_then(|head| Ok((head.content(packets, at)?, head))) {
+                Err(IoError::Truncated { .. }) if salvage => {
+                    salvaged = Some(packets.salvage("the last packet", at));
+                    break;
+                }
+                packet => packet?,
+            };
+            decoder.push(at, &packet.1, packet.0)?;
+            at += PACKET_HEADER + packet.0.len();
+        }
+        let Decoder { sensor, events, others, .. } = decoder;
+        let other_streams = StreamSummary::present(others.into_values());
+        Ok(Recording { format: Format::Aedat3, sensor, events, other_streams, salvaged })
+    }
+}
+
+impl Packets for Container {
+    const HEADER: usize = PACKET_HEADER;
+
+    fn open(file: Bytes<'_>, _: u64) -> Result<Self, IoError> {
+        Ok(Self { header: Header::parse(file)?, main: None })
+    }
+
+    fn start(&self) -> usize {
+        self.header.end
+    }
+
+    fn end(&self, length: u64) -> Option<u64> {
+        Some(length)
+    }
+
+    fn header(&mut self, header: &[u8]) -> Option<PacketHeader> {
+        let head = Head::at(Bytes::file(Format::Aedat3.name(), header), 0).ok()?;
+        let is_main = head.kind == POLARITY && *self.main.get_or_insert(head.source) == head.source;
+        Some(PacketHeader { length: head.length, is_main })
+    }
+
+    fn first_us(&mut self, packet: Bytes<'_>) -> Result<Option<i64>, IoError> {
+        let head = Head::at(packet, 0)?;
+        let events = head.content(packet, 0)?.as_chunks::<STRIDE>().0;
+        let valid = events.iter().find(|event| event[0] & 1 == 1);
+        Ok(valid.map(|event| head.base_us + i64::from(i32::from_le_bytes(array(&event[4..])))))
+    }
+
+    fn decode(&self, packets: Bytes<'_>) -> Result<Recording, IoError> {
+        self.events(packets, false)
+    }
+}
+
+/// The header of a packet.
+struct Head {
     kind: i16,
     source: i16,
-    /// The time of the packet's first clock period, in microseconds.
+    /// The time at which the clock's period began, in microseconds.
     base_us: i64,
+    /// Number of events.
     number: u64,
-    content: &'a [u8],
+    /// Bytes of all events.
+    length: u64,
 }
 
-impl<'a> Packet<'a> {
-    /// The packet at byte `at` of `file`.
-    fn at(file: Bytes<'a>, at: usize) -> Result<Self, IoError> {
-        let what = "header of a packet";
-        let header: [u8; PACKET_HEADER] = file.array(what, at)?;
+impl Head {
+    /// The header at byte `at` of `packets`.
+    fn at(packets: Bytes<'_>, at: usize) -> Result<Self, IoError> {
+        let header: [u8; PACKET_HEADER] = packets.array("header of a packet", at)?;
         let short = |place: usize| i16::from_le_bytes(array(&header[place..]));
         let natural = |name, place: usize| {
             let value = i32::from_le_bytes(array(&header[place..]));
-            u32::try_from(value).map_err(|_| file.malformed(name, at + place, "0 and above", value))
+            u32::try_from(value).map_err(|_| packets.malformed(name, at + place, "0 and above", value))
         };
         let (kind, source) = (short(0), short(2));
         if kind < 0 {
             let expected = "0 and above: packets that are not compressed";
-            return Err(file.malformed("type of a packet", at, expected, kind));
+            return Err(packets.malformed("type of a packet", at, expected, kind));
         }
         let (size, time_at) = (natural("size of an event", 4)?, natural("place of the time", 8)?);
         let overflows = natural("overflows of the clock", 12)?;
         let number = natural("number of events", 20)?;
         if kind == POLARITY && (size as usize, time_at) != (STRIDE, 4) {
             let actual = format!("{size} bytes with the time at {time_at}");
-            return Err(file.malformed("layout of an event", at + 4, "8 bytes with the time at 4", actual));
+            let expected = "8 bytes with the time at 4";
+            return Err(packets.malformed("layout of an event", at + 4, expected, actual));
         }
         let length = u64::from(size) * u64::from(number);
-        let content = file.get("packet", at + PACKET_HEADER, length as usize)?;
-        Ok(Self { kind, source, base_us: i64::from(overflows) << 31, number: number.into(), content })
+        Ok(Self { kind, source, base_us: i64::from(overflows) << 31, number: number.into(), length })
+    }
+
+    /// The events of the packet at byte `at` of `packets`.
+    fn content<'a>(&self, packets: Bytes<'a>, at: usize) -> Result<&'a [u8], IoError> {
+        packets.get("packet", at + PACKET_HEADER, self.length as usize)
     }
 }
 
 /// The state of a reader.
-struct Decoder {
-    header: Header,
-    /// The source whose events are read: that of the first packet of changes of brightness.
+struct Decoder<'a> {
+    packets: Bytes<'a>,
+    header: &'a Header,
     main: Option<i16>,
-    /// Its sensor.
+    /// The sensor of the main source.
     sensor: Option<Sensor>,
     events: Vec<Event>,
     /// What was counted, by name.
     others: BTreeMap<&'static str, StreamSummary>,
 }
 
-impl Decoder {
-    /// Takes the packet at byte `at`.
-    fn push(&mut self, file: Bytes<'_>, at: usize, packet: &Packet<'_>) -> Result<(), IoError> {
-        let &Packet { kind, source, base_us, number, content } = packet;
+impl<'a> Decoder<'a> {
+    fn new(packets: Bytes<'a>, Container { header, main }: &'a Container) -> Self {
+        let sensor = main.and_then(|main| header.sensor(main));
+        Self { packets, header, main: *main, sensor, events: Vec::new(), others: BTreeMap::new() }
+    }
+
+    /// Takes the packet at byte `at` of the packets.
+    fn push(&mut self, at: usize, head: &Head, content: &[u8]) -> Result<(), IoError> {
+        let &Head { kind, source, base_us, number, .. } = head;
         if kind == POLARITY && self.main.is_none() {
             self.main = Some(source);
             self.sensor = self.header.sensor(source);
@@ -126,10 +187,10 @@ impl Decoder {
                 continue;
             }
             if time < 0 {
-                return Err(file.malformed("time of an event", at + 4, "0 and above", time));
+                return Err(self.packets.malformed("time of an event", at + 4, "0 and above", time));
             }
             let (x, y) = ((data >> 17) as u16, (data >> 2 & 0x7fff) as u16);
-            file.check_pixel(self.sensor, x, y, at)?;
+            self.packets.check_pixel(self.sensor, x, y, at)?;
             self.events.push(Event::new(base_us + i64::from(time), x, y, data & 2 != 0));
         }
         let invalid = number - (self.events.len() - before) as u64;
@@ -142,11 +203,6 @@ impl Decoder {
     /// Counts a packet with so many elements.
     fn count(&mut self, (name, kind): (&'static str, StreamKind), elements: u64) {
         self.others.entry(name).or_insert_with(|| StreamSummary::new(name, kind)).add(elements);
-    }
-
-    fn finish(self, salvaged: Option<Salvage>) -> Recording {
-        let other_streams = StreamSummary::present(self.others.into_values());
-        Recording { format: Format::Aedat3, sensor: self.sensor, events: self.events, other_streams, salvaged }
     }
 }
 

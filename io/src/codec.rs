@@ -1,7 +1,7 @@
 //! Reading and writing of recordings in any format: from and to files and bytes.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
@@ -12,6 +12,7 @@ use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
 use crate::packed;
 use crate::recording::{Capacity, Recording};
+use crate::seek::{self, TimeRange};
 use crate::text::text_start;
 use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
 
@@ -39,6 +40,13 @@ pub struct ReadOptions {
     /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
     /// always: a damaged file is not salvaged.
     pub salvage: bool,
+    /// The range of times whose events are read; `None`: all events.
+    ///
+    /// Where the format permits, the rest of the file is not read: damage there is not found, and
+    /// [`Recording::other_streams`] counts only the part that is read. The events are those of the whole recording in the
+    /// range, provided that no event is more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the
+    /// clock of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the file.
+    pub range: Option<TimeRange>,
 }
 
 impl ReadOptions {
@@ -60,6 +68,13 @@ impl ReadOptions {
     #[must_use]
     pub fn salvage(mut self, salvage: bool) -> Self {
         self.salvage = salvage;
+        self
+    }
+
+    /// Sets the range of times whose events are read.
+    #[must_use]
+    pub fn range(mut self, range: impl Into<Option<TimeRange>>) -> Self {
+        self.range = range.into();
         self
     }
 }
@@ -91,6 +106,13 @@ pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recordi
     let options = options.into();
     if path.is_dir() {
         return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
+    }
+    // A pipe can be read only once.
+    if let Some(range) = options.range.filter(|_| path.is_file()) {
+        let file = File::open(path).map_err(IoError::file("read", path))?;
+        if let Some(part) = seek::read(file, options, range)? {
+            return Ok(part);
+        }
     }
     decode_content(packed::content_of_file(path, options.salvage)?, options)
 }
@@ -129,18 +151,29 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
+    if let Some(range) = options.range
+        && let Some(part) = seek::read(Cursor::new(bytes), options, range)?
+    {
+        return Ok(part);
+    }
     decode_content(packed::content(bytes, options.salvage)?, options)
 }
 
 /// Decodes a content that may have been unpacked and salvaged.
-fn decode_content((content, salvaged): packed::Content<'_>, options: ReadOptions) -> Result<Recording, IoError> {
-    let recording = decode_bytes(&content, options)?;
+fn decode_content(
+    (content, salvaged): packed::Content<'_>,
+    options: ReadOptions,
+) -> Result<Recording, IoError> {
+    let mut recording = decode_bytes(&content, options)?;
+    if let Some(range) = options.range {
+        range.cut_whole(&mut recording);
+    }
     Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
 }
 
 /// Decodes the content of a file that is not packed.
 fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
-    let ReadOptions { format, text, salvage } = options;
+    let ReadOptions { format, text, salvage, .. } = options;
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,

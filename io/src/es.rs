@@ -62,7 +62,8 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     }
     let [kind] = file.array("type of the stream", 15)?;
     if kind != CHANGES {
-        let name = ["generic events", "", "ATIS events", "display events", "colour events"].get(usize::from(kind));
+        let name =
+            ["generic events", "", "ATIS events", "display events", "colour events"].get(usize::from(kind));
         let actual = format!("type {kind} ({})", name.copied().unwrap_or("unknown"));
         return Err(IoError::Unsupported { expected: "Event Stream of DVS events (type 1)", actual });
     }

@@ -64,6 +64,7 @@ mod npy;
 mod packed;
 mod prophesee;
 mod recording;
+mod seek;
 mod text;
 mod zip;
 
@@ -76,3 +77,4 @@ pub use files::replace_file;
 pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
+pub use seek::{DISORDER_US, TimeRange};

@@ -5,7 +5,7 @@
 //! for each packed byte; reading stops one byte later.
 
 use std::borrow::Cow;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
@@ -46,26 +46,23 @@ pub(crate) fn content(bytes: &[u8], salvage: bool) -> Result<Content<'_>, IoErro
 pub(crate) fn content_of_file(path: &Path, salvage: bool) -> Result<Content<'static>, IoError> {
     let fail = |source| IoError::file("read", path)(source);
     let file = File::open(path).map_err(fail)?;
-    let length = file.metadata().map_err(fail)?.len();
+    let about = file.metadata().map_err(fail)?;
     let mut input = BufReader::with_capacity(1 << 16, file);
-    if input.fill_buf().map_err(fail)?.starts_with(GZIP) {
-        let (content, salvaged) = gunzip(input, length, salvage)?;
+    // The length of a pipe is not known beforehand.
+    if about.is_file() && input.fill_buf().map_err(fail)?.starts_with(GZIP) {
+        let (content, salvaged) = gunzip(input, about.len(), salvage)?;
         return Ok((content.into(), salvaged));
     }
-    drop(input);
-    let bytes = fs::read(path).map_err(fail)?;
-    if bytes.starts_with(ZIP) {
-        return Ok((zip::recording(&bytes)?.into(), None));
+    let mut bytes = Vec::with_capacity(about.len() as usize);
+    input.read_to_end(&mut bytes).map_err(fail)?;
+    match content(&bytes, salvage)? {
+        (Cow::Owned(content), salvaged) => Ok((content.into(), salvaged)),
+        (Cow::Borrowed(_), salvaged) => Ok((bytes.into(), salvaged)),
     }
-    Ok((bytes.into(), None))
 }
 
 /// The content of the gzip file `input` of `packed` bytes; with `salvage`, up to a cut.
-fn gunzip(
-    input: impl BufRead,
-    packed: u64,
-    salvage: bool,
-) -> Result<(Vec<u8>, Option<Salvage>), IoError> {
+fn gunzip(input: impl BufRead, packed: u64, salvage: bool) -> Result<(Vec<u8>, Option<Salvage>), IoError> {
     let (format, what, place) = ("gzip", "compressed content", Place::Byte(0));
     let limit = most(packed);
     let mut content = Vec::new();
@@ -80,9 +77,14 @@ fn gunzip(
             let salvaged = Salvage { what, place: Place::Byte(packed), bytes_not_read: 0 };
             Ok((content, Some(salvaged)))
         }
-        Err((ErrorKind::UnexpectedEof, _)) => {
-            Err(IoError::Truncated { format, what, place, expected: packed + 1, actual: packed, at_least: true })
-        }
+        Err((ErrorKind::UnexpectedEof, _)) => Err(IoError::Truncated {
+            format,
+            what,
+            place,
+            expected: packed + 1,
+            actual: packed,
+            at_least: true,
+        }),
         Err((ErrorKind::InvalidData | ErrorKind::InvalidInput, error)) => {
             let expected = "members of deflated data with their CRC-32".to_owned();
             Err(IoError::Malformed { format, what, place, expected, actual: error.to_string() })

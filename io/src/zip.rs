@@ -91,8 +91,8 @@ impl<'a> Archive<'a> {
         let Self { file, archive } = self;
         for record in archive.entries() {
             let at = archive.directory_offset() as usize;
-            let record =
-                record.map_err(|error| file.malformed("archive", at, "a directory of whole records", error))?;
+            let record = record
+                .map_err(|error| file.malformed("archive", at, "a directory of whole records", error))?;
             let path = record.file_path();
             let name = str::from_utf8(path.as_bytes()).map_err(|_| {
                 let at = record.local_header_offset() as usize;

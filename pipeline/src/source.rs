@@ -289,8 +289,7 @@ fn passing_over(
     options: &ReadOptions,
     refusals: &mut Refusals,
 ) -> Result<Recording, PipelineError> {
-    let bytes =
-        meissner_io::read_content(path).map_err(|e| PipelineError::recording(refusals.name(), e))?;
+    let bytes = meissner_io::read_content(path).map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let lines = CsvEvents::of_text(&bytes, options.text);
     let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let mut events = Vec::new();

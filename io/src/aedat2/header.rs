@@ -13,7 +13,7 @@ use crate::limits::JAER_HEADER_BYTES;
 pub(crate) const MAGIC: &[u8] = b"#!AER-DAT2.0";
 
 /// Longest rest of a file that is examined as a line of its header.
-const LINE_BYTES: usize = 4096;
+const LINE_BYTES: usize = 1 << 16;
 
 /// A chip whose addresses are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,11 +48,13 @@ pub(crate) fn sensor_of(chip: &str) -> Option<Sensor> {
 
 /// The content of a header, and where it ends.
 #[derive(Debug)]
-pub(super) struct Header {
+pub(crate) struct Header {
     /// First byte after the header.
     pub(super) end: usize,
     /// The chip; `None`: the header names none.
     pub(super) chip: Option<Chip>,
+    /// Whether no record follows.
+    pub(super) is_empty: bool,
 }
 
 impl Header {
@@ -62,7 +64,7 @@ impl Header {
         if magic != MAGIC {
             return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
         }
-        let mut header = Self { end: 0, chip: None };
+        let mut header = Self { end: 0, chip: None, is_empty: true };
         let mut is_ended = false;
         while let Some(line) = line(&file.data[header.end..]).filter(|_| !is_ended) {
             let start = header.end;
@@ -80,13 +82,14 @@ impl Header {
                     let expected = "DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640";
                     return Err(file.malformed("AEChip", start, expected, shown(class.as_bytes())));
                 };
-                let is_dvs128 = ["dvs128", "tmpdiff128"].iter().any(|chip| {
-                    name.get(..chip.len()).is_some_and(|start| start.eq_ignore_ascii_case(chip))
-                });
+                let is_dvs128 = ["dvs128", "tmpdiff128"]
+                    .iter()
+                    .any(|chip| name.get(..chip.len()).is_some_and(|start| start.eq_ignore_ascii_case(chip)));
                 header.chip = Some(Chip { sensor, is_davis: !is_dvs128 });
             }
         }
         let tail = &file.data[header.end..];
+        header.is_empty = tail.len() < super::STRIDE;
         if header.end == 0 || (!is_ended && is_cut(tail)) {
             let what = "the header's last line, which has no line feed,";
             return Err(file.truncated(what, header.end, tail.len() as u64 + 1, false));

@@ -33,9 +33,12 @@ fn an_address_of_a_dvs128_is_mirrored_and_a_clear_bit_is_a_rise() {
 
 #[test]
 fn every_chip_has_its_pixels() {
-    for (chip, width, height) in
-        [("DAVIS240C", 240, 180), ("Davis640", 640, 480), ("Davis128", 128, 128), ("Davis208PixelParade", 208, 192)]
-    {
+    for (chip, width, height) in [
+        ("DAVIS240C", 240, 180),
+        ("Davis640", 640, 480),
+        ("Davis128", 128, 128),
+        ("Davis208PixelParade", 208, 192),
+    ] {
         let line = format!("AEChip: eu.seebetter.ini.chips.davis.{chip}");
         let recording = decode(&aedat2(&[&line], &[[0, 0]])).unwrap();
         assert_eq!(recording.sensor, Some(Sensor::new(width, height)), "{chip}");
@@ -90,7 +93,11 @@ fn a_header_that_is_cut_in_a_line_is_refused_as_cut() {
 #[test]
 fn addresses_that_no_named_chip_has_are_refused() {
     let error = decode(&aedat2(&["no chip"], &[[0, 0], [1 << 16, 0]])).unwrap_err().to_string();
-    assert!(error.ends_with("expected a header that names the AEChip, or the 16 bits of a DVS128, found 0x00010000"));
+    assert!(
+        error.ends_with(
+            "expected a header that names the AEChip, or the 16 bits of a DVS128, found 0x00010000"
+        )
+    );
     let error = decode(&aedat2(&DAVIS346, &[[346 << 12, 0]])).unwrap_err();
     let start = aedat2(&DAVIS346, &[]).len() as u64;
     assert!(

@@ -53,9 +53,7 @@ fn events_not_marked_as_valid_other_types_and_other_sources_are_counted() {
 fn the_sensor_is_that_of_the_source_of_the_first_events() {
     let header = b"#!AER-DAT3.1\r\n#Format: RAW\r\n#Source 0: DAVIS240C\r\n#Source 7: DVS128\r\n#-Source 7: DAVIS346\r\n#!END-HEADER\r\n";
     let packet = |source| aedat3_packet(1, source, 8, 0, &aedat3_events(&[Event::new(0, 1, 1, true)]));
-    for (source, sensor) in
-        [(0, Some(Sensor::new(240, 180))), (7, Some(Sensor::new(128, 128))), (3, None)]
-    {
+    for (source, sensor) in [(0, Some(Sensor::new(240, 180))), (7, Some(Sensor::new(128, 128))), (3, None)] {
         let recording = decode(&[header.to_vec(), packet(source)].concat()).unwrap();
         assert_eq!((recording.sensor, recording.events.len()), (sensor, 1));
     }

@@ -30,7 +30,10 @@ fn other_versions_and_types_are_refused_by_name() {
     let error = decode(&es([1, 0, 0], 1, &[])).unwrap_err().to_string();
     assert_eq!(error, "unsupported: expected Event Stream of version 2, found version 1.0.0");
     let error = decode(&es([2, 0, 0], 2, &[])).unwrap_err().to_string();
-    assert_eq!(error, "unsupported: expected Event Stream of DVS events (type 1), found type 2 (ATIS events)");
+    assert_eq!(
+        error,
+        "unsupported: expected Event Stream of DVS events (type 1), found type 2 (ATIS events)"
+    );
     let error = decode(&es([2, 0, 0], 9, &[])).unwrap_err().to_string();
     assert!(error.ends_with("type 9 (unknown)"), "{error}");
 }
@@ -38,7 +41,10 @@ fn other_versions_and_types_are_refused_by_name() {
 #[test]
 fn a_cut_event_a_pixel_beside_the_sensor_and_an_empty_sensor_are_refused() {
     let error = decode(&es([2, 0, 0], 1, &[0, 0, 0])).unwrap_err();
-    assert!(matches!(error, IoError::Truncated { what: "the last event", expected: 5, actual: 3, .. }), "{error}");
+    assert!(
+        matches!(error, IoError::Truncated { what: "the last event", expected: 5, actual: 3, .. }),
+        "{error}"
+    );
     let error = decode(&es([2, 0, 0], 1, &[0, 4, 0, 0, 0])).unwrap_err();
     assert!(matches!(error, IoError::OutsideSensor { x: 4, .. }), "{error}");
     let mut empty = es([2, 0, 0], 1, &[]);
@@ -60,7 +66,10 @@ fn a_writer_refuses_a_step_back_a_late_time_and_no_sensor() {
     let error = refuse(Some(SENSOR), &[at(5), at(4)]);
     assert_eq!(error, "ES cannot hold event 1: expected t_us in order, found 4 after 5");
     assert!(refuse(Some(SENSOR), &[at(1 << 36)]).contains("expected t_us 0 to 68719476735"));
-    assert_eq!(refuse(None, &[at(0)]), "unsupported: expected a sensor, which a file of ES must name, found none");
+    assert_eq!(
+        refuse(None, &[at(0)]),
+        "unsupported: expected a sensor, which a file of ES must name, found none"
+    );
 }
 
 proptest! {

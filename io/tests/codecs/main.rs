@@ -21,6 +21,7 @@ mod neutouch;
 mod nmnist;
 mod npy;
 mod packed;
+mod ranges;
 mod recordings;
 mod salvage;
 #[path = "../../../tests/shared_files.rs"]

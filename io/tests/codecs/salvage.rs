@@ -33,7 +33,12 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
         Format::Nmnist => content.len() / 5,
         Format::Dat | Format::Aedat2 => content.len() / 8,
         // Packets of 15, 15 and 10 events.
-        Format::Aedat3 => [148, 296, 404].iter().zip([15, 15, 10]).filter(|(end, _)| content.len() >= **end).map(|p| p.1).sum(),
+        Format::Aedat3 => [148, 296, 404]
+            .iter()
+            .zip([15, 15, 10])
+            .filter(|(end, _)| content.len() >= **end)
+            .map(|p| p.1)
+            .sum(),
         // The sample's first step takes 7 overflows, the others 5.
         Format::Es => (content.len() + 3).saturating_sub(5) / 10,
         Format::Npy => content.len() / 13,

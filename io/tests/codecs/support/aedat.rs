@@ -32,7 +32,8 @@ pub(crate) fn dvs128_records(events: &[Event]) -> Vec<[u32; 2]> {
 /// The header of AEDAT 3.1 with one source.
 pub(crate) fn aedat3_header(source: u16, chip: &str) -> Vec<u8> {
     let start = "#Start-Time: 2017-03-21 14:12:03 (TZ+0100)";
-    format!("#!AER-DAT3.1\r\n#Format: RAW\r\n#Source {source}: {chip}\r\n{start}\r\n#!END-HEADER\r\n").into_bytes()
+    format!("#!AER-DAT3.1\r\n#Format: RAW\r\n#Source {source}: {chip}\r\n{start}\r\n#!END-HEADER\r\n")
+        .into_bytes()
 }
 
 /// A packet of AEDAT 3.1: type, source, bytes of an event, overflows of the clock, and the events.
