@@ -166,7 +166,7 @@ fn decode_content(
 ) -> Result<Recording, IoError> {
     let mut recording = decode_bytes(&content, options)?;
     if let Some(range) = options.range {
-        range.cut_whole(&mut recording);
+        range.cut(&mut recording);
     }
     Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
 }

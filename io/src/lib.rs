@@ -20,7 +20,8 @@
 //! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
-//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first.
+//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With [`ReadOptions::range`] a part
+//! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT and npy the rest of the file is not read.
 //!
 //! The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
 //! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).

@@ -1,6 +1,6 @@
 //! Upper bounds on the memory that a hostile file can make the decoders use.
 //!
-//! A recording is held in memory as its bytes and its events. Every format except AEDAT4 has a fixed largest number of
+//! A recording is held in memory as its bytes, unpacked from gzip or zip, and its events. Every format except AEDAT4 has a fixed largest number of
 //! events per byte (12 events in 2 bytes for EVT3's vectors), so the length of a file bounds its events. AEDAT4 is
 //! compressed: the bounds below limit one packet, the whole file and a decompressor's window. No other buffer is sized
 //! by a length field unless the file has as many bytes.

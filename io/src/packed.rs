@@ -30,6 +30,11 @@ pub(crate) fn most(packed: u64) -> u64 {
     packed.saturating_mul(EXPANSION).saturating_add(PACKET_BYTES)
 }
 
+/// Whether a file that starts with `bytes` is a gzip file or a zip archive.
+pub(crate) fn is_packed(bytes: &[u8]) -> bool {
+    bytes.starts_with(GZIP) || bytes.starts_with(ZIP)
+}
+
 /// The content of `bytes`, a whole file: unpacked if it is a gzip file or a zip archive, otherwise as it is.
 pub(crate) fn content(bytes: &[u8], salvage: bool) -> Result<Content<'_>, IoError> {
     if bytes.starts_with(GZIP) {

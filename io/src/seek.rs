@@ -22,6 +22,7 @@ use crate::bytes::Bytes;
 use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
+use crate::packed::is_packed;
 use crate::recording::Recording;
 use crate::{aedat2, aedat3, aedat4, dat, evt2, npy};
 pub(crate) use packets::{PacketHeader, Packets};
@@ -75,16 +76,15 @@ impl TimeRange {
         origin.saturating_add(self.from_us)..origin.saturating_add(self.to_us)
     }
 
-    /// Leaves out the events outside the range; `first_us` is the time of the first event of the recording.
-    fn cut(self, recording: &mut Recording, first_us: i64) {
-        let times = self.times(first_us);
-        recording.events.retain(|event| times.contains(&event.t_us));
+    /// Whether an event at `t_us` is in the range, for a recording that starts with an event at `first_us`. O(1).
+    pub fn contains(self, t_us: i64, first_us: i64) -> bool {
+        self.times(first_us).contains(&t_us)
     }
 
-    /// Leaves out the events outside the range from a whole recording.
-    pub(crate) fn cut_whole(self, recording: &mut Recording) {
+    /// Leaves out the events outside the range from a whole recording. O(events).
+    pub fn cut(self, recording: &mut Recording) {
         if let Some(first_us) = recording.events.first().map(|event| event.t_us) {
-            self.cut(recording, first_us);
+            recording.events.retain(|event| self.contains(event.t_us, first_us));
         }
     }
 }
@@ -97,9 +97,11 @@ pub(crate) fn read(
 ) -> Result<Option<Recording>, IoError> {
     let mut input = Input::new(input)?;
     let head = input.read(0, input.length.min(HEAD))?;
-    let found = match (options.format, Kind::of(&head)) {
-        (Some(format), _) | (None, Some(Kind::Events(format))) => format,
-        _ => return Ok(None),
+    if is_packed(&head) {
+        return Ok(None);
+    }
+    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
+        return Ok(None);
     };
     input.format = found.name();
     match found {

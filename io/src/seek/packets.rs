@@ -79,6 +79,6 @@ pub(super) fn read<T: Packets>(
     let end = after.map_or(end, place).max(begin);
     let data = input.read(begin, end - begin)?;
     let mut recording = container.decode(Bytes { format, data: &data, origin: Place::Byte(begin) })?;
-    range.cut(&mut recording, first_us);
+    recording.events.retain(|event| range.contains(event.t_us, first_us));
     Ok(Some(recording))
 }

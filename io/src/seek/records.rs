@@ -54,7 +54,7 @@ pub(super) fn read<T: Records>(
     let clock = begin.map_or_else(fresh::<T>, |probe| resumed::<T>(probe));
     let begin = begin.map_or(0, |probe| probe.at);
     let mut recording = part.decode(begin..end.unwrap_or(count).max(begin), clock)?;
-    range.cut(&mut recording, first_us);
+    recording.events.retain(|event| range.contains(event.t_us, first_us));
     Ok(Some(recording))
 }
 

@@ -6,7 +6,9 @@ use std::io::Write;
 use flate2::write::DeflateEncoder;
 use flate2::{Compression, GzBuilder};
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
-use meissner_io::{Format, IoError, Place, ReadOptions, decode, decode_with, detect, read, read_content};
+use meissner_io::{
+    Format, IoError, Place, ReadOptions, TimeRange, decode, decode_with, detect, read, read_content,
+};
 
 use rawzip::{CompressionMethod, ZipArchiveWriter};
 
@@ -45,6 +47,8 @@ fn every_format_is_read_from_gzip_and_zip_as_it_is_without() {
         for packed in [gzip(&bytes), zip([("a/recording", &bytes)])] {
             assert_eq!(decode(&packed).unwrap(), plain, "{format}");
             assert_eq!(decode_with(&packed, format).unwrap(), plain, "{format}");
+            let part = ReadOptions::from(format).range(TimeRange::since_first(0..10_000));
+            assert_eq!(decode_with(&packed, part).unwrap().events, plain.events[..15], "{format}");
             fs::write(&path, &packed).unwrap();
             assert_eq!(read(&path).unwrap(), plain, "{format}");
             assert_eq!(read_content(&path).unwrap(), bytes, "{format}");

@@ -87,7 +87,7 @@ fn stream(count: i64, first_us: i64, step_us: i64, back_us: i64) -> Vec<Event> {
 fn every_format_gives_the_part_of_the_whole() {
     for (format, bytes) in samples() {
         let last = decode(&bytes).unwrap().events.last().unwrap().t_us;
-        for times in [0..last, 1000..1001, 9_000..20_000, last..i64::MAX, last + 1..i64::MAX, 5_000..4_000] {
+        for times in [0..last, 1000..1001, 9_000..20_000, last..i64::MAX, last + 1..i64::MAX, 5_000..5_000] {
             is_cut(format, &bytes, &times);
         }
     }
