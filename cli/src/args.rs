@@ -9,9 +9,10 @@ use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, Sensor};
 use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
 use meissner_pipeline::approximations::Approximations;
+use meissner_pipeline::bench::Part;
 use meissner_pipeline::predictor::Mode;
 pub(crate) use meissner_pipeline::schedule::Every;
-use meissner_pipeline::text::span_us;
+use meissner_pipeline::text::{length_us, span_us};
 
 // Headings of the help. Each option names its heading, because the heading of a group of arguments would also apply to
 // the options that follow the group.
@@ -76,13 +77,35 @@ impl ReadArgs {
     }
 }
 
+/// The part of a recording that is read.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct PartArgs {
+    /// Skip the first TIME of the recording.
+    ///
+    /// TIME counts from the first event. The part outside --from and --for is not read at all if the recording is
+    /// AEDAT, EVT2, DAT or npy. Its damage is then not found, and an event that is more than 1 s earlier than one
+    /// before it may be missed.
+    #[arg(long = "from", value_name = "TIME", value_parser = length_us, help_heading = INPUT)]
+    pub(crate) from_us: Option<i64>,
+    /// Read only TIME of the recording, starting at --from.
+    #[arg(long = "for", value_name = "TIME", value_parser = span_us, help_heading = INPUT)]
+    pub(crate) for_us: Option<i64>,
+}
+
+impl PartArgs {
+    /// The part.
+    pub(crate) fn part(self) -> Part {
+        Part { from_us: self.from_us, for_us: self.for_us }
+    }
+}
+
 /// The input and the network of `run`, `play` and `bench`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy. On standard input, CSV lines (t_us,x,y,p) are read as they
-    /// arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also inside gzip, or alone
+    /// in a zip archive. On standard input, CSV lines (t_us,x,y,p) are read as they arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
     /// its true angles with the predicted ones.
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM
@@ -99,6 +122,8 @@ pub(crate) struct Input {
     /// Read at most N events of the recording.
     #[arg(long, value_name = "N", help_heading = INPUT)]
     pub(crate) limit: Option<u64>,
+    #[command(flatten)]
+    pub(crate) part: PartArgs,
     /// End with an error at the first line of a text that cannot be read.
     ///
     /// Without this option, such lines are skipped and counted ("lines_refused"), and the first five are reported on

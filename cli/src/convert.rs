@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::{INPUT, OUTPUT, ReadArgs, STATUS, choice, sensor};
+use crate::args::{INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sensor};
 use crate::error::CliError;
 use crate::tell::tell;
 use meissner_pipeline::PipelineError;
@@ -29,12 +29,14 @@ pub(crate) struct ConvertArgs {
     force: bool,
     #[command(flatten)]
     read: ReadArgs,
+    #[command(flatten)]
+    part: PartArgs,
     /// Size of the sensor in pixels for the header, in place of the recording's.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     sensor: Option<Sensor>,
     /// Format to write [default: from the extension of OUT].
     ///
-    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3).
+    /// The extensions are .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
     #[arg(long, value_name = "FORMAT", value_parser = choice(FORMATS), help_heading = OUTPUT)]
     to: Option<Format>,
 }
@@ -45,6 +47,7 @@ const FORMATS: &[(&str, &str, Format)] = &[
     ("npy", "NumPy structured array", Format::Npy),
     ("dat", "Prophesee DAT, version 2", Format::Dat),
     ("evt3", "Prophesee EVT 3.0", Format::Evt3),
+    ("es", "Event Stream 2, with a sensor", Format::Es),
 ];
 
 /// Reads and writes the recording, and reports the parts that the new format does not have.
@@ -62,7 +65,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         let path = args.output.display().to_string();
         return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));
     }
-    let recording = args.read.read(&args.input)?;
+    let recording = args.read.read(&args.input, args.part.part())?;
     let sensor = args.sensor.or(recording.sensor);
     let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
     if to_stdout {

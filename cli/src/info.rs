@@ -7,7 +7,7 @@ use meissner_engine::Event;
 use meissner_io::Recording;
 use serde::Serialize;
 
-use crate::args::{OUTPUT, ReadArgs, STATUS};
+use crate::args::{OUTPUT, PartArgs, ReadArgs, STATUS};
 use crate::error::CliError;
 use crate::output;
 use meissner_pipeline::losses::Salvaged;
@@ -23,6 +23,8 @@ pub(crate) struct InfoArgs {
     recording: PathBuf,
     #[command(flatten)]
     read: ReadArgs,
+    #[command(flatten)]
+    part: PartArgs,
     /// Print one JSON object.
     #[arg(long, help_heading = OUTPUT)]
     json: bool,
@@ -64,7 +66,7 @@ struct OtherStream {
 
 /// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
-    let info = Info::of(&args.read.read(&args.recording)?);
+    let info = Info::of(&args.read.read(&args.recording, args.part.part())?);
     output::print(args.json, &info, |out| info.write(out))
 }
 

@@ -6,6 +6,7 @@ use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
 use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::PipelineError;
+use meissner_pipeline::bench::Part;
 use meissner_pipeline::losses::LossReason;
 use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::provenance::ModelCard;
@@ -15,29 +16,31 @@ use crate::args::{Input, ReadArgs, first_given};
 use crate::error::CliError;
 
 impl ReadArgs {
-    /// The recording in the file at `path`, or all of standard input if it is `-`.
+    /// This part of the recording in the file at `path`, or of all of standard input if it is `-`.
     ///
     /// # Errors
     /// It cannot be read, or options do not fit its format.
-    pub(crate) fn read(self, path: &Path) -> Result<Recording, CliError> {
+    pub(crate) fn read(self, path: &Path, part: Part) -> Result<Recording, CliError> {
         self.check(path)?;
-        let recording = source::read(path, &self.options())?;
+        let recording = source::read(path, &self.options().range(part.range()))?;
         self.fits(&path.display().to_string(), recording.format)?;
         Ok(recording)
     }
 
-    /// Opens `recording`; `None` is the embedded one. See [`Source::open`].
+    /// Opens this part of `recording`; `None` is the embedded one. See [`Source::open`].
     ///
     /// # Errors
     /// As [`Self::read`].
     pub(crate) fn open(
         self,
         recording: Option<&Path>,
+        part: Part,
         sensor_known: bool,
         strict: bool,
     ) -> Result<Source, CliError> {
         recording.map_or(Ok(()), |path| self.check(path))?;
-        let source = Source::open(recording, &self.options(), sensor_known, strict)?;
+        let options = self.options().range(part.range());
+        let source = Source::open(recording, &options, sensor_known, strict)?;
         recording.map_or(Ok(()), |_| self.fits(&source.name, source.format))?;
         Ok(source)
     }
@@ -83,7 +86,12 @@ impl Input {
 
     /// The source, of which every `stride`-th event is taken if the weights of `card` say so.
     pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
-        let source = self.read.open(self.recording.as_deref(), self.sensor.is_some(), self.strict)?;
+        let source = self.read.open(
+            self.recording.as_deref(),
+            self.part.part(),
+            self.sensor.is_some(),
+            self.strict,
+        )?;
         Ok(source.every(card.network.stride).with_advice(advice))
     }
 }

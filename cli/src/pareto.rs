@@ -16,6 +16,7 @@ use meissner_evaluate::events::EventTask;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
+use meissner_pipeline::bench::Part;
 
 use crate::error::CliError;
 use crate::progress;
@@ -33,7 +34,8 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
         },
         StudyArgs::Angle(args) => {
-            let source = args.read.open(Some(&args.recording), args.sensor.is_some(), true)?;
+            let source =
+                args.read.open(Some(&args.recording), Part::default(), args.sensor.is_some(), true)?;
             let asked = AngleOptions {
                 networks: &args.networks,
                 weights: args.weights.as_deref(),

@@ -16,6 +16,7 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_io::IoError;
 use meissner_models::{AnyDescription, Weights, drawn_file};
 use meissner_pipeline::PipelineError;
+use meissner_pipeline::bench::Part;
 use meissner_pipeline::model::{Model, describe_any, frame_network, weights};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
@@ -181,8 +182,10 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
     } else {
         let (every, mut first) = (args.every.map(|every| every as usize), None);
         for path in &args.recordings {
-            let source =
-                args.read.open(Some(path), args.sensor.is_some(), true)?.every(model.card.network.stride);
+            let source = args
+                .read
+                .open(Some(path), Part::default(), args.sensor.is_some(), true)?
+                .every(model.card.network.stride);
             let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
             first = first.or(Some(sensor));
             let events = source.collect::<Result<Vec<Event>, _>>()?;

@@ -24,9 +24,11 @@ use std::collections::BTreeMap;
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::error::{IoError, Place};
+use crate::error::IoError;
 use crate::format::Format;
+use crate::packed::most;
 use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::{PacketHeader, Packets};
 use header::Header;
 use packet::{Inflater, Table, check_name};
 
@@ -37,80 +39,138 @@ const TABLE_START: u64 = 12;
 /// Bytes of an event: time, x, y, polarity and three of padding.
 const STRIDE: usize = 16;
 
+/// Packets of events: what they are called, the name in their buffer, and the bytes of an event.
+const EVENTS: (&str, [u8; 4], usize) = ("packet of events", *b"EVTS", STRIDE);
+
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
-    let format = Format::Aedat4;
-    let file = Bytes::file(format.name(), bytes);
-    let Header { compression, mut streams, packets: mut at, table, is_cut } = Header::parse(file, salvage)?;
-    let mut inflater = Inflater::new(compression, file);
+    let file = Bytes::file(Format::Aedat4.name(), bytes);
+    let header = Header::parse(file, file.len() as u64, salvage)?;
     // Without the table, the packets end with the file.
-    let mut salvaged = is_cut.then(|| file.salvage("the packets before their table", bytes.len()));
-    if let Some(table) = table {
+    let mut salvaged = header.is_cut.then(|| file.salvage("the packets before their table", bytes.len()));
+    if let Some(table) = header.table {
+        let mut inflater = Inflater::new(header.compression, file);
         let start = inflater.prefix(&bytes[table..], table, TABLE_START);
-        match start.and_then(|start| check_name(of_packet(file, start, table), "packet table", *b"FTAB")) {
+        match start.and_then(|start| check_name(file.packet(table, start), "packet table", *b"FTAB")) {
             // The table holds no events.
             Err(_) if salvage => salvaged = Some(file.salvage("the packet table", table)),
             checked => checked?,
         }
     }
+    let packets = Bytes { data: &bytes[..header.table.unwrap_or(bytes.len())], ..file }.after(header.packets);
+    let recording = Container::new(header, bytes.len() as u64).events(packets, salvage)?;
+    Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
+}
 
-    let main = streams.iter().position(|stream| stream.summary.kind == StreamKind::Events);
-    let sensor = main.and_then(|main| streams[main].sensor);
-    let mut events = Vec::new();
-    // A header may declare a thousand streams, and a packet takes 8 bytes.
-    let index_of: BTreeMap<i32, usize> = streams.iter().map(|stream| stream.id).zip(0..).collect();
+/// What is known of a file before its packets are read.
+pub(crate) struct Container {
+    header: Header,
+    /// The first event stream, whose events are read.
+    main: Option<usize>,
+    /// The place of each stream by its number. A header may declare a thousand streams, and a packet takes 8 bytes.
+    index_of: BTreeMap<i32, usize>,
+    /// Bytes that the packets may still decompress to while a part is searched.
+    budget: u64,
+}
 
-    let packets = Bytes { data: &bytes[..table.unwrap_or(bytes.len())], ..file };
-    while at < packets.len() {
-        if salvage && !is_whole(packets, at) {
-            salvaged = Some(file.salvage("the last packet", at));
-            break;
-        }
-        let id = packets.i32("header of a packet", at)?;
-        let size = packets.i32("header of a packet", at + 4)?;
-        let Ok(size) = usize::try_from(size) else {
-            return Err(packets.malformed("size of a packet", at + 4, "0 and above", size));
-        };
-        let Some(&index) = index_of.get(&id) else {
-            let expected = format!("one of the {} that the header declares", streams.len());
-            return Err(packets.malformed("stream of a packet", at, expected, id));
-        };
-        let packet = packets.get("packet", at + PACKET_HEADER, size)?;
-        let stream = &mut streams[index].summary;
-        let layout = match stream.kind {
-            StreamKind::Events => Some(("packet of events", *b"EVTS", STRIDE)),
-            // Samples and triggers are tables; a vector holds their offsets of four bytes.
-            StreamKind::Imu => Some(("packet", *b"IMUS", 4)),
-            StreamKind::Triggers => Some(("packet", *b"TRIG", 4)),
-            // They are not decompressed.
-            StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => None,
-        };
-        if let Some((what, name, stride)) = layout {
-            let content = of_packet(file, inflater.inflate(packet, at)?, at);
-            let (start, elements) = Table::root(content, what, name)?.vector(0, stride)?;
-            if Some(index) == main {
-                append_events(content, start, elements, sensor, &mut events)?;
-            } else {
-                stream.add((elements.len() / stride) as u64);
-            }
-        } else {
-            stream.add(1);
-        }
-        at += PACKET_HEADER + size;
+impl Container {
+    fn new(header: Header, length: u64) -> Self {
+        let main = header.streams.iter().position(|stream| stream.summary.kind == StreamKind::Events);
+        let index_of = header.streams.iter().map(|stream| stream.id).zip(0..).collect();
+        Self { header, main, index_of, budget: most(length) }
     }
-    let other_streams = StreamSummary::present(streams.into_iter().map(|stream| stream.summary));
-    Ok(Recording { format, sensor, events, other_streams, salvaged })
+
+    /// The events of `packets`.
+    fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
+        let Header { compression, streams, .. } = &self.header;
+        let mut inflater = Inflater::new(*compression, packets);
+        let sensor = self.main.and_then(|main| streams[main].sensor);
+        let mut others: Vec<StreamSummary> = streams.iter().map(|stream| stream.summary.clone()).collect();
+        let (mut events, mut at, mut salvaged) = (Vec::new(), 0, None);
+        while at < packets.len() {
+            if salvage && !is_whole(packets, at) {
+                salvaged = Some(packets.salvage("the last packet", at));
+                break;
+            }
+            let id = packets.i32("header of a packet", at)?;
+            let size = packets.i32("header of a packet", at + 4)?;
+            let Ok(size) = usize::try_from(size) else {
+                return Err(packets.malformed("size of a packet", at + 4, "0 and above", size));
+            };
+            let Some(&index) = self.index_of.get(&id) else {
+                let expected = format!("one of the {} that the header declares", streams.len());
+                return Err(packets.malformed("stream of a packet", at, expected, id));
+            };
+            let packet = packets.get("packet", at + PACKET_HEADER, size)?;
+            let stream = &mut others[index];
+            let layout = match stream.kind {
+                StreamKind::Events => Some(EVENTS),
+                // Samples and triggers are tables; a vector holds their offsets of four bytes.
+                StreamKind::Imu => Some(("packet", *b"IMUS", 4)),
+                StreamKind::Triggers => Some(("packet", *b"TRIG", 4)),
+                // They are not decompressed.
+                StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => None,
+            };
+            if let Some((what, name, stride)) = layout {
+                let content = packets.packet(at, inflater.inflate(packet, at)?);
+                let (start, elements) = Table::root(content, what, name)?.vector(0, stride)?;
+                if Some(index) == self.main {
+                    append_events(content, start, elements, sensor, &mut events)?;
+                } else {
+                    stream.add((elements.len() / stride) as u64);
+                }
+            } else {
+                stream.add(1);
+            }
+            at += PACKET_HEADER + size;
+        }
+        let other_streams = StreamSummary::present(others);
+        Ok(Recording { format: Format::Aedat4, sensor, events, other_streams, salvaged })
+    }
+}
+
+impl Packets for Container {
+    const HEADER: usize = PACKET_HEADER;
+
+    fn open(file: Bytes<'_>, length: u64) -> Result<Self, IoError> {
+        Ok(Self::new(Header::parse(file, length, true)?, length))
+    }
+
+    fn start(&self) -> usize {
+        self.header.packets
+    }
+
+    fn end(&self, length: u64) -> Option<u64> {
+        (!self.header.is_cut).then(|| self.header.table.map_or(length, |table| table as u64))
+    }
+
+    fn header(&mut self, header: &[u8]) -> Option<PacketHeader> {
+        let (id, size) = (header.first_chunk()?, header.get(4..)?.first_chunk()?);
+        let &index = self.index_of.get(&i32::from_le_bytes(*id))?;
+        let length = u64::try_from(i32::from_le_bytes(*size)).ok()?;
+        Some(PacketHeader { length, is_main: Some(index) == self.main })
+    }
+
+    fn first_us(&mut self, packet: Bytes<'_>) -> Result<Option<i64>, IoError> {
+        let mut inflater = Inflater::new(self.header.compression, packet);
+        inflater.budget = self.budget;
+        let inflated = inflater.inflate(&packet.data[PACKET_HEADER..], 0)?;
+        self.budget = self.budget.saturating_sub(inflated.len() as u64);
+        let content = packet.packet(0, inflated);
+        let (what, name, stride) = EVENTS;
+        let (_, events) = Table::root(content, what, name)?.vector(0, stride)?;
+        Ok(events.first_chunk().map(|time| i64::from_le_bytes(*time)))
+    }
+
+    fn decode(&self, packets: Bytes<'_>) -> Result<Recording, IoError> {
+        self.events(packets, false)
+    }
 }
 
 /// Whether the packet at byte `at` is complete, header and content; true where its size is negative.
 fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
     let Ok(size) = packets.i32("header of a packet", at + 4) else { return false };
     usize::try_from(size).is_ok_and(|size| size <= packets.len() - at - PACKET_HEADER) || size < 0
-}
-
-/// The decompressed content of the packet at byte `at` of `file`.
-fn of_packet<'a>(file: Bytes<'_>, content: &'a [u8], at: usize) -> Bytes<'a> {
-    Bytes { format: file.format, data: content, origin: Place::Packet { packet: at as u64, byte: 0 } }
 }
 
 /// Appends the events in `elements`, which start at byte `start` of a packet.

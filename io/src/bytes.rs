@@ -36,6 +36,19 @@ impl<'a> Bytes<'a> {
         }
     }
 
+    /// The decompressed content of the packet at `at`.
+    pub(crate) fn packet<'b>(&self, at: usize, content: &'b [u8]) -> Bytes<'b> {
+        let packet = match self.place(at) {
+            Place::Byte(place) | Place::Packet { packet: place, .. } | Place::Line(place) => place,
+        };
+        Bytes { format: self.format, data: content, origin: Place::Packet { packet, byte: 0 } }
+    }
+
+    /// The bytes from `at` on, which there are.
+    pub(crate) fn after(&self, at: usize) -> Self {
+        Self { data: &self.data[at..], origin: self.place(at), ..*self }
+    }
+
     /// The `len` bytes at `at`.
     pub(crate) fn get(&self, what: &'static str, at: usize, len: usize) -> Result<&'a [u8], IoError> {
         let tail = self.data.get(at..).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! Reading and writing of recordings in any format: from and to files and bytes.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
@@ -10,9 +10,11 @@ use crate::csv::{self, TextOptions};
 use crate::detect::format_of;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
+use crate::packed;
 use crate::recording::{Capacity, Recording};
+use crate::seek::{self, TimeRange};
 use crate::text::text_start;
-use crate::{aedat4, dat, evt2, evt3, nmnist, npy};
+use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
 
 /// How to read a recording; by default everything is found from its content.
 ///
@@ -34,10 +36,17 @@ pub struct ReadOptions {
     pub text: TextOptions,
     /// Whether a file that was cut short is read up to the cut.
     ///
-    /// The complete words of EVT2 and EVT3, events of DAT, N-MNIST and npy, packets of AEDAT4, and lines of CSV are kept;
+    /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of AEDAT3 and AEDAT4, and lines of CSV are kept;
     /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
     /// always: a damaged file is not salvaged.
     pub salvage: bool,
+    /// The range of times whose events are read; `None`: all events.
+    ///
+    /// Where the format permits, the rest of the file is not read: damage there is not found, and
+    /// [`Recording::other_streams`] counts only the part that is read. The events are those of the whole recording in the
+    /// range, provided that no event is more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the
+    /// clock of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the file.
+    pub range: Option<TimeRange>,
 }
 
 impl ReadOptions {
@@ -61,6 +70,13 @@ impl ReadOptions {
         self.salvage = salvage;
         self
     }
+
+    /// Sets the range of times whose events are read.
+    #[must_use]
+    pub fn range(mut self, range: impl Into<Option<TimeRange>>) -> Self {
+        self.range = range.into();
+        self
+    }
 }
 
 impl From<Format> for ReadOptions {
@@ -80,16 +96,34 @@ pub fn read(path: &Path) -> Result<Recording, IoError> {
 
 /// Reads the recording in the file at `path` with these options, which may be a [`Format`].
 ///
-/// The file is held in memory while it is decoded; [`crate::limits`] bounds the rest.
+/// The content of the file, unpacked from gzip or zip, is held in memory while it is decoded; [`crate::limits`] bounds the
+/// rest.
 ///
 /// # Errors
 /// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of
 /// [`decode_with`].
 pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
+    let options = options.into();
     if path.is_dir() {
         return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
     }
-    decode_with(&fs::read(path).map_err(IoError::file("read", path))?, options)
+    // A pipe can be read only once.
+    if let Some(range) = options.range.filter(|_| path.is_file()) {
+        let file = File::open(path).map_err(IoError::file("read", path))?;
+        if let Some(part) = seek::read(file, options, range)? {
+            return Ok(part);
+        }
+    }
+    decode_content(packed::content_of_file(path, options.salvage)?, options)
+}
+
+/// The content of the file at `path`, unpacked if it is a gzip file, or a zip archive with one recording.
+///
+/// # Errors
+/// [`IoError::File`] where the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`], [`IoError::TooLarge`] or
+/// [`IoError::Unsupported`] where it cannot be unpacked.
+pub fn read_content(path: &Path) -> Result<Vec<u8>, IoError> {
+    Ok(packed::content_of_file(path, false)?.0.into_owned())
 }
 
 /// Decodes `bytes`, the whole content of a file in any format.
@@ -102,18 +136,44 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 
 /// Decodes `bytes`, the whole content of a file, with these options, which may be a [`Format`].
 ///
+/// A gzip file is unpacked first, and so is a zip archive that holds one recording, possibly among files of other kinds. The
+/// format, and the places of errors and salvage, are those of the content.
+///
 /// # Errors
 /// - Without a format: [`IoError::OtherKind`] where the content is known and not a recording that can be read,
 ///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
 /// - [`IoError::Truncated`] where the content is cut short; with [`ReadOptions::salvage`] only where its header is.
 /// - [`IoError::Malformed`] where it contradicts the format, [`IoError::OutsideSensor`] where an event lies outside the
 ///   sensor that the file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
-///   [`IoError::Unsupported`] where the content has a related format, [`IoError::Undecided`] where a text can be read in
-///   several ways.
+///   [`IoError::Unsupported`] where the content has a related format or a zip archive not one recording,
+///   [`IoError::Undecided`] where a text can be read in several ways.
 ///
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
-    let ReadOptions { format, text, salvage } = options.into();
+    let options = options.into();
+    if let Some(range) = options.range
+        && let Some(part) = seek::read(Cursor::new(bytes), options, range)?
+    {
+        return Ok(part);
+    }
+    decode_content(packed::content(bytes, options.salvage)?, options)
+}
+
+/// Decodes a content that may have been unpacked and salvaged.
+fn decode_content(
+    (content, salvaged): packed::Content<'_>,
+    options: ReadOptions,
+) -> Result<Recording, IoError> {
+    let mut recording = decode_bytes(&content, options)?;
+    if let Some(range) = options.range {
+        range.cut(&mut recording);
+    }
+    Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
+}
+
+/// Decodes the content of a file that is not packed.
+fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
+    let ReadOptions { format, text, salvage, .. } = options;
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,
@@ -125,9 +185,12 @@ pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Reco
     };
     match found {
         Format::Aedat4 => aedat4::decode(bytes, salvage),
+        Format::Aedat3 => aedat3::decode(bytes, salvage),
+        Format::Aedat2 => aedat2::decode(bytes, salvage),
         Format::Evt2 => evt2::decode(bytes, salvage),
         Format::Evt3 => evt3::decode(bytes, salvage),
         Format::Dat => dat::decode(bytes, salvage),
+        Format::Es => es::decode(bytes, salvage),
         Format::Nmnist => nmnist::decode(bytes, salvage),
         Format::Csv => csv::decode(bytes, text, salvage),
         Format::Npy => npy::decode(bytes, salvage),
@@ -151,7 +214,7 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 ///
 /// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds
 /// times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless readers would take them for a
-/// wrap of the clock. `out` is written in small pieces: give it a buffer.
+/// wrap of the clock. ES needs a sensor and holds times from 0 to 2^36 - 1 in order. `out` is written in small pieces: give it a buffer.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or that lies outside
@@ -179,8 +242,13 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
         Format::Csv | Format::Npy => Capacity::UNLIMITED,
         Format::Dat => dat::CAPACITY,
         Format::Evt3 => evt3::CAPACITY,
-        Format::Aedat4 | Format::Evt2 | Format::Nmnist => {
-            let expected = "CSV, npy, DAT or EVT3 to be written";
+        Format::Es if sensor.is_none() => {
+            let expected = "a sensor, which a file of ES must name";
+            return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
+        }
+        Format::Es => es::CAPACITY,
+        Format::Aedat4 | Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Nmnist => {
+            let expected = "CSV, npy, DAT, EVT3 or ES to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }
     };
@@ -189,12 +257,13 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
 
 /// Writes events that [`check`] accepted.
 fn put(format: Format, sensor: Option<Sensor>, events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    match format {
-        Format::Csv => csv::encode(sensor, events, out),
-        Format::Npy => npy::encode(events, out),
-        Format::Dat => dat::encode(sensor, events, out),
-        Format::Evt3 => evt3::encode(sensor, events, out),
-        Format::Aedat4 | Format::Evt2 | Format::Nmnist => unreachable!("refused by check"),
+    match (format, sensor) {
+        (Format::Csv, _) => csv::encode(sensor, events, out),
+        (Format::Npy, _) => npy::encode(events, out),
+        (Format::Dat, _) => dat::encode(sensor, events, out),
+        (Format::Evt3, _) => evt3::encode(sensor, events, out),
+        (Format::Es, Some(sensor)) => es::encode(sensor, events, out),
+        _ => unreachable!("refused by check"),
     }
 }
 

@@ -9,11 +9,12 @@ use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, array};
 use crate::error::{IoError, beginning};
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording};
+use crate::seek::Records;
 
 /// Bytes of an event.
 const STRIDE: usize = 8;
@@ -35,38 +36,80 @@ pub(crate) const CAPACITY: Capacity = Capacity {
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
-    let format = Format::Dat;
-    let file = Bytes::file(format.name(), bytes);
-    let header = Header::parse(file)?;
-    // A file without a version is older than version 2 and has another layout.
-    if header.version.as_deref() != Some("2") {
-        let version = |version: String| format!("version {}", beginning(&version, 40));
-        let actual = header.version.map_or("no version".to_owned(), version);
-        return Err(IoError::Unsupported { expected: "DAT of version 2", actual });
+    let file = Bytes::file(Format::Dat.name(), bytes);
+    let layout = Layout::open(file)?;
+    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), salvage)
+}
+
+/// What the header says.
+pub(crate) struct Layout {
+    sensor: Option<Sensor>,
+    /// First byte of the first event.
+    start: usize,
+}
+
+impl Layout {
+    /// The events of `records`.
+    fn events(
+        &self,
+        records: Bytes<'_>,
+        mut clock: WrappingClock,
+        salvage: bool,
+    ) -> Result<Recording, IoError> {
+        let sensor = self.sensor;
+        let (all, salvaged) = records.records("the last event", 0, salvage)?;
+        let mut events = Vec::with_capacity(all.len());
+        for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
+            let both = u64::from_le_bytes(*record);
+            let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
+            let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
+            records.check_pixel(sensor, x, y, at)?;
+            if pixel >> 29 != 0 {
+                return Err(records.malformed("polarity", at, "0 or 1", pixel >> 28));
+            }
+            events.push(Event::new(clock.advance(time), x, y, pixel >> 28 == 1));
+        }
+        Ok(Recording { format: Format::Dat, sensor, events, other_streams: Vec::new(), salvaged })
     }
-    let sensor = header.sensor(file, SIDE)?;
-    let what = "type and size of the events";
-    let [kind, size] = file.array(what, header.end)?;
-    if !CHANGES.contains(&kind) || usize::from(size) != STRIDE {
-        let expected = "type 0x0c or 0x00 and 8 bytes an event";
-        return Err(file.malformed(what, header.end, expected, format!("type {kind:#04x} and {size} bytes")));
+}
+
+impl Records for Layout {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
+
+    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+        let header = Header::parse(file)?;
+        // A file without a version is older than version 2 and has another layout.
+        if header.version.as_deref() != Some("2") {
+            let version = |version: String| format!("version {}", beginning(&version, 40));
+            let actual = header.version.map_or("no version".to_owned(), version);
+            return Err(IoError::Unsupported { expected: "DAT of version 2", actual });
+        }
+        let sensor = header.sensor(file, SIDE)?;
+        let what = "type and size of the events";
+        let [kind, size] = file.array(what, header.end)?;
+        if !CHANGES.contains(&kind) || usize::from(size) != STRIDE {
+            let expected = "type 0x0c or 0x00 and 8 bytes an event";
+            let actual = format!("type {kind:#04x} and {size} bytes");
+            return Err(file.malformed(what, header.end, expected, actual));
+        }
+        Ok(Self { sensor, start: header.end + 2 })
     }
 
-    let start = header.end + 2;
-    let (records, salvaged) = file.records("the last event", start, salvage)?;
-    let mut events = Vec::with_capacity(records.len());
-    let mut clock = WrappingClock::new(TIME_RANGE);
-    for (record, at) in records.iter().zip((start..).step_by(STRIDE)) {
-        let both = u64::from_le_bytes(*record);
-        let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
-        let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
-        file.check_pixel(sensor, x, y, at)?;
-        if pixel >> 29 != 0 {
-            return Err(file.malformed("polarity", at, "0 or 1", pixel >> 28));
-        }
-        events.push(Event::new(clock.advance(time), x, y, pixel >> 28 == 1));
+    fn start(&self) -> usize {
+        self.start
     }
-    Ok(Recording { format, sensor, events, other_streams: Vec::new(), salvaged })
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        Some(u32::from_le_bytes(array(record)).into())
+    }
+
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
+        self.events(records, clock, false)
+    }
 }
 
 /// Writes the header and `events`, which [`CAPACITY`] allows.

@@ -1,6 +1,6 @@
 //! The kind of an input, from its first bytes.
 //!
-//! AEDAT4, npy and pictures start with a magic number. Prophesee's files have a text header that names the encoding. A text
+//! AEDAT, Event Stream, npy and pictures start with a magic number. Prophesee's files have a text header that names the encoding. A text
 //! is of electrodes if its header names electrodes, and of events if it has a header of events or a first line of four
 //! numbers; any other text with a comma in its first line is tried as events. N-MNIST has no mark and is tried last.
 
@@ -14,22 +14,30 @@ use crate::error::{IoError, beginning, shown};
 use crate::format::{Foreign, Format, ImageFormat, Kind};
 use crate::prophesee::{Header, has_header};
 use crate::text::{content_lines, text_start};
-use crate::{aedat4, nmnist, npy};
+use crate::{aedat2, aedat3, aedat4, es, nmnist, npy};
+
+/// The formats whose files start with a mark.
+const MARKS: [(&[u8], Format); 5] = [
+    (aedat4::header::MAGIC, Format::Aedat4),
+    (aedat3::MAGIC, Format::Aedat3),
+    (aedat2::MAGIC, Format::Aedat2),
+    (es::MAGIC, Format::Es),
+    (npy::MAGIC, Format::Npy),
+];
 
 /// Most bytes of a file that [`Kind::of_file`] reads: whole events of N-MNIST.
-const START: u64 = 5 << 14;
+pub(crate) const START: u64 = 5 << 14;
 
 impl Kind {
     /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB. `None`: unknown.
     ///
-    /// A text that is neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
+    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look into them. A text that is
+    /// neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
     /// N-MNIST O(n).
     pub fn of(bytes: &[u8]) -> Option<Self> {
-        if bytes.starts_with(aedat4::header::MAGIC) {
-            return Some(Self::Events(Format::Aedat4));
-        }
-        if bytes.starts_with(npy::MAGIC) {
-            return Some(Self::Events(Format::Npy));
+        let marked = MARKS.iter().find(|(mark, _)| bytes.starts_with(mark));
+        if let Some(&(_, format)) = marked {
+            return Some(Self::Events(format));
         }
         if let Some(format) = ImageFormat::detect(bytes) {
             return Some(Self::Picture(format));
@@ -73,7 +81,8 @@ impl Kind {
 
 /// The format of `bytes`, the whole content of a file; `None` where it has none of the formats.
 ///
-/// Only the marks of the formats are examined: a file with a known format can still be corrupt. O(n) for N-MNIST, O(1) for
+/// Only the marks of the formats are examined: a file with a known format can still be corrupt. What is packed has no format
+/// before it is unpacked. O(n) for N-MNIST, O(1) for
 /// the others. Empty content has no format.
 pub fn detect(bytes: &[u8]) -> Option<Format> {
     format_of(bytes).ok()
@@ -92,7 +101,7 @@ pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
         return Err(IoError::Unsupported { expected: "EVT 2.0 or 3.0", actual });
     }
     let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(16)]));
-    let expected = "AEDAT4, EVT2, EVT3, DAT, N-MNIST, CSV or npy";
+    let expected = "AEDAT 2 to 4, EVT2, EVT3, DAT, ES, N-MNIST, CSV or npy";
     Err(IoError::UnknownFormat { what: "format", expected, length, start })
 }
 
@@ -147,13 +156,7 @@ const FOREIGN: &[(&[u8], &str, &str)] = &[
         "write the events of its topic as text, such as t x y p, with Python's rosbags",
     ),
     (b"#!AER-DAT1", "AEDAT 1", DV),
-    (b"#!AER-DAT2", "AEDAT 2", DV),
-    (b"#!AER-DAT3", "AEDAT 3", DV),
-    (
-        b"Event Stream",
-        "Event Stream (.es)",
-        "write its events as a structured .npy with Python's event_stream",
-    ),
+    (b"#!AER-DAT3", "AEDAT 3.0", DV),
     (
         b"MATLAB 5.0 MAT-file",
         "a MATLAB file",

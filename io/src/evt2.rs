@@ -12,55 +12,108 @@
 //! Source: the vendor's page "EVT 2.0 Format". Invariants: an event's time is the newest time word's plus its own six bits;
 //! the 34-bit time wraps where a time word falls by half its range or more, and a smaller fall is a step back.
 
-use meissner_engine::Event;
+use meissner_engine::{Event, Sensor};
 
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::Records;
 
+/// Bytes of a word.
+const STRIDE: usize = 4;
+/// Bits 31-28 of a time word.
+const TIME: u32 = 0x8;
 /// Bits of an event's own time.
 const LOW_BITS: u32 = 6;
-/// Time words count from 0 to this value - 1, and wrap.
-const HIGH_RANGE: i64 = 1 << 28;
+/// Times count from 0 to this value - 1, and wrap.
+const TIME_RANGE: i64 = 1 << 34;
 /// Coordinates have 11 bits.
 const SIDE: u16 = 2048;
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
-    let format = Format::Evt2;
-    let file = Bytes::file(format.name(), bytes);
-    let header = Header::parse(file)?;
-    let sensor = header.sensor(file, SIDE)?;
-    let (words, salvaged) = file.records("the last word", header.end, salvage)?;
+    let file = Bytes::file(Format::Evt2.name(), bytes);
+    let layout = Layout::open(file)?;
+    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), salvage)
+}
 
-    let mut events = Vec::with_capacity(words.len());
-    let (mut clock, mut base_us) = (WrappingClock::new(HIGH_RANGE), None);
-    let mut triggers = StreamSummary::new("external triggers", StreamKind::Triggers);
-    let mut vendor = StreamSummary::new("vendor's words", StreamKind::Other);
-    let mut unplaced = StreamSummary::new("before the first time word", StreamKind::Unplaced);
-    for (word, at) in words.iter().zip((header.end..).step_by(4)) {
-        let word = u32::from_le_bytes(*word);
-        match word >> 28 {
-            polarity @ (0x0 | 0x1) => {
-                let low = i64::from(word >> 22 & 0x3f);
-                let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
-                file.check_pixel(sensor, x, y, at)?;
-                match base_us {
-                    Some(base_us) => events.push(Event::new(base_us + low, x, y, polarity == 1)),
-                    None => unplaced.add(1),
+/// What the header says.
+pub(crate) struct Layout {
+    sensor: Option<Sensor>,
+    /// First byte of the first word.
+    start: usize,
+}
+
+/// The time of a time word in microseconds.
+fn time(word: u32) -> i64 {
+    i64::from(word & 0x0fff_ffff) << LOW_BITS
+}
+
+impl Layout {
+    /// The events of `words`.
+    fn events(
+        &self,
+        words: Bytes<'_>,
+        mut clock: WrappingClock,
+        salvage: bool,
+    ) -> Result<Recording, IoError> {
+        let sensor = self.sensor;
+        let (all, salvaged) = words.records("the last word", 0, salvage)?;
+        let mut events = Vec::with_capacity(all.len());
+        let mut base_us = None;
+        let mut triggers = StreamSummary::new("external triggers", StreamKind::Triggers);
+        let mut vendor = StreamSummary::new("vendor's words", StreamKind::Other);
+        let mut unplaced = StreamSummary::new("before the first time word", StreamKind::Unplaced);
+        for (word, at) in all.iter().zip((0..).step_by(STRIDE)) {
+            let word = u32::from_le_bytes(*word);
+            match word >> 28 {
+                polarity @ (0x0 | 0x1) => {
+                    let low = i64::from(word >> 22 & 0x3f);
+                    let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
+                    words.check_pixel(sensor, x, y, at)?;
+                    match base_us {
+                        Some(base_us) => events.push(Event::new(base_us + low, x, y, polarity == 1)),
+                        None => unplaced.add(1),
+                    }
+                }
+                TIME => base_us = Some(clock.advance(time(word))),
+                0xa => triggers.add(1),
+                0xe | 0xf => vendor.add(1),
+                reserved => {
+                    let expected = "0x0, 0x1, 0x8, 0xa, 0xe or 0xf";
+                    return Err(words.malformed("type of a word", at, expected, format!("{reserved:#x}")));
                 }
             }
-            0x8 => base_us = Some(clock.advance(i64::from(word & 0x0fff_ffff)) << LOW_BITS),
-            0xa => triggers.add(1),
-            0xe | 0xf => vendor.add(1),
-            reserved => {
-                let expected = "0x0, 0x1, 0x8, 0xa, 0xe or 0xf";
-                return Err(file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
-            }
         }
+        let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
+        Ok(Recording { format: Format::Evt2, sensor, events, other_streams, salvaged })
     }
-    let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
-    Ok(Recording { format, sensor, events, other_streams, salvaged })
+}
+
+impl Records for Layout {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
+
+    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+        let header = Header::parse(file)?;
+        Ok(Self { sensor: header.sensor(file, SIDE)?, start: header.end })
+    }
+
+    fn start(&self) -> usize {
+        self.start
+    }
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        let word = u32::from_le_bytes(array(record));
+        (word >> 28 == TIME).then(|| time(word))
+    }
+
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
+        self.events(records, clock, false)
+    }
 }

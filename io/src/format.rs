@@ -39,12 +39,18 @@ impl UnknownName {
 pub enum Format {
     /// iniVation's container of packets (`.aedat4`).
     Aedat4,
+    /// AEDAT 3.1, the container of cAER, as in DVS Gesture (`.aedat`).
+    Aedat3,
+    /// AEDAT 2.0, the format of jAER: 8 bytes per event (`.aedat`).
+    Aedat2,
     /// Prophesee EVT 2.0: words of 32 bits (`.evt2`, `.raw`).
     Evt2,
     /// Prophesee EVT 3.0: words of 16 bits (`.evt3`, `.raw`).
     Evt3,
     /// Prophesee DAT, version 2: 8 bytes per event (`.dat`).
     Dat,
+    /// Event Stream 2: 5 bytes per event (`.es`).
+    Es,
     /// N-MNIST: 5 bytes per event, 34 x 34 pixels (`.bin`).
     Nmnist,
     /// Text, one event per line (`.csv`).
@@ -55,8 +61,18 @@ pub enum Format {
 
 impl Format {
     /// Every format, in the order of the documentation.
-    pub const ALL: [Self; 7] =
-        [Self::Aedat4, Self::Evt2, Self::Evt3, Self::Dat, Self::Nmnist, Self::Csv, Self::Npy];
+    pub const ALL: [Self; 10] = [
+        Self::Aedat4,
+        Self::Aedat3,
+        Self::Aedat2,
+        Self::Evt2,
+        Self::Evt3,
+        Self::Dat,
+        Self::Es,
+        Self::Nmnist,
+        Self::Csv,
+        Self::Npy,
+    ];
 
     /// The name for people.
     pub(crate) const fn name(self) -> &'static str {
@@ -67,9 +83,12 @@ impl Format {
     const fn names(self) -> [&'static str; 3] {
         match self {
             Self::Aedat4 => ["AEDAT4", "aedat4", "aedat4"],
+            Self::Aedat3 => ["AEDAT3", "aedat3", "aedat"],
+            Self::Aedat2 => ["AEDAT2", "aedat2", "aedat"],
             Self::Evt2 => ["EVT2", "evt2", "raw"],
             Self::Evt3 => ["EVT3", "evt3", "raw"],
             Self::Dat => ["DAT", "dat", "dat"],
+            Self::Es => ["ES", "es", "es"],
             Self::Nmnist => ["N-MNIST", "nmnist", "bin"],
             Self::Csv => ["CSV", "csv", "csv"],
             Self::Npy => ["npy", "npy", "npy"],
@@ -90,7 +109,7 @@ impl Format {
             "nmnist" => None,
             lower => Self::ALL.into_iter().find(|format| format.names()[1..].contains(&lower)),
         };
-        let expected = "aedat4, evt2, evt3, raw, dat, bin, csv or npy";
+        let expected = "aedat4, aedat, evt2, evt3, raw, dat, es, bin, csv or npy";
         found.ok_or_else(|| UnknownName::new("file extension", expected, extension))
     }
 
@@ -101,7 +120,7 @@ impl Format {
 
     /// Whether [`crate::encode`] can write it.
     pub fn is_writable(self) -> bool {
-        matches!(self, Self::Csv | Self::Npy | Self::Dat | Self::Evt3)
+        matches!(self, Self::Csv | Self::Npy | Self::Dat | Self::Evt3 | Self::Es)
     }
 }
 
@@ -114,12 +133,12 @@ impl fmt::Display for Format {
 impl FromStr for Format {
     type Err = UnknownName;
 
-    /// The format of this name, in upper or lower case: `aedat4`, `evt2`, `evt3`, `dat`, `nmnist` or `n-mnist`, `csv`,
-    /// `npy`.
+    /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`, `evt3`, `dat`, `es`,
+    /// `nmnist` or `n-mnist`, `csv`, `npy`.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let is_named =
             |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));
-        let expected = "aedat4, evt2, evt3, dat, nmnist, csv or npy";
+        let expected = "aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv or npy";
         Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownName::new("format", expected, name))
     }
 }

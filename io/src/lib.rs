@@ -2,20 +2,26 @@
 //!
 //! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`] take it as an argument. A
 //! file that is truncated or corrupt gives an [`IoError`] with the place, the expected and the actual value. It never gives
-//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. EVT2, EVT3, DAT, N-MNIST
-//! and CSV do not contain their length: a file that is cut exactly between two words, events or lines is a valid shorter
+//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. Only AEDAT4 and npy
+//! contain their length: any other file that is cut exactly between two words, events, packets or lines is a valid shorter
 //! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and [`Recording::salvaged`]
 //! describes the rest. Input of another kind ([`Kind`]) is refused by its name.
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
 //! | AEDAT4 (uncompressed, LZ4, Zstandard) | yes | | stream's `sizeX`, `sizeY` | `aedat4` |
+//! | AEDAT 3.1 (DVS Gesture), format RAW | yes | | the source's chip, if it is known | `aedat3` |
+//! | AEDAT 2.0 (jAER), DVS128 and DAVIS | yes | | the chip | `aedat2` |
 //! | Prophesee EVT2 | yes | | header, if it names one | `evt2` |
 //! | Prophesee EVT3 | yes | yes | header, if it names one | `evt3` |
 //! | Prophesee DAT, version 2 | yes | yes | header, if it names one | `dat` |
+//! | Event Stream 2 (`.es`), DVS events | yes | yes | header | `es` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
 //! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
+//!
+//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With [`ReadOptions::range`] a part
+//! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT and npy the rest of the file is not read.
 //!
 //! The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
 //! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
@@ -36,6 +42,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod aedat2;
+mod aedat3;
 mod aedat4;
 mod bytes;
 mod codec;
@@ -45,6 +53,7 @@ pub mod datasets;
 mod detect;
 mod electrodes;
 mod error;
+mod es;
 mod evt2;
 mod evt3;
 mod files;
@@ -53,12 +62,14 @@ mod images;
 pub mod limits;
 mod nmnist;
 mod npy;
+mod packed;
 mod prophesee;
 mod recording;
+mod seek;
 mod text;
 mod zip;
 
-pub use codec::{ReadOptions, decode, decode_with, encode, read, read_with, write};
+pub use codec::{ReadOptions, decode, decode_with, encode, read, read_content, read_with, write};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
@@ -67,3 +78,4 @@ pub use files::replace_file;
 pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
+pub use seek::{DISORDER_US, TimeRange};

@@ -1,27 +1,30 @@
 //! Upper bounds on the memory that a hostile file can make the decoders use.
 //!
-//! A recording is held in memory as its bytes and its events. Every format except AEDAT4 has a fixed largest number of
+//! A recording is held in memory as its bytes, unpacked from gzip or zip, and its events. Every format except AEDAT4 has a fixed largest number of
 //! events per byte (12 events in 2 bytes for EVT3's vectors), so the length of a file bounds its events. AEDAT4 is
 //! compressed: the bounds below limit one packet, the whole file and a decompressor's window. No other buffer is sized
 //! by a length field unless the file has as many bytes.
 
-/// Longest packet of AEDAT4, and longest entry of a zip archive, after decompression, in bytes: 64 MiB, which is 4 million
-/// events of AEDAT4.
+/// Longest packet of AEDAT4, and longest of many entries of a zip archive, after decompression, in bytes: 64 MiB, which is 4
+/// million events of AEDAT4.
 ///
 /// A decompressor's window has the same bound, and a growing buffer may take twice its content: one hostile packet takes
 /// about 200 MiB at most.
 pub const PACKET_BYTES: u64 = 64 << 20;
 
-/// Bytes that an AEDAT4 file or a zip archive may decompress to per byte of the file, in addition to [`PACKET_BYTES`].
+/// Bytes that an AEDAT4 file, a gzip file or a zip archive may decompress to per byte of the file, in addition to [`PACKET_BYTES`].
 ///
 /// An event of AEDAT4 takes 16 bytes after decompression, so events may be compressed to a quarter of a byte. Frames do not
 /// count: they are not decompressed. The sparse arrays of `NeuTouch` expand 50 times.
 pub const EXPANSION: u64 = 64;
 
-/// Longest header of AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
+/// Longest header of AEDAT3 and AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
 ///
 /// The XML parser compares each attribute of an element with all attributes before it: 1 MiB would take a minute.
 pub const HEADER_BYTES: u64 = 1 << 16;
+
+/// Longest header of AEDAT 2, in bytes: 16 MiB. The settings of a chip as XML take about 100 KiB.
+pub const JAER_HEADER_BYTES: u64 = 16 << 20;
 
 /// Longest header of `.npy`, in bytes (64 KiB, as in version 1 of the format).
 pub const NPY_HEADER_BYTES: u64 = 1 << 16;

@@ -16,19 +16,19 @@ use crate::bytes::{Bytes, array};
 use crate::error::{IoError, shown};
 use crate::format::{Format, POLARITY, TIME, X, Y};
 use crate::limits::NPY_HEADER_BYTES;
+use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
+use crate::seek::Records;
 
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
-    let format = Format::Npy;
-    let file = Bytes::file(format.name(), bytes);
-    let layout = Layout::parse(file)?;
-    let records = &bytes[layout.start..];
-    let promised = layout.count.saturating_mul(layout.stride as u64);
-    let there = records.len() as u64;
+    let file = Bytes::file(Format::Npy.name(), bytes);
+    let layout = Layout::open(file)?;
+    let records = file.after(layout.start);
+    let (promised, there) = (layout.promised(), records.len() as u64);
     if there < promised && !salvage {
         return Err(file.truncated("array", layout.start, promised, false));
     }
@@ -40,24 +40,7 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
         let expected = format!("the end of the file after {} events", layout.count);
         return Err(file.malformed("array", layout.start, expected, format!("{there} bytes of events")));
     }
-
-    let mut events = Vec::with_capacity((layout.count as usize).min(records.len()));
-    for (index, record) in records.chunks_exact(layout.stride).enumerate() {
-        let values @ [t, x, y, p] = layout.fields.map(|field| field.value(record));
-        let (field, what, expected) = match (t.try_into(), x.try_into(), y.try_into(), p) {
-            (Ok(t_us), Ok(x), Ok(y), -1..=1) => {
-                events.push(Event { t_us, x, y, on: p == 1 });
-                continue;
-            }
-            (Err(_), ..) => (0, "time t", "a time from -2^63 to 2^63 - 1"),
-            (_, Err(_), ..) => (1, "column x", "0 to 65535"),
-            (_, _, Err(_), _) => (2, "row y", "0 to 65535"),
-            _ => (3, "polarity p", "0, 1 or -1"),
-        };
-        let at = layout.start + index * layout.stride + layout.fields[field].offset;
-        return Err(file.malformed(what, at, expected, values[field]));
-    }
-    Ok(Recording { format, sensor: None, events, other_streams: Vec::new(), salvaged })
+    Ok(Recording { salvaged, ..layout.events(records)? })
 }
 
 /// An integer in a record; a boolean is a byte without a sign.
@@ -95,7 +78,7 @@ impl Field {
 }
 
 /// The layout of the records.
-struct Layout {
+pub(crate) struct Layout {
     /// Time, column, row and polarity.
     fields: [Field; 4],
     /// Bytes of a record.
@@ -197,9 +180,10 @@ pub(crate) fn floats<const N: usize>(bytes: &[u8]) -> Result<Floats<'_, N>, IoEr
 /// A column of the records by its name; `None`: it is skipped for its type.
 type Column<'a> = (&'a [u8], Option<Field>);
 
-impl Layout {
-    /// Reads magic, version and header.
-    fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+impl Records for Layout {
+    const PERIOD: Option<i64> = None;
+
+    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
         let Header { text_at, start, descr: (columns, stride), shape: [count] } =
             Header::parse(file, columns)?;
         let find = |what: &'static str, known: &[&str]| {
@@ -216,6 +200,55 @@ impl Layout {
         let (t, x) = (find("field t (time)", TIME)?, find("field x", X)?);
         let (y, p) = (find("field y", Y)?, find("field p (polarity)", POLARITY)?);
         Ok(Self { fields: [t, x, y, p], stride, count, start })
+    }
+
+    fn start(&self) -> usize {
+        self.start
+    }
+
+    fn stride(&self) -> usize {
+        self.stride
+    }
+
+    fn is_whole(&self, length: u64) -> bool {
+        length - self.start as u64 == self.promised()
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        self.fields[0].value(record).try_into().ok()
+    }
+
+    fn decode(&self, records: Bytes<'_>, _: WrappingClock) -> Result<Recording, IoError> {
+        self.events(records)
+    }
+}
+
+impl Layout {
+    /// Bytes of all records according to the header.
+    fn promised(&self) -> u64 {
+        self.count.saturating_mul(self.stride as u64)
+    }
+
+    /// The events of the whole ones of `records`.
+    fn events(&self, records: Bytes<'_>) -> Result<Recording, IoError> {
+        let mut events = Vec::with_capacity((self.count as usize).min(records.len()));
+        for (index, record) in records.data.chunks_exact(self.stride).enumerate() {
+            let values @ [t, x, y, p] = self.fields.map(|field| field.value(record));
+            let (field, what, expected) = match (t.try_into(), x.try_into(), y.try_into(), p) {
+                (Ok(t_us), Ok(x), Ok(y), -1..=1) => {
+                    events.push(Event { t_us, x, y, on: p == 1 });
+                    continue;
+                }
+                (Err(_), ..) => (0, "time t", "a time from -2^63 to 2^63 - 1"),
+                (_, Err(_), ..) => (1, "column x", "0 to 65535"),
+                (_, _, Err(_), _) => (2, "row y", "0 to 65535"),
+                _ => (3, "polarity p", "0, 1 or -1"),
+            };
+            let at = index * self.stride + self.fields[field].offset;
+            return Err(records.malformed(what, at, expected, values[field]));
+        }
+        let (format, sensor) = (Format::Npy, None);
+        Ok(Recording { format, sensor, events, other_streams: Vec::new(), salvaged: None })
     }
 }
 

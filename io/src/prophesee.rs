@@ -27,6 +27,11 @@ impl WrappingClock {
         Self { range, newest: 0, passed: 0 }
     }
 
+    /// The clock at the value `newest`, which is the time `t_us`.
+    pub(crate) fn resumed(range: i64, newest: i64, t_us: i64) -> Self {
+        Self { range, newest, passed: t_us - newest }
+    }
+
     /// The time since the first period's start at the clock's next value.
     #[inline]
     pub(crate) fn advance(&mut self, value: i64) -> i64 {

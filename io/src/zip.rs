@@ -1,81 +1,159 @@
-//! Zip archives of small files: the entries, whole, one at a time.
+//! Zip archives: their files, whole, one at a time; and the only recording of an archive.
 //!
-//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of each entry and its content,
+//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of each file and its content,
 //! stored or deflated, with the size and the CRC-32 that the directory states. Invariant: one content is held at a time. All
-//! contents together have at most [`PACKET_BYTES`] and [`EXPANSION`] bytes for each byte of the archive.
+//! contents together have at most [`crate::packed::most`] bytes, and each of many at most [`PACKET_BYTES`].
 
 use std::io::Read;
 
 use flate2::bufread::DeflateDecoder;
-use rawzip::{CompressionMethod, ZipFileHeaderRecord, ZipLocator, ZipSliceArchive};
+use rawzip::{CompressionMethod, ZipFileHeaderRecord, ZipLocator, ZipSliceArchive, ZipSliceEntry};
 
 use crate::bytes::Bytes;
-use crate::error::IoError;
-use crate::limits::{EXPANSION, PACKET_BYTES};
+use crate::detect::START;
+use crate::error::{IoError, beginning};
+use crate::format::Kind;
+use crate::limits::PACKET_BYTES;
+use crate::packed::most;
 
 /// The end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
 
-/// Calls `entry` with the name and the content of each file of the archive `bytes`, in the order of its directory. Folders are
-/// passed over.
+/// Calls `entry` with the name and the content of each file of the archive `bytes`, in the order of its directory.
 pub(crate) fn for_each(
     bytes: &[u8],
     mut entry: impl FnMut(&str, &[u8]) -> Result<(), IoError>,
 ) -> Result<(), IoError> {
-    let file = Bytes::file("zip", bytes);
-    let bad = |at: u64, expected: &str, error: rawzip::Error| {
-        file.malformed("archive", at as usize, expected, error)
-    };
-    let located = ZipLocator::new().max_search_space(SEARCHED).locate_in_slice(bytes);
-    let archive = located.map_err(|(_, error)| {
-        bad(file.len() as u64, "an end record in the last 64 KiB before this", error)
-    })?;
-    let mut left = (file.len() as u64).saturating_mul(EXPANSION).saturating_add(PACKET_BYTES);
-    for record in archive.entries() {
-        let record =
-            record.map_err(|error| bad(archive.directory_offset(), "a directory of whole records", error))?;
-        let at = record.local_header_offset();
-        let path = record.file_path();
-        let name = str::from_utf8(path.as_bytes())
-            .map_err(|_| file.malformed("name", at as usize, "UTF-8", path.as_bytes().escape_ascii()))?;
-        if record.is_dir() {
-            continue;
-        }
-        // Entries may share bytes: they are counted by what they expand to.
-        let size = record.uncompressed_size_hint();
-        let limit = left.min(PACKET_BYTES);
-        if size > limit {
-            return Err(file.too_large("content", at as usize, limit, size, false));
-        }
-        left -= size;
-        let content = content(&archive, &record, size)
-            .map_err(|(expected, actual)| file.malformed("entry", at as usize, expected, actual))?;
-        entry(name, &content)?;
-    }
-    Ok(())
+    let archive = Archive::open(bytes)?;
+    // Entries may share bytes: they are counted by what they expand to.
+    let mut left = most(bytes.len() as u64);
+    archive.for_each(|name, record| {
+        let content = archive.content(record, left.min(PACKET_BYTES))?;
+        left -= content.len() as u64;
+        entry(name, &content)
+    })
 }
 
-/// The content of an entry, of `size` bytes; or what was expected and what was found.
-fn content(
-    archive: &ZipSliceArchive<&[u8]>,
-    record: &ZipFileHeaderRecord<'_>,
-    size: u64,
-) -> Result<Vec<u8>, (String, String)> {
-    if record.flags().is_encrypted() {
-        return Err(("no encryption".to_owned(), "an encrypted entry".to_owned()));
+/// The content of the only recording among the files of the archive `bytes`. An only file is taken for it: its reader says what
+/// is wrong with it.
+pub(crate) fn recording(bytes: &[u8]) -> Result<Vec<u8>, IoError> {
+    let archive = Archive::open(bytes)?;
+    let mut left = most(bytes.len() as u64);
+    let (mut files, mut names, mut chosen) = (0_u64, Vec::new(), 0);
+    archive.for_each(|name, record| {
+        files += 1;
+        let start = archive.start(record, left.min(START));
+        left -= start.len() as u64;
+        if matches!(Kind::of(&start), Some(Kind::Events(_))) {
+            chosen = files;
+            names.push(beginning(name, 40));
+        }
+        Ok(())
+    })?;
+    if names.len() != 1 && files != 1 {
+        let shown = names[..names.len().min(4)].join(", ");
+        let dots = if names.len() > 4 { ", .." } else { "" };
+        let actual = format!("{} among {files} files ({shown}{dots}): unpack it with unzip", names.len());
+        return Err(IoError::Unsupported { expected: "one recording of events in a zip archive", actual });
     }
-    let local = archive.get_entry(record.wayfinder());
-    let local = local.map_err(|error| ("a local header".to_owned(), error.to_string()))?;
+    let (mut at, mut found) = (0, Vec::new());
+    archive.for_each(|_, record| {
+        at += 1;
+        if at == chosen.max(1) {
+            found = archive.content(record, most(bytes.len() as u64))?;
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// An archive in memory.
+struct Archive<'a> {
+    file: Bytes<'a>,
+    archive: ZipSliceArchive<&'a [u8]>,
+}
+
+impl<'a> Archive<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self, IoError> {
+        let file = Bytes::file("zip", bytes);
+        let located = ZipLocator::new().max_search_space(SEARCHED).locate_in_slice(bytes);
+        let archive = located.map_err(|(_, error)| {
+            file.malformed("archive", file.len(), "an end record in the last 64 KiB before this", error)
+        })?;
+        Ok(Self { file, archive })
+    }
+
+    /// Calls `entry` with each file. Folders are passed over, and what macOS puts beside each file.
+    fn for_each(
+        &self,
+        mut entry: impl FnMut(&str, &ZipFileHeaderRecord<'_>) -> Result<(), IoError>,
+    ) -> Result<(), IoError> {
+        let Self { file, archive } = self;
+        for record in archive.entries() {
+            let at = archive.directory_offset() as usize;
+            let record = record
+                .map_err(|error| file.malformed("archive", at, "a directory of whole records", error))?;
+            let path = record.file_path();
+            let name = str::from_utf8(path.as_bytes()).map_err(|_| {
+                let at = record.local_header_offset() as usize;
+                file.malformed("name", at, "UTF-8", path.as_bytes().escape_ascii())
+            })?;
+            if !record.is_dir() && !name.starts_with("__MACOSX/") {
+                entry(name, &record)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The content of a file, of at most `limit` bytes.
+    fn content(&self, record: &ZipFileHeaderRecord<'_>, limit: u64) -> Result<Vec<u8>, IoError> {
+        let (at, size) = (record.local_header_offset() as usize, record.uncompressed_size_hint());
+        if size > limit {
+            return Err(self.file.too_large("content", at, limit, size, false));
+        }
+        let content = self.local(record).and_then(|local| {
+            let mut content = Vec::new();
+            // A content that is longer than stated is read no further than that.
+            let reader = unpacked(record, &local)?.take(size + 1);
+            let read = local.verifying_reader(reader).read_to_end(&mut content);
+            let expected = || format!("{size} bytes with CRC-32 {:#010x}", record.crc32());
+            read.map_err(|error| (expected(), error.to_string()))?;
+            Ok(content)
+        });
+        content.map_err(|(expected, actual)| self.file.malformed("entry", at, expected, actual))
+    }
+
+    /// The first `most` bytes of a file, or what can be read of them.
+    fn start(&self, record: &ZipFileHeaderRecord<'_>, most: u64) -> Vec<u8> {
+        let mut start = Vec::new();
+        if let Ok(local) = self.local(record)
+            && let Ok(reader) = unpacked(record, &local)
+        {
+            // A damaged file is told by what comes before the damage, and refused when it is read.
+            let _ = reader.take(most).read_to_end(&mut start);
+        }
+        start
+    }
+
+    /// The place of a file in the archive; or what was expected and what was found.
+    fn local(&self, record: &ZipFileHeaderRecord<'_>) -> Result<ZipSliceEntry<'_>, (String, String)> {
+        if record.flags().is_encrypted() {
+            return Err(("no encryption".to_owned(), "an encrypted entry".to_owned()));
+        }
+        let local = self.archive.get_entry(record.wayfinder());
+        local.map_err(|error| ("a local header".to_owned(), error.to_string()))
+    }
+}
+
+/// The content of a file as a stream; or what was expected and what was found.
+fn unpacked<'a>(
+    record: &ZipFileHeaderRecord<'_>,
+    local: &ZipSliceEntry<'a>,
+) -> Result<Box<dyn Read + 'a>, (String, String)> {
     let packed = local.data();
-    let reader: Box<dyn Read + '_> = match record.compression_method() {
-        CompressionMethod::STORE => Box::new(packed),
-        CompressionMethod::DEFLATE => Box::new(DeflateDecoder::new(packed)),
-        other => return Err(("a stored or deflated entry".to_owned(), format!("method {}", other.as_u16()))),
-    };
-    let mut content = Vec::new();
-    // A content that is longer than stated is read no further than that.
-    let read = local.verifying_reader(reader.take(size + 1)).read_to_end(&mut content);
-    let expected = || format!("{size} bytes with CRC-32 {:#010x}", record.crc32());
-    read.map_err(|error| (expected(), error.to_string()))?;
-    Ok(content)
+    match record.compression_method() {
+        CompressionMethod::STORE => Ok(Box::new(packed)),
+        CompressionMethod::DEFLATE => Ok(Box::new(DeflateDecoder::new(packed))),
+        other => Err(("a stored or deflated entry".to_owned(), format!("method {}", other.as_u16()))),
+    }
 }

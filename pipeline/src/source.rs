@@ -1,11 +1,10 @@
 //! Sources of events: a file, lines on standard input as they arrive, or the embedded recording.
 
-use std::fs;
 use std::io::BufRead;
 use std::path::Path;
 
 use meissner_engine::{Event, EventCounters, Sensor};
-use meissner_io::{CsvEvents, Format, IoError, Place, ReadOptions, Recording};
+use meissner_io::{CsvEvents, Format, IoError, Place, ReadOptions, Recording, TimeRange};
 
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
@@ -33,6 +32,8 @@ pub struct Source {
     /// Number of events in the recording, if it is known.
     recorded: Option<u64>,
     events: Events,
+    /// The range of the events that arrive, and the time of the first one once it is known.
+    range: Option<(TimeRange, Option<i64>)>,
     refusals: Refusals,
     /// Every `stride`-th event is taken.
     stride: usize,
@@ -72,7 +73,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
         let mut lines = arriving(options)?;
         let events = lines.by_ref().collect::<Result<_, _>>();
         let events = events.map_err(|e| PipelineError::recording(STDIN_NAME, e))?;
-        return Ok(text(lines.sensor(), events));
+        return Ok(text(lines.sensor(), events, options.range));
     }
     let recording =
         meissner_io::read_with(path, *options).map_err(|source| refused(path, options, source))?;
@@ -124,14 +125,19 @@ impl Source {
         strict: bool,
     ) -> Result<Self, PipelineError> {
         match recording {
-            None => Ok(Self::of(embedded()?, Refusals::new(EMBEDDED_NAME, strict))),
+            None => {
+                let mut recording = embedded()?;
+                options.range.inspect(|range| range.cut(&mut recording));
+                Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
+            }
             Some(path) if is_stdin(path) => {
                 let mut refusals = Refusals::new(STDIN_NAME, strict);
                 let mut lines = arriving(options)?;
                 let first = if sensor_known { None } else { next(&mut lines, &mut refusals).transpose()? };
                 let sensor = lines.sensor();
                 let events = Events::Arriving { first, lines: Box::new(lines) };
-                Ok(Self::new(Format::Csv, sensor, events, refusals))
+                let range = options.range.map(|range| (range, None));
+                Ok(Self { range, ..Self::new(Format::Csv, sensor, events, refusals) })
             }
             Some(path) => {
                 let mut refusals = Refusals::new(&path.display().to_string(), strict);
@@ -164,6 +170,7 @@ impl Source {
             sensor,
             recorded,
             events,
+            range: None,
             refusals,
             stride: 1,
             pass_over: 0,
@@ -222,11 +229,20 @@ impl Source {
     }
 
     fn next_recorded(&mut self) -> Option<Result<Event, PipelineError>> {
-        match &mut self.events {
-            Events::Read(events) => events.next().map(Ok),
-            Events::Arriving { first, lines } => {
-                first.take().map(Ok).or_else(|| next(lines, &mut self.refusals))
+        loop {
+            let next = match &mut self.events {
+                Events::Read(events) => events.next().map(Ok),
+                Events::Arriving { first, lines } => {
+                    first.take().map(Ok).or_else(|| next(lines, &mut self.refusals))
+                }
+            };
+            if let Some(Ok(event)) = &next
+                && let Some((range, first_us)) = &mut self.range
+                && !range.contains(event.t_us, *first_us.get_or_insert(event.t_us))
+            {
+                continue;
             }
+            return next;
         }
     }
 }
@@ -290,18 +306,22 @@ fn passing_over(
     options: &ReadOptions,
     refusals: &mut Refusals,
 ) -> Result<Recording, PipelineError> {
-    let bytes = fs::read(path).map_err(|source| PipelineError::file("read", path, source))?;
+    let bytes = meissner_io::read_content(path).map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let lines = CsvEvents::of_text(&bytes, options.text);
     let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
     let mut events = Vec::new();
     while let Some(event) = next(&mut lines, refusals) {
         events.push(event?);
     }
-    Ok(text(lines.sensor(), events))
+    Ok(text(lines.sensor(), events, options.range))
 }
 
-fn text(sensor: Option<Sensor>, events: Vec<Event>) -> Recording {
-    Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged: None }
+/// The recording of these events of a text, without those outside `range`.
+fn text(sensor: Option<Sensor>, events: Vec<Event>, range: Option<TimeRange>) -> Recording {
+    let mut recording =
+        Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged: None };
+    range.inspect(|range| range.cut(&mut recording));
+    recording
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::args::{Every, INPUT, Input, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, STATUS};
-use meissner_pipeline::bench::{BenchOptions, Part};
-use meissner_pipeline::text::{TIME_FORMS, length_us, span_us};
+use crate::args::{Every, Input, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, STATUS};
+use meissner_pipeline::bench::BenchOptions;
+use meissner_pipeline::text::{TIME_FORMS, span_us};
 
 /// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
@@ -42,12 +42,6 @@ pub(crate) struct BenchArgs {
     /// Events and network.
     #[command(flatten)]
     pub(crate) input: Input,
-    /// Skip the first TIME of the recording.
-    #[arg(long = "from", value_name = "TIME", value_parser = length_us, help_heading = INPUT)]
-    pub(crate) from_us: Option<i64>,
-    /// Measure only TIME of the recording, starting at --from.
-    #[arg(long = "for", value_name = "TIME", value_parser = span_us, help_heading = INPUT)]
-    pub(crate) for_us: Option<i64>,
     /// When to predict while latencies are measured [default: event].
     ///
     /// event: after every accepted event. N: after every N accepted events. TIME: every TIME of stream time, as `run`
@@ -102,7 +96,7 @@ impl BenchArgs {
     /// The options of the benchmark.
     pub(super) fn options(&self) -> BenchOptions {
         BenchOptions {
-            part: Part { from_us: self.from_us, for_us: self.for_us },
+            part: self.input.part.part(),
             limit: self.input.limit,
             late: self.input.late,
             every: self.every,

@@ -312,8 +312,10 @@ impl RunArgs {
         let Self { input, frames, electrodes, .. } = self;
         let all_frames: &'static [NetworkKind] = &[EventFrames, Electrodes, Pictures];
         let events: &'static [NetworkKind] = &[EventGraph, EventFrames];
-        let options: [(&'static str, bool, &'static [NetworkKind]); 19] = [
+        let options: [(&'static str, bool, &'static [NetworkKind]); 21] = [
             ("--sensor", input.sensor.is_some(), events),
+            ("--from", input.part.from_us.is_some(), events),
+            ("--for", input.part.for_us.is_some(), events),
             ("--late clamp", input.late == LatePolicy::Clamp, events),
             ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
             ("--every", self.every.is_some(), events),

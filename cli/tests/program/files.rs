@@ -23,6 +23,7 @@ fn every_format_that_is_written_gives_the_same_events_back() {
         ("c.dat", Format::Dat),
         ("d.raw", Format::Evt3),
         ("e.evt3", Format::Evt3),
+        ("f.es", Format::Es),
     ] {
         let to = folder.path().join(name);
         // npy does not hold the geometry, so the next step has to be told.
@@ -37,6 +38,69 @@ fn every_format_that_is_written_gives_the_same_events_back() {
         assert_eq!(copy.sensor, (format != Format::Npy).then(|| Sensor::new(346, 260)), "{name}");
         from = to;
     }
+}
+
+/// Events of a second, one every 10 ms.
+fn lines() -> String {
+    (0..100).map(|i| format!("{},{},3,{}\n", 7_000 + i * 10_000, i % 30, i % 2)).collect()
+}
+
+#[test]
+fn a_part_by_time_is_the_same_for_every_format_and_subcommand() {
+    let (folder, csv) = file("events.csv", &lines());
+    let part = ["--from", "200ms", "--for", "0.1s"];
+    let sensor = ["--sensor", "30x8"];
+    for to in ["csv", "npy", "dat", "evt3", "es"] {
+        let path = folder.path().join(format!("part.{to}"));
+        convert(&csv, &path, &[&sensor[..], &part, &["--force"]].concat());
+        let events = meissner_io::read(&path).expect("what was written can be read").events;
+        let times: Vec<_> = events.iter().map(|event| event.t_us).collect();
+        assert_eq!(times, (20..30).map(|i| 7_000 + i * 10_000).collect::<Vec<_>>(), "{to}");
+
+        let whole = folder.path().join(format!("whole.{to}"));
+        convert(&csv, &whole, &sensor);
+        let info = meissner(&[&["info", argument(&whole), "--json"], &part[..]].concat());
+        assert!(text(&info).contains("\"events\":10,"), "{to}: {}", text(&info));
+        for subcommand in ["run", "bench"] {
+            let more = [&sensor[..], &part, &["--network", "tactigraph-past", "--json"]].concat();
+            let output = meissner(&[&[subcommand, argument(&whole)], &more[..]].concat());
+            assert!(output.status.success(), "{}", message(&output));
+            assert!(text(&output).contains("\"accepted\":10,"), "{subcommand} {to}: {}", text(&output));
+        }
+    }
+    for (arguments, events) in
+        [(&["--from", "990ms"][..], 1), (&["--for", "10ms"], 1), (&["--from", "2s"], 0)]
+    {
+        let info = meissner(&[&["info", argument(&csv), "--json"], arguments].concat());
+        assert!(text(&info).contains(&format!("\"events\":{events},")), "{arguments:?}: {}", text(&info));
+    }
+}
+
+#[test]
+fn a_part_of_standard_input_is_taken_as_it_arrives() {
+    let part = ["--from", "200ms", "--for", "0.1s", "--json"];
+    let info = meissner_reading(&[&["info", "-"], &part[..]].concat(), &lines());
+    assert!(text(&info).contains("\"events\":10,"), "{}", text(&info));
+    let run = ["run", "-", "--sensor", "30x8", "--network", "tactigraph-past"];
+    let output = meissner_reading(&[&run[..], &part].concat(), &lines());
+    assert!(text(&output).contains("\"accepted\":10,"), "{}", text(&output));
+}
+
+#[test]
+fn a_text_inside_gzip_is_read_without_its_bad_lines() {
+    // In a stored block, with its length, the complement of it, and its CRC-32.
+    let header = b"\x1f\x8b\x08\0\0\0\0\0\0\xff\x01\x15\0\xea\xff";
+    let bytes = [&header[..], b"1,2,3,1\n2,2,3,1\noops\n", b"\xa2\x1b\x69\x37\x15\0\0\0"].concat();
+    let (_folder, path) = file("events.csv.gz", bytes);
+    let output = meissner(&["info", argument(&path)]);
+    assert!(
+        message(&output).contains("events.csv.gz: CSV: ") && !output.status.success(),
+        "{}",
+        message(&output)
+    );
+    let run = ["run", argument(&path), "--sensor", "30x8", "--network", "tactigraph-past", "--json"];
+    let output = meissner(&run);
+    assert!(text(&output).contains("\"accepted\":2,"), "{} {}", text(&output), message(&output));
 }
 
 #[test]

@@ -110,10 +110,10 @@ fn an_input_of_another_kind_is_named_with_the_networks_that_read_it() {
 fn a_format_that_is_not_read_is_named_with_what_converts_it_whatever_the_network() {
     for (name, bytes, expected) in [
         ("a.h5", &b"\x89HDF\r\n\x1a\n\0\0\0\0"[..], ["HDF5", "h5py"]),
-        ("a.csv.gz", b"\x1f\x8b\x08\0\0\0\0\0", ["gzip", "gunzip"]),
+        ("a.csv.xz", b"\xfd7zXZ\0\0\0", ["xz", "unxz"]),
         ("a.bag", b"#ROSBAG V2.0\n", ["ROS bag", "rosbags"]),
-        ("a.aedat", b"#!AER-DAT2.0\r\n\0\0", ["AEDAT 2", "DV"]),
-        ("b.aedat", b"#!AER-DAT3.1\r\n\0\0", ["AEDAT 3", "DV"]),
+        ("a.aedat", b"#!AER-DAT1.0\r\n\0\0", ["AEDAT 1", "DV"]),
+        ("b.aedat", b"#!AER-DAT3.0\r\n\0\0", ["AEDAT 3.0", "DV"]),
     ] {
         let (_folder, path) = file(name, bytes);
         for network in ["tactigraph-past", "force-lstm", "slip-best", "canf"] {
@@ -205,5 +205,5 @@ fn convert_reads_and_writes_the_standard_streams() {
         assert_eq!(output.stdout, encoded(format), "{format}");
         assert!(message(&output).contains("standard output: 300 events"), "{}", message(&output));
     }
-    fails(&meissner_reading(&["convert", "-", "-"], &text), 2, &["--to csv|npy|dat|evt3"]);
+    fails(&meissner_reading(&["convert", "-", "-"], &text), 2, &["--to csv|npy|dat|evt3|es"]);
 }

@@ -3,8 +3,9 @@
 //! The bytes come from the writers of the tests beside each reader, which share no code with it.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 
+use flate2::write::GzEncoder;
 use meissner_fuzz::{NETWORK, corpus, snapshot_seeds};
 use meissner_io::Format;
 use meissner_models::{AnyDescription, Description, TensorFile, draw};
@@ -80,7 +81,22 @@ fn recordings() -> io::Result<()> {
         &codecs::evt3("% format EVT3\n% end\n", &[0x8fff, 0x6fff, 0x0001, 0x2001, 0x8000, 0x6000, 0x2802]),
     )?;
     put("dat", "no-sensor", &codecs::encoded(Format::Dat, None, events))?;
+    let on_128: Vec<_> = events.iter().map(|e| meissner_engine::Event { y: e.y % 128, ..*e }).collect();
+    let records = codecs::aedat::dvs128_records(&on_128);
+    put("aedat2", "no-chip", &codecs::aedat::aedat2(&["created by hand"], &records))?;
+    let words = [0, 1 << 31, 1 << 31 | 3 << 10, 1 << 10].map(|word| [word, u32::MAX]);
+    put("aedat2", "frames-imu", &codecs::aedat::aedat2(&codecs::aedat::DAVIS346, &words))?;
+    let packets = [(0, 8, 3), (1, 8, 1), (3, 36, 1)].map(|(kind, size, number)| {
+        codecs::aedat::aedat3_packet(kind, 0, size, 1, &vec![5; (size * number) as usize])
+    });
+    put("aedat3", "types", &[codecs::aedat::aedat3_header(0, "DVS128"), packets.concat()].concat())?;
+    put("es", "resets", b"Event Stream\x02\0\0\x01\x04\0\x03\0\xfe\xfe\xff\x03\x01\0\x02\0\xff")?;
     put("nmnist", "one", &[1, 2, 0x80, 0, 9])?;
+    let dat = codecs::encoded(Format::Dat, None, events);
+    let mut gzip = GzEncoder::new(Vec::new(), flate2::Compression::default());
+    gzip.write_all(&dat)?;
+    put("any_recording", "gzip", &gzip.finish()?)?;
+    put("any_recording", "zip", &stored_zip("a.dat", &dat))?;
     let texts = [
         ("plain", "10,3,4,1\n12,3,5,0\n"),
         ("names", "\u{feff}P, X ,\"y\",timestamp,other\r\nTrue,1,2,3.00,x\r\n\r\n# more\r\n-1,4,5,-6,\r\n"),
@@ -104,6 +120,19 @@ fn recordings() -> io::Result<()> {
         put("convert", name, &[&start[..], &steps].concat())?;
     }
     put("convert", "in-order", &[&[0, 0][..], &[9, 0, 3, 0, 4, 0, 1].repeat(5)].concat())
+}
+
+/// An archive with one stored entry.
+fn stored_zip(name: &str, content: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut archive = rawzip::ZipArchiveWriter::new(&mut bytes);
+    let (mut entry, config) = archive.new_file(name).start().expect("memory");
+    let mut writer = config.wrap(&mut entry);
+    writer.write_all(content).expect("memory");
+    let (_, descriptor) = writer.finish().expect("memory");
+    entry.finish(descriptor).expect("memory");
+    archive.finish().expect("memory");
+    bytes
 }
 
 fn electrodes() -> io::Result<()> {

@@ -29,11 +29,14 @@ pub use target::{Target, Verdict};
 pub use weights::NETWORK;
 
 /// All targets.
-pub const TARGETS: [Target; 22] = [
+pub const TARGETS: [Target; 25] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
+    Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
+    Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
     Target { name: "evt2", run: |bytes| recording(Format::Evt2, bytes) },
     Target { name: "evt3", run: |bytes| recording(Format::Evt3, bytes) },
     Target { name: "dat", run: |bytes| recording(Format::Dat, bytes) },
+    Target { name: "es", run: |bytes| recording(Format::Es, bytes) },
     Target { name: "nmnist", run: |bytes| recording(Format::Nmnist, bytes) },
     Target { name: "csv", run: csv },
     Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },

@@ -25,8 +25,9 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads the magic number and the header at the start of `file`; with `salvage`, the file may end before its packet table.
-    pub(super) fn parse(file: Bytes<'_>, salvage: bool) -> Result<Self, IoError> {
+    /// Reads the magic number and the header at the start of `file`, which has `length` bytes; with `salvage`, the file may end
+    /// before its packet table.
+    pub(super) fn parse(file: Bytes<'_>, length: u64, salvage: bool) -> Result<Self, IoError> {
         let (what, start) = ("header", MAGIC.len());
         let magic = file.get("magic", 0, start)?;
         if magic != MAGIC {
@@ -48,7 +49,7 @@ impl Header {
         };
         let (table, is_cut) = match root.field(1)?.map_or(-1, i64::from_le_bytes) {
             -1 => (None, false),
-            at => match Self::table(file, packets, at) {
+            at => match Self::table(file, length, packets, at) {
                 Err(IoError::Truncated { .. }) if salvage => (None, true),
                 table => (Some(table?), false),
             },
@@ -59,9 +60,9 @@ impl Header {
     }
 
     /// The position of the packet table, which the recorder writes last: a file that ends before it is cut short.
-    fn table(file: Bytes<'_>, packets: usize, at: i64) -> Result<usize, IoError> {
+    fn table(file: Bytes<'_>, length: u64, packets: usize, at: i64) -> Result<usize, IoError> {
         match u64::try_from(at) {
-            Ok(position) if position > file.len() as u64 => {
+            Ok(position) if position > length => {
                 Err(file.truncated("the recording before its packet table", 0, position, false))
             }
             Ok(position) if position >= packets as u64 => Ok(position as usize),

@@ -13,7 +13,8 @@ use ruzstd::decoding::{FrameDecoder as Zstd, StreamingDecoder};
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, shown};
-use crate::limits::{EXPANSION, PACKET_BYTES};
+use crate::limits::PACKET_BYTES;
+use crate::packed::most;
 
 /// Bytes of the size before a buffer.
 const PREFIX: usize = 4;
@@ -90,7 +91,7 @@ pub(super) enum Compression {
 
 /// Decompresses one packet after another into one buffer.
 ///
-/// Invariant: a packet has at most [`PACKET_BYTES`], and all packets together at most [`EXPANSION`] times the length of the
+/// Invariant: a packet has at most [`PACKET_BYTES`], and all packets together at most [`EXPANSION`](crate::limits::EXPANSION) times the length of the
 /// file more, whatever the compressed bytes are.
 pub(super) struct Inflater<'a> {
     compression: Compression,
@@ -98,7 +99,7 @@ pub(super) struct Inflater<'a> {
     buffer: Vec<u8>,
     zstd: Zstd,
     /// Bytes that the file may still decompress to.
-    budget: u64,
+    pub(super) budget: u64,
 }
 
 impl<'f> Inflater<'f> {
@@ -106,7 +107,7 @@ impl<'f> Inflater<'f> {
     pub(super) fn new(compression: Compression, file: Bytes<'f>) -> Self {
         let mut zstd = Zstd::new();
         zstd.set_max_window_size(PACKET_BYTES);
-        let budget = PACKET_BYTES.saturating_add((file.len() as u64).saturating_mul(EXPANSION));
+        let budget = most(file.len() as u64);
         Self { compression, file, buffer: Vec::new(), zstd, budget }
     }
 

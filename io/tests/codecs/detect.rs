@@ -47,7 +47,10 @@ fn names_are_read_back() {
         assert_eq!(format.to_string().parse::<Format>().unwrap(), format);
     }
     let error = "hdf5".parse::<Format>().unwrap_err().to_string();
-    assert_eq!(error, "unknown format: expected aedat4, evt2, evt3, dat, nmnist, csv or npy, found `hdf5`");
+    assert_eq!(
+        error,
+        "unknown format: expected aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv or npy, found `hdf5`"
+    );
 }
 
 #[test]

@@ -237,7 +237,7 @@ fn messages_quote_what_a_file_says_in_part() {
 proptest! {
     #[test]
     fn noise_behind_any_start_gives_an_error_or_a_recording(
-        sample in 0..9_usize,
+        sample in 0..samples().len(),
         keep in 0.0..1.0_f64,
         noise in prop::collection::vec(any::<u8>(), 0..300),
     ) {

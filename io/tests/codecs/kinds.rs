@@ -9,7 +9,7 @@ use meissner_io::{
 use crate::support::samples;
 
 /// The starts of files that nothing here reads, with a word of their name and one of the advice.
-const FOREIGN: [(&[u8], &str, &str); 17] = [
+const FOREIGN: [(&[u8], &str, &str); 15] = [
     (b"\x89HDF\r\n\x1a\n\0\0", "HDF5", "h5py"),
     (b"\x1f\x8b\x08\0", "gzip", "gunzip"),
     (b"BZh91AY", "bzip2", "bunzip2"),
@@ -20,9 +20,7 @@ const FOREIGN: [(&[u8], &str, &str); 17] = [
     (b"\x89MCAP0\r\n", "MCAP", "mcap"),
     (b"SQLite format 3\0", "SQLite", "rosbags"),
     (b"#!AER-DAT1.0\r\n", "AEDAT 1", "DV"),
-    (b"#!AER-DAT2.0\r\n# more\r\n", "AEDAT 2", "DV"),
-    (b"#!AER-DAT3.1\r\n", "AEDAT 3", "DV"),
-    (b"Event Stream\x02\0\0", "Event Stream", "event_stream"),
+    (b"#!AER-DAT3.0\r\n", "AEDAT 3.0", "DV"),
     (b"MATLAB 5.0 MAT-file, Platform", "MATLAB", "loadmat"),
     (b"\0\0\0\x18ftypmp42", "video", "ffmpeg"),
     (b"RIFF\x10\0\0\0AVI LIST", "video", "ffmpeg"),
@@ -54,7 +52,6 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it() {
     for (start, name, instead) in FOREIGN {
         let bytes = [start, &[0x80; 100]].concat();
         let messages = [
-            decode(&bytes).unwrap_err().to_string(),
             CsvEvents::new(&bytes[..]).next().unwrap().unwrap_err().to_string(),
             CsvEvents::new(BufReader::with_capacity(3, &bytes[..])).next().unwrap().unwrap_err().to_string(),
             Electrodes::new(&bytes[..], ElectrodeSettings::default())
@@ -63,7 +60,9 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it() {
                 .unwrap_err()
                 .to_string(),
         ];
-        for message in messages {
+        // What is packed is looked into.
+        let whole = (!["gzip", "zip"].contains(&name)).then(|| decode(&bytes).unwrap_err().to_string());
+        for message in messages.into_iter().chain(whole) {
             assert!(message.contains(name) && message.contains(instead), "{name}: {message}");
         }
     }

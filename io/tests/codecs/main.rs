@@ -2,6 +2,8 @@
 //! hand.
 #![forbid(unsafe_code)]
 
+mod aedat2;
+mod aedat3;
 mod aedat4;
 mod csv;
 mod dat;
@@ -10,6 +12,7 @@ mod detect;
 mod digits;
 mod electrodes;
 mod encoders;
+mod es;
 mod evt2;
 mod evt3;
 mod hostile;
@@ -17,6 +20,8 @@ mod kinds;
 mod neutouch;
 mod nmnist;
 mod npy;
+mod packed;
+mod ranges;
 mod recordings;
 mod salvage;
 #[path = "../../../tests/shared_files.rs"]

@@ -2,33 +2,13 @@
 
 use std::error::Error;
 use std::fs;
-use std::io::Write;
 
-use flate2::Compression;
-use flate2::write::DeflateEncoder;
 use meissner_engine::Event;
 use meissner_io::datasets::{EventDataset, NeutouchSet, Split};
 use proptest::prelude::*;
-use rawzip::{CompressionMethod, ZipArchiveWriter};
 
+use crate::packed::zip;
 use crate::shared_files::shared;
-
-/// An archive with these entries, deflated.
-fn zip<'a>(entries: impl IntoIterator<Item = (&'a str, Vec<u8>)>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut archive = ZipArchiveWriter::new(&mut bytes);
-    for (name, content) in entries {
-        let file = archive.new_file(name).compression_method(CompressionMethod::DEFLATE);
-        let (mut entry, config) = file.start().unwrap();
-        let mut writer = config.wrap(DeflateEncoder::new(&mut entry, Compression::default()));
-        writer.write_all(&content).unwrap();
-        let (encoder, descriptor) = writer.finish().unwrap();
-        encoder.finish().unwrap();
-        entry.finish(descriptor).unwrap();
-    }
-    archive.finish().unwrap();
-    bytes
-}
 
 /// A file of version 1 with this type and shape.
 fn npy(descr: &str, shape: &str, values: &[f32]) -> Vec<u8> {

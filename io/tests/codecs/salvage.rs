@@ -23,12 +23,24 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
         Format::Npy => bytes.iter().position(|&b| b == b'\n').unwrap() + 1,
         Format::Dat => bytes.windows(2).position(|w| w == [0x0c, 8]).unwrap() + 2,
         Format::Evt2 | Format::Evt3 => bytes.windows(5).position(|w| w == b"% end").unwrap() + 6,
+        Format::Aedat2 => bytes.windows(8).position(|w| w == b"Header\r\n").unwrap() + 8,
+        Format::Aedat3 => bytes.windows(8).position(|w| w == b"HEADER\r\n").unwrap() + 8,
+        Format::Es => 20,
         Format::Aedat4 => unreachable!(),
     };
     let content = bytes.get(start..length)?;
     Some(match format {
         Format::Nmnist => content.len() / 5,
-        Format::Dat => content.len() / 8,
+        Format::Dat | Format::Aedat2 => content.len() / 8,
+        // Packets of 15, 15 and 10 events.
+        Format::Aedat3 => [148, 296, 404]
+            .iter()
+            .zip([15, 15, 10])
+            .filter(|(end, _)| content.len() >= **end)
+            .map(|p| p.1)
+            .sum(),
+        // The sample's first step takes 7 overflows, the others 5.
+        Format::Es => (content.len() + 3).saturating_sub(5) / 10,
         Format::Npy => content.len() / 13,
         Format::Evt2 => content.chunks_exact(4).filter(|w| w[3] >> 4 <= 1).count(),
         Format::Csv => {
@@ -109,8 +121,11 @@ fn a_damaged_recording_is_refused_with_salvage_as_without() {
             Format::Nmnist => changed[100] = 255,
             Format::Npy => changed[bytes.len() - 1] = 9,
             Format::Dat => *changed.last_mut().unwrap() = 0x70,
-            Format::Evt2 => changed[bytes.len() - 1] = 0x70,
+            Format::Evt2 | Format::Es => changed[bytes.len() - 1] = 0x70,
             Format::Evt3 => changed[bytes.len() - 1] = 0x90,
+            // A row beyond the sensor.
+            Format::Aedat2 => changed[bytes.len() - 8] = 0x7f,
+            Format::Aedat3 => changed[bytes.len() - 7] = 0x70,
             Format::Aedat4 => continue,
         }
         damaged.push((format, changed));

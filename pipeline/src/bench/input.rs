@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use meissner_engine::{Event, EventCounters, LatePolicy, Options, Sensor};
+use meissner_io::TimeRange;
 use serde::Serialize;
 
 use super::frame_passes::{EventFrameModel, Field};
@@ -19,7 +20,7 @@ use crate::source::Source;
 /// Options of a benchmark.
 #[derive(Clone, Debug, Default)]
 pub struct BenchOptions {
-    /// The measured part of the recording.
+    /// The part of the recording that the source gives, for the report; [`Part::range`] reads it.
     pub part: Part,
     /// Largest number of events to take from this part.
     pub limit: Option<u64>,
@@ -56,26 +57,12 @@ impl Part {
         self.from_us.is_some() || self.for_us.is_some()
     }
 
-    /// The events of this part, at most `limit`.
-    fn take(
-        self,
-        events: impl Iterator<Item = Result<Event, PipelineError>>,
-        limit: usize,
-    ) -> Result<Vec<Event>, PipelineError> {
-        let mut first_us = None;
-        let inside = |event: &Result<Event, PipelineError>| {
-            let Ok(event) = event else { return true };
-            self.holds(*first_us.get_or_insert(event.t_us), event.t_us)
-        };
-        events.filter(inside).take(limit).collect()
-    }
-
-    fn holds(self, first_us: i64, t_us: i64) -> bool {
-        // In i128, because times may be anywhere in the range of an i64.
-        let begin = i128::from(first_us) + i128::from(self.from_us.unwrap_or(0));
-        let t_us = i128::from(t_us);
-        (self.from_us.is_none() || t_us >= begin)
-            && self.for_us.is_none_or(|length| t_us < begin + i128::from(length))
+    /// The range of times to read; `None`: the whole recording.
+    pub fn range(self) -> Option<TimeRange> {
+        let end = |length: i64| self.from_us.unwrap_or(0).saturating_add(length);
+        // Without a start, events before the first one's time belong to the part.
+        let times = self.from_us.unwrap_or(i64::MIN)..self.for_us.map_or(i64::MAX, end);
+        self.is_some().then(|| TimeRange::since_first(times))
     }
 }
 
@@ -98,7 +85,7 @@ pub struct BenchInput {
 }
 
 impl BenchInput {
-    /// Takes the part of `source` that `options` select, for a benchmark of the network of `card`. Logs the warnings of
+    /// Takes the events of `source`, at most the limit of `options`, for a benchmark of the network of `card`. Logs the warnings of
     /// the network's header.
     ///
     /// # Errors
@@ -113,7 +100,7 @@ impl BenchInput {
         let header = Header::new("bench", described, card.clone());
         header.warn();
         let limit = options.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
-        let events = options.part.take(source.by_ref(), limit)?;
+        let events = source.by_ref().take(limit).collect::<Result<_, _>>()?;
         Ok(Self { events, sensor, source, part: options.part, header, card: card.clone() })
     }
 
@@ -212,11 +199,10 @@ pub struct FrameInputReport {
 #[cfg(test)]
 mod tests {
     use super::Part;
-    use meissner_engine::Event;
 
     fn times(part: Part, times: &[i64]) -> Vec<i64> {
-        let events = times.iter().map(|&t| Ok(Event::new(t, 0, 0, true)));
-        part.take(events, usize::MAX).expect("no event is an error").iter().map(|event| event.t_us).collect()
+        let inside = |t: &i64| part.range().is_none_or(|range| range.contains(*t, times[0]));
+        times.iter().copied().filter(inside).collect()
     }
 
     #[test]

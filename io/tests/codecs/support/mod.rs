@@ -1,5 +1,6 @@
 //! Bytes of every format, made here, and the strategies that the properties draw from.
 
+pub(crate) mod aedat;
 pub(crate) mod aedat4;
 
 use std::io::{self, Read};
@@ -76,6 +77,9 @@ pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
     for compression in aedat4::Compression::ALL {
         samples.push((Format::Aedat4, aedat4::sample(compression)));
     }
+    samples.push((Format::Es, encoded(Format::Es, Some(SENSOR), &all)));
+    samples.push((Format::Aedat2, aedat::aedat2(&aedat::DAVIS346, &aedat::davis_records(SENSOR, &all))));
+    samples.push((Format::Aedat3, aedat::aedat3(&all, 15)));
     samples
 }
 

@@ -1,0 +1,117 @@
+"""Reading of recordings, beside faery and expelliarmus, on the files that `--example readers` writes.
+
+    python3 benches/peers/readers.py [--python ENV/bin/python] [--folder FOLDER] [--json]
+
+Without --python, an environment with the wheels is made in target/readers-venv. A reader that does not know a format, or that
+reads other events than ours, is marked so and not timed. All files lie in the page cache; a figure is the median of seven runs.
+"""
+import argparse
+import json
+import pathlib
+import statistics
+import subprocess
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+EVENTS = 1_000_000
+RUNS = 7
+
+
+def with_faery(path):
+    """The columns t, x, y and p of the file at `path`, as faery reads them."""
+    import faery
+    import numpy as np
+
+    arrays = [array.copy() for array in faery.events_stream_from_file(path)]
+    events = np.concatenate(arrays)
+    return [events[name].astype("int64") for name in ("t", "x", "y", "on" if "on" in events.dtype.names else "p")]
+
+
+def with_expelliarmus(path):
+    """The same, as expelliarmus reads them."""
+    from expelliarmus import Wizard
+
+    encodings = {".dat": "dat", ".evt2.raw": "evt2", ".evt3.raw": "evt3"}
+    encoding = next(encoding for end, encoding in encodings.items() if path.name.endswith(end))
+    events = Wizard(encoding=encoding).read(path)
+    return [events[name].astype("int64") for name in "txyp"]
+
+
+def expected():
+    """The beginning and the end of the events that `--example readers` writes."""
+    first = [0, 173 + 60, 130, 1]
+    return first, (EVENTS - 1) * 100 + (EVENTS - 1) % 7
+
+
+def measure(read, path):
+    """Events a second; or why there is no figure."""
+    try:
+        t, x, y, p = read(path)
+    except (StopIteration, ImportError):
+        return "not read"
+    except Exception as error:  # What another reader raises is a result.
+        return f"fails: {str(error)[:60]}"
+    first, last = expected()
+    if len(t) != EVENTS:
+        return f"reads {len(t)} events"
+    # Some readers count from the first event, and some rows from the bottom.
+    if t[-1] - t[0] != last or [x[0], p[0]] != [first[1], first[3]]:
+        return "reads other events"
+    times = []
+    for _ in range(RUNS):
+        start = time.perf_counter()
+        read(path)
+        times.append(time.perf_counter() - start)
+    return EVENTS / statistics.median(times)
+
+
+def peers(folder):
+    """Prints a line of JSON for each file."""
+    for path in sorted(folder.iterdir()):
+        row = {"file": path.name}
+        row["faery"] = measure(with_faery, path)
+        row["expelliarmus"] = measure(with_expelliarmus, path)
+        print(json.dumps(row), flush=True)
+
+
+def environment():
+    """The Python of an environment with the wheels."""
+    folder = ROOT / "target/readers-venv"
+    python = folder / "bin/python"
+    if not python.exists():
+        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", "faery", "expelliarmus", "numpy"], check=True)
+    return python
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("--python", help="interpreter of an environment with faery and expelliarmus")
+    arguments.add_argument("--folder", type=pathlib.Path, default=ROOT / "target/readers")
+    arguments.add_argument("--json", action="store_true", help="print one JSON object for each file")
+    arguments.add_argument("--peers", action="store_true", help=argparse.SUPPRESS)
+    asked = arguments.parse_args()
+    if asked.peers:
+        return peers(asked.folder)
+    command = ["cargo", "run", "-q", "--release", "-p", "meissner-benches", "--example", "readers", "--"]
+    ours = subprocess.run(command + [str(asked.folder), "--json"], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+    rows = {row["file"]: row for row in map(json.loads, ours.stdout.splitlines())}
+    command = [asked.python or environment(), __file__, "--peers", "--folder", asked.folder]
+    theirs = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    for row in map(json.loads, theirs.stdout.splitlines()):
+        rows.get(row["file"], {}).update(row)
+    if not asked.json:
+        print(f"{'M events/s':<20} {'meissner':>10} {'faery':>24} {'expelliarmus':>24}")
+    for row in rows.values():
+        if asked.json:
+            print(json.dumps(row))
+            continue
+        shown = [f"{rate / 1e6:.1f}" if isinstance(rate, (int, float)) else rate
+                 for rate in (row["events_per_s"], row["faery"], row["expelliarmus"])]
+        print(f"{row['file']:<20} {shown[0]:>10} {shown[1]:>24} {shown[2]:>24}")
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+//! AEDAT 2.0, the format of jAER: the bytes of a file to events.
+//!
+//! After the text header ([`header`]) each record has 8 bytes: an address and a time in microseconds, both 32 bits, most
+//! significant byte first. The header's line `# AEChip: CLASS` names the chip, which gives the layout of the address:
+//!
+//! | chip | not a change of brightness | row | column | polarity |
+//! |---|---|---|---|---|
+//! | DVS128 | bit 15: external event | bits 14-8 | bits 7-1 | bit 0: 0 is a rise |
+//! | DAVIS | bit 31: sample of a frame, or with bits 11 and 10 of the IMU; bit 10: external event | bits 30-22 | bits 21-12 | bit 11: 1 is a rise |
+//!
+//! Columns count from the right and rows from the bottom; events here count from the left and the top, as those of the other
+//! formats. Files from before 2014 name no chip: they are of a DVS128 where every address has at most 16 bits.
+//! Source: iniVation's page on AEDAT 2.0; for the mirrored column, and for the DVS128's polarity (the page has it the other way
+//! round), the extractors of jAER and the parser of `dv-processing`, which agree.
+//!
+//! Invariant: the 32-bit time wraps where it falls by 2^31 or more; a smaller fall is a step back.
+
+mod header;
+
+use meissner_engine::Event;
+
+use crate::bytes::{Bytes, array};
+use crate::error::IoError;
+use crate::format::Format;
+use crate::prophesee::WrappingClock;
+use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::Records;
+use header::Chip;
+pub(crate) use header::{Header, MAGIC, sensor_of};
+
+/// Bytes of a record.
+const STRIDE: usize = 8;
+/// Times count from 0 to this value - 1, and wrap.
+const TIME_RANGE: i64 = 1 << 32;
+
+/// The events of the file `bytes`.
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+    let file = Bytes::file(Format::Aedat2.name(), bytes);
+    let header = Header::open(file)?;
+    header.events(file.after(header.end), WrappingClock::new(TIME_RANGE), salvage)
+}
+
+impl Header {
+    /// The events of `records`.
+    fn events(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError> {
+        let (all, salvaged) = records.records("the last event", 0, salvage)?;
+        let mut decoder = Decoder::new(records, self.chip, clock);
+        for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
+            decoder.push(*record, at)?;
+        }
+        // Without a record, nothing says that an unnamed chip is a DVS128.
+        let sensor = match self.chip {
+            None if self.is_empty => None,
+            chip => Some(chip.unwrap_or(Chip::DVS128).sensor),
+        };
+        let Decoder { events, external, frames, imu, .. } = decoder;
+        let other_streams = StreamSummary::present([external, frames, imu]);
+        Ok(Recording { format: Format::Aedat2, sensor, events, other_streams, salvaged })
+    }
+}
+
+impl Records for Header {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
+
+    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+        Self::parse(file)
+    }
+
+    fn start(&self) -> usize {
+        self.end
+    }
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        Some(u32::from_be_bytes(array(&record[4..])).into())
+    }
+
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
+        self.events(records, clock, false)
+    }
+}
+
+/// The state of a reader.
+struct Decoder<'a> {
+    records: Bytes<'a>,
+    chip: Option<Chip>,
+    clock: WrappingClock,
+    events: Vec<Event>,
+    external: StreamSummary,
+    frames: StreamSummary,
+    imu: StreamSummary,
+}
+
+/// What an address says.
+enum Word {
+    /// Column from the right, row from the bottom, and whether brightness rose.
+    Change(u16, u16, bool),
+    External,
+    Frame,
+    Imu,
+}
+
+impl<'a> Decoder<'a> {
+    fn new(records: Bytes<'a>, chip: Option<Chip>, clock: WrappingClock) -> Self {
+        Self {
+            records,
+            chip,
+            clock,
+            events: Vec::with_capacity(records.len() / STRIDE),
+            external: StreamSummary::new("external events", StreamKind::Triggers),
+            frames: StreamSummary::new("values of frames", StreamKind::Other),
+            imu: StreamSummary::new("values of the IMU", StreamKind::Other),
+        }
+    }
+
+    /// Takes the record at byte `at` of the records.
+    #[inline]
+    fn push(&mut self, record: [u8; STRIDE], at: usize) -> Result<(), IoError> {
+        let (address, time) = (u32::from_be_bytes(array(&record)), u32::from_be_bytes(array(&record[4..])));
+        let t_us = self.clock.advance(time.into());
+        let sensor = self.chip.map_or(Chip::DVS128.sensor, |chip| chip.sensor);
+        let word = match self.chip {
+            Some(Chip { is_davis: true, .. }) => davis(address),
+            _ => self.dvs128(address, at)?,
+        };
+        match word {
+            Word::Change(x, y, on) if sensor.contains(x, y) => {
+                self.events.push(Event::new(t_us, sensor.width - 1 - x, sensor.height - 1 - y, on));
+            }
+            Word::Change(x, y, _) => return Err(self.records.outside(sensor, x.into(), y, at)),
+            Word::External => self.external.add(1),
+            Word::Frame => self.frames.add(1),
+            Word::Imu => self.imu.add(1),
+        }
+        Ok(())
+    }
+
+    /// The word of a DVS128 at byte `at` of the records.
+    #[inline]
+    fn dvs128(&self, address: u32, at: usize) -> Result<Word, IoError> {
+        match address >> 15 {
+            0 => {
+                Ok(Word::Change((address >> 1 & 0x7f) as u16, (address >> 8 & 0x7f) as u16, address & 1 == 0))
+            }
+            1 => Ok(Word::External),
+            _ => {
+                let expected = match self.chip {
+                    Some(_) => "16 bits for a DVS128",
+                    None => "a header that names the AEChip, or the 16 bits of a DVS128",
+                };
+                Err(self.records.malformed("address", at, expected, format!("{address:#010x}")))
+            }
+        }
+    }
+}
+
+/// The word of a DAVIS.
+#[inline]
+fn davis(address: u32) -> Word {
+    match (address >> 31, address >> 10 & 3) {
+        (0, 0 | 2) => {
+            let (x, y) = ((address >> 12 & 0x3ff) as u16, (address >> 22 & 0x1ff) as u16);
+            Word::Change(x, y, address >> 11 & 1 == 1)
+        }
+        (0, _) => Word::External,
+        (_, 3) => Word::Imu,
+        _ => Word::Frame,
+    }
+}

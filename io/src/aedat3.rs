@@ -1,0 +1,218 @@
+//! AEDAT 3.1, the format of cAER and of DVS Gesture: the bytes of a file to the events of its first source.
+//!
+//! ```text
+//! #!AER-DAT3.1\r\n            text header: lines that start with `#`
+//! #Format: RAW\r\n            how packets are coded; only RAW is read
+//! #Source 1: DVS128\r\n       the chip of each source of events
+//! #!END-HEADER\r\n
+//! packets                     28 bytes of header and the events, least significant byte first
+//! ```
+//!
+//! The header of a packet has the type (i16; 1: changes of brightness), the source (i16), and as i32 the bytes of an event, the
+//! place of the time in it, the number of times that the 31-bit clock has passed its end, the capacity, the number of events,
+//! and the number of valid ones. A change of brightness has 8 bytes: bits 31-17 x, 16-2 y, 1 polarity, 0 whether it is valid,
+//! then the time in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the headers of `libcaer`.
+//!
+//! Invariants: packets fill the file exactly. A time is the packet's overflows times 2^31 plus the event's own time, so nothing
+//! wraps. Events that are not marked as valid are counted and left out; so are packets of other types and other sources.
+
+mod header;
+
+use std::collections::BTreeMap;
+
+use meissner_engine::{Event, Sensor};
+
+use crate::bytes::{Bytes, array};
+use crate::error::IoError;
+use crate::format::Format;
+use crate::recording::{Recording, StreamKind, StreamSummary};
+use crate::seek::{PacketHeader, Packets};
+use header::Header;
+pub(crate) use header::MAGIC;
+
+/// Bytes of a packet's header.
+const PACKET_HEADER: usize = 28;
+/// The type of packets of changes of brightness.
+const POLARITY: i16 = 1;
+/// Bytes of a change of brightness.
+const STRIDE: usize = 8;
+
+/// The events of the file `bytes`; with `salvage`, those of the complete packets.
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+    let file = Bytes::file(Format::Aedat3.name(), bytes);
+    let container = Container::open(file, file.len() as u64)?;
+    container.events(file.after(container.header.end), salvage)
+}
+
+/// What is known of a file before its packets are read.
+pub(crate) struct Container {
+    header: Header,
+    /// The source whose events are read: that of the file's first packet of changes of brightness, once it is found.
+    main: Option<i16>,
+}
+
+impl Container {
+    /// The events of `packets`.
+    fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
+        let (mut decoder, mut at, mut salvaged) = (Decoder::new(packets, self), 0, None);
+        while at < packets.len() {
+            let packet = match Head::at(packets, at).and_then(|head| Ok((head.content(packets, at)?, head))) {
+                Err(IoError::Truncated { .. }) if salvage => {
+                    salvaged = Some(packets.salvage("the last packet", at));
+                    break;
+                }
+                packet => packet?,
+            };
+            decoder.push(at, &packet.1, packet.0)?;
+            at += PACKET_HEADER + packet.0.len();
+        }
+        let Decoder { sensor, events, others, .. } = decoder;
+        let other_streams = StreamSummary::present(others.into_values());
+        Ok(Recording { format: Format::Aedat3, sensor, events, other_streams, salvaged })
+    }
+}
+
+impl Packets for Container {
+    const HEADER: usize = PACKET_HEADER;
+
+    fn open(file: Bytes<'_>, _: u64) -> Result<Self, IoError> {
+        Ok(Self { header: Header::parse(file)?, main: None })
+    }
+
+    fn start(&self) -> usize {
+        self.header.end
+    }
+
+    fn end(&self, length: u64) -> Option<u64> {
+        Some(length)
+    }
+
+    fn header(&mut self, header: &[u8]) -> Option<PacketHeader> {
+        let head = Head::at(Bytes::file(Format::Aedat3.name(), header), 0).ok()?;
+        let is_main = head.kind == POLARITY && *self.main.get_or_insert(head.source) == head.source;
+        Some(PacketHeader { length: head.length, is_main })
+    }
+
+    fn first_us(&mut self, packet: Bytes<'_>) -> Result<Option<i64>, IoError> {
+        let head = Head::at(packet, 0)?;
+        let events = head.content(packet, 0)?.as_chunks::<STRIDE>().0;
+        let valid = events.iter().find(|event| event[0] & 1 == 1);
+        Ok(valid.map(|event| head.base_us + i64::from(i32::from_le_bytes(array(&event[4..])))))
+    }
+
+    fn decode(&self, packets: Bytes<'_>) -> Result<Recording, IoError> {
+        self.events(packets, false)
+    }
+}
+
+/// The header of a packet.
+struct Head {
+    kind: i16,
+    source: i16,
+    /// The time at which the clock's period began, in microseconds.
+    base_us: i64,
+    /// Number of events.
+    number: u64,
+    /// Bytes of all events.
+    length: u64,
+}
+
+impl Head {
+    /// The header at byte `at` of `packets`.
+    fn at(packets: Bytes<'_>, at: usize) -> Result<Self, IoError> {
+        let header: [u8; PACKET_HEADER] = packets.array("header of a packet", at)?;
+        let short = |place: usize| i16::from_le_bytes(array(&header[place..]));
+        let natural = |name, place: usize| {
+            let value = i32::from_le_bytes(array(&header[place..]));
+            u32::try_from(value).map_err(|_| packets.malformed(name, at + place, "0 and above", value))
+        };
+        let (kind, source) = (short(0), short(2));
+        if kind < 0 {
+            let expected = "0 and above: packets that are not compressed";
+            return Err(packets.malformed("type of a packet", at, expected, kind));
+        }
+        let (size, time_at) = (natural("size of an event", 4)?, natural("place of the time", 8)?);
+        let overflows = natural("overflows of the clock", 12)?;
+        let number = natural("number of events", 20)?;
+        if kind == POLARITY && (size as usize, time_at) != (STRIDE, 4) {
+            let actual = format!("{size} bytes with the time at {time_at}");
+            let expected = "8 bytes with the time at 4";
+            return Err(packets.malformed("layout of an event", at + 4, expected, actual));
+        }
+        let length = u64::from(size) * u64::from(number);
+        Ok(Self { kind, source, base_us: i64::from(overflows) << 31, number: number.into(), length })
+    }
+
+    /// The events of the packet at byte `at` of `packets`.
+    fn content<'a>(&self, packets: Bytes<'a>, at: usize) -> Result<&'a [u8], IoError> {
+        packets.get("packet", at + PACKET_HEADER, self.length as usize)
+    }
+}
+
+/// The state of a reader.
+struct Decoder<'a> {
+    packets: Bytes<'a>,
+    header: &'a Header,
+    main: Option<i16>,
+    /// The sensor of the main source.
+    sensor: Option<Sensor>,
+    events: Vec<Event>,
+    /// What was counted, by name.
+    others: BTreeMap<&'static str, StreamSummary>,
+}
+
+impl<'a> Decoder<'a> {
+    fn new(packets: Bytes<'a>, Container { header, main }: &'a Container) -> Self {
+        let sensor = main.and_then(|main| header.sensor(main));
+        Self { packets, header, main: *main, sensor, events: Vec::new(), others: BTreeMap::new() }
+    }
+
+    /// Takes the packet at byte `at` of the packets.
+    fn push(&mut self, at: usize, head: &Head, content: &[u8]) -> Result<(), IoError> {
+        let &Head { kind, source, base_us, number, .. } = head;
+        if kind == POLARITY && self.main.is_none() {
+            self.main = Some(source);
+            self.sensor = self.header.sensor(source);
+        }
+        if kind != POLARITY || self.main != Some(source) {
+            self.count(of_type(kind), number);
+            return Ok(());
+        }
+        let before = self.events.len();
+        self.events.reserve(content.len() / STRIDE);
+        let start = at + PACKET_HEADER;
+        for (event, at) in content.as_chunks::<STRIDE>().0.iter().zip((start..).step_by(STRIDE)) {
+            let (data, time) = (u32::from_le_bytes(array(event)), i32::from_le_bytes(array(&event[4..])));
+            if data & 1 == 0 {
+                continue;
+            }
+            if time < 0 {
+                return Err(self.packets.malformed("time of an event", at + 4, "0 and above", time));
+            }
+            let (x, y) = ((data >> 17) as u16, (data >> 2 & 0x7fff) as u16);
+            self.packets.check_pixel(self.sensor, x, y, at)?;
+            self.events.push(Event::new(base_us + i64::from(time), x, y, data & 2 != 0));
+        }
+        let invalid = number - (self.events.len() - before) as u64;
+        if invalid > 0 {
+            self.count(("events not marked as valid", StreamKind::Other), invalid);
+        }
+        Ok(())
+    }
+
+    /// Counts a packet with so many elements.
+    fn count(&mut self, (name, kind): (&'static str, StreamKind), elements: u64) {
+        self.others.entry(name).or_insert_with(|| StreamSummary::new(name, kind)).add(elements);
+    }
+}
+
+/// The name and kind of packets of this type that are not read.
+fn of_type(kind: i16) -> (&'static str, StreamKind) {
+    match kind {
+        0 => ("special events", StreamKind::Triggers),
+        POLARITY => ("events of another source", StreamKind::Events),
+        2 => ("frames", StreamKind::Frames),
+        3 | 4 => ("IMU", StreamKind::Imu),
+        _ => ("packets of another type", StreamKind::Other),
+    }
+}

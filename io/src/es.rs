@@ -1,0 +1,119 @@
+//! Event Stream 2 (`.es`), changes of brightness: events from and to five bytes each.
+//!
+//! ```text
+//! Event Stream               12 bytes
+//! 2 0 0                      version: major, minor, patch
+//! 1                          type of the stream; 1: changes of brightness
+//! width, height              u16 each, least significant byte first
+//! events                     one byte, then x and y (u16 each, least significant byte first)
+//! ```
+//!
+//! The first byte of an event has the polarity in bit 0 and in bits 7-1 the microseconds since the event before it, from 0 to
+//! 126. The byte 0xff before an event adds 127 microseconds; 0xfe is a reset, which says nothing. The first event counts from
+//! time 0. Source: the specification of version 2 at <https://github.com/neuromorphic-paris/event_stream>. Invariant: times never
+//! go back.
+
+use std::io::{self, Write};
+
+use meissner_engine::{Event, Sensor};
+
+use crate::bytes::Bytes;
+use crate::error::{IoError, shown};
+use crate::format::Format;
+use crate::recording::{Capacity, Recording};
+
+/// First bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"Event Stream";
+/// The only type of stream that is read.
+const CHANGES: u8 = 1;
+/// Bytes of the header.
+const HEADER: usize = 20;
+/// Bytes of an event.
+const STRIDE: usize = 5;
+/// The byte that adds [`OVERFLOW_US`].
+const OVERFLOW: u8 = 0xff;
+const OVERFLOW_US: i64 = 127;
+/// The byte that says nothing.
+const RESET: u8 = 0xfe;
+/// Latest time that is written: 19.1 hours; such a file starts with 516 MiB of overflows.
+const LATEST_US: i64 = (1 << 36) - 1;
+
+/// The events that the format can hold.
+pub(crate) const CAPACITY: Capacity = Capacity {
+    times: 0..=LATEST_US,
+    side: 1 << 16,
+    sensor: "a sensor of 1 to 65535 pixels a side",
+    steps: "in order",
+    is_wrap: |newest_us, t_us| t_us < newest_us,
+};
+
+/// The events of the file `bytes`.
+pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+    let format = Format::Es;
+    let file = Bytes::file(format.name(), bytes);
+    let magic = file.get("magic", 0, MAGIC.len())?;
+    if magic != MAGIC {
+        return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
+    }
+    let [major, minor, patch] = file.array("version", MAGIC.len())?;
+    if major != 2 {
+        let actual = format!("version {major}.{minor}.{patch}");
+        return Err(IoError::Unsupported { expected: "Event Stream of version 2", actual });
+    }
+    let [kind] = file.array("type of the stream", 15)?;
+    if kind != CHANGES {
+        let name =
+            ["generic events", "", "ATIS events", "display events", "colour events"].get(usize::from(kind));
+        let actual = format!("type {kind} ({})", name.copied().unwrap_or("unknown"));
+        return Err(IoError::Unsupported { expected: "Event Stream of DVS events (type 1)", actual });
+    }
+    let sensor = Sensor::new(file.u16("sensor width", 16)?, file.u16("sensor height", 18)?);
+    if sensor.width == 0 || sensor.height == 0 {
+        return Err(file.malformed("sensor", 16, "1 to 65535 pixels a side", sensor));
+    }
+
+    let mut events = Vec::with_capacity((bytes.len() - HEADER) / STRIDE);
+    let (mut t_us, mut at, mut salvaged) = (0, HEADER, None);
+    while let Some(&first) = bytes.get(at) {
+        match first {
+            RESET => at += 1,
+            OVERFLOW => {
+                t_us += OVERFLOW_US;
+                at += 1;
+            }
+            _ if salvage && bytes.len() - at < STRIDE => {
+                salvaged = Some(file.salvage("the last event", at));
+                break;
+            }
+            _ => {
+                let [first, x0, x1, y0, y1] = file.array("the last event", at)?;
+                let (x, y) = (u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]));
+                file.check_pixel(Some(sensor), x, y, at)?;
+                t_us += i64::from(first >> 1);
+                events.push(Event::new(t_us, x, y, first & 1 == 1));
+                at += STRIDE;
+            }
+        }
+    }
+    Ok(Recording { format, sensor: Some(sensor), events, other_streams: Vec::new(), salvaged })
+}
+
+/// Writes the header and `events`, which [`CAPACITY`] allows.
+pub(crate) fn encode(sensor: Sensor, events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    out.write_all(MAGIC)?;
+    out.write_all(&[2, 0, 0, CHANGES])?;
+    out.write_all(&sensor.width.to_le_bytes())?;
+    out.write_all(&sensor.height.to_le_bytes())?;
+    let mut newest_us = 0;
+    for event in events {
+        let mut step = event.t_us - newest_us;
+        newest_us = event.t_us;
+        while step >= OVERFLOW_US {
+            out.write_all(&[OVERFLOW])?;
+            step -= OVERFLOW_US;
+        }
+        let ([x0, x1], [y0, y1]) = (event.x.to_le_bytes(), event.y.to_le_bytes());
+        out.write_all(&[(step as u8) << 1 | u8::from(event.on), x0, x1, y0, y1])?;
+    }
+    Ok(())
+}

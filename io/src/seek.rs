@@ -1,0 +1,204 @@
+//! Reading a part of a recording by time, without reading the rest where the format permits.
+//!
+//! Enters: a file that can be positioned, and a [`TimeRange`]. Leaves: the events of the range, in the file's order.
+//!
+//! | format | how the part is found |
+//! |---|---|
+//! | DAT, AEDAT2, EVT2, npy | binary search over the records (EVT2: over its words of time), after 1024 probes that count the wraps of the clock |
+//! | AEDAT3, AEDAT4 | the headers of all packets, then binary search over the packets of events |
+//! | others; any that is packed, or whose last record or packet is not whole | the whole file is read, and other events are left out |
+//!
+//! Invariant: what is read begins and ends [`DISORDER_US`] beyond the range, and is then cut to it event by event. So the result
+//! is that of cutting the whole recording, provided that no event is more than that earlier than one before it, and that the clock
+//! never wraps unseen: between neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
+
+mod packets;
+mod records;
+
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
+
+use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
+use crate::error::{IoError, Place};
+use crate::format::{Format, Kind};
+use crate::packed::is_packed;
+use crate::recording::Recording;
+use crate::{aedat2, aedat3, aedat4, dat, evt2, npy};
+pub(crate) use packets::{PacketHeader, Packets};
+pub(crate) use records::Records;
+
+/// Longest step back in time that a part of a recording allows for, in microseconds: 1 s.
+pub const DISORDER_US: i64 = 1_000_000;
+
+/// Bytes of a file that are read to find its header; the rest is read if the header is longer.
+const HEAD: u64 = 1 << 18;
+/// Fewest bytes that follow a header that is known to be whole: a line of a text header.
+const SLACK: u64 = 1 << 16;
+
+/// A range of the times of a recording, in microseconds.
+///
+/// ```
+/// use meissner_engine::Event;
+/// use meissner_io::{Format, ReadOptions, TimeRange, decode_with, encode};
+///
+/// let events = [100, 150, 200, 250].map(|t_us| Event::new(t_us, 1, 2, true));
+/// let mut bytes = Vec::new();
+/// encode(Format::Dat, None, &events, &mut bytes)?;
+///
+/// let options = ReadOptions::default().range(TimeRange::since_first(50..150));
+/// assert_eq!(decode_with(&bytes, options)?.events, events[1..3]);
+/// let options = ReadOptions::default().range(TimeRange::of_file(200..i64::MAX));
+/// assert_eq!(decode_with(&bytes, options)?.events, events[2..]);
+/// # Ok::<(), meissner_io::IoError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeRange {
+    from_us: i64,
+    to_us: i64,
+    since_first: bool,
+}
+
+impl TimeRange {
+    /// The events with `times.start <= t < times.end`, in the file's times.
+    pub fn of_file(times: Range<i64>) -> Self {
+        Self { from_us: times.start, to_us: times.end, since_first: false }
+    }
+
+    /// The same, with times that count from the first event of the recording.
+    pub fn since_first(times: Range<i64>) -> Self {
+        Self { since_first: true, ..Self::of_file(times) }
+    }
+
+    /// The range in the file's times, for a recording that starts with an event at `first_us`.
+    fn times(self, first_us: i64) -> Range<i64> {
+        let origin = if self.since_first { first_us } else { 0 };
+        origin.saturating_add(self.from_us)..origin.saturating_add(self.to_us)
+    }
+
+    /// Whether an event at `t_us` is in the range, for a recording that starts with an event at `first_us`. O(1).
+    pub fn contains(self, t_us: i64, first_us: i64) -> bool {
+        self.times(first_us).contains(&t_us)
+    }
+
+    /// Leaves out the events outside the range from a whole recording. O(events).
+    pub fn cut(self, recording: &mut Recording) {
+        if let Some(first_us) = recording.events.first().map(|event| event.t_us) {
+            recording.events.retain(|event| self.contains(event.t_us, first_us));
+        }
+    }
+}
+
+/// The events of `range` in the file `input`; `None`: the whole file must be read.
+pub(crate) fn read(
+    input: impl Read + Seek,
+    options: ReadOptions,
+    range: TimeRange,
+) -> Result<Option<Recording>, IoError> {
+    let mut input = Input::new(input)?;
+    let head = input.read(0, input.length.min(HEAD))?;
+    if is_packed(&head) {
+        return Ok(None);
+    }
+    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
+        return Ok(None);
+    };
+    input.format = found.name();
+    match found {
+        Format::Dat => records::read::<dat::Layout>(&mut input, range),
+        Format::Aedat2 => records::read::<aedat2::Header>(&mut input, range),
+        Format::Evt2 => records::read::<evt2::Layout>(&mut input, range),
+        Format::Npy => records::read::<npy::Layout>(&mut input, range),
+        Format::Aedat3 => packets::read::<aedat3::Container>(&mut input, range),
+        Format::Aedat4 => packets::read::<aedat4::Container>(&mut input, range),
+        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
+    }
+}
+
+/// A file that can be read at any place.
+struct Input<R> {
+    inner: BufReader<R>,
+    at: u64,
+    length: u64,
+    format: &'static str,
+}
+
+impl<R: Read + Seek> Input<R> {
+    fn new(mut inner: R) -> Result<Self, IoError> {
+        let fail =
+            |source| IoError::Stream { format: "recording", action: "read", place: Place::Byte(0), source };
+        let length = inner.seek(SeekFrom::End(0)).map_err(fail)?;
+        inner.rewind().map_err(fail)?;
+        Ok(Self { inner: BufReader::new(inner), at: 0, length, format: "recording" })
+    }
+
+    /// The `length` bytes at `at`, which the file must have.
+    fn read(&mut self, at: u64, length: u64) -> Result<Vec<u8>, IoError> {
+        // The length is checked before it is allocated.
+        let length = length.min(self.length.saturating_sub(at));
+        let mut bytes = vec![0; length as usize];
+        let step = at as i64 - self.at as i64;
+        let read = self.inner.seek_relative(step).and_then(|()| self.inner.read_exact(&mut bytes));
+        read.map_err(|source| IoError::Stream {
+            format: self.format,
+            action: "read",
+            place: Place::Byte(at),
+            source,
+        })?;
+        self.at = at + length;
+        Ok(bytes)
+    }
+
+    /// The header of the file, as `open` reads it from the file's start and the file's length.
+    fn open<T>(
+        &mut self,
+        open: impl Fn(Bytes<'_>, u64) -> Result<T, IoError>,
+        end: impl Fn(&T) -> usize,
+    ) -> Result<T, IoError> {
+        let mut length = HEAD;
+        loop {
+            let head = self.read(0, length)?;
+            let is_all = head.len() as u64 == self.length;
+            match open(Bytes::file(self.format, &head), self.length) {
+                Ok(opened) if is_all || end(&opened) as u64 + SLACK <= length => return Ok(opened),
+                Err(error) if is_all => return Err(error),
+                _ => length = length.saturating_mul(8),
+            }
+        }
+    }
+}
+
+/// A place in a recording whose time is known.
+#[derive(Clone, Copy)]
+struct Probe {
+    /// The record or the packet, counted from 0.
+    at: u64,
+    /// Value of the clock, in microseconds.
+    value: i64,
+    /// Time in microseconds.
+    t_us: i64,
+}
+
+/// A step from before `bound_us` to not before it: the last place before the step, and the first after it. `None`: there is none.
+///
+/// `low` is a place before the bound, and `high` ends the search. `probe` gives the first place of a range whose time is known;
+/// its first argument is a known place before the range. O(log n) probes.
+fn step(
+    bound_us: i64,
+    mut low: Option<Probe>,
+    (mut end, mut high): (u64, Option<u64>),
+    mut probe: impl FnMut(Option<Probe>, Range<u64>) -> Result<Option<Probe>, IoError>,
+) -> Result<(Option<Probe>, Option<u64>), IoError> {
+    loop {
+        let begin = low.map_or(0, |low| low.at + 1);
+        if begin >= end {
+            return Ok((low, high));
+        }
+        let middle = begin + (end - begin) / 2;
+        match probe(low, middle..end)? {
+            None => end = middle,
+            Some(found) if found.t_us < bound_us => low = Some(found),
+            Some(found) => (end, high) = (middle, Some(found.at)),
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Recordings inside gzip and zip: found by content, bounded, refused where they are damaged.
+
+use std::fs;
+use std::io::Write;
+
+use flate2::write::DeflateEncoder;
+use flate2::{Compression, GzBuilder};
+use meissner_io::limits::{EXPANSION, PACKET_BYTES};
+use meissner_io::{
+    Format, IoError, Place, ReadOptions, TimeRange, decode, decode_with, detect, read, read_content,
+};
+
+use rawzip::{CompressionMethod, ZipArchiveWriter};
+
+use crate::support::{SENSOR, encoded, events, samples};
+
+/// An archive with these entries, deflated.
+pub(crate) fn zip<'a, C: AsRef<[u8]>>(entries: impl IntoIterator<Item = (&'a str, C)>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut archive = ZipArchiveWriter::new(&mut bytes);
+    for (name, content) in entries {
+        let file = archive.new_file(name).compression_method(CompressionMethod::DEFLATE);
+        let (mut entry, config) = file.start().unwrap();
+        let mut writer = config.wrap(DeflateEncoder::new(&mut entry, Compression::default()));
+        writer.write_all(content.as_ref()).unwrap();
+        let (encoder, descriptor) = writer.finish().unwrap();
+        encoder.finish().unwrap();
+        entry.finish(descriptor).unwrap();
+    }
+    archive.finish().unwrap();
+    bytes
+}
+
+/// `content` as a gzip file of one member.
+fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut encoder = GzBuilder::new().filename("recording").write(Vec::new(), Compression::fast());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn every_format_is_read_from_gzip_and_zip_as_it_is_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("packed");
+    for (format, bytes) in samples() {
+        let plain = decode(&bytes).unwrap();
+        for packed in [gzip(&bytes), zip([("a/recording", &bytes)])] {
+            assert_eq!(decode(&packed).unwrap(), plain, "{format}");
+            assert_eq!(decode_with(&packed, format).unwrap(), plain, "{format}");
+            let part = ReadOptions::from(format).range(TimeRange::since_first(0..10_000));
+            assert_eq!(decode_with(&packed, part).unwrap().events, plain.events[..15], "{format}");
+            fs::write(&path, &packed).unwrap();
+            assert_eq!(read(&path).unwrap(), plain, "{format}");
+            assert_eq!(read_content(&path).unwrap(), bytes, "{format}");
+            assert_eq!(detect(&packed), None, "the format is that of the content");
+        }
+    }
+}
+
+#[test]
+fn the_members_of_a_gzip_file_are_one_content() {
+    let bytes = encoded(Format::Dat, Some(SENSOR), &events());
+    let (a, b) = bytes.split_at(77);
+    assert_eq!(decode(&[gzip(a), gzip(b)].concat()).unwrap().events, events());
+}
+
+#[test]
+fn a_recording_among_other_files_of_an_archive_is_found() {
+    let bytes = encoded(Format::Evt3, Some(SENSOR), &events());
+    let files: [(&str, &[u8]); 4] = [
+        ("about.txt", b"A recording by hand.\n"),
+        ("data/", b""),
+        ("data/recording.raw", &bytes),
+        ("__MACOSX/data/._recording.raw", &bytes),
+    ];
+    assert_eq!(decode(&zip(files)).unwrap().events, events());
+}
+
+#[test]
+fn an_archive_without_one_recording_is_refused_with_their_number() {
+    let bytes = encoded(Format::Evt3, None, &events());
+    let error = decode(&zip([("a.raw", &bytes), ("b.raw", &bytes), ("c", &Vec::new())])).unwrap_err();
+    let expected = "unsupported: expected one recording of events in a zip archive, \
+                    found 2 among 3 files (a.raw, b.raw): unpack it with unzip";
+    assert_eq!(error.to_string(), expected);
+    let error = decode(&zip([("a", b""), ("b", b"")])).unwrap_err().to_string();
+    assert!(error.contains("found 0 among 2 files"), "{error}");
+    // An only file is refused by its own reader.
+    let error = decode(&zip([("a", b"\x89HDF\r\n\x1a\n")])).unwrap_err();
+    assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
+    let error = decode(&gzip(&gzip(&bytes))).unwrap_err();
+    assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
+}
+
+#[test]
+fn a_cut_or_damaged_gzip_file_is_refused() {
+    let packed = gzip(&encoded(Format::Dat, Some(SENSOR), &events()));
+    for length in 3..packed.len() {
+        let error = decode(&packed[..length]).unwrap_err();
+        assert!(matches!(error, IoError::Truncated { format: "gzip", .. }), "{length}: {error}");
+    }
+    for at in [packed.len() - 8, packed.len() - 1, packed.len() / 2] {
+        let mut changed = packed.clone();
+        changed[at] ^= 0x10;
+        assert!(decode(&changed).is_err(), "byte {at}");
+    }
+    let error = decode(&[&packed[..], b"more than that"].concat()).unwrap_err();
+    assert!(matches!(error, IoError::Malformed { format: "gzip", .. }), "{error}");
+}
+
+#[test]
+fn a_cut_gzip_file_is_salvaged_up_to_the_cut() {
+    // Every member is whole or not there.
+    let bytes = encoded(Format::Dat, Some(SENSOR), &events());
+    let (first, second) = bytes.split_at(bytes.len() - 80);
+    let whole = gzip(first);
+    let packed = [whole.clone(), gzip(second)].concat();
+    let cut = &packed[..whole.len() + 12];
+    assert!(decode(cut).is_err());
+    let salvaged = decode_with(cut, ReadOptions::default().salvage(true)).unwrap();
+    assert_eq!(salvaged.events, events()[..30]);
+    assert_eq!(salvaged.salvaged.unwrap().place, Place::Byte(cut.len() as u64));
+}
+
+#[test]
+fn flipped_bits_and_cuts_of_an_archive_give_an_error_or_a_recording() {
+    let packed = zip([("a.dat", encoded(Format::Dat, Some(SENSOR), &events())), ("b", b"text".to_vec())]);
+    for bit in 0..packed.len() * 8 {
+        let mut changed = packed.clone();
+        changed[bit / 8] ^= 1 << (bit % 8);
+        let _ = decode(&changed);
+    }
+    for length in 4..packed.len() {
+        assert!(decode(&packed[..length]).is_err(), "cut at {length}");
+    }
+}
+
+#[test]
+fn what_unpacks_beyond_the_bound_is_refused() {
+    // 160 MiB of zeros in 160 KiB: beyond 64 MiB and 64 bytes for each byte.
+    let zeros = vec![0; 160 << 20];
+    let packed = gzip(&zeros);
+    assert!(zeros.len() as u64 > PACKET_BYTES + packed.len() as u64 * EXPANSION, "{}", packed.len());
+    let error = decode(&packed).unwrap_err();
+    assert!(matches!(error, IoError::TooLarge { format: "gzip", at_least: true, .. }), "{error}");
+    let error = decode(&zip([("zeros", &zeros)])).unwrap_err();
+    assert!(matches!(error, IoError::TooLarge { format: "zip", what: "content", .. }), "{error}");
+}
