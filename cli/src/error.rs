@@ -10,7 +10,7 @@ use meissner_io::{IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::slip::DecisionError;
 use meissner_pipeline::PipelineError;
-use meissner_pipeline::source::STDIN_NAME;
+use meissner_pipeline::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
 
 use crate::kind::readers;

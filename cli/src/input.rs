@@ -10,7 +10,8 @@ use meissner_pipeline::bench::Part;
 use meissner_pipeline::losses::LossReason;
 use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::provenance::ModelCard;
-use meissner_pipeline::source::{self, STDIN_NAME, Source, is_stdin};
+use meissner_pipeline::source::{self, Source};
+use meissner_pipeline::streams;
 
 use crate::args::{Input, ReadArgs, first_given};
 use crate::error::CliError;
@@ -23,7 +24,7 @@ impl ReadArgs {
     pub(crate) fn read(self, path: &Path, part: Part) -> Result<Recording, CliError> {
         self.check(path)?;
         let recording = source::read(path, &self.options().range(part.range()))?;
-        self.fits(&path.display().to_string(), recording.format)?;
+        self.fits(&path.display().to_string(), &recording.format.to_string())?;
         Ok(recording)
     }
 
@@ -41,23 +42,23 @@ impl ReadArgs {
         recording.map_or(Ok(()), |path| self.check(path))?;
         let options = self.options().range(part.range());
         let source = Source::open(recording, &options, sensor_known, strict)?;
-        recording.map_or(Ok(()), |_| self.fits(&source.name, source.format))?;
+        recording.map_or(Ok(()), |_| self.fits(&source.name, &source.format))?;
         Ok(source)
     }
 
-    /// Refuses `--salvage` for standard input.
+    /// Refuses `--salvage` for a stream.
     fn check(self, path: &Path) -> Result<(), CliError> {
-        if self.salvage && is_stdin(path) {
-            return Err(CliError::usage("--salvage", "a file", STDIN_NAME));
+        if self.salvage && streams::is_live(path) {
+            return Err(CliError::usage("--salvage", "a file", &streams::name(path)));
         }
         Ok(())
     }
 
     /// Refuses options for texts if `name` has another `format`.
-    fn fits(self, name: &str, format: Format) -> Result<(), CliError> {
+    fn fits(self, name: &str, format: &str) -> Result<(), CliError> {
         let [of_text @ .., _] = self.given();
         match first_given(of_text) {
-            Some(option) if format != Format::Csv => {
+            Some(option) if format != Format::Csv.to_string() => {
                 Err(CliError::usage(option, "a text of events", &format!("{name}, which is {format}")))
             }
             _ => Ok(()),

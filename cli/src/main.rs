@@ -2,7 +2,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
+//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `send`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
 //! | `args`, `input` | arguments that several subcommands share; the source and the network that they select |
 //! | `kind` | the kinds of input of networks |
 //! | `report`, `header`, `text`, `progress` | results as text and as JSON |
@@ -37,6 +37,7 @@ mod prepare;
 mod progress;
 mod report;
 mod run;
+mod send;
 mod simulate;
 mod soak;
 mod stress;
@@ -84,6 +85,8 @@ enum Command {
     Info(info::InfoArgs),
     /// Write a recording in another format.
     Convert(convert::ConvertArgs),
+    /// Send a recording at real speed to another program.
+    Send(send::SendArgs),
     /// Evaluate networks on a labelled data set.
     Eval(eval::EvalArgs),
     /// Measure run time against error, exactly and with approximations.
@@ -152,6 +155,7 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Draw(args) => draw::draw(args),
         Command::Info(args) => info::info(args),
         Command::Convert(args) => convert::convert(args),
+        Command::Send(args) => send::send(args),
         Command::Eval(args) => eval::eval(args),
         Command::Prepare(args) => prepare::prepare(args),
         Command::Pareto(args) => pareto::pareto(args),

@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn a_network_of_drawn_weights_is_called_untrained() {
         let trained = |name: &'static str| Entry::of(name).map(|entry| entry.trained);
-        assert_eq!(["digits-past", "slip-best"].map(trained), [Some(true); 2]);
-        assert_eq!(["graphres", "tactigraph-frozen", "force-tdnn"].map(trained), [Some(false); 3]);
+        assert_eq!(["digits-past", "graphres-published", "slip-best"].map(trained), [Some(true); 3]);
+        assert_eq!(["canf", "force-lstm", "force-tdnn"].map(trained), [Some(false); 3]);
     }
 }

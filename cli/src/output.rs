@@ -4,7 +4,7 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, BufWriter, StdoutLock, Write, stdout};
 use std::path::{Path, PathBuf};
 
-use meissner_pipeline::source::is_stdin;
+use meissner_pipeline::streams::is_stdin;
 use serde::Serialize;
 
 use crate::error::CliError;

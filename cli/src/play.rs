@@ -4,7 +4,7 @@ mod args;
 
 use meissner_pipeline::play::Play;
 use meissner_pipeline::provenance::InputCard;
-use meissner_pipeline::source;
+use meissner_pipeline::streams;
 
 use crate::error::CliError;
 use crate::report::{About, Report, TableKind};
@@ -39,9 +39,9 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
 
 /// Refuses an input without real times, and approximations that `--verify` cannot check.
 fn check(args: &PlayArgs) -> Result<(), CliError> {
-    if args.input.recording.as_deref().is_some_and(source::is_stdin) {
+    if let Some(path) = args.input.recording.as_deref().filter(|path| streams::is_live(path)) {
         let expected = "a recording, whose times say when events are due";
-        return Err(CliError::usage("INPUT", expected, "standard input"));
+        return Err(CliError::usage("INPUT", expected, &streams::name(path)));
     }
     match args.input.approximations.reuses().filter(|_| args.verify) {
         None => Ok(()),

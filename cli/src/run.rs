@@ -13,7 +13,8 @@ use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::run::{
     ElectrodeOptions, ElectrodeRun, Ended, EventRun, FrameRun, PictureOptions, PictureRun,
 };
-use meissner_pipeline::source::{self, Source};
+use meissner_pipeline::source::Source;
+use meissner_pipeline::streams;
 use meissner_pipeline::text::grouped;
 
 use crate::args::first_given;
@@ -107,8 +108,8 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
 fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let expected = "a picture, a folder of pictures or a list of them";
     let path = args.recording(expected)?;
-    if source::is_stdin(path) {
-        return Err(args.no_input(expected, "standard input"));
+    if streams::is_live(path) {
+        return Err(args.no_input(expected, &streams::name(path)));
     }
     let frame_options = args.frame_options(false);
     let options = PictureOptions {

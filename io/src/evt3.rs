@@ -65,31 +65,20 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     let sensor = header.sensor(file, SIDE)?;
     let (words, salvaged) = file.records("the last word", header.end, salvage)?;
 
-    let mut decoder = Decoder {
-        file,
-        bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
-        clock: WrappingClock::new(HIGH_RANGE.into()),
-        high: None,
-        t_us: 0,
-        y: None,
-        base: None,
-        // Usually there are about half as many events as words.
-        events: Vec::with_capacity(words.len() / 2),
-        triggers: StreamSummary::new("external triggers", StreamKind::Triggers),
-        vendor: StreamSummary::new("vendor's words", StreamKind::Other),
-        unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
-    };
+    let mut decoder = Decoder::new(sensor);
+    // Usually there are about half as many events as words.
+    decoder.events.reserve(words.len() / 2);
     for (word, at) in words.iter().zip((header.end..).step_by(2)) {
-        decoder.push(u16::from_le_bytes(*word), at)?;
+        decoder.push(file, u16::from_le_bytes(*word), at)?;
     }
     let Decoder { events, triggers, vendor, unplaced, .. } = decoder;
     let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
     Ok(Recording { format, sensor, events, other_streams, salvaged })
 }
 
-/// The state that the words change.
-struct Decoder<'a> {
-    file: Bytes<'a>,
+/// The state that the words change, and their events.
+#[derive(Debug)]
+pub(crate) struct Decoder {
     /// The sensor, or the range of 11 bits.
     bounds: Sensor,
     clock: WrappingClock,
@@ -100,27 +89,43 @@ struct Decoder<'a> {
     y: Option<u16>,
     /// Base column of the next vector, and its polarity.
     base: Option<(u32, bool)>,
-    events: Vec<Event>,
+    pub(crate) events: Vec<Event>,
     triggers: StreamSummary,
     vendor: StreamSummary,
     unplaced: StreamSummary,
 }
 
-impl Decoder<'_> {
-    /// Takes the word at byte `at`.
+impl Decoder {
+    /// Before the first word of this sensor, or of the largest there is.
+    pub(crate) fn new(sensor: Option<Sensor>) -> Self {
+        Self {
+            bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
+            clock: WrappingClock::new(HIGH_RANGE.into()),
+            high: None,
+            t_us: 0,
+            y: None,
+            base: None,
+            events: Vec::new(),
+            triggers: StreamSummary::new("external triggers", StreamKind::Triggers),
+            vendor: StreamSummary::new("vendor's words", StreamKind::Other),
+            unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
+        }
+    }
+
+    /// Takes the word at byte `at` of `file`.
     #[inline]
-    fn push(&mut self, word: u16, at: usize) -> Result<(), IoError> {
+    pub(crate) fn push(&mut self, file: Bytes<'_>, word: u16, at: usize) -> Result<(), IoError> {
         let value = word & 0x0fff;
         let (flag, coordinate) = (word & 0x0800 != 0, word & 0x07ff);
         match word >> 12 {
             word::Y if coordinate >= self.bounds.height => {
-                return Err(self.file.outside(self.bounds, 0, coordinate, at));
+                return Err(file.outside(self.bounds, 0, coordinate, at));
             }
             word::Y => self.y = Some(coordinate),
-            word::X => self.pixels(coordinate.into(), 1, flag, at)?,
+            word::X => self.pixels(file, coordinate.into(), 1, flag, at)?,
             word::BASE => self.base = Some((coordinate.into(), flag)),
-            word::VECTOR_12 => self.vector(value, 12, at)?,
-            word::VECTOR_8 => self.vector(value & 0xff, 8, at)?,
+            word::VECTOR_12 => self.vector(file, value, 12, at)?,
+            word::VECTOR_8 => self.vector(file, value & 0xff, 8, at)?,
             word::TIME_LOW => self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value),
             word::TIME_HIGH => self.time_high(value),
             word::TRIGGER => self.triggers.add(1),
@@ -128,7 +133,7 @@ impl Decoder<'_> {
             word::CONTINUED_4 | word::CONTINUED_12 => {}
             reserved => {
                 let expected = "0x0, 0x2 to 0x8, 0xa, 0xe or 0xf";
-                return Err(self.file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
+                return Err(file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
             }
         }
         Ok(())
@@ -142,12 +147,12 @@ impl Decoder<'_> {
         }
     }
 
-    fn vector(&mut self, bits: u16, length: u32, at: usize) -> Result<(), IoError> {
+    fn vector(&mut self, file: Bytes<'_>, bits: u16, length: u32, at: usize) -> Result<(), IoError> {
         let Some((x, on)) = self.base else {
             let expected = "a word of its base column before it";
-            return Err(self.file.malformed("vector of events", at, expected, "none"));
+            return Err(file.malformed("vector of events", at, expected, "none"));
         };
-        self.pixels(x, bits, on, at)?;
+        self.pixels(file, x, bits, on, at)?;
         // A base beyond the sensor is an error only with the next event, so it must stop growing somewhere.
         self.base = Some(((x + length).min(u32::from(u16::MAX)), on));
         Ok(())
@@ -155,7 +160,7 @@ impl Decoder<'_> {
 
     /// An event at `x` + i for every set bit i.
     #[inline]
-    fn pixels(&mut self, x: u32, mut bits: u16, on: bool, at: usize) -> Result<(), IoError> {
+    fn pixels(&mut self, file: Bytes<'_>, x: u32, mut bits: u16, on: bool, at: usize) -> Result<(), IoError> {
         let (Some(y), Some(_)) = (self.y, self.high) else {
             self.unplaced.add(bits.count_ones().into());
             return Ok(());
@@ -163,7 +168,7 @@ impl Decoder<'_> {
         while bits != 0 {
             let x = x + bits.trailing_zeros();
             if x >= u32::from(self.bounds.width) {
-                return Err(self.file.outside(self.bounds, x, y, at));
+                return Err(file.outside(self.bounds, x, y, at));
             }
             self.events.push(Event::new(self.t_us, x as u16, y, on));
             bits &= bits - 1;

@@ -17,13 +17,13 @@
 //! | Prophesee DAT, version 2 | yes | yes | header, if it names one | `dat` |
 //! | Event Stream 2 (`.es`), DVS events | yes | yes | header | `es` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
-//! | CSV and other text, in any order of columns ([`TextOptions`]), also line by line from a stream ([`CsvEvents`]) | yes | yes | `# sensor WxH` comment | `csv` |
+//! | CSV and other text, in any order of columns ([`TextOptions`]), also from a stream ([`LiveEvents`], which reads records of 16 bytes too) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //!
 //! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With [`ReadOptions::range`] a part
 //! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT and npy the rest of the file is not read.
 //!
-//! The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
+//! [`EventPackets`] reads the messages of event cameras in ROS 2. The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
 //! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
 //!
 //! ```
@@ -65,8 +65,10 @@ mod npy;
 mod packed;
 mod prophesee;
 mod recording;
+mod ros;
 mod seek;
 mod text;
+mod wire;
 mod zip;
 
 pub use codec::{ReadOptions, decode, decode_with, encode, read, read_content, read_with, write};
@@ -78,4 +80,6 @@ pub use files::replace_file;
 pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
+pub use ros::EventPackets;
 pub use seek::{DISORDER_US, TimeRange};
+pub use wire::{LiveEvents, RECORD_BYTES, record};

@@ -15,6 +15,7 @@ use crate::format::Format;
 /// A clock that counts from 0 to `range` - 1 and wraps.
 ///
 /// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in time.
+#[derive(Debug)]
 pub(crate) struct WrappingClock {
     range: i64,
     newest: i64,

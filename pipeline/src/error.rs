@@ -24,8 +24,8 @@ pub enum PipelineError {
     NoGeometry {
         /// The recording.
         recording: String,
-        /// Its format.
-        format: Format,
+        /// The name of its format.
+        format: String,
     },
     /// A recording cannot be read.
     #[error("{recording}")]

@@ -11,15 +11,16 @@
 pub const STATUS: u8 = 130;
 
 #[cfg(not(unix))]
-pub use other::{Input, awaited, input, install, listen, requested, sleep};
+pub use other::{Input, accepted, awaited, connected, datagrams, input, install, listen, requested, sleep};
 #[cfg(unix)]
-pub use unix::{Input, awaited, input, install, listen, requested, sleep};
+pub use unix::{Input, accepted, awaited, connected, datagrams, input, install, listen, requested, sleep};
 
 #[cfg(unix)]
 mod unix {
     use std::fs::File;
     use std::io::{self, BufReader, Read, stdin};
-    use std::os::fd::AsFd;
+    use std::net::{TcpListener, TcpStream, UdpSocket};
+    use std::os::fd::{AsFd, OwnedFd};
     use std::os::unix::net::UnixStream;
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::sync::{Arc, OnceLock};
@@ -106,30 +107,55 @@ mod unix {
         BufReader::new(Awaited(file))
     }
 
+    /// A connection over TCP to `address`.
+    ///
+    /// # Errors
+    /// There is no such address, or no server.
+    pub fn connected(address: &str) -> io::Result<Input> {
+        Ok(awaited(File::from(OwnedFd::from(TcpStream::connect(address)?))))
+    }
+
+    /// The first connection over TCP that a client makes to `address`.
+    ///
+    /// # Errors
+    /// The address cannot be used, or a signal asks the program to end.
+    pub fn accepted(address: &str) -> io::Result<Input> {
+        let listener = TcpListener::bind(address)?;
+        wait(&listener)?;
+        Ok(awaited(File::from(OwnedFd::from(listener.accept()?.0))))
+    }
+
+    /// The datagrams to `address` over UDP, one after the other; an empty one is the end.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub fn datagrams(address: &str) -> io::Result<Input> {
+        // A datagram is read at once, and what does not fit is lost: there is room for the longest.
+        let socket = File::from(OwnedFd::from(UdpSocket::bind(address)?));
+        Ok(BufReader::with_capacity(1 << 16, Awaited(socket)))
+    }
+
     impl Read for Awaited {
         fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-            self.wait()?;
+            wait(&self.0)?;
             self.0.read(bytes)
         }
     }
 
-    impl Awaited {
-        /// Waits for something to read, the end or an error.
-        fn wait(&self) -> io::Result<()> {
-            let Some(signals) = SIGNALS.get() else { return Ok(()) };
-            loop {
-                if requested() {
-                    // Not of the kind `Interrupted`: readers would try again after it.
-                    return Err(io::Error::other("interrupted"));
-                }
-                let mut awaited =
-                    [PollFd::new(&self.0, PollFlags::IN), PollFd::new(&signals.woken, PollFlags::IN)];
-                match poll(&mut awaited, None) {
-                    Err(Errno::INTR) => {}
-                    Err(error) => return Err(error.into()),
-                    Ok(_) if !awaited[0].revents().is_empty() => return Ok(()),
-                    Ok(_) => {}
-                }
+    /// Waits for something to read from `file`, the end or an error.
+    fn wait(file: &impl AsFd) -> io::Result<()> {
+        let Some(signals) = SIGNALS.get() else { return Ok(()) };
+        loop {
+            if requested() {
+                // Not of the kind `Interrupted`: readers would try again after it.
+                return Err(io::Error::other("interrupted"));
+            }
+            let mut awaited = [PollFd::new(file, PollFlags::IN), PollFd::new(&signals.woken, PollFlags::IN)];
+            match poll(&mut awaited, None) {
+                Err(Errno::INTR) => {}
+                Err(error) => return Err(error.into()),
+                Ok(_) if !awaited[0].revents().is_empty() => return Ok(()),
+                Ok(_) => {}
             }
         }
     }
@@ -138,11 +164,12 @@ mod unix {
 #[cfg(not(unix))]
 mod other {
     use std::fs::File;
-    use std::io::{self, BufReader, StdinLock, stdin};
+    use std::io::{self, BufReader, Read, stdin};
+    use std::net::{TcpListener, TcpStream, UdpSocket};
     use std::time::Duration;
 
-    /// Standard input.
-    pub type Input = StdinLock<'static>;
+    /// Standard input or a socket.
+    pub type Input = BufReader<Box<dyn Read + Send>>;
 
     /// Does nothing.
     pub fn install() {}
@@ -163,13 +190,45 @@ mod other {
     /// Standard input.
     ///
     /// # Errors
-    /// Its handle cannot be duplicated.
+    /// Never.
     pub fn input() -> io::Result<Input> {
-        Ok(stdin().lock())
+        Ok(BufReader::new(Box::new(stdin())))
     }
 
     /// `file`.
-    pub fn awaited(file: File) -> BufReader<File> {
-        BufReader::new(file)
+    pub fn awaited(file: File) -> Input {
+        BufReader::new(Box::new(file))
+    }
+
+    /// A connection over TCP to `address`.
+    ///
+    /// # Errors
+    /// There is no such address, or no server.
+    pub fn connected(address: &str) -> io::Result<Input> {
+        Ok(BufReader::new(Box::new(TcpStream::connect(address)?)))
+    }
+
+    /// The first connection over TCP that a client makes to `address`.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub fn accepted(address: &str) -> io::Result<Input> {
+        Ok(BufReader::new(Box::new(TcpListener::bind(address)?.accept()?.0)))
+    }
+
+    /// The datagrams to `address` over UDP, one after the other; an empty one is the end.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub fn datagrams(address: &str) -> io::Result<Input> {
+        struct Datagrams(UdpSocket);
+
+        impl Read for Datagrams {
+            fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+                self.0.recv(bytes)
+            }
+        }
+
+        Ok(BufReader::with_capacity(1 << 16, Box::new(Datagrams(UdpSocket::bind(address)?))))
     }
 }

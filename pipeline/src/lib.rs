@@ -27,7 +27,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`source`] | events of a file, of standard input, of the embedded recording |
+//! | [`source`], [`streams`] | events of a file, of the embedded recording, of standard input or a socket |
 //! | [`press`] | a simulated press with its truth |
 //! | [`losses`] | lost input, and truncated recordings |
 //! | [`model`] | networks and weights by name or from files |
@@ -38,6 +38,7 @@
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | a recording at real speed through a bounded queue |
+//! | [`send`](mod@send) | a recording at real speed to another program |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
 //! | [`latency`], [`memory`], [`skips`] | measurements |
 //! | [`interrupt`] | signals that ask the process to end |
@@ -47,6 +48,7 @@
 pub mod answer;
 pub mod approximations;
 pub mod bench;
+mod clock;
 pub mod error;
 mod frame_feed;
 pub mod interrupt;
@@ -61,8 +63,10 @@ pub mod provenance;
 mod refusals;
 pub mod run;
 pub mod schedule;
+pub mod send;
 pub mod skips;
 pub mod source;
+pub mod streams;
 pub mod text;
 
 pub use error::PipelineError;

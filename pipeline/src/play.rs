@@ -4,7 +4,6 @@
 //! caller's thread requests a prediction at the time of every report. After the end, one more prediction covers all
 //! waiting events.
 
-mod clock;
 mod reader;
 
 use std::collections::BTreeMap;
@@ -22,6 +21,7 @@ use serde::Serialize;
 
 use crate::answer::{Classes, Values, exact_digits};
 use crate::approximations::{ApproximationReport, Approximations};
+use crate::clock::Clock;
 use crate::error::PipelineError;
 use crate::interrupt;
 use crate::latency::{Latencies, Latency, microseconds};
@@ -32,7 +32,6 @@ use crate::run::{Observer, Prediction, ReportPrediction, ReportState};
 use crate::schedule::times_before;
 use crate::skips::dropped;
 use crate::source::Source;
-use clock::Clock;
 use reader::Reader;
 
 /// Options of a play.

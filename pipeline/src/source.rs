@@ -1,30 +1,27 @@
-//! Sources of events: a file, lines on standard input as they arrive, or the embedded recording.
+//! Sources of events: a file, a stream on which they arrive, or the embedded recording.
 
-use std::io::BufRead;
 use std::path::Path;
 
 use meissner_engine::{Event, EventCounters, Sensor};
-use meissner_io::{CsvEvents, Format, IoError, Place, ReadOptions, Recording, TimeRange};
+use meissner_io::{CsvEvents, Format, IoError, LiveEvents, Place, ReadOptions, Recording, TimeRange};
 
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
 use crate::losses::{Advice, InputLosses, Salvaged};
 use crate::refusals::Refusals;
+use crate::streams;
 
 /// A simulated press and release; see `pipeline/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
 const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
-/// Name of standard input, for messages.
-pub const STDIN_NAME: &str = "standard input";
-
 /// A stream of events with its name, format and geometry.
 ///
 /// Lines of a text that cannot be read are skipped and counted, unless the source is strict.
 pub struct Source {
     /// Name for messages and reports.
     pub name: String,
-    /// Its format.
-    pub format: Format,
+    /// The name of its format.
+    pub format: String,
     /// The part of a truncated recording that was kept.
     pub salvaged: Option<Salvaged>,
     /// The geometry that the source states.
@@ -47,33 +44,20 @@ enum Events {
     Arriving {
         /// The first event, if the source had to wait for it.
         first: Option<Event>,
-        lines: Box<CsvEvents<interrupt::Input>>,
+        rest: Box<LiveEvents<interrupt::Input>>,
     },
 }
 
-/// Whether `path` means standard input.
-pub fn is_stdin(path: &Path) -> bool {
-    path == Path::new("-")
-}
-
-/// Standard input. It ends with an error when a signal asks the process to end.
-///
-/// # Errors
-/// Standard input cannot be duplicated.
-pub fn stdin() -> Result<interrupt::Input, PipelineError> {
-    interrupt::input().map_err(|source| PipelineError::file("open", STDIN_NAME, source))
-}
-
-/// The recording in the file at `path`, or all of standard input if it is `-`.
+/// The recording in the file at `path`, or everything that arrives on the stream of this name.
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
-    if is_stdin(path) {
-        let mut lines = arriving(options)?;
-        let events = lines.by_ref().collect::<Result<_, _>>();
-        let events = events.map_err(|e| PipelineError::recording(STDIN_NAME, e))?;
-        return Ok(text(lines.sensor(), events, options.range));
+    if streams::is_live(path) {
+        let mut arriving = arriving(path, options)?;
+        let events = arriving.by_ref().collect::<Result<_, _>>();
+        let events = events.map_err(|e| PipelineError::recording(&streams::name(path), e))?;
+        return Ok(text(arriving.sensor(), events, options.range));
     }
     let recording =
         meissner_io::read_with(path, *options).map_err(|source| refused(path, options, source))?;
@@ -104,17 +88,18 @@ pub(crate) fn embedded() -> Result<Recording, PipelineError> {
     meissner_io::decode(EMBEDDED).map_err(|error| PipelineError::recording(EMBEDDED_NAME, error))
 }
 
-/// The lines of standard input.
-fn arriving(options: &ReadOptions) -> Result<CsvEvents<interrupt::Input>, PipelineError> {
-    Ok(CsvEvents::with_options(stdin()?, options.text))
+/// The events that arrive on the stream `path`. Waits for its first bytes.
+fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, PipelineError> {
+    let events = LiveEvents::new(streams::open(path)?, options.text);
+    events.map_err(|error| PipelineError::recording(&streams::name(path), error))
 }
 
 impl Source {
     /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text that cannot be read is
-    /// an error. For a file it is returned here, for standard input when the line arrives.
+    /// an error. For a file it is returned here, for a stream when the line arrives.
     ///
-    /// Without `sensor_known`, this waits for the first event on standard input, since a comment before it may state
-    /// the geometry.
+    /// This waits for the first bytes of a stream; without `sensor_known` for its first event, since a comment before it may
+    /// state the geometry.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -130,14 +115,15 @@ impl Source {
                 options.range.inspect(|range| range.cut(&mut recording));
                 Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
             }
-            Some(path) if is_stdin(path) => {
-                let mut refusals = Refusals::new(STDIN_NAME, strict);
-                let mut lines = arriving(options)?;
-                let first = if sensor_known { None } else { next(&mut lines, &mut refusals).transpose()? };
-                let sensor = lines.sensor();
-                let events = Events::Arriving { first, lines: Box::new(lines) };
+            Some(path) if streams::is_live(path) => {
+                let mut refusals = Refusals::new(&streams::name(path), strict);
+                let mut arriving = arriving(path, options)?;
+                let first =
+                    if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };
+                let (format, sensor) = (arriving.format(), arriving.sensor());
+                let events = Events::Arriving { first, rest: Box::new(arriving) };
                 let range = options.range.map(|range| (range, None));
-                Ok(Self { range, ..Self::new(Format::Csv, sensor, events, refusals) })
+                Ok(Self { range, ..Self::new(format, sensor, events, refusals) })
             }
             Some(path) => {
                 let mut refusals = Refusals::new(&path.display().to_string(), strict);
@@ -158,14 +144,14 @@ impl Source {
         Self { salvaged, ..Self::new(format, sensor, Events::Read(events.into_iter()), refusals) }
     }
 
-    fn new(format: Format, sensor: Option<Sensor>, events: Events, refusals: Refusals) -> Self {
+    fn new(format: impl ToString, sensor: Option<Sensor>, events: Events, refusals: Refusals) -> Self {
         let recorded = match &events {
             Events::Read(events) => Some(events.len() as u64),
             Events::Arriving { .. } => None,
         };
         Self {
             name: refusals.name().to_owned(),
-            format,
+            format: format.to_string(),
             salvaged: None,
             sensor,
             recorded,
@@ -183,9 +169,10 @@ impl Source {
     /// # Errors
     /// Neither is known.
     pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, PipelineError> {
-        asked
-            .or(self.sensor)
-            .ok_or_else(|| PipelineError::NoGeometry { recording: self.name.clone(), format: self.format })
+        asked.or(self.sensor).ok_or_else(|| PipelineError::NoGeometry {
+            recording: self.name.clone(),
+            format: self.format.clone(),
+        })
     }
 
     /// Takes only every `stride`-th event, beginning with the first.
@@ -200,7 +187,7 @@ impl Source {
         Self { advice, ..self }
     }
 
-    /// Whether events are read as they arrive, from standard input.
+    /// Whether events are read as they arrive.
     pub fn is_live(&self) -> bool {
         matches!(self.events, Events::Arriving { .. })
     }
@@ -232,8 +219,8 @@ impl Source {
         loop {
             let next = match &mut self.events {
                 Events::Read(events) => events.next().map(Ok),
-                Events::Arriving { first, lines } => {
-                    first.take().map(Ok).or_else(|| next(lines, &mut self.refusals))
+                Events::Arriving { first, rest } => {
+                    first.take().map(Ok).or_else(|| next(rest, &mut self.refusals))
                 }
             };
             if let Some(Ok(event)) = &next
@@ -262,28 +249,26 @@ impl Iterator for Source {
     }
 }
 
-/// The next event of `lines`; `None` at the end, and if the program is asked to end.
+/// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text that are no events are passed over.
 ///
 /// # Errors
-/// The error that ends the lines, and the errors of [`Refusals`].
-fn next<R: BufRead>(
-    lines: &mut CsvEvents<R>,
+/// The error that ends the events, and the errors of [`Refusals`].
+fn next(
+    events: &mut impl Iterator<Item = Result<Event, IoError>>,
     refusals: &mut Refusals,
 ) -> Option<Result<Event, PipelineError>> {
     loop {
-        let refused = match lines.next() {
+        let refused = match events.next() {
             None => refusals.end(),
             Some(Ok(event)) => {
                 refusals.take();
                 return Some(Ok(event));
             }
             Some(Err(_)) if interrupt::requested() => return None,
-            Some(Err(error @ (IoError::Malformed { .. } | IoError::OutsideSensor { .. }))) => {
-                match refusals.refuse(chain(&error)) {
-                    Ok(()) => continue,
-                    refused => refused,
-                }
-            }
+            Some(Err(error)) if is_about_a_line(&error) => match refusals.refuse(chain(&error)) {
+                Ok(()) => continue,
+                refused => refused,
+            },
             Some(Err(error)) => Err(PipelineError::recording(refusals.name(), error)),
         };
         return refused.err().map(Err);
@@ -292,12 +277,13 @@ fn next<R: BufRead>(
 
 /// Whether `error` is about one line of a text.
 fn is_of_a_line(error: &PipelineError) -> bool {
-    let PipelineError::Recording { source, .. } = error else { return false };
-    matches!(
-        **source,
-        IoError::Malformed { place: Place::Line(_), .. }
-            | IoError::OutsideSensor { place: Place::Line(_), .. }
-    )
+    matches!(error, PipelineError::Recording { source, .. } if is_about_a_line(source))
+}
+
+/// Whether `error` is about one line of a text.
+fn is_about_a_line(error: &IoError) -> bool {
+    use IoError::{Malformed, OutsideSensor};
+    matches!(error, Malformed { place: Place::Line(_), .. } | OutsideSensor { place: Place::Line(_), .. })
 }
 
 /// The recording in the text at `path`, without the lines that are not events.

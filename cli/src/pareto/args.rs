@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use meissner_engine::Sensor;
 use meissner_evaluate::pareto::Options;
-use meissner_pipeline::source::is_stdin;
+use meissner_pipeline::streams::is_stdin;
 use meissner_pipeline::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};

@@ -8,7 +8,7 @@ use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions};
 use meissner_pipeline::play::PlayOptions;
 
-use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS};
+use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS, speed};
 use meissner_pipeline::text::{length_us, span_us};
 
 /// Examples, at the end of the long help.
@@ -160,15 +160,10 @@ fn period(text: &str) -> Result<Duration, String> {
     span_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
 }
 
-/// Reads a positive factor.
-fn speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse().ok().filter(|speed: &f64| (1e-6..=1e6).contains(speed));
-    speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Policy, length, period, speed};
+    use super::{Policy, length, period};
+    use crate::args::speed;
     use std::time::Duration;
 
     #[test]

@@ -45,6 +45,7 @@ mod simulate;
 mod slip_data;
 mod slip_views;
 mod soak;
+mod sockets;
 mod stress;
 mod support;
 mod touch_data;

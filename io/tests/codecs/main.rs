@@ -23,6 +23,7 @@ mod npy;
 mod packed;
 mod ranges;
 mod recordings;
+mod ros;
 mod salvage;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;

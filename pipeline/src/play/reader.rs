@@ -10,7 +10,7 @@ use meissner_engine::Event;
 use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
-use super::clock::Clock;
+use crate::clock::Clock;
 use crate::interrupt;
 
 /// Shortest and longest sleep. The shortest makes events arrive in small batches, as from a camera. The longest makes

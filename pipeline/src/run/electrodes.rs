@@ -34,7 +34,7 @@ use crate::latency::microseconds;
 use crate::losses::{Advice, InputLosses};
 use crate::model::FrameModel;
 use crate::refusals::Refusals;
-use crate::source::{STDIN_NAME, is_stdin, stdin};
+use crate::streams;
 
 /// Options of a run over electrodes.
 #[derive(Clone, Debug)]
@@ -90,10 +90,9 @@ impl ElectrodeRun {
             FrameSource::Electrodes(readings) => (readings, TactileForm::Reading),
             _ => return Err(PipelineError::is_frame_network(network)),
         };
-        let is_stdin = is_stdin(path);
-        let name = if is_stdin { STDIN_NAME.to_owned() } else { path.display().to_string() };
+        let name = streams::name(path);
         // A pipe or a serial port is live, like standard input.
-        let live = is_stdin || fs::metadata(path).is_ok_and(|file| !file.is_file());
+        let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());
         let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
         let predictor = FramePredictor::new(model.network.clone(), frame_options)?;
@@ -243,8 +242,8 @@ impl Windows {
 }
 
 fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
-    if is_stdin(path) {
-        return Ok(Box::new(stdin()?));
+    if streams::is_live(path) {
+        return Ok(Box::new(streams::open(path)?));
     }
     // A pipe is not read ahead: data that has been read cannot be read again.
     if (path.is_dir() || path.is_file())

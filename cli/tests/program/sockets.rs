@@ -1,0 +1,168 @@
+//! Events that arrive over sockets, as text and as records of 16 bytes; recordings that are sent.
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::process::{Child, Output};
+use std::thread;
+use std::time::Duration;
+
+use meissner_engine::Event;
+use meissner_io::record;
+
+use crate::support::{argument, command, lines, meissner, meissner_reading, message, text};
+
+/// Events that grow out of the middle of 64 x 64 pixels.
+fn events() -> Vec<Event> {
+    (0..800_i64)
+        .map(|i| Event::new(i * 50, (32 + i * 7 % 29 - 14) as u16, (32 + i % 31 - 15) as u16, i % 3 > 0))
+        .collect()
+}
+
+fn as_text(events: &[Event]) -> Vec<u8> {
+    let line = |e: &Event| format!("{},{},{},{}\n", e.t_us, e.x, e.y, u8::from(e.on));
+    events.iter().map(line).collect::<String>().into_bytes()
+}
+
+fn as_records(events: &[Event]) -> Vec<u8> {
+    events.iter().flat_map(|&event| record(event)).collect()
+}
+
+/// `meissner run` on this input.
+fn run(input: &str) -> Vec<String> {
+    ["run", input, "--sensor", "64x64", "--every", "5ms", "--json"].map(str::to_owned).to_vec()
+}
+
+fn started(arguments: &[String]) -> Child {
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let mut command = command(&arguments);
+    command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    command.spawn().expect("the program starts")
+}
+
+/// What was predicted, without the times that it took.
+fn values(output: &Output) -> Vec<(serde_json::Value, serde_json::Value)> {
+    let (predictions, _) = lines(output);
+    predictions.iter().map(|line| (line["t_us"].clone(), line["value"].clone())).collect()
+}
+
+/// What is predicted of the same events in a file.
+fn expected() -> Vec<(serde_json::Value, serde_json::Value)> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("events.csv");
+    std::fs::write(&path, as_text(&events())).expect("it can be written");
+    let arguments = run(argument(&path));
+    let found = values(&meissner(&arguments.iter().map(String::as_str).collect::<Vec<_>>()));
+    assert!(found.len() >= 8, "{found:?}");
+    found
+}
+
+#[test]
+fn records_on_standard_input_give_the_predictions_of_a_text() {
+    let arguments = run("-");
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    assert_eq!(values(&meissner_reading(&arguments, &as_records(&events()))), expected());
+    let mut cut = as_records(&events());
+    cut.truncate(cut.len() - 3);
+    let output = meissner_reading(&arguments, &cut);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message(&output).contains("the last record at byte 12784"), "{}", message(&output));
+    let mut out_of_step = as_records(&events());
+    out_of_step.remove(100);
+    let output = meissner_reading(&arguments, &out_of_step);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message(&output).contains("end of a record"), "{}", message(&output));
+}
+
+#[test]
+fn a_server_is_read_over_tcp() {
+    for bytes in [as_text(&events()), as_records(&events())] {
+        let server = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let child = started(&run(&format!("tcp://{}", server.local_addr().expect("it is bound"))));
+        let mut client = server.accept().expect("the program connects").0;
+        // In pieces that end anywhere.
+        for piece in bytes.chunks(1_001) {
+            client.write_all(piece).expect("the program reads");
+        }
+        drop(client);
+        assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+    }
+}
+
+#[test]
+fn a_client_is_read_over_tcp() {
+    let address = free_address();
+    let child = started(&run(&format!("tcp-listen://{address}")));
+    let mut client = loop {
+        match TcpStream::connect(&address) {
+            Ok(client) => break client,
+            Err(_) => thread::sleep(Duration::from_millis(5)),
+        }
+    };
+    client.write_all(&as_records(&events())).expect("the program reads");
+    drop(client);
+    assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+}
+
+#[test]
+fn datagrams_are_read_until_an_empty_one() {
+    for (bytes, size) in [(as_text(&events()), None), (as_records(&events()), Some(1_392))] {
+        let address = free_address();
+        let child = started(&run(&format!("udp://{address}")));
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        socket.connect(&address).expect("an address");
+        let whole: Vec<&[u8]> = match size {
+            Some(size) => bytes.chunks(size).collect(),
+            None => bytes.split_inclusive(|&byte| byte == b'\n').collect(),
+        };
+        // Nobody is there until the program is: a system that says so refuses what is sent next.
+        while socket.send(whole[0]).is_err() || {
+            thread::sleep(Duration::from_millis(20));
+            socket.take_error().expect("a socket").is_some()
+        } {}
+        for piece in &whole[1..] {
+            socket.send(piece).expect("the program reads");
+        }
+        socket.send(&[]).expect("the program reads");
+        assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+    }
+}
+
+/// An address that was free a moment ago.
+fn free_address() -> String {
+    let found = TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr();
+    found.expect("it is bound").to_string()
+}
+
+#[test]
+fn a_recording_is_sent_as_text_and_as_records_at_its_speed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("events.csv");
+    let stated = [b"# sensor 64x64\n".to_vec(), as_text(&events())].concat();
+    std::fs::write(&path, &stated).expect("it can be written");
+    for (more, expected) in [(&[][..], stated), (&["--records"], as_records(&events()))] {
+        let server = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let address = format!("tcp://{}", server.local_addr().expect("it is bound"));
+        let receiver = thread::spawn(move || {
+            let mut found = Vec::new();
+            server.accept().expect("the program connects").0.read_to_end(&mut found).expect("it sends");
+            found
+        });
+        let begun = std::time::Instant::now();
+        let output = meissner(&[&["send", argument(&path), &address, "--speed", "0.5"], more].concat());
+        assert!(message(&output).contains("800 events"), "{}", message(&output));
+        assert!(begun.elapsed() >= Duration::from_micros(799 * 100), "at half speed");
+        assert!(receiver.join().expect("it received") == expected);
+        let printed = meissner(&[&["send", argument(&path), "-", "--speed", "1000"], more].concat());
+        assert!(printed.stdout == expected && text(&printed).is_ascii() || more.len() == 1);
+    }
+}
+
+#[test]
+fn a_stream_that_cannot_be_opened_is_named() {
+    let refused = meissner(&["run", "udp://256.0.0.1:1", "--sensor", "8x8"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(message(&refused).contains("udp://256.0.0.1:1"), "{}", message(&refused));
+    let played = meissner(&["play", "tcp://127.0.0.1:1", "--sensor", "8x8"]);
+    assert_eq!(played.status.code(), Some(2));
+    assert!(message(&played).contains("a recording, whose times"), "{}", message(&played));
+}

@@ -1,0 +1,93 @@
+//! Event packets of ROS 2 (`event_camera_msgs/msg/EventPacket`): the bytes of a message to events.
+//!
+//! A node passes on the fields of each message as they come; no part of ROS is needed here.
+//!
+//! | `encoding` | `events` | time |
+//! |---|---|---|
+//! | `evt3` | words of Prophesee's EVT 3.0, least significant byte first, as a file has them after its header | in the words; `time_base` has no meaning |
+//! | `mono` | 8 bytes for each event, least significant first: bit 63 polarity, 48-62 row, 32-47 column, 0-31 nanoseconds | after `time_base`, in nanoseconds |
+//!
+//! Source: the readme of `event_camera_msgs`. Sensors that send `evt3` change their state from one message to the next, so that one decoder
+//! takes all messages of a camera, in order.
+
+use meissner_engine::{Event, Sensor};
+
+use crate::bytes::Bytes;
+use crate::error::IoError;
+use crate::evt3;
+
+const NAME: &str = "event packet";
+
+/// The decoder of one camera's packets.
+///
+/// ```
+/// use meissner_engine::{Event, Sensor};
+///
+/// let mut packets = meissner_io::EventPackets::new("mono", Sensor::new(640, 480))?;
+/// // 2,500 ns after the time base, column 3, row 4, a rise.
+/// let event = 1_u64 << 63 | 4 << 48 | 3 << 32 | 2_500;
+/// assert_eq!(packets.decode(1_000_000, &event.to_le_bytes())?, [Event::new(1_002, 3, 4, true)]);
+/// # Ok::<(), meissner_io::IoError>(())
+/// ```
+#[derive(Debug)]
+pub struct EventPackets {
+    sensor: Sensor,
+    encoding: Encoding,
+    events: Vec<Event>,
+}
+
+#[derive(Debug)]
+enum Encoding {
+    Evt3(Box<evt3::Decoder>),
+    Mono,
+}
+
+impl EventPackets {
+    /// A decoder for the messages' fields `encoding`, and `width` and `height`.
+    ///
+    /// # Errors
+    /// [`IoError::Unsupported`] for an encoding other than `evt3` and `mono`.
+    pub fn new(encoding: &str, sensor: Sensor) -> Result<Self, IoError> {
+        let encoding = match encoding {
+            "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor)))),
+            "mono" => Encoding::Mono,
+            other => {
+                let (expected, actual) = ("an event packet in evt3 or mono", format!("{other:?}"));
+                return Err(IoError::Unsupported { expected, actual });
+            }
+        };
+        Ok(Self { sensor, encoding, events: Vec::new() })
+    }
+
+    /// The events of the next message, with times in microseconds: `time_base` in nanoseconds and the bytes of `events`. O(bytes).
+    ///
+    /// # Errors
+    /// [`IoError::Truncated`] where the bytes end within an event or a word, [`IoError::OutsideSensor`] for an event outside the sensor,
+    /// [`IoError::Malformed`] for words that EVT 3.0 does not have. Events of this message before the fault are lost.
+    pub fn decode(&mut self, time_base: u64, bytes: &[u8]) -> Result<&[Event], IoError> {
+        self.events.clear();
+        let packet = Bytes::file(NAME, bytes);
+        match &mut self.encoding {
+            Encoding::Evt3(decoder) => {
+                let words = packet.records("the last word", 0, false)?.0;
+                decoder.events.clear();
+                for (&word, at) in words.iter().zip((0..).step_by(2)) {
+                    decoder.push(packet, u16::from_le_bytes(word), at)?;
+                }
+                std::mem::swap(&mut self.events, &mut decoder.events);
+            }
+            Encoding::Mono => {
+                let records = packet.records("the last event", 0, false)?.0;
+                self.events.reserve(records.len());
+                for (&record, at) in records.iter().zip((0..).step_by(8)) {
+                    let bits = u64::from_le_bytes(record);
+                    let (x, y) = ((bits >> 32) as u16, (bits >> 48) as u16 & 0x7fff);
+                    packet.check_pixel(Some(self.sensor), x.into(), y.into(), at)?;
+                    let t_us = time_base.saturating_add(bits & 0xffff_ffff) / 1000;
+                    self.events.push(Event::new(t_us as i64, x, y, bits >> 63 == 1));
+                }
+            }
+        }
+        Ok(&self.events)
+    }
+}

@@ -1,0 +1,166 @@
+//! Live events: a text, or records of 16 bytes, from a pipe or a socket.
+//!
+//! | bytes | record |
+//! |---|---|
+//! | 0-7 | time in microseconds, i64 |
+//! | 8-9, 10-11 | column, row, u16 |
+//! | 12 | polarity, i8: more than 0 for a rise |
+//! | 13-15 | 0 |
+//!
+//! All values have their least significant byte first: on most machines, a `meissner_event` of the C interface is a record as it stands in
+//! memory.
+
+use std::io::{BufRead, Chain, Cursor, Read};
+
+use meissner_engine::{Event, Sensor};
+
+use crate::csv::{CsvEvents, TextOptions};
+use crate::error::{IoError, Place};
+use crate::format::{self, Format};
+
+/// Bytes of a record.
+pub const RECORD_BYTES: usize = 16;
+const NAME: &str = "records";
+/// Bytes that tell records from a text: the last of them is 0 for any time before the year 4253, and 255 for one before the epoch. No
+/// byte of a text has these values. A line with an event is as long.
+const TELLING: usize = 8;
+
+/// The record of `event`.
+///
+/// ```
+/// let event = meissner_engine::Event::new(513, 3, 4, true);
+/// assert_eq!(meissner_io::record(event), [1, 2, 0, 0, 0, 0, 0, 0, 3, 0, 4, 0, 1, 0, 0, 0]);
+/// ```
+pub fn record(event: Event) -> [u8; RECORD_BYTES] {
+    let mut bytes = [0; RECORD_BYTES];
+    bytes[..8].copy_from_slice(&event.t_us.to_le_bytes());
+    bytes[8..10].copy_from_slice(&event.x.to_le_bytes());
+    bytes[10..12].copy_from_slice(&event.y.to_le_bytes());
+    bytes[12] = event.on.into();
+    bytes
+}
+
+/// The event of a record.
+fn event(bytes: [u8; RECORD_BYTES]) -> Event {
+    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, polarity, ..] = bytes;
+    let t_us = i64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
+    Event::new(t_us, u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]), (polarity as i8) > 0)
+}
+
+/// The first bytes of a stream, then the rest of it.
+type Whole<R> = Chain<Cursor<Vec<u8>>, R>;
+
+/// Events as they arrive, each as soon as its last byte is there. The first bytes tell a text from records.
+///
+/// A record whose last three bytes are not 0 ends the events: what follows would be out of step.
+///
+/// ```
+/// use meissner_io::{LiveEvents, TextOptions, record};
+///
+/// let event = meissner_engine::Event::new(10, 3, 4, true);
+/// for bytes in [b"10,3,4,1\n".to_vec(), record(event).to_vec()] {
+///     let events: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default())?.collect();
+///     assert_eq!(events?, [event]);
+/// }
+/// # Ok::<(), meissner_io::IoError>(())
+/// ```
+#[derive(Debug)]
+pub struct LiveEvents<R: BufRead>(Kind<R>);
+
+#[derive(Debug)]
+enum Kind<R: BufRead> {
+    Text(CsvEvents<Whole<R>>),
+    Records {
+        input: Whole<R>,
+        /// Records that were read; `None` after the end or an error.
+        read: Option<u64>,
+    },
+}
+
+impl<R: BufRead> LiveEvents<R> {
+    /// The events of `input`; `options` are for a text. Waits for the first bytes.
+    ///
+    /// # Errors
+    /// [`IoError::Stream`] if they cannot be read.
+    pub fn new(mut input: R, options: TextOptions) -> Result<Self, IoError> {
+        let mut first = Vec::with_capacity(TELLING);
+        let read = input.by_ref().take(TELLING as u64).read_to_end(&mut first);
+        read.map_err(|source| failed(0, source))?;
+        // A binary recording is refused by its name, as by a reader of text.
+        let are_records =
+            first.iter().any(|byte| matches!(byte, 0 | 0xff)) && format::Kind::of(&first).is_none();
+        let input = Cursor::new(first).chain(input);
+        Ok(Self(if are_records {
+            Kind::Records { input, read: Some(0) }
+        } else {
+            Kind::Text(CsvEvents::with_options(input, options))
+        }))
+    }
+
+    /// The name of the format: "CSV" or "records".
+    pub fn format(&self) -> &'static str {
+        match self.0 {
+            Kind::Text(_) => Format::Csv.name(),
+            Kind::Records { .. } => NAME,
+        }
+    }
+
+    /// The sensor that a text names before its first event, known after that was read. Records name none.
+    pub fn sensor(&self) -> Option<Sensor> {
+        match &self.0 {
+            Kind::Text(text) => text.sensor(),
+            Kind::Records { .. } => None,
+        }
+    }
+}
+
+impl<R: BufRead> Iterator for LiveEvents<R> {
+    type Item = Result<Event, IoError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match &mut self.0 {
+            Kind::Text(text) => text.next(),
+            Kind::Records { input, read } => {
+                let number = read.take()?;
+                let found = next_record(input, number).transpose()?;
+                if found.is_ok() {
+                    *read = Some(number + 1);
+                }
+                Some(found)
+            }
+        }
+    }
+}
+
+/// Record `number` of `input`, or `None` at its end.
+fn next_record(input: &mut impl Read, number: u64) -> Result<Option<Event>, IoError> {
+    let (mut bytes, at) = (Vec::with_capacity(RECORD_BYTES), number * RECORD_BYTES as u64);
+    let read = input.take(RECORD_BYTES as u64).read_to_end(&mut bytes);
+    read.map_err(|source| failed(at, source))?;
+    if bytes.is_empty() {
+        return Ok(None);
+    }
+    let record: [u8; RECORD_BYTES] = bytes.try_into().map_err(|bytes: Vec<u8>| IoError::Truncated {
+        format: NAME,
+        what: "the last record",
+        place: Place::Byte(at),
+        expected: RECORD_BYTES as u64,
+        actual: bytes.len() as u64,
+        at_least: false,
+    })?;
+    match record[13..] {
+        [0, 0, 0] => Ok(Some(event(record))),
+        [a, b, c] => Err(IoError::Malformed {
+            format: NAME,
+            what: "end of a record",
+            place: Place::Byte(at + 13),
+            expected: "0, 0, 0".to_owned(),
+            actual: format!("{a}, {b}, {c}"),
+        }),
+        _ => unreachable!("three bytes"),
+    }
+}
+
+fn failed(at: u64, source: std::io::Error) -> IoError {
+    IoError::Stream { format: NAME, action: "read", place: Place::Byte(at), source }
+}

@@ -1,0 +1,143 @@
+//! Sends a recording to another program, each event when it is due: a sensor, as far as the receiver can tell.
+//!
+//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, or records of 16 bytes
+//! ([`meissner_io::LiveEvents`]). An event whose time steps back is sent together with the event before it.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Event, Sensor};
+use meissner_io::{RECORD_BYTES, record};
+use serde::Serialize;
+
+use crate::clock::Clock;
+use crate::error::PipelineError;
+use crate::streams::{self, Receiver};
+use crate::{interrupt, latency};
+
+/// Most bytes of a datagram: what a network passes on in one piece.
+const DATAGRAM: usize = 1400;
+/// Shortest wait: events are sent in small batches, as by a camera.
+const NAP: Duration = Duration::from_micros(100);
+
+/// How events are sent.
+#[derive(Clone, Copy, Debug)]
+pub struct SendOptions {
+    /// Seconds of stream time per second.
+    pub speed: f64,
+    /// Whether as records, or as lines of text.
+    pub records: bool,
+}
+
+/// What was sent.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SendSummary {
+    /// Events.
+    pub events: u64,
+    /// Bytes.
+    pub bytes: u64,
+    /// Longest time from when an event was due until it was sent, in microseconds.
+    pub lag_us: f64,
+    /// Seconds from the first event to the end.
+    pub seconds: f64,
+}
+
+/// Sends `events` of `sensor` to the stream `to`. Ends early if the program is asked to end.
+///
+/// # Errors
+/// The stream cannot be opened, or nobody reads from it any more.
+pub fn send(
+    events: &[Event],
+    sensor: Option<Sensor>,
+    to: &Path,
+    options: SendOptions,
+) -> Result<SendSummary, PipelineError> {
+    interrupt::listen();
+    let failed = |source| match streams::is_stdin(to) {
+        true => PipelineError::Output(source),
+        false => PipelineError::file("write", streams::name(to), source),
+    };
+    let mut out = Pieces::new(streams::receiver(to)?);
+    if let (Some(sensor), false) = (sensor, options.records) {
+        out.put(format_args!("# sensor {sensor}\n")).map_err(failed)?;
+    }
+    let started = Instant::now();
+    let clock = Clock::new(started, events.first().map_or(0, |event| event.t_us), options.speed);
+    let (mut rest, mut lag) = (events, Duration::ZERO);
+    while !rest.is_empty() && !interrupt::requested() {
+        let now = Instant::now();
+        let now_us = clock.stream_us(now);
+        let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
+        let (sent, later) = rest.split_at(due);
+        rest = later;
+        for &event in sent {
+            let Event { t_us, x, y, on } = event;
+            let written = if options.records {
+                out.put_bytes(&record(event))
+            } else {
+                out.put(format_args!("{t_us},{x},{y},{}\n", u8::from(on)))
+            };
+            written.map_err(failed)?;
+        }
+        out.flush().map_err(failed)?;
+        if let Some(event) = sent.first() {
+            lag = lag.max(now.saturating_duration_since(clock.at(event.t_us)));
+        }
+        let next = rest.first().map_or(now, |event| clock.at(event.t_us));
+        interrupt::sleep(next.saturating_duration_since(Instant::now()).max(NAP));
+    }
+    let bytes = out.end().map_err(failed)?;
+    let events = (events.len() - rest.len()) as u64;
+    let (lag_us, seconds) = (latency::microseconds(lag), started.elapsed().as_secs_f64());
+    Ok(SendSummary { events, bytes, lag_us, seconds })
+}
+
+/// Bytes on their way, in pieces that end where a line or a record does.
+struct Pieces {
+    receiver: Receiver,
+    piece: Vec<u8>,
+    sent: u64,
+}
+
+impl Pieces {
+    fn new(receiver: Receiver) -> Self {
+        Self { receiver, piece: Vec::with_capacity(DATAGRAM + RECORD_BYTES), sent: 0 }
+    }
+
+    /// Adds a line or a record.
+    fn put_bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if self.piece.len() + bytes.len() > DATAGRAM {
+            self.flush()?;
+        }
+        self.piece.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    fn put(&mut self, line: std::fmt::Arguments<'_>) -> io::Result<()> {
+        self.put_bytes(line.to_string().as_bytes())
+    }
+
+    /// Sends what was added.
+    fn flush(&mut self) -> io::Result<()> {
+        if self.piece.is_empty() {
+            return Ok(());
+        }
+        match &mut self.receiver {
+            Receiver::Bytes(out) => out.write_all(&self.piece).and_then(|()| out.flush())?,
+            Receiver::Datagrams(socket) => drop(socket.send(&self.piece)?),
+        }
+        self.sent += self.piece.len() as u64;
+        self.piece.clear();
+        Ok(())
+    }
+
+    /// Sends the rest and the end; the number of bytes in all.
+    fn end(mut self) -> io::Result<u64> {
+        self.flush()?;
+        if let Receiver::Datagrams(socket) = &self.receiver {
+            socket.send(&[])?;
+        }
+        Ok(self.sent)
+    }
+}

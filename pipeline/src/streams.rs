@@ -1,0 +1,142 @@
+//! Streams that events arrive on: standard input, TCP and UDP.
+//!
+//! Enters: the name of a stream. Leaves: its bytes, as they arrive. A wait for them ends when a signal asks the program to end.
+//!
+//! | name | stream |
+//! |---|---|
+//! | `-` | standard input |
+//! | `tcp://HOST:PORT` | a connection to a server |
+//! | `tcp-listen://HOST:PORT` | the first connection of a client |
+//! | `udp://HOST:PORT` | datagrams to this address, each of whole lines or records; an empty one ends the stream |
+//!
+//! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to standard input or over TCP then waits; over UDP,
+//! datagrams are lost, and nobody can count them.
+
+use std::io::{self, Write};
+use std::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::path::Path;
+
+use crate::error::PipelineError;
+use crate::interrupt;
+
+/// Name of standard input, for messages.
+pub const STDIN_NAME: &str = "standard input";
+
+/// Whether `path` means standard input.
+pub fn is_stdin(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// A stream by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stream<'a> {
+    Stdin,
+    Connect(&'a str),
+    Listen(&'a str),
+    Datagrams(&'a str),
+}
+
+fn stream(path: &Path) -> Option<Stream<'_>> {
+    if is_stdin(path) {
+        return Some(Stream::Stdin);
+    }
+    let (scheme, address) = path.to_str()?.split_once("://")?;
+    match scheme {
+        "tcp" => Some(Stream::Connect(address)),
+        "tcp-listen" => Some(Stream::Listen(address)),
+        "udp" => Some(Stream::Datagrams(address)),
+        _ => None,
+    }
+}
+
+/// Whether `path` names a stream, on which events arrive while they are read.
+pub fn is_live(path: &Path) -> bool {
+    stream(path).is_some()
+}
+
+/// The name of the stream or file `path`, for messages.
+pub fn name(path: &Path) -> String {
+    if is_stdin(path) { STDIN_NAME.to_owned() } else { path.display().to_string() }
+}
+
+/// The bytes of the stream that `path` names.
+///
+/// # Errors
+/// It is no stream, an address cannot be used, or a signal asked the program to end while it waited for a client.
+pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
+    let opened = match stream(path) {
+        Some(Stream::Stdin) => interrupt::input(),
+        Some(Stream::Connect(address)) => interrupt::connected(address),
+        Some(Stream::Listen(address)) => interrupt::accepted(address),
+        Some(Stream::Datagrams(address)) => interrupt::datagrams(address),
+        None => Err(io::ErrorKind::NotFound.into()),
+    };
+    opened.map_err(|source| PipelineError::file("open", name(path), source))
+}
+
+/// The other end of a stream, for a program that sends.
+pub(crate) enum Receiver {
+    /// Takes bytes in order, and lets the sender wait.
+    Bytes(Box<dyn Write>),
+    /// Takes datagrams, or loses them.
+    Datagrams(UdpSocket),
+}
+
+/// The receiver at the other end of the stream `path`: `-` is standard output, and an address of `udp://` that of the receiver.
+///
+/// # Errors
+/// It is no stream, an address cannot be used, or nobody listens there.
+pub(crate) fn receiver(path: &Path) -> Result<Receiver, PipelineError> {
+    let opened = || -> io::Result<Receiver> {
+        Ok(match stream(path) {
+            Some(Stream::Stdin) => Receiver::Bytes(Box::new(io::stdout())),
+            Some(Stream::Connect(address)) => {
+                Receiver::Bytes(Box::new(without_delay(TcpStream::connect(address)?)?))
+            }
+            Some(Stream::Listen(address)) => {
+                Receiver::Bytes(Box::new(without_delay(TcpListener::bind(address)?.accept()?.0)?))
+            }
+            Some(Stream::Datagrams(address)) => {
+                let to = address.to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
+                // The receiver's family of addresses decides the sender's.
+                let from = if to.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+                let socket = UdpSocket::bind(from)?;
+                socket.connect(to)?;
+                Receiver::Datagrams(socket)
+            }
+            None => {
+                let expected = "-, tcp://HOST:PORT, tcp-listen://HOST:PORT or udp://HOST:PORT";
+                return Err(io::Error::other(format!("expected {expected}")));
+            }
+        })
+    };
+    opened().map_err(|source| PipelineError::file("open", name(path), source))
+}
+
+/// A connection that sends small pieces at once.
+fn without_delay(stream: TcpStream) -> io::Result<TcpStream> {
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Stream, is_live, stream};
+
+    #[test]
+    fn a_scheme_names_a_stream_and_anything_else_is_a_file() {
+        for (name, expected) in [
+            ("-", Some(Stream::Stdin)),
+            ("tcp://localhost:5000", Some(Stream::Connect("localhost:5000"))),
+            ("tcp-listen://0.0.0.0:5000", Some(Stream::Listen("0.0.0.0:5000"))),
+            ("udp://[::]:5000", Some(Stream::Datagrams("[::]:5000"))),
+            ("http://x", None),
+            ("a.csv", None),
+            ("./-", None),
+        ] {
+            assert_eq!((stream(Path::new(name)), is_live(Path::new(name))), (expected, expected.is_some()));
+        }
+    }
+}
