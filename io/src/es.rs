@@ -10,8 +10,9 @@
 //!
 //! The first byte of an event has the polarity in bit 0 and in bits 7-1 the microseconds since the event before it, from 0 to
 //! 126. The byte 0xff before an event adds 127 microseconds; 0xfe is a reset, which says nothing. The first event counts from
-//! time 0. Source: the specification of version 2 at <https://github.com/neuromorphic-paris/event_stream>. Invariant: times never
-//! go back.
+//! time 0. Rows count from the bottom; events here count from the top, as those of the other formats. Source: the specification of
+//! version 2 at <https://github.com/neuromorphic-paris/event_stream>; for the rows, its author's `faery`. Invariant: times never go
+//! back.
 
 use std::io::{self, Write};
 
@@ -90,7 +91,7 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
                 let (x, y) = (u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]));
                 file.check_pixel(Some(sensor), x, y, at)?;
                 t_us += i64::from(first >> 1);
-                events.push(Event::new(t_us, x, y, first & 1 == 1));
+                events.push(Event::new(t_us, x, sensor.height - 1 - y, first & 1 == 1));
                 at += STRIDE;
             }
         }
@@ -112,7 +113,7 @@ pub(crate) fn encode(sensor: Sensor, events: &[Event], out: &mut impl Write) -> 
             out.write_all(&[OVERFLOW])?;
             step -= OVERFLOW_US;
         }
-        let ([x0, x1], [y0, y1]) = (event.x.to_le_bytes(), event.y.to_le_bytes());
+        let ([x0, x1], [y0, y1]) = (event.x.to_le_bytes(), (sensor.height - 1 - event.y).to_le_bytes());
         out.write_all(&[(step as u8) << 1 | u8::from(event.on), x0, x1, y0, y1])?;
     }
     Ok(())

@@ -12,17 +12,17 @@ fn es(version: [u8; 3], kind: u8, content: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn an_event_is_a_step_of_time_with_its_polarity_and_a_pixel() {
+fn an_event_is_a_step_of_time_with_its_polarity_and_a_pixel_from_the_bottom() {
     let content = [2 << 1 | 1, 3, 0, 2, 0, 0xff, 0xff, 126 << 1, 0, 0, 1, 0];
     let recording = decode(&es([2, 0, 0], 1, &content)).unwrap();
     assert_eq!((recording.format, recording.sensor), (Format::Es, Some(Sensor::new(4, 3))));
-    assert_eq!(recording.events, [Event::new(2, 3, 2, true), Event::new(2 + 2 * 127 + 126, 0, 1, false)]);
+    assert_eq!(recording.events, [Event::new(2, 3, 0, true), Event::new(2 + 2 * 127 + 126, 0, 1, false)]);
 }
 
 #[test]
 fn resets_and_overflows_at_the_end_say_nothing() {
     let content = [0xfe, 0xfe, 1, 0, 0, 0, 0, 0xfe, 0xff];
-    assert_eq!(decode(&es([2, 1, 9], 1, &content)).unwrap().events, [Event::new(0, 0, 0, true)]);
+    assert_eq!(decode(&es([2, 1, 9], 1, &content)).unwrap().events, [Event::new(0, 0, 2, true)]);
 }
 
 #[test]
