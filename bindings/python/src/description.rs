@@ -242,10 +242,10 @@ impl Description {
         self.name().bytes().fold(0, |hash, byte| hash.wrapping_mul(31).wrapping_add(byte.into()))
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<(Py<PyAny>, (String,))> {
+    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, (String,)) {
         let toml = slf.get().toml.clone();
         // A text has a line break: it is taken for neither a name nor a path.
-        Ok((slf.get_type().into_any().unbind(), (toml + "\n",)))
+        (slf.get_type().into_any().unbind(), (toml + "\n",))
     }
 }
 

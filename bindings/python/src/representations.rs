@@ -124,26 +124,36 @@ pub(crate) struct EventFrames {
     frames: ConsecutiveFrames,
 }
 
-/// Appends what time has completed.
-fn collect(done: Completed<'_>, shape: [usize; 3], to: &mut Vec<(Vec<f32>, i64, [u64; 2], u64)>) {
-    match done {
-        Completed::Frame(frame) => to.push((frame.values.to_vec(), frame.start_us, frame.events, 1)),
-        Completed::Empty(run) => {
-            to.push((vec![0.0; shape.iter().product()], run.start_us, [0, 0], run.count))
-        }
+/// A completed frame, before it is an object.
+struct Done {
+    values: Vec<f32>,
+    start_us: i64,
+    events: [u64; 2],
+    count: u64,
+}
+
+impl Done {
+    fn new(completed: Completed<'_>, shape: [usize; 3]) -> Self {
+        let (start_us, events, count) = match completed {
+            Completed::Frame(frame) => (frame.start_us, frame.events, 1),
+            Completed::Empty(run) => (run.start_us, [0, 0], run.count),
+        };
+        let values = match completed {
+            Completed::Frame(frame) => frame.values.to_vec(),
+            Completed::Empty(_) => vec![0.0; shape.iter().product()],
+        };
+        Self { values, start_us, events, count }
+    }
+
+    fn into_object(self, py: Python<'_>, shape: [usize; 3]) -> PyResult<EventFrame> {
+        let Self { values, start_us, events, count } = self;
+        Ok(EventFrame { values: image(py, &values, shape)?.unbind(), start_us, events, count })
     }
 }
 
 /// Frames as objects.
-fn objects(
-    py: Python<'_>,
-    found: Vec<(Vec<f32>, i64, [u64; 2], u64)>,
-    shape: [usize; 3],
-) -> PyResult<Vec<EventFrame>> {
-    let object = |(values, start_us, events, count): (Vec<f32>, _, _, _)| {
-        Ok(EventFrame { values: image(py, &values, shape)?.unbind(), start_us, events, count })
-    };
-    found.into_iter().map(object).collect()
+fn objects(py: Python<'_>, found: Vec<Done>, shape: [usize; 3]) -> PyResult<Vec<EventFrame>> {
+    found.into_iter().map(|done| done.into_object(py, shape)).collect()
 }
 
 #[pymethods]
@@ -181,7 +191,7 @@ impl EventFrames {
         let (shape, frames, mut found) = (self.frames.shape(), &mut self.frames, Vec::new());
         Events::new(events, [t, x, y, p])?.work(py, |part| {
             for event in part {
-                frames.push(*event, |done| collect(done, shape, &mut found));
+                frames.push(*event, |completed| found.push(Done::new(completed, shape)));
             }
             Ok(())
         })?;
@@ -191,7 +201,7 @@ impl EventFrames {
     /// Advances time to `t_us`; returns the frames that this completes.
     fn advance(&mut self, py: Python<'_>, t_us: i64) -> PyResult<Vec<EventFrame>> {
         let (shape, mut found) = (self.frames.shape(), Vec::new());
-        self.frames.advance(t_us, |done| collect(done, shape, &mut found));
+        self.frames.advance(t_us, |completed| found.push(Done::new(completed, shape)));
         objects(py, found, shape)
     }
 
