@@ -66,8 +66,9 @@ def programs():
 
 @pytest.mark.parametrize("program", programs(), ids=lambda program: program.strip().splitlines()[-1][:40])
 def test_the_programs_of_the_readme_run(program, tmp_path, monkeypatch, capsys):
-    if "torch" in program:
-        pytest.importorskip("torch")
+    for name in ("torch_geometric", "torch"):
+        if name in program:
+            pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "RECORDING").symlink_to(README.parents[2] / "pipeline" / "assets" / "dome_press.evt3")
     exec(compile(program, "README.md", "exec"), {"__name__": "__main__"})
