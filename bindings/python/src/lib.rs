@@ -6,7 +6,7 @@
 //! | `engine`, `batch`, `frames` | the engines |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
-//! | `representations`, `recording` | frames of events; files |
+//! | `representations`, `filters`, `recording` | frames of events; which events enter; files |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
@@ -15,6 +15,7 @@ mod description;
 mod engine;
 mod error;
 mod events;
+mod filters;
 mod frames;
 mod graph;
 mod prediction;
@@ -33,6 +34,7 @@ mod _meissner {
         batch::Batch,
         description::Description,
         engine::Engine,
+        filters::Filters,
         frames::FrameEngine,
         graph::Graph,
         prediction::Prediction,

@@ -182,6 +182,27 @@ def test_a_time_surface_is_that_of_the_equation(events):
         meissner.TimeSurface(SENSOR)
 
 
+def test_filters_pass_what_their_rules_say(events):
+    assert np.array_equal(meissner.Filters(SENSOR).push(events), events)
+    assert np.array_equal(meissner.Filters(SENSOR, stride=3).push(events), events[::3])
+    silenced = meissner.Filters(SENSOR, refractory_us=10_000)
+    expected, last = [], {}
+    for event in events:
+        pixel, t = (event["x"], event["y"]), int(event["t"])
+        if t - last.get(pixel, -10_000) >= 10_000:
+            expected.append(event)
+            last[pixel] = t
+    # In two parts: the filter goes on where it was.
+    passed = np.concatenate([silenced.push(events[:200]), silenced.push(events[200:])])
+    assert np.array_equal(passed, np.array(expected))
+    both = meissner.Filters(SENSOR, stride=2, background_us=30_000)
+    both.push(events)
+    dropped = {name: of["dropped"] for name, of in both.counters.items()}
+    assert list(dropped.values())[0] == 300 and len(dropped) == 2
+    with pytest.raises(meissner.InputError, match="found 0"):
+        meissner.Filters(SENSOR, stride=0)
+
+
 def test_a_crop_shows_its_pixels_and_counts_the_others(events):
     crop = (10, 5, 20, 30)
     makes = meissner.EventFrames(SENSOR, crop=crop, period_us=10**9)

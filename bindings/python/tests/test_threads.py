@@ -70,6 +70,22 @@ def test_other_threads_run_during_a_push():
     assert sum(begin < tick < end for tick in ticks) > (end - begin) / 0.05
 
 
+def test_an_engine_that_is_at_work_in_another_thread_refuses_a_second_one():
+    description = {**SMALL, "network": {"name": "long", "capacity": 20_000, "span_us": 10**7}}
+    engine = meissner.Engine(description, SENSOR, meissner.Weights.draw(SMALL, 1))
+    events, refused = make_events(20_000, every_us=5), []
+    thread = threading.Thread(target=engine.push, args=(events,))
+    thread.start()
+    while thread.is_alive() and not refused:
+        try:
+            engine.advance(0)
+        except RuntimeError as error:
+            refused.append(error)
+    thread.join()
+    assert refused
+    assert len(engine) == len(events)
+
+
 def test_two_engines_work_in_two_threads_with_their_own_bits(events):
     weights = meissner.Weights.draw(SMALL, 1)
     engines = [meissner.Engine(SMALL, SENSOR, weights) for _ in range(2)]

@@ -9,6 +9,7 @@ what this event affects, and its predictions have the bits of a full recomputati
 | the same from scratch, as an oracle | `Batch` |
 | predictions from frames | `FrameEngine`, `frames_for` |
 | frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions of whole arrays |
+| fewer events | `Filters` |
 | networks and weights | `networks`, `Description`, `Weights` |
 | recordings | `open`, `write` |
 | a model of PyTorch Geometric | `meissner.export` |
@@ -38,6 +39,7 @@ from ._meissner import (
     Engine,
     EventFrame,
     EventFrames,
+    Filters,
     FrameEngine,
     Graph,
     Prediction,
@@ -65,6 +67,7 @@ __all__ = [
     "EventFrame",
     "EventFrames",
     "FileError",
+    "Filters",
     "FrameEngine",
     "Graph",
     "InputError",

@@ -22,6 +22,7 @@ __all__ = [
     "Engine",
     "EventFrame",
     "EventFrames",
+    "Filters",
     "FrameEngine",
     "Graph",
     "Prediction",
@@ -317,6 +318,30 @@ class EventFrames:
     def shape(self) -> tuple[int, int, int]: ...
     @property
     def counters(self) -> dict[str, int]: ...
+
+@final
+class Filters:
+    def __new__(
+        cls,
+        sensor: _Sensor,
+        *,
+        stride: int | None = None,
+        rate: int | None = None,
+        background_us: int | None = None,
+        refractory_us: int | None = None,
+    ) -> Filters: ...
+    def push(
+        self,
+        events: _Events | None = None,
+        *,
+        t: ArrayLike | None = None,
+        x: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        p: ArrayLike | None = None,
+    ) -> np.ndarray: ...
+    def reset(self) -> None: ...
+    @property
+    def counters(self) -> dict[str, dict[str, int]]: ...
 
 @final
 class SlidingFrame:
