@@ -7,10 +7,11 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::arrays::{Pixels, sides, to_array};
 use crate::description::Description;
 use crate::engine::{counters, late_policy, network_of};
 use crate::error::{Failure, Outcome};
-use crate::events::{Events, Pixels, sides, to_array};
+use crate::events::Events;
 use crate::graph::{self, Graph};
 use crate::prediction::{self, Outputs, Prediction};
 

@@ -6,12 +6,13 @@ use meissner::{Counters, LatePolicy, Network, Options, models};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arrays::{Pixels, counts, sides, to_array};
 use crate::description::Description;
 use crate::error::{Failure, Outcome};
-use crate::events::{Events, Pixels, counts, sides, to_array};
+use crate::events::Events;
 use crate::graph::{self, Graph};
 use crate::prediction::{self, Outputs, Prediction};
-use crate::weights::{self, Weights};
+use crate::weights::Weights;
 
 /// A network over the events of a sliding window: recomputes only what an event changes, and predicts the bits that
 /// `Batch` computes from scratch.
@@ -49,7 +50,8 @@ pub(crate) fn network_of(
     let description = Description::of(network)?;
     let events = description.events()?;
     let weights: models::Weights = Weights::of(weights, &description)?;
-    let mut network = weights::network(events, &weights, !check_preparation)?;
+    let mut network =
+        if check_preparation { events.network(&weights)? } else { events.network_regardless(&weights)? };
     if let Some(span_us) = span_us {
         network = network.with_span_us(span_us)?;
     }

@@ -1,4 +1,4 @@
-//! Events from and to `NumPy`.
+//! Events from `NumPy`.
 //!
 //! Enters: a structured array with fields in any order, four arrays, or a recording. Leaves: blocks of [`Event`]. An array is
 //! read where it is, whatever its strides, alignment and byte order; it is never copied as a whole. Invariant: the memory of
@@ -8,11 +8,11 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner::{Event, Sensor};
+use meissner::Event;
 use numpy::ndarray::{ArrayView2, Axis, Slice};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PySlice, PyTuple};
+use pyo3::types::{PyMappingProxy, PySlice, PyTuple};
 
 use crate::error::{Failure, Outcome};
 use crate::recording::Recording;
@@ -31,9 +31,6 @@ const FEW: usize = 32;
 const STRIDE: usize = 8;
 /// How long work runs until signals are handled.
 const TURN: Duration = Duration::from_millis(50);
-
-/// Bytes of an event in an array that this module makes: t, x, y, p.
-const PACKED: usize = 13;
 
 /// A type of integers.
 #[derive(Clone, Copy)]
@@ -84,7 +81,7 @@ impl<'py> Events<'py> {
         let array = as_array("events", events)?;
         let dtype = array.getattr("dtype")?;
         let fields = dtype.getattr("fields")?;
-        let Ok(fields) = fields.cast::<pyo3::types::PyMappingProxy>() else {
+        let Ok(fields) = fields.cast::<PyMappingProxy>() else {
             let shape: String = array.getattr("shape")?.str()?.to_string();
             return Err(Failure::dtype(format!(
                 "events: expected a structured array with fields t, x, y, p, found an array of {dtype} and shape {shape}; \
@@ -331,62 +328,4 @@ fn bytes_of<'py>(array: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyArray2<u8>>>
     let column = array.get_item((PySlice::full(py), py.None()))?;
     let bytes = column.call_method1("view", ("u1",))?;
     Ok(bytes.cast_into::<PyArray2<u8>>().map_err(PyErr::from)?)
-}
-
-/// The dtype of the arrays that this module makes: t, x, y, p without gaps.
-pub(crate) fn dtype(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    py.import("numpy")?.getattr("dtype")?.call1((vec![("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "?")],))
-}
-
-/// A structured array of `events`.
-pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyAny>> {
-    let mut bytes = Vec::with_capacity(events.len() * PACKED);
-    for event in events {
-        bytes.extend_from_slice(&event.t_us.to_le_bytes());
-        bytes.extend_from_slice(&event.x.to_le_bytes());
-        bytes.extend_from_slice(&event.y.to_le_bytes());
-        bytes.push(event.on.into());
-    }
-    PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
-}
-
-/// The size of a sensor from (width, height); a third number, the polarities of tonic's `sensor_size`, is ignored.
-pub(crate) struct Pixels(pub(crate) Sensor);
-
-impl<'a, 'py> FromPyObject<'a, 'py> for Pixels {
-    type Error = PyErr;
-
-    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
-        let sides: Vec<i64> = object.extract().map_err(|_| {
-            let found = object.repr().map_or_else(|_| "another object".to_owned(), |text| text.to_string());
-            Failure::dtype(format!("sensor: expected (width, height) in pixels, found {found}"))
-        })?;
-        let side = |side: i64| u16::try_from(side).ok().filter(|side| *side > 0);
-        match sides[..] {
-            [width, height] | [width, height, _] => match (side(width), side(height)) {
-                (Some(width), Some(height)) => Ok(Self(Sensor::new(width, height))),
-                _ => Err(Failure::input(format!(
-                    "sensor: expected 1 to 65535 pixels a side, found ({width}, {height})"
-                ))
-                .into()),
-            },
-            _ => Err(Failure::input(format!(
-                "sensor: expected (width, height) in pixels, found {} numbers",
-                sides.len()
-            ))
-            .into()),
-        }
-    }
-}
-
-/// `(width, height)`.
-pub(crate) fn sides(sensor: Sensor) -> (u16, u16) {
-    (sensor.width, sensor.height)
-}
-
-/// Counts by name.
-pub(crate) fn counts<'py>(py: Python<'py>, counts: &[(&str, u64)]) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    counts.iter().try_for_each(|(name, count)| dict.set_item(name, count))?;
-    Ok(dict)
 }

@@ -4,8 +4,9 @@ use meissner::filters::{BackgroundActivity, Chain, EventFilter, Filter, RateLimi
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::{Pixels, counts, to_array};
 use crate::error::Outcome;
-use crate::events::{Events, Pixels, counts, to_array};
+use crate::events::Events;
 
 /// Filters in series; each sees what those before it passed. One that is None is left out.
 ///

@@ -196,7 +196,7 @@ impl FrameEngine {
         for (name, layer) in self.outputs.layers.iter().zip(&of.layers) {
             let counts =
                 [("computed", layer.computed), ("skipped", layer.skipped), ("absorbed", layer.absorbed)];
-            layers.set_item(name, crate::events::counts(py, &counts)?)?;
+            layers.set_item(name, crate::arrays::counts(py, &counts)?)?;
         }
         dict.set_item("layers", layers)?;
         Ok(dict)

@@ -2,14 +2,16 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `events` | events from and to `NumPy`, in place and in blocks |
+//! | `events` | events from `NumPy`, in place and in blocks |
+//! | `arrays` | what several classes take and return |
 //! | `engine`, `batch`, `frames` | the engines |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
-//! | `representations`, `filters`, `recording` | frames of events; which events enter; files |
+//! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
+mod arrays;
 mod batch;
 mod description;
 mod engine;
@@ -22,13 +24,14 @@ mod prediction;
 mod recording;
 mod representations;
 mod weights;
+mod write;
 
 use pyo3::prelude::*;
 
 /// The part of `meissner` that is written in Rust.
 #[pymodule]
 mod _meissner {
-    use super::{Bound, PyModule, PyModuleMethods, PyResult, events};
+    use super::{Bound, PyModule, PyModuleMethods, PyResult, arrays};
     #[pymodule_export]
     use super::{
         batch::Batch,
@@ -38,9 +41,10 @@ mod _meissner {
         frames::FrameEngine,
         graph::Graph,
         prediction::Prediction,
-        recording::{Blocks, Recording, Windows, open, write},
+        recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
         weights::{Card, Weights},
+        write::write,
     };
     use meissner::AnyDescription;
     use pyo3::pyfunction;
@@ -65,6 +69,6 @@ mod _meissner {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        module.add("EVENT_DTYPE", events::dtype(module.py())?)
+        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)
     }
 }

@@ -1,4 +1,4 @@
-//! Recordings: from a file to structured arrays, and back.
+//! Recordings: from a file to structured arrays.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,8 +11,8 @@ use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 
+use crate::arrays::{sides, to_array};
 use crate::error::{Failure, Outcome};
-use crate::events::{Events, Pixels, sides, to_array};
 
 /// Events of a block of an iteration.
 const BLOCK: usize = 1 << 16;
@@ -66,7 +66,7 @@ impl Recording {
 }
 
 /// A word of an option, if there is one.
-fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) -> Outcome<Option<T>> {
+pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) -> Outcome<Option<T>> {
     let parsed = word.map(str::parse).transpose();
     parsed.map_err(|error: UnknownName| Failure::input(error.to_string()))
 }
@@ -95,26 +95,6 @@ pub(crate) fn open(
     let text = TextOptions::default().columns(columns).time_unit(unit);
     let options = ReadOptions::default().format(word::<Format>(format)?).text(text).salvage(salvage);
     Ok(Recording { path, options, content: Mutex::new(None) })
-}
-
-/// Writes events (as for `Engine.push`) to a file: "csv", "npy", "dat" or "evt3", by default by the extension of `path`.
-///
-/// Raises `RecordingError` where the format cannot hold an event or `sensor`, `InputError`, `DtypeError`, `FileError`.
-#[pyfunction]
-#[pyo3(signature = (path, events, sensor=None, *, format=None))]
-pub(crate) fn write(
-    py: Python<'_>,
-    path: PathBuf,
-    events: &Bound<'_, PyAny>,
-    sensor: Option<Pixels>,
-    format: Option<&str>,
-) -> Outcome<()> {
-    let events = Events::new(Some(events), [None; 4])?.to_vec()?;
-    let format = match word::<Format>(format)? {
-        Some(format) => format,
-        None => Format::from_path(&path).map_err(|error| Failure::input(error.to_string()))?,
-    };
-    Ok(py.detach(|| io::write(&path, format, sensor.map(|sensor| sensor.0), &events))?)
 }
 
 #[pymethods]

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use meissner::models::{self, ModelError, TensorFile};
+use meissner::models::{self, TensorFile};
 use numpy::{PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyIterator, PyMapping, PyString};
 
+use crate::arrays::sides;
 use crate::description::Description;
 use crate::error::{Failure, Outcome, wrong_type};
-use crate::events::sides;
 
 /// Named tensors: a mapping from names to float32 arrays.
 ///
@@ -304,13 +304,4 @@ impl Card {
         let sensor = self.card.sensor.map(|sensor| format!(", sensor {sensor}")).unwrap_or_default();
         format!("<Card: stride {}{sensor}{}>", self.card.stride, self.said())
     }
-}
-
-/// The network of an exact description with weights; `regardless` of how their input was prepared in training.
-pub(crate) fn network(
-    description: &meissner::Description,
-    weights: &models::Weights,
-    regardless: bool,
-) -> Result<meissner::Network, ModelError> {
-    if regardless { description.network_regardless(weights) } else { description.network(weights) }
 }

@@ -224,7 +224,8 @@ def test_arguments_out_of_range_are_refused_with_what_was_expected():
     assert isinstance(raised.value, MemoryError)
     with pytest.raises(meissner.InputError, match="tolerance"):
         meissner.Engine(SMALL, SENSOR, weights, tolerance=-1)
-    assert meissner.Engine(SMALL, (34, 34, 2), weights).sensor == (34, 34)  # as tonic has it
+    for sensor in [(34, 34, 2), np.array([34, 34]), [np.uint16(34), 34]]:  # the first as tonic has it
+        assert meissner.Engine(SMALL, sensor, weights).sensor == (34, 34)
 
 
 def test_a_tolerance_is_an_approximation_that_is_counted(events):
