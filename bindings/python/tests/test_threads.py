@@ -14,9 +14,12 @@ from conftest import SENSOR, SMALL, make_events
 import meissner
 
 LONG = """
+import signal
 import meissner
 from conftest import SENSOR, SMALL, make_events
 
+# A shell that starts the tests in the background has them ignore the signal.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 network = {**SMALL, "network": {"name": "long", "capacity": 20_000, "span_us": 10**7}}
 engine = meissner.Engine(network, SENSOR, meissner.Weights.draw(SMALL, 1))
 events = make_events(2_000_000, every_us=5)
