@@ -139,6 +139,11 @@ impl AnyDescription {
         Description::shipped(name).map(Self::Events).or_else(frames)
     }
 
+    /// The text of the description file of a network that comes with the crate.
+    pub fn shipped_text(name: &str) -> Option<&'static str> {
+        Shipped::find(name).map(|shipped| shipped.description)
+    }
+
     /// Names that [`Self::shipped`] knows: networks over events, then frame networks.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> {
         EVENT_NAMES.iter().chain(&FRAME_NAMES).copied()

@@ -1,0 +1,95 @@
+"""Incremental inference for event cameras and event-based touch.
+
+An `Engine` keeps the graph of the events of the last fraction of a second. When an event enters or leaves, it recomputes only
+what this event affects, and its predictions have the bits of a full recomputation (`Batch`).
+
+| you want | look at |
+|---|---|
+| predictions from events | `Engine`; `predictions` runs one over a recording |
+| the same from scratch, as an oracle | `Batch` |
+| predictions from frames | `FrameEngine`, `frames_for` |
+| frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions of whole arrays |
+| fewer events | `Filters` |
+| networks and weights | `networks`, `Description`, `Weights` |
+| recordings | `open`, `write` |
+| a model of PyTorch Geometric | `meissner.export` |
+
+Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
+"""
+
+from ._errors import (
+    DescriptionError,
+    DtypeError,
+    Error,
+    FileError,
+    InputError,
+    MemoryLimitError,
+    NotANumberError,
+    NotIncrementalError,
+    RecordingError,
+    SnapshotError,
+    WeightsError,
+)
+from ._functions import event_frames, predictions, time_surface, voxel_grid
+from ._meissner import (
+    EVENT_DTYPE,
+    Batch,
+    Card,
+    Description,
+    Engine,
+    EventFrame,
+    EventFrames,
+    Filters,
+    FrameEngine,
+    Graph,
+    Prediction,
+    Recording,
+    SlidingFrame,
+    TimeSurface,
+    VoxelGrid,
+    Weights,
+    __version__,
+    frames_for,
+    networks,
+    open,  # noqa: A004
+    write,
+)
+
+__all__ = [
+    "EVENT_DTYPE",
+    "Batch",
+    "Card",
+    "Description",
+    "DescriptionError",
+    "DtypeError",
+    "Engine",
+    "Error",
+    "EventFrame",
+    "EventFrames",
+    "FileError",
+    "Filters",
+    "FrameEngine",
+    "Graph",
+    "InputError",
+    "MemoryLimitError",
+    "NotANumberError",
+    "NotIncrementalError",
+    "Prediction",
+    "Recording",
+    "RecordingError",
+    "SlidingFrame",
+    "SnapshotError",
+    "TimeSurface",
+    "VoxelGrid",
+    "Weights",
+    "WeightsError",
+    "__version__",
+    "event_frames",
+    "frames_for",
+    "networks",
+    "open",
+    "predictions",
+    "time_surface",
+    "voxel_grid",
+    "write",
+]

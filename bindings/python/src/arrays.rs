@@ -1,0 +1,71 @@
+//! What several classes take and return: structured arrays of events, sizes of sensors, counts by name.
+
+use meissner::{Event, Sensor};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::Failure;
+
+/// Bytes of an event in an array that this module makes: t, x, y, p.
+const PACKED: usize = 13;
+
+/// The dtype of the arrays that this module makes: t, x, y, p without gaps.
+pub(crate) fn dtype(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    py.import("numpy")?.getattr("dtype")?.call1((vec![("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "?")],))
+}
+
+/// A structured array of `events`.
+pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyAny>> {
+    let mut bytes = Vec::with_capacity(events.len() * PACKED);
+    for event in events {
+        bytes.extend_from_slice(&event.t_us.to_le_bytes());
+        bytes.extend_from_slice(&event.x.to_le_bytes());
+        bytes.extend_from_slice(&event.y.to_le_bytes());
+        bytes.push(event.on.into());
+    }
+    PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
+}
+
+/// The size of a sensor from (width, height); a third number, the polarities of tonic's `sensor_size`, is ignored.
+pub(crate) struct Pixels(pub(crate) Sensor);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Pixels {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let sides: PyResult<Vec<i64>> =
+            object.try_iter().and_then(|sides| sides.map(|side| side?.extract()).collect());
+        let sides = sides.map_err(|_| {
+            let found = object.repr().map_or_else(|_| "another object".to_owned(), |text| text.to_string());
+            Failure::dtype(format!("sensor: expected (width, height) in pixels, found {found}"))
+        })?;
+        let side = |side: i64| u16::try_from(side).ok().filter(|side| *side > 0);
+        match sides[..] {
+            [width, height] | [width, height, _] => match (side(width), side(height)) {
+                (Some(width), Some(height)) => Ok(Self(Sensor::new(width, height))),
+                _ => Err(Failure::input(format!(
+                    "sensor: expected 1 to 65535 pixels a side, found ({width}, {height})"
+                ))
+                .into()),
+            },
+            _ => Err(Failure::input(format!(
+                "sensor: expected (width, height) in pixels, found {} numbers",
+                sides.len()
+            ))
+            .into()),
+        }
+    }
+}
+
+/// `(width, height)`.
+pub(crate) fn sides(sensor: Sensor) -> (u16, u16) {
+    (sensor.width, sensor.height)
+}
+
+/// Counts by name.
+pub(crate) fn counts<'py>(py: Python<'py>, counts: &[(&str, u64)]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    counts.iter().try_for_each(|(name, count)| dict.set_item(name, count))?;
+    Ok(dict)
+}

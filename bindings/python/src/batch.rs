@@ -1,0 +1,212 @@
+//! The batch over events: every prediction from scratch.
+
+use std::sync::Arc;
+
+use meissner::{BatchEngine, Event, Search, Stream};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{Pixels, sides, to_array};
+use crate::description::Description;
+use crate::engine::{counters, late_policy, network_of};
+use crate::error::{Failure, Outcome};
+use crate::events::Events;
+use crate::graph::{self, Graph};
+use crate::prediction::{self, Outputs, Prediction};
+
+/// Streams that are computed until signals are handled.
+const STREAMS: usize = 16;
+
+/// The same network computed from scratch at every prediction: the oracle of `Engine`, with its methods.
+///
+/// Predictions equal those of an exact `Engine` bit for bit. `search` "exhaustive" compares all pairs of events and shares
+/// nothing with the engine but the kernels; "grid" uses the engine's search, for speed. For a network with frozen in-edges it
+/// remembers every event since the last reset. The other arguments are those of `Engine`.
+///
+/// Raises `DescriptionError`, `WeightsError`, `InputError`.
+#[pyclass(module = "meissner", name = "Batch", weakref)]
+#[derive(Clone)]
+pub(crate) struct Batch {
+    batch: BatchEngine,
+    outputs: Arc<Outputs>,
+    description: Description,
+}
+
+#[pymethods]
+impl Batch {
+    #[new]
+    #[pyo3(signature = (network, sensor, weights=None, *, search="exhaustive", late="drop", span_us=None, capacity=None, check_preparation=true))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        network: &Bound<'_, PyAny>,
+        sensor: Pixels,
+        weights: Option<&Bound<'_, PyAny>>,
+        search: &str,
+        late: &str,
+        span_us: Option<i64>,
+        capacity: Option<usize>,
+        check_preparation: bool,
+    ) -> Outcome<Self> {
+        let search = match search {
+            "exhaustive" => Search::Exhaustive,
+            "grid" => Search::Grid,
+            found => {
+                let expected = "\"exhaustive\" or \"grid\"";
+                return Err(Failure::input(format!("search: expected {expected}, found {found:?}")));
+            }
+        };
+        let (description, network) = network_of(network, weights, (span_us, capacity), check_preparation)?;
+        let outputs = Outputs::new(&description.any, network.layers().into_iter());
+        let batch = BatchEngine::new(network, sensor.0)?.with_late(late_policy(late)?).with_search(search);
+        Ok(Self { batch, outputs, description })
+    }
+
+    /// Inserts events in order; returns how many were accepted. As `Engine.push`.
+    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    fn push<'py>(
+        &mut self,
+        py: Python<'py>,
+        events: Option<&Bound<'py, PyAny>>,
+        t: Option<&Bound<'py, PyAny>>,
+        x: Option<&Bound<'py, PyAny>>,
+        y: Option<&Bound<'py, PyAny>>,
+        p: Option<&Bound<'py, PyAny>>,
+    ) -> Outcome<usize> {
+        let events = Events::new(events, [t, x, y, p])?;
+        let (batch, mut accepted) = (&mut self.batch, 0);
+        events.work(py, |part| {
+            accepted += batch.push_slice(part);
+            Ok(())
+        })?;
+        Ok(accepted)
+    }
+
+    /// Advances the clock to `t_us` without an event. As `Engine.advance`.
+    fn advance(&mut self, t_us: i64) {
+        self.batch.advance(t_us);
+    }
+
+    /// Computes every row of every layer. Raises `NotANumberError`.
+    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
+        let batch = &mut self.batch;
+        let found =
+            py.detach(|| batch.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
+        let (values, t_us, nodes, rows) = found?;
+        Prediction::new(py, &values, None, (t_us, nodes as u64), &rows, &self.outputs)
+    }
+
+    /// Writes the prediction to `out`, a writable contiguous array of float32.
+    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let batch = &mut self.batch;
+        let values = py.detach(|| batch.predict().map(|prediction| prediction.values.to_vec()))?;
+        prediction::write(&values, out)
+    }
+
+    /// Predictions of independent streams, each an argument of `push`, on all processors: float32 (streams, outputs).
+    ///
+    /// The state of this batch is neither used nor changed. Events must lie on the sensor, and times must not step back.
+    /// Raises `InputError`, `NotANumberError`.
+    fn predict_all<'py>(&self, py: Python<'py>, streams: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+        let (batch, outputs) = (self.batch.batch(), self.batch.network().outputs());
+        let (mut values, mut taken) = (Vec::new(), Vec::<Vec<Event>>::new());
+        let mut run = |taken: &mut Vec<Vec<Event>>| -> Outcome<()> {
+            let streams: Vec<Stream<'_>> = taken.iter().map(|events| Stream::new(events)).collect();
+            for prediction in py.detach(|| batch.predict_all(&streams)) {
+                values.extend(prediction?);
+            }
+            taken.clear();
+            Ok(py.check_signals()?)
+        };
+        for stream in streams.try_iter()? {
+            taken.push(Events::new(Some(&stream?), [None; 4])?.to_vec_clamped());
+            if taken.len() == STREAMS {
+                run(&mut taken)?;
+            }
+        }
+        run(&mut taken)?;
+        let rows = values.len() / outputs.max(1);
+        Ok(PyArray1::from_vec(py, values).reshape([rows, outputs])?.into_any())
+    }
+
+    /// Removes all events; the next one sets a new epoch. Counters are kept.
+    fn reset(&mut self) {
+        self.batch.reset();
+    }
+
+    /// Counts since the batch was made, as those of `Engine`; every row counts as recomputed.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counters(py, &self.batch.counters(), &self.outputs.layers)
+    }
+
+    /// The graph of each level, for PyTorch Geometric: that of the events, then one for each pooling.
+    fn graphs<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
+        let graph = self.batch.batch().graph(self.batch.stream())?;
+        Ok(PyList::new(py, graph.levels.iter().map(graph::of_level))?)
+    }
+
+    /// The event graph of the window.
+    fn graph(&self) -> Outcome<Graph> {
+        let graph = self.batch.batch().graph(self.batch.stream())?;
+        Ok(graph::of_level(&graph.levels[0]))
+    }
+
+    /// Events of the window as a structured array, from the oldest.
+    #[getter]
+    fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_array(py, graph::last(self.batch.events(), self.batch.nodes()))
+    }
+
+    /// Output of each block and pooling for the current window, computed from scratch: arrays (rows, channels) by name.
+    fn activations<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
+        let batch = &self.batch;
+        let trace = py.detach(|| batch.trace())?;
+        Ok(graph::activations(py, batch.network(), |level, feature| {
+            let of_level = &trace.levels[level];
+            let matrix = &of_level.features[feature];
+            (of_level.first..matrix.rows()).map(|row| matrix.values(row).collect()).collect()
+        })?)
+    }
+
+    /// The description of the network.
+    #[getter]
+    fn description(&self) -> Description {
+        self.description.clone()
+    }
+
+    /// (width, height) of the sensor.
+    #[getter]
+    fn sensor(&self) -> (u16, u16) {
+        sides(self.batch.batch().sensor())
+    }
+
+    /// Current time in microseconds; None before the first event.
+    #[getter]
+    fn now_us(&self) -> Option<i64> {
+        self.batch.now_us()
+    }
+
+    fn __len__(&self) -> usize {
+        self.batch.nodes()
+    }
+
+    #[expect(clippy::unused_self, reason = "the protocol of Python")]
+    fn __bool__(&self) -> bool {
+        true
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, sensor, nodes) =
+            (self.batch.network().name(), self.batch.batch().sensor(), self.batch.nodes());
+        format!("<Batch {name:?} on {sensor}: {nodes} events, predicts {}>", self.outputs.labels())
+    }
+}

@@ -1,0 +1,291 @@
+//! The engine over events.
+
+use std::sync::Arc;
+
+use meissner::{Counters, LatePolicy, Network, Options, models};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::arrays::{Pixels, counts, sides, to_array};
+use crate::description::Description;
+use crate::error::{Failure, Outcome};
+use crate::events::Events;
+use crate::graph::{self, Graph};
+use crate::prediction::{self, Outputs, Prediction};
+use crate::weights::Weights;
+
+/// A network over the events of a sliding window: recomputes only what an event changes, and predicts the bits that
+/// `Batch` computes from scratch.
+///
+/// - `network`: as for `Description`; a `Description` too.
+/// - `sensor`: (width, height) in pixels.
+/// - `weights`: as for `Weights`; None for those that come with the module.
+/// - `late`: what becomes of an event earlier than the newest time: "drop" (counted), or "clamp" to that time.
+/// - `tolerance`: largest change of a row that does not propagate; 0 is exact, anything else an approximation.
+/// - `span_us`, `capacity`: replace the length of the window and its most events: an approximation of what was trained.
+/// - `memory_limit`: most bytes of state; all memory is taken here.
+/// - `check_preparation`: False to run weights whose training prepared its input in another way.
+///
+/// An engine serves one thread at a time: `RuntimeError` while another one is in a method. `copy.copy(engine)` is an
+/// independent engine in the same state. `len(engine)` is the number of events in the window.
+///
+/// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network that only `Batch` runs,
+/// `MemoryLimitError`.
+#[pyclass(module = "meissner", name = "Engine", weakref)]
+#[derive(Clone)]
+pub(crate) struct Engine {
+    engine: meissner::Engine,
+    outputs: Arc<Outputs>,
+    description: Description,
+    values: Vec<f32>,
+}
+
+/// A network over events with its description, from the arguments of a constructor.
+pub(crate) fn network_of(
+    network: &Bound<'_, PyAny>,
+    weights: Option<&Bound<'_, PyAny>>,
+    (span_us, capacity): (Option<i64>, Option<usize>),
+    check_preparation: bool,
+) -> Outcome<(Description, Network)> {
+    let description = Description::of(network)?;
+    let events = description.events()?;
+    let weights: models::Weights = Weights::of(weights, &description)?;
+    let mut network =
+        if check_preparation { events.network(&weights)? } else { events.network_regardless(&weights)? };
+    if let Some(span_us) = span_us {
+        network = network.with_span_us(span_us)?;
+    }
+    if let Some(capacity) = capacity {
+        network = network.with_capacity(capacity)?;
+    }
+    Ok((description, network))
+}
+
+/// The policy of this name.
+pub(crate) fn late_policy(name: &str) -> Outcome<LatePolicy> {
+    let found = [LatePolicy::Drop, LatePolicy::Clamp].into_iter().find(|policy| policy.name() == name);
+    found.ok_or_else(|| Failure::input(format!("late: expected \"drop\" or \"clamp\", found {name:?}")))
+}
+
+#[pymethods]
+impl Engine {
+    #[new]
+    #[pyo3(signature = (network, sensor, weights=None, *, late="drop", tolerance=0.0, span_us=None, capacity=None, memory_limit=1 << 32, check_preparation=true))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        network: &Bound<'_, PyAny>,
+        sensor: Pixels,
+        weights: Option<&Bound<'_, PyAny>>,
+        late: &str,
+        tolerance: f32,
+        span_us: Option<i64>,
+        capacity: Option<usize>,
+        memory_limit: u128,
+        check_preparation: bool,
+    ) -> Outcome<Self> {
+        let (description, network) = network_of(network, weights, (span_us, capacity), check_preparation)?;
+        let options = Options::new()
+            .with_late(late_policy(late)?)
+            .with_tolerance(tolerance)
+            .with_memory_limit(memory_limit);
+        let outputs = Outputs::new(&description.any, network.layers().into_iter());
+        let values = vec![0.0; network.outputs()];
+        let engine = meissner::Engine::with_options(network, sensor.0, options)?;
+        Ok(Self { engine, outputs, description, values })
+    }
+
+    /// Inserts events in order; returns how many were accepted. The others are counted in `counters`.
+    ///
+    /// Give a structured array with the fields t (microseconds), x, y, and p or on (-1, 0, 1 or bool) of any integer types in
+    /// any order, four arrays `t=, x=, y=, p=`, or a `Recording`. Arrays are read in place: strides, gaps and byte order are
+    /// free. While many events are pushed, other threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the
+    /// events before have then been inserted.
+    ///
+    /// Raises `InputError` or `DtypeError` before the first event is inserted.
+    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    fn push<'py>(
+        &mut self,
+        py: Python<'py>,
+        events: Option<&Bound<'py, PyAny>>,
+        t: Option<&Bound<'py, PyAny>>,
+        x: Option<&Bound<'py, PyAny>>,
+        y: Option<&Bound<'py, PyAny>>,
+        p: Option<&Bound<'py, PyAny>>,
+    ) -> Outcome<usize> {
+        let events = Events::new(events, [t, x, y, p])?;
+        let (engine, mut accepted) = (&mut self.engine, 0);
+        events.work(py, |part| {
+            accepted += engine.push_slice(part);
+            Ok(())
+        })?;
+        Ok(accepted)
+    }
+
+    /// Advances the clock to `t_us` without an event: older events expire. Earlier times change nothing.
+    fn advance(&mut self, t_us: i64) {
+        self.engine.advance(t_us);
+    }
+
+    /// The prediction for the current window. Raises `NotANumberError`.
+    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
+        let engine = &mut self.engine;
+        let found =
+            py.detach(|| engine.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
+        let (values, t_us, nodes, rows) = found?;
+        Prediction::new(py, &values, None, (t_us, nodes as u64), &rows, &self.outputs)
+    }
+
+    /// Writes the prediction to `out`, a writable contiguous array of float32, and allocates nothing.
+    ///
+    /// Raises `InputError`, `DtypeError`, `NotANumberError`.
+    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let Self { engine, values, .. } = self;
+        py.detach(|| engine.predict().map(|prediction| values.copy_from_slice(prediction.values)))?;
+        prediction::write(&self.values, out)
+    }
+
+    /// Removes all events; the next one sets a new epoch. Counters are kept.
+    fn reset(&mut self) {
+        self.engine.reset();
+    }
+
+    /// The state as bytes, for `restore` in this or another process.
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.engine.to_bytes())
+    }
+
+    /// Returns to the state of `snapshot`, which an engine with the same network, sensor and options made.
+    ///
+    /// Raises `SnapshotError`; the state is then as it was.
+    fn restore(&mut self, snapshot: &[u8]) -> Outcome<()> {
+        Ok(self.engine.restore_bytes(snapshot)?)
+    }
+
+    /// Counts since the engine was made: of events, of rows by layer, of predictions.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counters(py, &self.engine.counters(), &self.outputs.layers)
+    }
+
+    /// The event graph of the window, for PyTorch Geometric.
+    fn graph(&self) -> Graph {
+        graph::of_engine(&self.engine)
+    }
+
+    /// Events of the window as a structured array, from the oldest, with the times at which they were accepted.
+    #[getter]
+    fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_array(py, &self.engine.events())
+    }
+
+    /// Output of each block and pooling as of the last prediction: arrays (rows, channels) by name. Rows of the event level
+    /// are the events of the window, those of a pooled level its cells in the order of t, y, x.
+    fn activations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        graph::activations(py, self.engine.network(), |level, feature| self.engine.feature(level, feature))
+    }
+
+    /// The description of the network.
+    #[getter]
+    fn description(&self) -> Description {
+        self.description.clone()
+    }
+
+    /// (width, height) of the sensor.
+    #[getter]
+    fn sensor(&self) -> (u16, u16) {
+        sides(self.engine.sensor())
+    }
+
+    /// Current time in microseconds: that of the newest event, or of a later `advance`; None before the first event.
+    #[getter]
+    fn now_us(&self) -> Option<i64> {
+        self.engine.now_us()
+    }
+
+    /// Time of the first event since the last reset.
+    #[getter]
+    fn epoch_us(&self) -> Option<i64> {
+        self.engine.epoch_us()
+    }
+
+    /// Bytes of state, all taken when the engine was made.
+    #[getter]
+    fn state_bytes(&self) -> u128 {
+        self.engine.state_bytes()
+    }
+
+    fn __len__(&self) -> usize {
+        self.engine.nodes()
+    }
+
+    // An engine is true, events or not.
+    #[expect(clippy::unused_self, reason = "the protocol of Python")]
+    fn __bool__(&self) -> bool {
+        true
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, sensor, nodes) = (self.engine.network().name(), self.engine.sensor(), self.engine.nodes());
+        format!("<Engine {name:?} on {sensor}: {nodes} events, predicts {}>", self.outputs.labels())
+    }
+}
+
+/// Counters as nested dicts.
+pub(crate) fn counters<'py>(
+    py: Python<'py>,
+    of: &Counters,
+    layers: &[String],
+) -> PyResult<Bound<'py, PyDict>> {
+    let (events, predictions) = (&of.events, &of.predictions);
+    let dict = PyDict::new(py);
+    dict.set_item(
+        "events",
+        counts(
+            py,
+            &[
+                ("pushed", events.pushed),
+                ("accepted", events.accepted),
+                ("outside_sensor", events.outside_sensor),
+                ("late", events.late),
+                ("time_out_of_range", events.time_out_of_range),
+                ("clamped", events.clamped),
+                ("expired", events.expired),
+                ("evicted", events.evicted),
+            ],
+        )?,
+    )?;
+    let by_layer = PyDict::new(py);
+    for (name, layer) in layers.iter().zip(&of.layers) {
+        let of_layer = [
+            ("recomputed", layer.recomputed),
+            ("unchanged", layer.unchanged),
+            ("within_tolerance", layer.within_tolerance),
+            ("kept", layer.kept),
+        ];
+        by_layer.set_item(name, counts(py, &of_layer)?)?;
+    }
+    dict.set_item("layers", by_layer)?;
+    dict.set_item(
+        "predictions",
+        counts(
+            py,
+            &[
+                ("read", predictions.read),
+                ("reused", predictions.reused),
+                ("cells_recomputed", predictions.cells_recomputed),
+                ("cells_unchanged", predictions.cells_unchanged),
+                ("neighbourhoods_checked", predictions.neighbourhoods_checked),
+                ("neighbourhoods_unchanged", predictions.neighbourhoods_unchanged),
+            ],
+        )?,
+    )?;
+    Ok(dict)
+}

@@ -1,0 +1,331 @@
+//! Events from `NumPy`.
+//!
+//! Enters: a structured array with fields in any order, four arrays, or a recording. Leaves: blocks of [`Event`]. An array is
+//! read where it is, whatever its strides, alignment and byte order; it is never copied as a whole. Invariant: the memory of
+//! an array is read only while the interpreter is held, and all values are checked before the first block.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner::Event;
+use numpy::ndarray::{ArrayView2, Axis, Slice};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyMappingProxy, PySlice, PyTuple};
+
+use crate::error::{Failure, Outcome};
+use crate::recording::Recording;
+
+/// Names of a field, the preferred one first.
+const TIMES: &[&str] = &["t", "timestamp", "ts"];
+const COLUMNS: &[&str] = &["x"];
+const ROWS: &[&str] = &["y"];
+const POLARITIES: &[&str] = &["p", "on", "polarity"];
+
+/// Events of a block.
+const BLOCK: usize = 4096;
+/// So many events or fewer do not release the interpreter.
+const FEW: usize = 32;
+/// Events between two looks at the clock.
+const STRIDE: usize = 8;
+/// How long work runs until signals are handled.
+const TURN: Duration = Duration::from_millis(50);
+
+/// A type of integers.
+#[derive(Clone, Copy)]
+struct Integer {
+    size: usize,
+    signed: bool,
+    /// Whether the bytes are in the other order than those of this machine.
+    swapped: bool,
+}
+
+/// One value of each event, in the memory of an array.
+pub(crate) struct Column<'py> {
+    /// (events, bytes).
+    bytes: PyReadonlyArray2<'py, u8>,
+    offset: usize,
+    integer: Integer,
+}
+
+/// Events, wherever they are.
+pub(crate) enum Events<'py> {
+    /// t, x, y, p.
+    Columns([Column<'py>; 4]),
+    Recorded(Arc<Vec<Event>>),
+}
+
+impl<'py> Events<'py> {
+    /// The events of the arguments of a method: one object, or four arrays.
+    pub(crate) fn new(
+        events: Option<&Bound<'py, PyAny>>,
+        four: [Option<&Bound<'py, PyAny>>; 4],
+    ) -> Outcome<Self> {
+        let found = match (events, four) {
+            (Some(events), [None, None, None, None]) => Self::of_object(events)?,
+            (None, [Some(t), Some(x), Some(y), Some(p)]) => Self::of_four([t, x, y, p])?,
+            _ => {
+                let expected = "events: expected one array of events, or all of t, x, y and p";
+                return Err(Failure::input(expected));
+            }
+        };
+        found.check()?;
+        Ok(found)
+    }
+
+    fn of_object(events: &Bound<'py, PyAny>) -> Outcome<Self> {
+        if let Ok(recording) = events.cast::<Recording>() {
+            return Ok(Self::Recorded(recording.borrow().events()?));
+        }
+        let array = as_array("events", events)?;
+        let dtype = array.getattr("dtype")?;
+        let fields = dtype.getattr("fields")?;
+        let Ok(fields) = fields.cast::<PyMappingProxy>() else {
+            let shape: String = array.getattr("shape")?.str()?.to_string();
+            return Err(Failure::dtype(format!(
+                "events: expected a structured array with fields t, x, y, p, found an array of {dtype} and shape {shape}; \
+                 give columns as t=, x=, y=, p="
+            )));
+        };
+        let bytes = bytes_of(&array)?;
+        let column = |names: &[&'static str]| {
+            for name in names {
+                if let Ok(field) = fields.get_item(name) {
+                    let field = field.cast_into::<PyTuple>().map_err(PyErr::from)?;
+                    let integer = Integer::of(names[0], &field.get_item(0)?)?;
+                    let bytes = bytes.clone().try_readonly().map_err(PyErr::from)?;
+                    return Ok(Column { bytes, offset: field.get_item(1)?.extract()?, integer });
+                }
+            }
+            let expected = names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" or ");
+            let found = fields.as_any().call_method0("keys")?.try_iter()?;
+            let found: Vec<String> =
+                found.map(|name| Ok(format!("{:?}", name?.to_string()))).collect::<PyResult<_>>()?;
+            Err(Failure::dtype(format!("events: expected a field {expected}, found {}", found.join(", "))))
+        };
+        Ok(Self::Columns([column(TIMES)?, column(COLUMNS)?, column(ROWS)?, column(POLARITIES)?]))
+    }
+
+    fn of_four(four: [&Bound<'py, PyAny>; 4]) -> Outcome<Self> {
+        let mut columns = Vec::with_capacity(4);
+        for (name, array) in ["t", "x", "y", "p"].into_iter().zip(four) {
+            let array = as_array(name, array)?;
+            let integer = Integer::of(name, &array.getattr("dtype")?)?;
+            let bytes = bytes_of(&array)?.try_readonly().map_err(PyErr::from)?;
+            columns.push(Column { bytes, offset: 0, integer });
+        }
+        let lengths: Vec<usize> = columns.iter().map(Column::len).collect();
+        if lengths.iter().any(|length| *length != lengths[0]) {
+            let found = format!("{}, {}, {} and {}", lengths[0], lengths[1], lengths[2], lengths[3]);
+            return Err(Failure::input(format!("t, x, y, p: expected equal lengths, found {found}")));
+        }
+        let columns: [Column<'py>; 4] =
+            columns.try_into().unwrap_or_else(|_| unreachable!("there are four columns"));
+        Ok(Self::Columns(columns))
+    }
+
+    /// Refuses times beyond 64 bits with a sign, and polarities other than -1, 0 and 1.
+    fn check(&self) -> Outcome<()> {
+        let Self::Columns([times, .., polarities]) = self else { return Ok(()) };
+        let mut values = Vec::new();
+        for start in (0..self.len()).step_by(BLOCK) {
+            let range = start..self.len().min(start + BLOCK);
+            if times.integer.size == 8 && !times.integer.signed {
+                times.read(range.clone(), &mut values);
+                if let Some(at) = values.iter().position(|t| *t < 0) {
+                    let found = values[at].cast_unsigned();
+                    let at = start + at;
+                    return Err(Failure::input(format!(
+                        "t: expected at most 2^63 - 1 us, found {found} as event {at}"
+                    )));
+                }
+            }
+            if polarities.integer.size > 0 {
+                polarities.read(range, &mut values);
+                if let Some(at) = values.iter().position(|p| !(-1..=1).contains(p)) {
+                    let (found, at) = (values[at], start + at);
+                    return Err(Failure::input(format!(
+                        "p: expected polarities -1, 0 or 1, found {found} as event {at}"
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of events.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Columns([times, ..]) => times.len(),
+            Self::Recorded(events) => events.len(),
+        }
+    }
+
+    /// Appends the events of `range`. A coordinate that 16 bits do not hold becomes 65535, which lies on no sensor.
+    fn append(&self, range: Range<usize>, scratch: &mut [Vec<i64>; 4], to: &mut Vec<Event>) {
+        match self {
+            Self::Recorded(events) => to.extend_from_slice(&events[range]),
+            Self::Columns(columns) => {
+                for (column, values) in columns.iter().zip(&mut *scratch) {
+                    column.read(range.clone(), values);
+                }
+                let [t, x, y, p] = scratch;
+                let pixel = |value: i64| u16::try_from(value).unwrap_or(u16::MAX);
+                let events = t.iter().zip(x).zip(y).zip(p);
+                to.extend(events.map(|(((t, x), y), p)| Event::new(*t, pixel(*x), pixel(*y), *p > 0)));
+            }
+        }
+    }
+
+    /// All events, checked to lie on pixels that 16 bits hold.
+    pub(crate) fn to_vec(&self) -> Outcome<Vec<Event>> {
+        if let Self::Columns([_, x, y, _]) = self {
+            let mut values = Vec::new();
+            for (name, column) in [("x", x), ("y", y)] {
+                for start in (0..self.len()).step_by(BLOCK) {
+                    column.read(start..self.len().min(start + BLOCK), &mut values);
+                    if let Some(at) = values.iter().position(|value| u16::try_from(*value).is_err()) {
+                        let (found, at) = (values[at], start + at);
+                        return Err(Failure::input(format!(
+                            "{name}: expected 0 to 65535, found {found} as event {at}"
+                        )));
+                    }
+                }
+            }
+        }
+        Ok(self.to_vec_clamped())
+    }
+
+    /// All events; those outside every sensor at pixel 65535.
+    pub(crate) fn to_vec_clamped(&self) -> Vec<Event> {
+        let (mut events, mut scratch) = (Vec::with_capacity(self.len()), Default::default());
+        for start in (0..self.len()).step_by(BLOCK) {
+            self.append(start..self.len().min(start + BLOCK), &mut scratch, &mut events);
+        }
+        events
+    }
+
+    /// Hands all events to `work`, in order. Other threads run meanwhile, and signals are handled about every 50 ms: after an
+    /// exception of a handler (Ctrl-C), the events before are worked on, the others are not.
+    pub(crate) fn work(
+        &self,
+        py: Python<'py>,
+        mut work: impl FnMut(&[Event]) -> Outcome<()> + Send,
+    ) -> Outcome<()> {
+        let mut block = Vec::with_capacity(self.len().min(BLOCK));
+        let mut scratch = Default::default();
+        for start in (0..self.len()).step_by(BLOCK) {
+            block.clear();
+            self.append(start..self.len().min(start + BLOCK), &mut scratch, &mut block);
+            if self.len() <= FEW {
+                work(&block)?;
+                continue;
+            }
+            let mut rest = &block[..];
+            while !rest.is_empty() {
+                let done = py.detach(|| turn(rest, &mut work))?;
+                rest = &rest[done..];
+                py.check_signals()?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Works on events until it is time to handle signals; returns the number of them.
+fn turn(events: &[Event], work: &mut impl FnMut(&[Event]) -> Outcome<()>) -> Outcome<usize> {
+    let begin = Instant::now();
+    let mut done = 0;
+    for part in events.chunks(STRIDE) {
+        work(part)?;
+        done += part.len();
+        if begin.elapsed() > TURN {
+            break;
+        }
+    }
+    Ok(done)
+}
+
+impl Integer {
+    /// The integers of `dtype`; booleans count as bytes of 0 and 1.
+    fn of(name: &str, dtype: &Bound<'_, PyAny>) -> Outcome<Self> {
+        let kind: String = dtype.getattr("kind")?.extract()?;
+        if !matches!(&*kind, "i" | "u" | "b") {
+            let expected = match name {
+                "t" => "integers (microseconds)",
+                "p" => "booleans or integers (-1, 0, 1)",
+                _ => "integers (pixels)",
+            };
+            return Err(Failure::dtype(format!("{name}: expected {expected}, found {dtype}")));
+        }
+        let size: usize = dtype.getattr("itemsize")?.extract()?;
+        let swapped = !dtype.getattr("isnative")?.extract::<bool>()?;
+        Ok(Self { size, signed: kind == "i", swapped })
+    }
+}
+
+impl Column<'_> {
+    fn len(&self) -> usize {
+        self.bytes.as_array().nrows()
+    }
+
+    /// Replaces `values` by those of `range`. An unsigned value of 64 bits above 2^63 - 1 becomes negative.
+    fn read(&self, range: Range<usize>, values: &mut Vec<i64>) {
+        values.clear();
+        let bytes = self.bytes.as_array();
+        let bytes = bytes.slice_axis(Axis(0), Slice::from(range));
+        let bytes = bytes.slice_axis(Axis(1), Slice::from(self.offset..self.offset + self.integer.size));
+        let swapped = self.integer.swapped;
+        match (self.integer.size, self.integer.signed) {
+            (1, true) => fill(bytes, swapped, values, |b| i8::from_ne_bytes(b).into()),
+            (1, false) => fill(bytes, swapped, values, |b| u8::from_ne_bytes(b).into()),
+            (2, true) => fill(bytes, swapped, values, |b| i16::from_ne_bytes(b).into()),
+            (2, false) => fill(bytes, swapped, values, |b| u16::from_ne_bytes(b).into()),
+            (4, true) => fill(bytes, swapped, values, |b| i32::from_ne_bytes(b).into()),
+            (4, false) => fill(bytes, swapped, values, |b| u32::from_ne_bytes(b).into()),
+            _ => fill(bytes, swapped, values, i64::from_ne_bytes),
+        }
+    }
+}
+
+/// Appends a value for each row of `N` bytes.
+fn fill<const N: usize>(
+    bytes: ArrayView2<'_, u8>,
+    swapped: bool,
+    values: &mut Vec<i64>,
+    value: impl Fn([u8; N]) -> i64,
+) {
+    values.extend(bytes.outer_iter().map(|row| {
+        // The bytes of one value are next to each other in every array.
+        let row = row.to_slice().and_then(|row| row.try_into().ok());
+        let mut row: [u8; N] = row.expect("a value has its bytes in a row");
+        if swapped {
+            row.reverse();
+        }
+        value(row)
+    }));
+}
+
+/// `object` as an array of one dimension; arrays and what shares its memory with `NumPy` (such as tensors) are not copied.
+fn as_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+    let numpy = object.py().import("numpy")?;
+    let array = numpy.call_method1("atleast_1d", (numpy.call_method1("asarray", (object,))?,))?;
+    let dimensions: usize = array.getattr("ndim")?.extract()?;
+    if dimensions != 1 {
+        let shape = array.getattr("shape")?;
+        return Err(Failure::input(format!(
+            "{name}: expected one dimension, found shape {shape}; give columns as t=, x=, y=, p="
+        )));
+    }
+    Ok(array)
+}
+
+/// The memory of an array of one dimension as (elements, bytes), without a copy.
+fn bytes_of<'py>(array: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyArray2<u8>>> {
+    let py = array.py();
+    // The last axis of a view of another size must be contiguous, so it gets one of a single element.
+    let column = array.get_item((PySlice::full(py), py.None()))?;
+    let bytes = column.call_method1("view", ("u1",))?;
+    Ok(bytes.cast_into::<PyArray2<u8>>().map_err(PyErr::from)?)
+}

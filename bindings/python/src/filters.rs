@@ -1,0 +1,91 @@
+//! Filters of events, in front of an engine.
+
+use meissner::filters::{BackgroundActivity, Chain, EventFilter, Filter, RateLimit, Refractory, Stride};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{Pixels, counts, to_array};
+use crate::error::Outcome;
+use crate::events::Events;
+
+/// Filters in series; each sees what those before it passed. One that is None is left out.
+///
+/// - `stride`: passes the first of every `stride` events.
+/// - `rate`: passes at most so many events a second.
+/// - `background_us`: passes an event if one of the eight pixels around it had an event within this time.
+/// - `refractory_us`: silences a pixel for this time after each event that passed.
+///
+/// They run in this order. Raises `InputError`.
+#[pyclass(module = "meissner", name = "Filters")]
+pub(crate) struct Filters {
+    chain: Chain,
+}
+
+#[pymethods]
+impl Filters {
+    #[new]
+    #[pyo3(signature = (sensor, *, stride=None, rate=None, background_us=None, refractory_us=None))]
+    fn new(
+        sensor: Pixels,
+        stride: Option<u32>,
+        rate: Option<u64>,
+        background_us: Option<i64>,
+        refractory_us: Option<i64>,
+    ) -> Outcome<Self> {
+        let mut filters = Vec::new();
+        if let Some(n) = stride {
+            filters.push(Filter::Stride(Stride::new(n)?));
+        }
+        if let Some(rate) = rate {
+            filters.push(Filter::RateLimit(RateLimit::new(rate)?));
+        }
+        if let Some(us) = background_us {
+            filters.push(Filter::BackgroundActivity(BackgroundActivity::new(sensor.0, us)?));
+        }
+        if let Some(us) = refractory_us {
+            filters.push(Filter::Refractory(Refractory::new(sensor.0, us)?));
+        }
+        Ok(Self { chain: Chain::new(filters) })
+    }
+
+    /// Takes events, as `Engine.push`; returns those that pass, as a structured array. The filters go on with the next ones.
+    /// An event outside the sensor passes the last two; a coordinate that 16 bits do not hold comes back as 65535.
+    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    fn push<'py>(
+        &mut self,
+        py: Python<'py>,
+        events: Option<&Bound<'py, PyAny>>,
+        t: Option<&Bound<'py, PyAny>>,
+        x: Option<&Bound<'py, PyAny>>,
+        y: Option<&Bound<'py, PyAny>>,
+        p: Option<&Bound<'py, PyAny>>,
+    ) -> Outcome<Bound<'py, PyAny>> {
+        let (chain, mut passed) = (&mut self.chain, Vec::new());
+        Events::new(events, [t, x, y, p])?.work(py, |part| {
+            passed.extend(part.iter().copied().filter(|event| chain.admit(*event)));
+            Ok(())
+        })?;
+        Ok(to_array(py, &passed)?)
+    }
+
+    /// Forgets all events. Counters go on.
+    fn reset(&mut self) {
+        self.chain.reset();
+    }
+
+    /// Events that passed and that were dropped, by filter.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for filter in self.chain.filters() {
+            let of = filter.counters();
+            dict.set_item(filter.name(), counts(py, &[("passed", of.passed), ("dropped", of.dropped)])?)?;
+        }
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        let names: Vec<&str> = self.chain.filters().iter().map(EventFilter::name).collect();
+        format!("<Filters {names:?}>")
+    }
+}

@@ -1,0 +1,257 @@
+//! The engine over frames.
+
+use std::sync::Arc;
+
+use meissner::frames::{Convolution, FrameEngine as Engine, FrameNetwork, FrameOptions, Skip};
+use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::description::{Description, shape};
+use crate::error::{Failure, Outcome};
+use crate::prediction::{self, Outputs, Prediction};
+use crate::representations::EventFrame;
+use crate::weights::Weights;
+
+/// A network over frames with its recurrent state. What no change reaches is not computed again; the bits are the same.
+///
+/// - `network`, `weights`: as for `Engine`.
+/// - `skip`: "exact", "nothing" (computes everything, the oracle), or a number: a pixel that changed by no more keeps its
+///   values, an approximation.
+/// - `sparse`: frames are mostly zero, as those of events are: the answer to zeros is stored. The bits are the same.
+/// - `two_threads`: two threads share large maps. The bits are the same.
+/// - `memory_limit`: most bytes of activations and state.
+/// - `check_preparation`: False to run weights whose training prepared its input in another way.
+///
+/// `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of frames since the last
+/// reset.
+///
+/// Raises `DescriptionError`, `WeightsError`, `InputError`, `MemoryLimitError`.
+#[pyclass(module = "meissner", name = "FrameEngine", weakref)]
+#[derive(Clone)]
+pub(crate) struct FrameEngine {
+    engine: Engine,
+    outputs: Arc<Outputs>,
+    description: Description,
+    frame: Vec<f32>,
+    taken: u64,
+}
+
+/// The way to skip of this name, or up to this tolerance.
+fn skip_of(skip: &Bound<'_, PyAny>) -> Outcome<Skip> {
+    if let Ok(tolerance) = skip.extract::<f32>() {
+        return Ok(Skip::Tolerance(tolerance));
+    }
+    match skip.extract::<String>().as_deref() {
+        Ok("exact") => Ok(Skip::Exact),
+        Ok("nothing") => Ok(Skip::Nothing),
+        _ => {
+            let found = skip.repr()?;
+            Err(Failure::input(format!("skip: expected \"exact\", \"nothing\" or a number, found {found}")))
+        }
+    }
+}
+
+impl FrameEngine {
+    /// Pushes `count` times what `self.frame` holds.
+    fn push_taken(&mut self, py: Python<'_>, count: u64) -> Outcome<()> {
+        for _ in 0..count {
+            let Self { engine, frame, .. } = &mut *self;
+            py.detach(|| engine.push(frame))?;
+            self.taken += 1;
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+}
+
+#[pymethods]
+impl FrameEngine {
+    #[new]
+    #[pyo3(signature = (network, weights=None, *, skip=None, sparse=false, two_threads=false, memory_limit=1 << 32, check_preparation=true))]
+    fn new(
+        network: &Bound<'_, PyAny>,
+        weights: Option<&Bound<'_, PyAny>>,
+        skip: Option<&Bound<'_, PyAny>>,
+        sparse: bool,
+        two_threads: bool,
+        memory_limit: u128,
+        check_preparation: bool,
+    ) -> Outcome<Self> {
+        let description = Description::of(network)?;
+        let frames = description.frames()?;
+        let weights = Weights::of(weights, &description)?;
+        let parts = if check_preparation {
+            frames.network_parts(&weights)?
+        } else {
+            frames.network_parts_regardless(&weights)?
+        };
+        let network = FrameNetwork::new(parts, Convolution::Direct)?;
+        let options = FrameOptions::new()
+            .with_skip(skip.map(skip_of).transpose()?.unwrap_or_default())
+            .with_sparse(sparse)
+            .with_two_threads(two_threads)
+            .with_memory_limit(memory_limit);
+        let outputs = Outputs::new(&description.any, network.layers());
+        Ok(Self {
+            engine: Engine::with_options(network, options)?,
+            outputs,
+            description,
+            frame: Vec::new(),
+            taken: 0,
+        })
+    }
+
+    /// Takes the next frame, of shape `input_shape`, or several with one more axis in front. Layers with a state run now.
+    ///
+    /// Frames of contiguous float32 are read in place; others are converted. A run of equal frames (`EventFrame`) is taken as
+    /// often as it says. Other threads run meanwhile, and Ctrl-C raises `KeyboardInterrupt` between two frames.
+    ///
+    /// Raises `InputError` for another shape or values that are not finite, before the first frame is taken; `DtypeError`.
+    fn push(&mut self, py: Python<'_>, frames: &Bound<'_, PyAny>) -> Outcome<()> {
+        if let Ok(frame) = frames.cast::<EventFrame>() {
+            let frame = frame.get();
+            self.push(py, frame.values.bind(py)).and_then(|()| self.push_taken(py, frame.count - 1))?;
+            return Ok(());
+        }
+        let numpy = py.import("numpy")?;
+        let array = numpy.call_method1("asarray", (frames,))?;
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        if !matches!(&*kind, "f" | "i" | "u" | "b") {
+            let found = array.getattr("dtype")?;
+            return Err(Failure::dtype(format!("frame: expected numbers, found {found}")));
+        }
+        let array = numpy.call_method1("ascontiguousarray", (array, "f4"))?;
+        let array = array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?;
+        let expected = self.input_shape();
+        let found = array.shape();
+        let in_front = found.len() == expected.len() + 1;
+        if found != expected && !(in_front && found[1..] == expected[..]) {
+            return Err(Failure::input(format!(
+                "frame: expected shape {expected:?}, or several frames with one more axis in front, found {found:?}"
+            )));
+        }
+        let values = array.try_readonly().map_err(PyErr::from)?;
+        let values = values.as_slice().map_err(PyErr::from)?;
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let found = values[at];
+            return Err(Failure::input(format!(
+                "frame: expected finite values, found {found} as value {at}"
+            )));
+        }
+        for frame in values.chunks_exact(expected.iter().product::<usize>().max(1)) {
+            self.frame.clear();
+            self.frame.extend_from_slice(frame);
+            self.push_taken(py, 1)?;
+        }
+        Ok(())
+    }
+
+    /// The prediction after the last frame; before the first one that for a frame of zeros. Raises `NotANumberError`.
+    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
+        let engine = &mut self.engine;
+        let (values, frames) = py.detach(|| engine.predict().map(|p| (p.values.to_vec(), p.frames)))?;
+        let shape = self.output_shape();
+        Prediction::new(py, &values, Some(&shape), (None, frames), &[], &self.outputs)
+    }
+
+    /// Writes the prediction to `out`, a writable contiguous array of float32 with as many values.
+    ///
+    /// Raises `InputError`, `DtypeError`, `NotANumberError`.
+    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let engine = &mut self.engine;
+        py.detach(|| engine.predict().map(|_| ()))?;
+        // Nothing is left to compute.
+        prediction::write(engine.predict()?.values, out)
+    }
+
+    /// Returns to the state before the first frame. Counters are kept.
+    fn reset(&mut self) {
+        self.engine.reset();
+        self.taken = 0;
+    }
+
+    /// The state as bytes, for `restore` in this or another process.
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.engine.to_bytes())
+    }
+
+    /// Returns to the state of `snapshot`, which an engine with the same network and options made.
+    ///
+    /// Raises `SnapshotError`; the state is then as it was.
+    fn restore(&mut self, snapshot: &[u8]) -> Outcome<()> {
+        self.engine.restore_bytes(snapshot)?;
+        // The number of frames is part of the state; a copy predicts, so that no counter of this engine moves.
+        self.taken = self.engine.clone().predict().map_or(0, |prediction| prediction.frames);
+        Ok(())
+    }
+
+    /// Counts since the engine was made: frames, predictions, and of each layer the pixels computed, skipped and absorbed.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let of = self.engine.counters();
+        let (dict, layers) = (PyDict::new(py), PyDict::new(py));
+        dict.set_item("frames", of.frames)?;
+        dict.set_item("predictions", of.predictions)?;
+        for (name, layer) in self.outputs.layers.iter().zip(&of.layers) {
+            let counts =
+                [("computed", layer.computed), ("skipped", layer.skipped), ("absorbed", layer.absorbed)];
+            layers.set_item(name, crate::arrays::counts(py, &counts)?)?;
+        }
+        dict.set_item("layers", layers)?;
+        Ok(dict)
+    }
+
+    /// The description of the network.
+    #[getter]
+    fn description(&self) -> Description {
+        self.description.clone()
+    }
+
+    /// Shape of a frame: (channels, height, width) or (values,).
+    #[getter]
+    fn input_shape(&self) -> Vec<usize> {
+        shape(self.engine.network().input())
+    }
+
+    /// Shape of a prediction.
+    #[getter]
+    fn output_shape(&self) -> Vec<usize> {
+        shape(self.engine.network().output())
+    }
+
+    /// Whether a prediction depends on earlier frames than the last.
+    #[getter]
+    fn has_state(&self) -> bool {
+        self.engine.network().has_state()
+    }
+
+    /// Bytes of activations and state.
+    #[getter]
+    fn state_bytes(&self) -> usize {
+        self.engine.state_bytes()
+    }
+
+    fn __len__(&self) -> usize {
+        self.taken as usize
+    }
+
+    #[expect(clippy::unused_self, reason = "the protocol of Python")]
+    fn __bool__(&self) -> bool {
+        true
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        let network = self.engine.network();
+        let (name, input, labels) = (network.name(), network.input(), self.outputs.labels());
+        format!("<FrameEngine {name:?} over {input}: {} frames, predicts {labels}>", self.taken)
+    }
+}

@@ -1,0 +1,74 @@
+//! The Python module of Meissner: `meissner._meissner`, which the package `meissner` re-exports.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | `events` | events from `NumPy`, in place and in blocks |
+//! | `arrays` | what several classes take and return |
+//! | `engine`, `batch`, `frames` | the engines |
+//! | `prediction`, `graph` | what they return |
+//! | `description`, `weights` | networks, from whatever a user has |
+//! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
+//! | `error` | exceptions |
+#![forbid(unsafe_code)]
+
+mod arrays;
+mod batch;
+mod description;
+mod engine;
+mod error;
+mod events;
+mod filters;
+mod frames;
+mod graph;
+mod prediction;
+mod recording;
+mod representations;
+mod weights;
+mod write;
+
+use pyo3::prelude::*;
+
+/// The part of `meissner` that is written in Rust.
+#[pymodule]
+mod _meissner {
+    use super::{Bound, PyModule, PyModuleMethods, PyResult, arrays};
+    #[pymodule_export]
+    use super::{
+        batch::Batch,
+        description::Description,
+        engine::Engine,
+        filters::Filters,
+        frames::FrameEngine,
+        graph::Graph,
+        prediction::Prediction,
+        recording::{Blocks, Recording, Windows, open},
+        representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
+        weights::{Card, Weights},
+        write::write,
+    };
+    use meissner::AnyDescription;
+    use pyo3::pyfunction;
+
+    /// Names of the networks that come with the module: those over events, those over frames, or all.
+    ///
+    /// `kind` is "events", "frames" or None.
+    #[pyfunction]
+    #[pyo3(signature = (kind=None))]
+    fn networks(kind: Option<&str>) -> Result<Vec<&'static str>, super::error::Failure> {
+        match kind {
+            None => Ok(AnyDescription::shipped_names().collect()),
+            Some("events") => Ok(meissner::Description::shipped_names().to_vec()),
+            Some("frames") => Ok(meissner::FrameDescription::shipped_names().to_vec()),
+            Some(found) => {
+                let expected = "\"events\", \"frames\" or None";
+                Err(super::error::Failure::input(format!("kind: expected {expected}, found {found:?}")))
+            }
+        }
+    }
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)
+    }
+}

@@ -1,0 +1,217 @@
+//! Predictions: values with their names, units, time and cost.
+
+use std::sync::Arc;
+
+use meissner::{AnyDescription, softmax};
+use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString, PyTuple};
+
+use crate::error::{Failure, Outcome};
+
+/// Names and units of what a network predicts.
+#[derive(Debug)]
+pub(crate) struct Outputs {
+    names: Vec<String>,
+    units: Vec<String>,
+    classes: bool,
+    /// Names of the layers that count rows.
+    pub(crate) layers: Vec<String>,
+}
+
+impl Outputs {
+    pub(crate) fn new<'a>(description: &AnyDescription, layers: impl Iterator<Item = &'a str>) -> Arc<Self> {
+        let (names, units) = description.outputs();
+        Arc::new(Self {
+            names: names.to_vec(),
+            units: units.to_vec(),
+            classes: description.classes().is_some(),
+            layers: layers.map(str::to_owned).collect(),
+        })
+    }
+
+    /// "name (unit)" of each value.
+    pub(crate) fn labels(&self) -> String {
+        let each = self.names.iter().zip(&self.units).map(|(name, unit)| format!("{name} ({unit})"));
+        each.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// A prediction. Its values are an array of float32; `prediction["roll"]` is one of them by name, and so is `prediction[0]`.
+#[pyclass(module = "meissner", name = "Prediction", frozen)]
+pub(crate) struct Prediction {
+    values: Py<PyAny>,
+    outputs: Arc<Outputs>,
+    t_us: Option<i64>,
+    nodes: u64,
+    rows: Vec<u64>,
+}
+
+impl Prediction {
+    /// `values` of shape `shape`; `nodes` are the events of the window, or the frames since the last reset.
+    pub(crate) fn new(
+        py: Python<'_>,
+        values: &[f32],
+        shape: Option<&[usize]>,
+        (t_us, nodes): (Option<i64>, u64),
+        rows: &[u64],
+        outputs: &Arc<Outputs>,
+    ) -> Outcome<Self> {
+        let values = PyArray1::from_slice(py, values).into_any();
+        let values = match shape {
+            Some(shape) => values.call_method1("reshape", (shape.to_vec(),))?,
+            None => values,
+        };
+        let outputs = Arc::clone(outputs);
+        Ok(Self { values: values.unbind(), outputs, t_us, nodes, rows: rows.to_vec() })
+    }
+}
+
+#[pymethods]
+impl Prediction {
+    /// The values: float32 of shape (outputs,), or (channels, height, width) of a network that predicts images.
+    #[getter]
+    fn values(&self, py: Python<'_>) -> Py<PyAny> {
+        self.values.clone_ref(py)
+    }
+
+    /// Name of each value, or of each channel.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.outputs.names)
+    }
+
+    /// Unit of each value, or of each channel.
+    #[getter]
+    fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.outputs.units)
+    }
+
+    /// Time in microseconds of the newest event that the prediction covers; None before the first one, and for frames.
+    #[getter]
+    fn t_us(&self) -> Option<i64> {
+        self.t_us
+    }
+
+    /// Events in the window; for a network over frames the frames since the last reset.
+    #[getter]
+    fn nodes(&self) -> u64 {
+        self.nodes
+    }
+
+    /// Rows that each layer computed since the prediction before: its cost.
+    #[getter]
+    fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let rows = PyDict::new(py);
+        self.outputs
+            .layers
+            .iter()
+            .zip(&self.rows)
+            .try_for_each(|(name, rows_of)| rows.set_item(name, rows_of))?;
+        Ok(rows)
+    }
+
+    /// The values by name; a channel of an image is an array.
+    fn as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for (i, name) in self.outputs.names.iter().enumerate() {
+            dict.set_item(name, self.values.bind(py).get_item(i)?)?;
+        }
+        Ok(dict)
+    }
+
+    /// Probability of each class by a softmax of the logits, float32; None where no classes are predicted.
+    #[getter]
+    fn probabilities<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyArray1<f32>>>> {
+        if !self.outputs.classes {
+            return Ok(None);
+        }
+        let values = self.values.bind(py).cast::<PyArray1<f32>>().map_err(PyErr::from)?;
+        let mut values = values.to_vec().map_err(PyErr::from)?;
+        softmax(&mut values);
+        Ok(Some(PyArray1::from_vec(py, values)))
+    }
+
+    /// Name of the class with the largest logit; None where no classes are predicted.
+    #[getter]
+    fn label(&self, py: Python<'_>) -> PyResult<Option<&str>> {
+        if !self.outputs.classes {
+            return Ok(None);
+        }
+        let largest: usize = self.values.bind(py).call_method0("argmax")?.extract()?;
+        Ok(self.outputs.names.get(largest).map(String::as_str))
+    }
+
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.values.bind(py).clone();
+        match (dtype, copy) {
+            (None, Some(true)) => values.call_method0("copy"),
+            (None, _) => Ok(values),
+            (Some(dtype), _) => values.call_method1("astype", (dtype,)),
+        }
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+        let values = self.values.bind(py);
+        let Ok(name) = index.cast::<PyString>() else { return Ok(values.get_item(index)?) };
+        let name = name.to_string();
+        let place = self.outputs.names.iter().position(|known| *known == name).ok_or_else(|| {
+            let names = self.outputs.names.join(", ");
+            Failure::Raised(PyKeyError::new_err(format!("expected one of {names}, found {name:?}")))
+        })?;
+        Ok(values.get_item(place)?)
+    }
+
+    fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
+        self.values.bind(py).len()
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(self.values.bind(py).try_iter()?.into_any())
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let values = self.values.bind(py);
+        let body = if let Ok(values) = values.cast::<PyArray1<f32>>()
+            && values.len() <= 8
+        {
+            let values = values.to_vec()?;
+            let each = self.outputs.names.iter().zip(&values).zip(&self.outputs.units);
+            let each = each.map(|((name, value), unit)| format!("{name} {value} {unit}"));
+            each.collect::<Vec<_>>().join(", ")
+        } else if let Some(label) = self.label(py)? {
+            format!("{label} of {} classes", self.outputs.names.len())
+        } else {
+            format!("{} of shape {}", self.outputs.names.join(", "), values.getattr("shape")?.str()?)
+        };
+        let t = self.t_us.map(|t| format!(", t {t} us")).unwrap_or_default();
+        Ok(format!("<Prediction: {body}{t}, {} nodes>", self.nodes))
+    }
+}
+
+/// Copies `values` to an array of the caller.
+///
+/// `out` must be a writable, contiguous array of float32 with as many values.
+pub(crate) fn write(values: &[f32], out: &Bound<'_, PyAny>) -> Outcome<()> {
+    let expected = format!("expected a writable contiguous array of {} float32", values.len());
+    let refuse = |found: String| Failure::input(format!("out: {expected}, found {found}"));
+    let Ok(array) = out.cast::<numpy::PyArrayDyn<f32>>() else {
+        let dtype = out.getattr("dtype").and_then(|dtype| Ok(dtype.str()?.to_string()));
+        let found = dtype.unwrap_or_else(|_| out.get_type().to_string());
+        return Err(Failure::dtype(format!("out: {expected}, found {found}")));
+    };
+    let mut array = array.try_readwrite().map_err(|error| refuse(error.to_string()))?;
+    let to = array.as_slice_mut().map_err(|_| refuse("one with gaps".to_owned()))?;
+    if to.len() != values.len() {
+        return Err(refuse(format!("{} values", to.len())));
+    }
+    to.copy_from_slice(values);
+    Ok(())
+}

@@ -1,0 +1,316 @@
+//! Recordings: from a file to structured arrays.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use meissner::io::{
+    self, ColumnOrder, Format, ReadOptions, Salvage, StreamSummary, TextOptions, TimeUnit, UnknownName,
+};
+use meissner::{Event, Sensor};
+use pyo3::exceptions::{PyIndexError, PyTypeError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PySlice};
+
+use crate::arrays::{sides, to_array};
+use crate::error::{Failure, Outcome};
+
+/// Events of a block of an iteration.
+const BLOCK: usize = 1 << 16;
+
+/// A recording of events in a file. The file is read when something of it is asked for, and is then kept: 16 bytes an event.
+///
+/// Iteration gives structured arrays with the fields t (microseconds), x, y, p, of at most 65,536 events each. `len()` is the
+/// number of events, `recording[i:j]` are some of them, `recording.between(a, b)` those of a time.
+#[pyclass(module = "meissner", name = "Recording", frozen, weakref)]
+pub(crate) struct Recording {
+    path: PathBuf,
+    options: ReadOptions,
+    content: Mutex<Option<Arc<Content>>>,
+}
+
+struct Content {
+    format: Format,
+    sensor: Option<Sensor>,
+    events: Arc<Vec<Event>>,
+    streams: Vec<StreamSummary>,
+    salvaged: Option<Salvage>,
+    /// Whether no time is earlier than the one before.
+    ascending: bool,
+}
+
+impl Recording {
+    fn content(&self) -> Outcome<Arc<Content>> {
+        let content: Result<_, io::IoError> = Python::attach(|py| {
+            // The lock is taken and given back without the interpreter, so that no thread waits for both.
+            py.detach(|| {
+                let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(content) = &*content {
+                    return Ok(Arc::clone(content));
+                }
+                let read = io::read_with(&self.path, self.options)?;
+                let ascending = read.events.is_sorted_by_key(|event| event.t_us);
+                let (streams, salvaged) = (read.other_streams, read.salvaged);
+                let (format, sensor, events) = (read.format, read.sensor, Arc::new(read.events));
+                let read = Arc::new(Content { format, sensor, events, streams, salvaged, ascending });
+                *content = Some(Arc::clone(&read));
+                Ok(read)
+            })
+        });
+        Ok(content?)
+    }
+
+    /// The events, shared.
+    pub(crate) fn events(&self) -> Outcome<Arc<Vec<Event>>> {
+        Ok(Arc::clone(&self.content()?.events))
+    }
+}
+
+/// A word of an option, if there is one.
+pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) -> Outcome<Option<T>> {
+    let parsed = word.map(str::parse).transpose();
+    parsed.map_err(|error: UnknownName| Failure::input(error.to_string()))
+}
+
+/// Opens a recording of events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, text or NumPy. The format is found from the content.
+///
+/// - `format`: "aedat4", "evt2", "evt3", "dat", "nmnist", "csv" or "npy", in place of the one found.
+/// - `columns`, `time_unit`: the order of the columns of a text, such as "txyp", and the unit of its times: "s", "ms", "us" or
+///   "ns".
+/// - `salvage`: read a file that was cut short up to the cut.
+///
+/// Raises `FileError` where there is no such file; `RecordingError` with the place of a fault when the content is read.
+#[pyfunction]
+#[pyo3(signature = (path, *, format=None, columns=None, time_unit=None, salvage=false))]
+pub(crate) fn open(
+    path: PathBuf,
+    format: Option<&str>,
+    columns: Option<&str>,
+    time_unit: Option<&str>,
+    salvage: bool,
+) -> Outcome<Recording> {
+    if let Err(error) = std::fs::metadata(&path) {
+        return Err(Failure::Refused("FileError", format!("cannot read {}: {error}", path.display())));
+    }
+    let (columns, unit) = (word::<ColumnOrder>(columns)?, word::<TimeUnit>(time_unit)?);
+    let text = TextOptions::default().columns(columns).time_unit(unit);
+    let options = ReadOptions::default().format(word::<Format>(format)?).text(text).salvage(salvage);
+    Ok(Recording { path, options, content: Mutex::new(None) })
+}
+
+#[pymethods]
+impl Recording {
+    /// The path of the file.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.path.clone()
+    }
+
+    /// Name of the format.
+    #[getter]
+    fn format(&self) -> Outcome<String> {
+        Ok(self.content()?.format.to_string())
+    }
+
+    /// (width, height) of the sensor in pixels; None where the file names none.
+    #[getter]
+    fn sensor(&self) -> Outcome<Option<(u16, u16)>> {
+        Ok(self.content()?.sensor.map(sides))
+    }
+
+    /// Times of the first and of the last event in microseconds; None without events.
+    #[getter]
+    fn times_us(&self) -> Outcome<Option<(i64, i64)>> {
+        let content = self.content()?;
+        Ok(content.events.first().zip(content.events.last()).map(|(first, last)| (first.t_us, last.t_us)))
+    }
+
+    /// Whether no event is earlier than the one before.
+    #[getter]
+    fn is_ordered(&self) -> Outcome<bool> {
+        Ok(self.content()?.ascending)
+    }
+
+    /// The other streams of the file, which are not read: (name, kind, elements).
+    #[getter]
+    fn other_streams(&self) -> Outcome<Vec<(String, String, u64)>> {
+        let content = self.content()?;
+        let of = |stream: &StreamSummary| (stream.name.clone(), stream.kind.to_string(), stream.elements);
+        Ok(content.streams.iter().map(of).collect())
+    }
+
+    /// With `salvage`: what the end of the file lacks, and the bytes that were not read; None for a whole file.
+    #[getter]
+    fn salvaged(&self) -> Outcome<Option<(String, u64)>> {
+        let content = self.content()?;
+        let of =
+            |salvage: &Salvage| (format!("{} at {}", salvage.what, salvage.place), salvage.bytes_not_read);
+        Ok(content.salvaged.as_ref().map(of))
+    }
+
+    /// All events as one structured array.
+    fn read<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+        Ok(to_array(py, &self.content()?.events)?)
+    }
+
+    /// Events with start_us <= t < end_us as one structured array; None leaves a side open.
+    ///
+    /// O(log events) where times are in order, O(events) where they step back.
+    #[pyo3(signature = (start_us=None, end_us=None))]
+    fn between<'py>(
+        &self,
+        py: Python<'py>,
+        start_us: Option<i64>,
+        end_us: Option<i64>,
+    ) -> Outcome<Bound<'py, PyAny>> {
+        let content = self.content()?;
+        let before = |t: i64| end_us.is_none_or(|end| t < end);
+        let from = |t: i64| start_us.is_none_or(|start| t >= start);
+        if !content.ascending {
+            let events =
+                content.events.iter().copied().filter(|event| from(event.t_us) && before(event.t_us));
+            return Ok(to_array(py, &events.collect::<Vec<_>>())?);
+        }
+        let first = content.events.partition_point(|event| !from(event.t_us));
+        let last = content.events.partition_point(|event| before(event.t_us));
+        Ok(to_array(py, content.events.get(first..last).unwrap_or_default())?)
+    }
+
+    /// Structured arrays of `size` events each, the last one shorter.
+    #[pyo3(signature = (size=BLOCK))]
+    fn blocks(&self, size: usize) -> Outcome<Blocks> {
+        if size == 0 {
+            return Err(Failure::input("size: expected at least 1 event, found 0"));
+        }
+        Ok(Blocks { events: self.events()?, next: 0, size })
+    }
+
+    /// Pairs (t_us, events) every `period_us`: the events since the pair before, up to t_us and including it. The first pair
+    /// ends `period_us` after the first event, the last one at or after the last event.
+    fn windows(&self, period_us: i64) -> Outcome<Windows> {
+        if period_us < 1 {
+            return Err(Failure::input(format!("period_us: expected at least 1 us, found {period_us}")));
+        }
+        let events = self.events()?;
+        let due_us = events.first().map_or(0, |event| event.t_us.saturating_add(period_us));
+        Ok(Windows { events, next: 0, due_us, period_us })
+    }
+
+    fn __len__(&self) -> Outcome<usize> {
+        Ok(self.content()?.events.len())
+    }
+
+    #[expect(clippy::unused_self, reason = "the protocol of Python")]
+    fn __bool__(&self) -> bool {
+        true
+    }
+
+    fn __iter__(&self) -> Outcome<Blocks> {
+        self.blocks(BLOCK)
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+        let content = self.content()?;
+        let length = content.events.len();
+        if let Ok(slice) = index.cast::<PySlice>() {
+            let indices = slice.indices(length as isize)?;
+            if indices.step == 1 {
+                let (start, stop) = (indices.start as usize, indices.stop.max(indices.start) as usize);
+                return Ok(to_array(py, &content.events[start..stop])?);
+            }
+            let at = |i: usize| content.events[(indices.start + i as isize * indices.step) as usize];
+            let events: Vec<Event> = (0..indices.slicelength).map(at).collect();
+            return Ok(to_array(py, &events)?);
+        }
+        let at: isize =
+            index.extract().map_err(|_| PyTypeError::new_err("recording: expected an index or a slice"))?;
+        let place = if at < 0 { at + length as isize } else { at };
+        let event = usize::try_from(place).ok().and_then(|place| content.events.get(place));
+        let event = event.ok_or_else(|| {
+            PyIndexError::new_err(format!("recording: expected an index below {length}, found {at}"))
+        })?;
+        Ok(to_array(py, &[*event])?.get_item(0)?)
+    }
+
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> Outcome<Bound<'py, PyAny>> {
+        let _ = copy;
+        let events = self.read(py)?;
+        Ok(match dtype {
+            Some(dtype) => {
+                let arguments = PyDict::new(py);
+                arguments.set_item("copy", false)?;
+                events.call_method("astype", (dtype,), Some(&arguments))?
+            }
+            None => events,
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+        let path = self.path.display();
+        match &*content {
+            None => format!("<Recording {path}: not read yet>"),
+            Some(content) => {
+                let (format, events) = (content.format, content.events.len());
+                let sensor = content.sensor.map(|sensor| format!(" on {sensor}")).unwrap_or_default();
+                format!("<Recording {path}: {format}, {events} events{sensor}>")
+            }
+        }
+    }
+}
+
+/// The blocks of a recording.
+#[pyclass(module = "meissner")]
+pub(crate) struct Blocks {
+    events: Arc<Vec<Event>>,
+    next: usize,
+    size: usize,
+}
+
+#[pymethods]
+impl Blocks {
+    fn __iter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __next__<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let end = self.next.saturating_add(self.size).min(self.events.len());
+        let block = &self.events[self.next..end];
+        self.next = end;
+        if block.is_empty() { Ok(None) } else { to_array(py, block).map(Some) }
+    }
+}
+
+/// The windows of a recording.
+#[pyclass(module = "meissner")]
+pub(crate) struct Windows {
+    events: Arc<Vec<Event>>,
+    next: usize,
+    due_us: i64,
+    period_us: i64,
+}
+
+#[pymethods]
+impl Windows {
+    fn __iter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __next__<'py>(&mut self, py: Python<'py>) -> PyResult<Option<(i64, Bound<'py, PyAny>)>> {
+        if self.next == self.events.len() {
+            return Ok(None);
+        }
+        let rest = &self.events[self.next..];
+        let due_us = self.due_us;
+        let count = rest.iter().take_while(|event| event.t_us <= due_us).count();
+        let window = to_array(py, &rest[..count])?;
+        self.next += count;
+        self.due_us = due_us.saturating_add(self.period_us);
+        Ok(Some((due_us, window)))
+    }
+}

@@ -1,0 +1,60 @@
+//! A frame of events.
+
+use pyo3::prelude::*;
+
+/// A frame of events, or a run of equal frames without any.
+#[pyclass(module = "meissner", name = "EventFrame", frozen)]
+pub(crate) struct EventFrame {
+    pub(crate) values: Py<PyAny>,
+    pub(super) start_us: i64,
+    pub(super) events: [u64; 2],
+    pub(crate) count: u64,
+}
+
+#[pymethods]
+impl EventFrame {
+    /// The values: float32 (channels, height, width).
+    #[getter]
+    fn values(&self, py: Python<'_>) -> Py<PyAny> {
+        self.values.clone_ref(py)
+    }
+
+    /// Begin of the frame's window in microseconds.
+    #[getter]
+    fn start_us(&self) -> i64 {
+        self.start_us
+    }
+
+    /// Events inside by polarity: (OFF, ON).
+    #[getter]
+    fn events(&self) -> (u64, u64) {
+        (self.events[0], self.events[1])
+    }
+
+    /// Number of equal consecutive frames: 1, or the length of a run of frames without events.
+    #[getter]
+    fn count(&self) -> u64 {
+        self.count
+    }
+
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.values.bind(py).clone();
+        match (dtype, copy) {
+            (None, Some(true)) => values.call_method0("copy"),
+            (None, _) => Ok(values),
+            (Some(dtype), _) => values.call_method1("astype", (dtype,)),
+        }
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let shape = self.values.bind(py).getattr("shape")?;
+        let (start, [off, on], count) = (self.start_us, self.events, self.count);
+        Ok(format!("<EventFrame {shape} from {start} us: {off} OFF, {on} ON, {count} of them>"))
+    }
+}

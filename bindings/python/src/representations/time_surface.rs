@@ -1,0 +1,85 @@
+//! Time surfaces.
+
+use meissner::representations::{Decay, TimeSurface as Surface};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::shared::{Rectangle, counted, crop_of, image};
+use crate::arrays::Pixels;
+use crate::error::{Failure, Outcome};
+use crate::events::Events;
+
+/// A time surface (2, height, width), OFF and ON: how long ago each pixel last saw an event, as a value from 1 down to 0.
+///
+/// Give `tau_us` for exp(-age / tau), or `span_us` for max(0, 1 - age / span).
+///
+/// Raises `InputError`.
+#[pyclass(module = "meissner", name = "TimeSurface")]
+pub(crate) struct TimeSurface {
+    surface: Surface,
+}
+
+#[pymethods]
+impl TimeSurface {
+    #[new]
+    #[pyo3(signature = (sensor, *, tau_us=None, span_us=None, crop=None))]
+    fn new(
+        sensor: Pixels,
+        tau_us: Option<f32>,
+        span_us: Option<f32>,
+        crop: Option<Rectangle>,
+    ) -> Outcome<Self> {
+        let decay = match (tau_us, span_us) {
+            (Some(tau_us), None) => Decay::Exponential { tau_us },
+            (None, Some(span_us)) => Decay::Linear { span_us },
+            _ => return Err(Failure::input("decay: expected tau_us or span_us, found both or none")),
+        };
+        Ok(Self { surface: Surface::new(sensor.0, crop_of(crop, sensor.0), decay)? })
+    }
+
+    /// Takes events, as `Engine.push`.
+    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    fn push<'py>(
+        &mut self,
+        py: Python<'py>,
+        events: Option<&Bound<'py, PyAny>>,
+        t: Option<&Bound<'py, PyAny>>,
+        x: Option<&Bound<'py, PyAny>>,
+        y: Option<&Bound<'py, PyAny>>,
+        p: Option<&Bound<'py, PyAny>>,
+    ) -> Outcome<()> {
+        let surface = &mut self.surface;
+        Events::new(events, [t, x, y, p])?.work(py, |part| {
+            for event in part {
+                surface.push(*event);
+            }
+            Ok(())
+        })
+    }
+
+    /// Advances time to `t_us`.
+    fn advance(&mut self, t_us: i64) {
+        self.surface.advance(t_us);
+    }
+
+    /// The surface at the current time: float32 (2, height, width).
+    fn frame<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let surface = self.surface.surface();
+        image(py, surface.values, surface.shape)
+    }
+
+    /// Forgets time and all events. Counters go on.
+    fn reset(&mut self) {
+        self.surface.reset();
+    }
+
+    /// Counts of the events so far.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counted(py, self.surface.counters(), self.surface.outside_crop())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<TimeSurface {:?}: {} events>", self.surface.shape(), self.surface.counters().accepted)
+    }
+}

@@ -1,0 +1,143 @@
+"""What `push` takes: layouts, types and polarities of other libraries, without copies."""
+
+import numpy as np
+import pytest
+from conftest import SENSOR, SMALL
+
+import meissner
+
+LAYOUTS = {
+    "meissner": meissner.EVENT_DTYPE,
+    "tonic": [("x", np.int16), ("y", np.int16), ("t", np.int64), ("p", bool)],
+    "aedat": [("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")],
+    "faery": [("t", "<u8"), ("x", "<u2"), ("y", "<u2"), (("p", "on"), "?")],
+    "expelliarmus": [("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "u1")],
+    "metavision": {
+        "names": ["x", "y", "p", "t"],
+        "formats": ["<u2", "<u2", "<i2", "<i8"],
+        "offsets": [0, 2, 4, 8],
+        "itemsize": 16,
+    },
+    "dv-processing": [("timestamp", "<i8"), ("x", "<i2"), ("y", "<i2"), ("polarity", "u1")],
+    "big-endian": [("y", ">u4"), ("t", ">i4"), ("p", ">i2"), ("x", ">i8")],
+    "with gaps and more fields": [("frame", "S7"), ("p", "i1"), ("x", "u1"), ("w", "f8"), ("y", "u1"), ("t", "u4")],
+}
+
+
+def in_layout(events, layout):
+    out = np.zeros(len(events), layout)
+    names = {"t": ("t", "timestamp"), "x": ("x",), "y": ("y",), "p": ("p", "on", "polarity")}
+    for field, candidates in names.items():
+        name = next(name for name in candidates if name in out.dtype.fields)
+        out[name] = events[field]
+    return out
+
+
+def predicted(engine, *args, **kwargs):
+    engine.push(*args, **kwargs)
+    return engine.predict().values.tobytes()
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_every_layout_of_events_gives_the_same_bits(engine, events, layout):
+    expected = predicted(meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 3)), events)
+    assert predicted(engine, in_layout(events, layout)) == expected
+    assert engine.counters["events"]["accepted"] == len(events)
+
+
+@pytest.mark.parametrize("p", ["bool", "int8", "uint8", "int64", "-1/+1"])
+def test_four_arrays_of_any_integers_give_the_same_bits(engine, events, p):
+    expected = predicted(meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 3)), events)
+    signs = np.where(events["p"], 1, -1) if p == "-1/+1" else events["p"].astype(p)
+    x, y = events["x"].astype("i4"), events["y"].astype("u8")
+    assert predicted(engine, t=events["t"].astype("u8"), x=x, y=y.tolist(), p=signs) == expected
+
+
+def test_views_with_strides_read_only_memory_and_subclasses_are_taken_as_they_are(events, tmp_path):
+    def fresh():
+        return meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 3))
+
+    doubled = np.repeat(events, 2)
+    backwards = events[::-1].copy()
+    frozen = np.frombuffer(events.tobytes(), events.dtype)
+    assert not frozen.flags.writeable
+    events.tofile(tmp_path / "events")
+    mapped = np.memmap(tmp_path / "events", events.dtype, mode="r")
+    memory = np.asarray(memoryview(events.view("u1"))).view(events.dtype)
+    expected = predicted(fresh(), events)
+    for view in (doubled[::2], backwards[::-1], frozen, mapped, events.view(np.recarray), memory):
+        assert predicted(fresh(), view) == expected
+    # What a field of a structured array is: strides of 13 bytes, no alignment.
+    assert predicted(fresh(), t=doubled["t"][::2], x=events["x"], y=events["y"], p=events["p"]) == expected
+
+
+def test_an_array_is_not_copied_as_a_whole():
+    resource = pytest.importorskip("resource")
+    # One event in memory, five million in the view: 65 MB if it were copied.
+    one = np.zeros(1, meissner.EVENT_DTYPE)
+    view = np.lib.stride_tricks.as_strided(one, (5_000_000,), (0,), writeable=False)
+    voxels = meissner.VoxelGrid((4, 4), 1, (0, 1), crop=(1, 1, 1, 1))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    voxels.push(view)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000  # KiB
+    assert voxels.counters["pushed"] == len(view)
+
+
+def test_one_event_and_no_event_are_arrays_too(engine, events):
+    assert engine.push(events[0]) == 1
+    assert engine.push(events[:0]) == 0
+    none = np.zeros(0, int)
+    assert engine.push(t=none, x=none, y=none, p=none) == 0
+    assert len(engine) == 1
+
+
+def test_pixels_beyond_16_bits_are_outside_the_sensor(engine):
+    x = np.array([-1, 70_000, 1 << 40, 65_535, 3])
+    assert engine.push(t=np.arange(5), x=x, y=np.zeros(5, int), p=np.ones(5, int)) == 1
+    assert engine.counters["events"]["outside_sensor"] == 4
+
+
+def test_late_events_are_dropped_or_clamped(events):
+    late = events.copy()
+    late["t"][300] = 0
+    weights = meissner.Weights.draw(SMALL, 3)
+    drop, clamp = (meissner.Engine(SMALL, SENSOR, weights, late=late) for late in ("drop", "clamp"))
+    assert (drop.push(late), clamp.push(late)) == (599, 600)
+    assert (drop.counters["events"]["late"], clamp.counters["events"]["clamped"]) == (1, 1)
+    with pytest.raises(meissner.InputError, match='expected "drop" or "clamp", found "keep"'):
+        meissner.Engine(SMALL, SENSOR, weights, late="keep")
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "text"),
+    [
+        ({"events": np.zeros(3)}, meissner.DtypeError, "fields t, x, y, p, found an array of float64 and shape"),
+        ({"events": np.zeros((3, 4), "i8")}, meissner.InputError, "expected one dimension, found shape"),
+        ({"events": np.zeros(3, [("t", "i8"), ("x", "i2"), ("y", "i2")])}, TypeError, 'field "p" or "on"'),
+        ({"events": np.zeros(3, [("t", "f8"), ("x", "i2"), ("y", "i2"), ("p", "?")])}, TypeError, "t: expected integers"),
+        ({"events": np.zeros(3, [("t", "i8", 2), ("x", "i2"), ("y", "i2"), ("p", "?")])}, TypeError, "t: expected int"),
+        ({"t": [1], "x": [1], "y": [1]}, meissner.InputError, "all of t, x, y and p"),
+        ({}, meissner.InputError, "expected one array of events"),
+        ({"t": [1, 2], "x": [1], "y": [1], "p": [1]}, ValueError, "equal lengths, found 2, 1, 1 and 1"),
+        ({"t": [1], "x": [1.5], "y": [1], "p": [1]}, TypeError, "x: expected integers .pixels., found float64"),
+        ({"t": [1, 2], "x": [1, 1], "y": [1, 1], "p": [1, 2]}, ValueError, "polarities -1, 0 or 1, found 2 as event 1"),
+        (
+            {"t": np.array([1 << 63], "u8"), "x": [1], "y": [1], "p": [1]},
+            ValueError,
+            "at most 2.63 - 1 us, found 9223372036854775808 as event 0",
+        ),
+    ],
+)
+def test_what_is_no_event_is_refused_before_the_first_one_enters(engine, given, error, text):
+    with pytest.raises(error, match=text) as raised:
+        engine.push(**given)
+    assert isinstance(raised.value, meissner.Error)
+    assert engine.counters["events"]["pushed"] == 0
+
+
+def test_a_fault_late_in_an_array_leaves_the_engine_as_it_was(engine):
+    long = np.zeros(20_000, [("t", "i8"), ("x", "i2"), ("y", "i2"), ("p", "i1")])
+    long["p"][-1] = 3
+    with pytest.raises(meissner.InputError, match="found 3 as event 19999"):
+        engine.push(long)
+    assert len(engine) == 0

@@ -1,0 +1,117 @@
+"""Recordings: lazily read files as structured arrays, and what is written is read again."""
+
+import numpy as np
+import pytest
+from conftest import SENSOR, SMALL, make_events
+
+import meissner
+
+
+@pytest.fixture
+def path(tmp_path, events):
+    meissner.write(tmp_path / "events.raw", events, SENSOR)
+    return tmp_path / "events.raw"
+
+
+@pytest.mark.parametrize("name", ["events.csv", "events.npy", "events.dat", "events.raw"])
+def test_what_is_written_is_read_again(tmp_path, events, name):
+    meissner.write(tmp_path / name, events, SENSOR)
+    recording = meissner.open(tmp_path / name)
+    assert np.array_equal(recording.read(), events)
+    assert recording.sensor == (None if name.endswith("npy") else SENSOR)
+    assert recording.times_us == (events["t"][0], events["t"][-1])
+    assert recording.is_ordered
+
+
+def test_a_file_is_read_when_something_is_asked_for(path, events):
+    recording = meissner.open(path)
+    assert "not read yet" in repr(recording)
+    assert len(recording) == len(events)
+    assert repr(recording).endswith(f"EVT3, {len(events)} events on 64x48>")
+    assert recording.path == path
+    assert (recording.other_streams, recording.salvaged) == ([], None)
+
+
+def test_blocks_slices_and_times_are_parts_of_the_events(path, events):
+    recording = meissner.open(path)
+    assert np.array_equal(np.concatenate(list(recording)), events)
+    assert [len(block) for block in recording.blocks(250)] == [250, 250, 100]
+    assert np.array_equal(recording[10:-5], events[10:-5])
+    assert np.array_equal(recording[::-7], events[::-7])
+    assert np.array_equal(recording[5:2], events[5:2])
+    assert (recording[0], recording[-1]) == (events[0], events[-1])
+    assert np.array_equal(np.asarray(recording), events)
+    with pytest.raises(IndexError, match="below 600, found 600"):
+        recording[600]
+    t = events["t"]
+    for start, end in [(None, None), (20_000, 30_000), (None, 5_000), (50_000, None), (9, 8), (-5, 10**9)]:
+        inside = (t >= (start or -1)) & (t < (end or 10**9))
+        assert np.array_equal(recording.between(start, end), events[inside])
+
+
+def test_events_whose_times_step_back_are_found_by_time(tmp_path):
+    events = make_events(50)[::-1].copy()
+    meissner.write(tmp_path / "back.csv", events)
+    recording = meissner.open(tmp_path / "back.csv")
+    assert not recording.is_ordered
+    assert np.array_equal(recording.between(1000, 2000), events[(events["t"] >= 1000) & (events["t"] < 2000)])
+
+
+def test_predictions_of_a_recording_an_array_and_by_hand_are_the_same(path, events):
+    weights = meissner.Weights.draw(SMALL, 3)
+
+    def of(source):
+        engine = meissner.Engine(SMALL, SENSOR, weights)
+        return [(t, p.values.tobytes()) for t, p in meissner.predictions(engine, source, 7_000)]
+
+    expected, start = [], int(events["t"][0])
+    batch = meissner.Batch(SMALL, SENSOR, weights)
+    for due in range(start + 7_000, int(events["t"][-1]) + 7_000, 7_000):
+        batch.reset()
+        batch.push(events[events["t"] <= due])
+        batch.advance(due)
+        expected.append((due, batch.predict().values.tobytes()))
+    assert of(path) == of(events) == of(meissner.open(path)) == expected
+    with pytest.raises(meissner.InputError, match="every_us: expected at least 1 us, found 0"):
+        next(meissner.predictions(meissner.Engine(SMALL, SENSOR, weights), events, 0))
+
+
+def test_an_engine_takes_a_recording_as_it_takes_its_events(path, events, engine):
+    assert engine.push(meissner.open(path)) == len(events)
+
+
+def test_faults_have_their_type_and_text(tmp_path, events):
+    with pytest.raises(meissner.FileError, match="cannot read .*missing.raw"):
+        meissner.open(tmp_path / "missing.raw")
+    (tmp_path / "noise.raw").write_bytes(bytes(range(200, 256)))
+    with pytest.raises(meissner.RecordingError, match="unknown format"):
+        len(meissner.open(tmp_path / "noise.raw"))
+    with pytest.raises(meissner.InputError, match="format: expected aedat4"):
+        meissner.open(tmp_path / "noise.raw", format="mp4")
+    with pytest.raises(meissner.RecordingError, match="expected CSV, npy, DAT or EVT3"):
+        meissner.write(tmp_path / "events.aedat4", events)
+    with pytest.raises(meissner.InputError, match="file extension"):
+        meissner.write(tmp_path / "events.txt", events)
+    with pytest.raises(meissner.RecordingError, match="the sensor's"):
+        meissner.write(tmp_path / "events.csv", events, (10, 10))
+    wide = np.zeros(3, [("t", "i8"), ("x", "i4"), ("y", "i4"), ("p", "?")])
+    wide["x"][1] = 70_000
+    with pytest.raises(meissner.InputError, match="x: expected 0 to 65535, found 70000 as event 1"):
+        meissner.write(tmp_path / "events.csv", wide)
+
+
+def test_a_file_that_was_cut_short_is_read_up_to_the_cut(tmp_path, events):
+    meissner.write(tmp_path / "cut.npy", events)
+    whole = (tmp_path / "cut.npy").read_bytes()
+    (tmp_path / "cut.npy").write_bytes(whole[:-5])
+    with pytest.raises(meissner.RecordingError, match="cut short"):
+        len(meissner.open(tmp_path / "cut.npy"))
+    recording = meissner.open(tmp_path / "cut.npy", salvage=True)
+    assert len(recording) == len(events) - 1
+    assert recording.salvaged[1] > 0
+
+
+def test_a_text_has_the_columns_and_the_unit_that_are_named(tmp_path):
+    (tmp_path / "own.txt").write_text("1 3 4 0.5\n0 5 6 0.75\n")
+    recording = meissner.open(tmp_path / "own.txt", columns="pxyt", time_unit="s")
+    assert recording.read().tolist() == [(500_000, 3, 4, True), (750_000, 5, 6, False)]
