@@ -10,9 +10,19 @@ use meissner_verify::bits;
 use crate::trained_digits::{Golden, agree, network, read};
 
 /// Event graphs.
-const NETWORKS: [&str; 3] = ["tactigraph-past", "tactip", "tactip-past"];
-/// These, and a baseline over frames.
-const GOLDEN: [&str; 4] = ["tactigraph-past", "tactip", "tactip-frames", "tactip-past"];
+const NETWORKS: [&str; 6] =
+    ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past", "tactip", "tactip-past"];
+/// These, one that is computed from scratch alone, and a baseline over frames.
+const GOLDEN: [&str; 8] = [
+    "graphres",
+    "graphres-published",
+    "tactigraph",
+    "tactigraph-frozen",
+    "tactigraph-past",
+    "tactip",
+    "tactip-frames",
+    "tactip-past",
+];
 
 fn golden() -> Golden {
     read(include_str!("golden/angles.json"))

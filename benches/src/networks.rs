@@ -30,7 +30,7 @@ pub fn shipped(name: &str) -> Arc<Network> {
 pub fn published_graphres() -> (Arc<Network>, Weights, &'static str) {
     let (source, weights) = match shared("data/checkpoints/contact_angle_graphres.safetensors") {
         Some(path) => ("published checkpoint", Weights::load(path).expect("readable weights")),
-        None => ("shipped (drawn from a seed)", Weights::shipped("graphres").expect("shipped weights")),
+        None => ("shipped", Weights::shipped("graphres").expect("shipped weights")),
     };
     (with_weights("graphres", &weights), weights, source)
 }

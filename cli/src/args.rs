@@ -105,10 +105,13 @@ pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
     /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also inside gzip, or alone
-    /// in a zip archive. On standard input, CSV lines (t_us,x,y,p) are read as they arrive. The built-in recording is a simulated press and release; `meissner run` without any option compares
+    /// in a zip archive. The built-in recording is a simulated press and release; `meissner run` without any option compares
     /// its true angles with the predicted ones.
     ///
-    /// Electrodes: CSV with a column for each of the 24 electrodes, also on standard input. Pictures: a PNG, JPEG, PPM
+    /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or udp://HOST:PORT. CSV lines
+    /// (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are read as they arrive.
+    ///
+    /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG, JPEG, PPM
     /// or PGM file, a folder of them, or a text file with one path per line.
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,

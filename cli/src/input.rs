@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use meissner_engine::EngineError;
-use meissner_io::{Format, Recording};
+use meissner_io::Recording;
 use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::bench::Part;
@@ -58,7 +58,7 @@ impl ReadArgs {
     fn fits(self, name: &str, format: &str) -> Result<(), CliError> {
         let [of_text @ .., _] = self.given();
         match first_given(of_text) {
-            Some(option) if format != Format::Csv.to_string() => {
+            Some(option) if !format.starts_with("CSV") => {
                 Err(CliError::usage(option, "a text of events", &format!("{name}, which is {format}")))
             }
             _ => Ok(()),

@@ -51,7 +51,7 @@ mod verify;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use meissner_pipeline::interrupt;
 
 use crate::args::STATUS;
@@ -163,7 +163,7 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Stress(args) => stress::stress(args),
         Command::Soak(args) => soak::soak(args),
         Command::Verify(args) => verify::verify(args),
-        Command::Completions(args) => manual::completions(args),
-        Command::Man(args) => manual::man(args),
+        Command::Completions(args) => manual::completions(args, Args::command()),
+        Command::Man(args) => manual::man(args, Args::command()),
     }
 }

@@ -4,10 +4,9 @@ use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::CommandFactory;
+use clap::Command;
 use clap_complete::Shell;
 
-use crate::Args;
 use crate::args::STATUS;
 use crate::error::CliError;
 use crate::output;
@@ -44,18 +43,18 @@ pub(crate) struct ManArgs {
     folder: PathBuf,
 }
 
-/// Prints the completions of a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> Result<(), CliError> {
+/// Prints the completions of a shell for `command`, the whole program.
+pub(crate) fn completions(args: &CompletionsArgs, mut command: Command) -> Result<(), CliError> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut Args::command(), "meissner", &mut text);
+    clap_complete::generate(args.shell, &mut command, "meissner", &mut text);
     let mut out = output::out(true);
     out.write_all(&text)?;
     Ok(out.flush()?)
 }
 
-/// Writes the pages of the manual.
-pub(crate) fn man(args: &ManArgs) -> Result<(), CliError> {
+/// Writes the pages of the manual of `command`, the whole program.
+pub(crate) fn man(args: &ManArgs, command: Command) -> Result<(), CliError> {
     let made = fs::create_dir_all(&args.folder);
-    let written = made.and_then(|()| clap_mangen::generate_to(Args::command(), &args.folder));
+    let written = made.and_then(|()| clap_mangen::generate_to(command, &args.folder));
     written.map_err(|source| CliError::write(&args.folder, source))
 }

@@ -98,7 +98,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "jitter",
         ],
     ),
-    (OUTPUT, &["json", "csv", "svg", "dot", "logits", "out", "to", "list", "markdown", "force"]),
+    (OUTPUT, &["json", "csv", "svg", "dot", "logits", "out", "to", "list", "markdown", "force", "records"]),
 ];
 
 /// Options that stand elsewhere in some subcommand.

@@ -63,13 +63,6 @@ impl Task for Regression {
         description.name()
     }
 
-    fn trained_as(network: &str) -> &str {
-        match network {
-            "tactigraph-frozen" => "tactigraph",
-            name => name,
-        }
-    }
-
     /// A file of presses is unseen as a whole.
     fn held_out(_: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
         Ok(None)

@@ -26,7 +26,7 @@ use meissner_engine::{Event, Sensor};
 use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::format::Format;
-use crate::packed::most;
+use crate::limits::most;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::{PacketHeader, Packets};
 use header::Header;

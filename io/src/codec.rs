@@ -1,7 +1,7 @@
 //! Reading and writing of recordings in any format: from and to files and bytes.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Cursor, Write};
+use std::io::{self, BufWriter, Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
@@ -110,7 +110,7 @@ pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recordi
     // A pipe can be read only once.
     if let Some(range) = options.range.filter(|_| path.is_file()) {
         let file = File::open(path).map_err(IoError::file("read", path))?;
-        if let Some(part) = seek::read(file, options, range)? {
+        if let Some(part) = read_part(file, options, range)? {
             return Ok(part);
         }
     }
@@ -152,7 +152,7 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
     if let Some(range) = options.range
-        && let Some(part) = seek::read(Cursor::new(bytes), options, range)?
+        && let Some(part) = read_part(Cursor::new(bytes), options, range)?
     {
         return Ok(part);
     }
@@ -194,6 +194,32 @@ fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError
         Format::Nmnist => nmnist::decode(bytes, salvage),
         Format::Csv => csv::decode(bytes, text, salvage),
         Format::Npy => npy::decode(bytes, salvage),
+    }
+}
+
+/// The events of `range` in the file `input`; `None`: the whole file must be read.
+fn read_part(
+    input: impl Read + Seek,
+    options: ReadOptions,
+    range: TimeRange,
+) -> Result<Option<Recording>, IoError> {
+    let mut input = seek::Input::new(input)?;
+    let head = input.head()?;
+    if packed::is_packed(&head) {
+        return Ok(None);
+    }
+    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
+        return Ok(None);
+    };
+    input.format = found.name();
+    match found {
+        Format::Dat => seek::records::read::<dat::Layout>(&mut input, range),
+        Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range),
+        Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range),
+        Format::Npy => seek::records::read::<npy::Layout>(&mut input, range),
+        Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range),
+        Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range),
+        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
     }
 }
 

@@ -45,3 +45,8 @@ pub const IMAGE_PIXELS: u64 = 16 << 20;
 ///
 /// A scan of a few bytes can pass over every pixel again: without a bound, a file of 1 MiB takes minutes.
 pub const JPEG_SCANS: usize = 100;
+
+/// Most bytes that `packed` bytes may expand to.
+pub(crate) fn most(packed: u64) -> u64 {
+    packed.saturating_mul(EXPANSION).saturating_add(PACKET_BYTES)
+}

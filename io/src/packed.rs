@@ -13,7 +13,7 @@ use flate2::bufread::MultiGzDecoder;
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
-use crate::limits::{EXPANSION, PACKET_BYTES};
+use crate::limits::most;
 use crate::recording::Salvage;
 use crate::zip;
 
@@ -24,11 +24,6 @@ const ZIP: &[u8] = b"PK\x03\x04";
 
 /// A content, and the incomplete end that was left out of it.
 pub(crate) type Content<'a> = (Cow<'a, [u8]>, Option<Salvage>);
-
-/// Most bytes that `packed` bytes may expand to.
-pub(crate) fn most(packed: u64) -> u64 {
-    packed.saturating_mul(EXPANSION).saturating_add(PACKET_BYTES)
-}
 
 /// Whether a file that starts with `bytes` is a gzip file or a zip archive.
 pub(crate) fn is_packed(bytes: &[u8]) -> bool {

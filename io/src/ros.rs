@@ -82,7 +82,7 @@ impl EventPackets {
                 for (&record, at) in records.iter().zip((0..).step_by(8)) {
                     let bits = u64::from_le_bytes(record);
                     let (x, y) = ((bits >> 32) as u16, (bits >> 48) as u16 & 0x7fff);
-                    packet.check_pixel(Some(self.sensor), x.into(), y.into(), at)?;
+                    packet.check_pixel(Some(self.sensor), x, y, at)?;
                     let t_us = time_base.saturating_add(bits & 0xffff_ffff) / 1000;
                     self.events.push(Event::new(t_us as i64, x, y, bits >> 63 == 1));
                 }

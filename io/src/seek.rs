@@ -12,19 +12,15 @@
 //! is that of cutting the whole recording, provided that no event is more than that earlier than one before it, and that the clock
 //! never wraps unseen: between neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
 
-mod packets;
-mod records;
+pub(crate) mod packets;
+pub(crate) mod records;
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
-use crate::format::{Format, Kind};
-use crate::packed::is_packed;
 use crate::recording::Recording;
-use crate::{aedat2, aedat3, aedat4, dat, evt2, npy};
 pub(crate) use packets::{PacketHeader, Packets};
 pub(crate) use records::Records;
 
@@ -89,47 +85,27 @@ impl TimeRange {
     }
 }
 
-/// The events of `range` in the file `input`; `None`: the whole file must be read.
-pub(crate) fn read(
-    input: impl Read + Seek,
-    options: ReadOptions,
-    range: TimeRange,
-) -> Result<Option<Recording>, IoError> {
-    let mut input = Input::new(input)?;
-    let head = input.read(0, input.length.min(HEAD))?;
-    if is_packed(&head) {
-        return Ok(None);
-    }
-    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
-        return Ok(None);
-    };
-    input.format = found.name();
-    match found {
-        Format::Dat => records::read::<dat::Layout>(&mut input, range),
-        Format::Aedat2 => records::read::<aedat2::Header>(&mut input, range),
-        Format::Evt2 => records::read::<evt2::Layout>(&mut input, range),
-        Format::Npy => records::read::<npy::Layout>(&mut input, range),
-        Format::Aedat3 => packets::read::<aedat3::Container>(&mut input, range),
-        Format::Aedat4 => packets::read::<aedat4::Container>(&mut input, range),
-        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
-    }
-}
-
 /// A file that can be read at any place.
-struct Input<R> {
+pub(crate) struct Input<R> {
     inner: BufReader<R>,
     at: u64,
     length: u64,
-    format: &'static str,
+    /// Name of the format, for messages.
+    pub(crate) format: &'static str,
 }
 
 impl<R: Read + Seek> Input<R> {
-    fn new(mut inner: R) -> Result<Self, IoError> {
+    pub(crate) fn new(mut inner: R) -> Result<Self, IoError> {
         let fail =
             |source| IoError::Stream { format: "recording", action: "read", place: Place::Byte(0), source };
         let length = inner.seek(SeekFrom::End(0)).map_err(fail)?;
         inner.rewind().map_err(fail)?;
         Ok(Self { inner: BufReader::new(inner), at: 0, length, format: "recording" })
+    }
+
+    /// The first bytes of the file, which tell its format.
+    pub(crate) fn head(&mut self) -> Result<Vec<u8>, IoError> {
+        self.read(0, self.length.min(HEAD))
     }
 
     /// The `length` bytes at `at`, which the file must have.

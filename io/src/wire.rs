@@ -59,7 +59,7 @@ type Whole<R> = Chain<Cursor<Vec<u8>>, R>;
 ///
 /// let event = meissner_engine::Event::new(10, 3, 4, true);
 /// for bytes in [b"10,3,4,1\n".to_vec(), record(event).to_vec()] {
-///     let events: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default())?.collect();
+///     let events: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default()).collect();
 ///     assert_eq!(events?, [event]);
 /// }
 /// # Ok::<(), meissner_io::IoError>(())
@@ -69,6 +69,8 @@ pub struct LiveEvents<R: BufRead>(Kind<R>);
 
 #[derive(Debug)]
 enum Kind<R: BufRead> {
+    /// Before the first bytes; without an input after these could not be read.
+    Undecided(Option<R>, TextOptions),
     Text(CsvEvents<Whole<R>>),
     Records {
         input: Whole<R>,
@@ -78,11 +80,30 @@ enum Kind<R: BufRead> {
 }
 
 impl<R: BufRead> LiveEvents<R> {
-    /// The events of `input`; `options` are for a text. Waits for the first bytes.
-    ///
-    /// # Errors
-    /// [`IoError::Stream`] if they cannot be read.
-    pub fn new(mut input: R, options: TextOptions) -> Result<Self, IoError> {
+    /// The events of `input`; `options` are for a text. Nothing is read before the first call of `next`.
+    pub fn new(input: R, options: TextOptions) -> Self {
+        Self(Kind::Undecided(Some(input), options))
+    }
+
+    /// The name of the format, which is known after the first call of `next`.
+    pub fn format(&self) -> &'static str {
+        match self.0 {
+            Kind::Undecided(..) => "CSV or records",
+            Kind::Text(_) => Format::Csv.name(),
+            Kind::Records { .. } => NAME,
+        }
+    }
+
+    /// The sensor that a text names before its first event, known after that was read. Records name none.
+    pub fn sensor(&self) -> Option<Sensor> {
+        match &self.0 {
+            Kind::Text(text) => text.sensor(),
+            Kind::Undecided(..) | Kind::Records { .. } => None,
+        }
+    }
+
+    /// Reads the first bytes of `input`, which tell its kind.
+    fn decide(mut input: R, options: TextOptions) -> Result<Self, IoError> {
         let mut first = Vec::with_capacity(TELLING);
         let read = input.by_ref().take(TELLING as u64).read_to_end(&mut first);
         read.map_err(|source| failed(0, source))?;
@@ -96,29 +117,20 @@ impl<R: BufRead> LiveEvents<R> {
             Kind::Text(CsvEvents::with_options(input, options))
         }))
     }
-
-    /// The name of the format: "CSV" or "records".
-    pub fn format(&self) -> &'static str {
-        match self.0 {
-            Kind::Text(_) => Format::Csv.name(),
-            Kind::Records { .. } => NAME,
-        }
-    }
-
-    /// The sensor that a text names before its first event, known after that was read. Records name none.
-    pub fn sensor(&self) -> Option<Sensor> {
-        match &self.0 {
-            Kind::Text(text) => text.sensor(),
-            Kind::Records { .. } => None,
-        }
-    }
 }
 
 impl<R: BufRead> Iterator for LiveEvents<R> {
     type Item = Result<Event, IoError>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Kind::Undecided(input, options) = &mut self.0 {
+            match Self::decide(input.take()?, *options) {
+                Ok(decided) => *self = decided,
+                Err(error) => return Some(Err(error)),
+            }
+        }
         match &mut self.0 {
+            Kind::Undecided(..) => None,
             Kind::Text(text) => text.next(),
             Kind::Records { input, read } => {
                 let number = read.take()?;

@@ -2,7 +2,7 @@
 //!
 //! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of each file and its content,
 //! stored or deflated, with the size and the CRC-32 that the directory states. Invariant: one content is held at a time. All
-//! contents together have at most [`crate::packed::most`] bytes, and each of many at most [`PACKET_BYTES`].
+//! contents together have at most [`most`] bytes, and each of many at most [`PACKET_BYTES`].
 
 use std::io::Read;
 
@@ -13,8 +13,7 @@ use crate::bytes::Bytes;
 use crate::detect::START;
 use crate::error::{IoError, beginning};
 use crate::format::Kind;
-use crate::limits::PACKET_BYTES;
-use crate::packed::most;
+use crate::limits::{PACKET_BYTES, most};
 
 /// The end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;

@@ -40,5 +40,5 @@ pub use description::{
 pub use draw::{Drawable, draw};
 pub use error::{ModelError, TensorProblem, TensorProblemKind};
 pub use inspect::Summary;
-pub use shipped::{DEFAULT_NETWORK, DRAWN, drawn_file};
+pub use shipped::{DEFAULT_NETWORK, drawn_file};
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

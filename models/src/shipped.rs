@@ -49,10 +49,10 @@ static EVENTS: [Shipped; 12] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),
-    shipped!("graphres", file = "graphres"),
-    shipped!("graphres-published", file = "graphres"),
-    shipped!("tactigraph", file = "tactigraph"),
-    shipped!("tactigraph-frozen", file = "tactigraph"),
+    shipped!("graphres", file = "angle/graphres.0"),
+    shipped!("graphres-published", file = "angle/graphres-published.0"),
+    shipped!("tactigraph", file = "angle/tactigraph.0"),
+    shipped!("tactigraph-frozen", file = "angle/tactigraph-frozen.0"),
     shipped!("tactigraph-past", file = "angle/tactigraph-past.0"),
     shipped!("tactip", file = "angle/tactip.0"),
     shipped!("tactip-past", file = "angle/tactip-past.0"),
@@ -88,9 +88,6 @@ const fn names<const N: usize>(shipped: &[Shipped; N]) -> [&'static str; N] {
     }
     names
 }
-
-/// Files of weights that are drawn, with their seeds.
-pub const DRAWN: &[(&str, u64)] = &[("graphres", 1), ("tactigraph", 2)];
 
 /// The description of `name` in `list`, as `parse` reads it.
 fn description<T>(
@@ -157,9 +154,8 @@ impl Shipped {
 }
 
 impl Weights {
-    /// Weights of a network that comes with the crate. "graphres-published" has the weights of "graphres",
-    /// "tactigraph-frozen" those of "tactigraph", "digits-frozen" those of "digits-past". Weights of frame networks that are
-    /// not trained are drawn on the spot, with the same bits everywhere.
+    /// Weights of a network that comes with the crate. "digits-frozen" has those of "digits-past". Weights of frame networks
+    /// that are not trained are drawn on the spot, with the same bits everywhere.
     ///
     /// # Panics
     /// Never: the tests read every file.

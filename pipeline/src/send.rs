@@ -54,9 +54,12 @@ pub fn send(
     options: SendOptions,
 ) -> Result<SendSummary, PipelineError> {
     interrupt::listen();
-    let failed = |source| match streams::is_stdin(to) {
-        true => PipelineError::Output(source),
-        false => PipelineError::file("write", streams::name(to), source),
+    let failed = |source| {
+        if streams::is_stdin(to) {
+            PipelineError::Output(source)
+        } else {
+            PipelineError::file("write", streams::name(to), source)
+        }
     };
     let mut out = Pieces::new(streams::receiver(to)?);
     if let (Some(sensor), false) = (sensor, options.records) {

@@ -88,18 +88,16 @@ pub(crate) fn embedded() -> Result<Recording, PipelineError> {
     meissner_io::decode(EMBEDDED).map_err(|error| PipelineError::recording(EMBEDDED_NAME, error))
 }
 
-/// The events that arrive on the stream `path`. Waits for its first bytes.
+/// The events that arrive on the stream `path`.
 fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, PipelineError> {
-    let events = LiveEvents::new(streams::open(path)?, options.text);
-    events.map_err(|error| PipelineError::recording(&streams::name(path), error))
+    Ok(LiveEvents::new(streams::open(path)?, options.text))
 }
 
 impl Source {
     /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text that cannot be read is
     /// an error. For a file it is returned here, for a stream when the line arrives.
     ///
-    /// This waits for the first bytes of a stream; without `sensor_known` for its first event, since a comment before it may
-    /// state the geometry.
+    /// Without `sensor_known`, this waits for the first event of a stream, since a comment before it may state the geometry.
     ///
     /// # Errors
     /// The recording cannot be read.

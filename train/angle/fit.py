@@ -76,13 +76,10 @@ def batches(data, presses, settings, random):
         moves = [(random_mirrors(settings, random), random.integers(-SHIFT, SHIFT + 1, 2)) for _ in presses]
         streams = [moved(stream, sources[0].sensor, *move) for stream, move in zip(streams, moves)]
     graphs = prepared(settings, sources[0].sensor, streams)
-    parts = []
-    for first in range(0, len(streams) - settings.batch + 1, settings.batch):
-        part = range(first, first + settings.batch)
-        parts.append((part, graphs.part(part)))
+    parts = [range(first, first + settings.batch) for first in range(0, len(streams) - settings.batch + 1, settings.batch)]
     for _ in range(settings.passes):
         for place in random.permutation(len(parts)):
-            streams, part = parts[place]
+            streams, part = parts[place], graphs.part(parts[place])
             mirrors = [] if moves else random_mirrors(settings, random)
             read, targets = [], []
             for i in streams:

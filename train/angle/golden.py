@@ -17,8 +17,7 @@ from frames import Frames
 from graphs import Graphs, inspected
 from network import load
 
-NETWORKS = {"tactigraph-past": "tactigraph-past.0", "tactip": "tactip.0", "tactip-frames": "tactip-frames.0",
-            "tactip-past": "tactip-past.0"}
+NETWORKS = ["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past", "tactip", "tactip-frames", "tactip-past"]
 # The smaller sensor: a description fits any.
 SENSOR = [128, 128]
 # Events and milliseconds; the last stream is shorter than any cell in time.
@@ -32,12 +31,12 @@ def main():
     ends = np.array([[made[-1][0]] for made in streams])
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, file in NETWORKS.items():
+        for name in NETWORKS:
             said = inspected(args.meissner, name)
             events = [np.array(made) for made in streams]
             frames = "graph" not in said
             graphs = Frames(said, SENSOR, events) if frames else Graphs(args.meissner, name, said, SENSOR, events, folder)
-            network = load(args.weights / f"{file}.safetensors", said)
+            network = load(args.weights / f"{name}.0.safetensors", said)
             found[name] = network(graphs.part(range(len(streams))).read(ends)).tolist()
     args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
 

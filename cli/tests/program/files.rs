@@ -42,12 +42,13 @@ fn every_format_that_is_written_gives_the_same_events_back() {
 
 /// Events of a second, one every 10 ms.
 fn lines() -> String {
-    (0..100).map(|i| format!("{},{},3,{}\n", 7_000 + i * 10_000, i % 30, i % 2)).collect()
+    let line = |i| format!("{},{},3,{}\n", 7_000 + i * 10_000, i % 30, i % 2);
+    (0..100).map(line).collect()
 }
 
 #[test]
 fn a_part_by_time_is_the_same_for_every_format_and_subcommand() {
-    let (folder, csv) = file("events.csv", &lines());
+    let (folder, csv) = file("events.csv", lines());
     let part = ["--from", "200ms", "--for", "0.1s"];
     let sensor = ["--sensor", "30x8"];
     for to in ["csv", "npy", "dat", "evt3", "es"] {

@@ -109,8 +109,9 @@ fn networks_lists_every_shipped_network_with_what_it_reads_and_predicts() {
     assert_eq!(tactigraph["outputs"], serde_json::json!(["roll", "pitch"]));
     assert_eq!(
         (&tactigraph["units"], &tactigraph["trained"]),
-        (&serde_json::json!(["rad", "rad"]), &false.into())
+        (&serde_json::json!(["rad", "rad"]), &true.into())
     );
+    assert_eq!(of("force-tdnn")["trained"], false);
     assert_eq!(of("digits-past")["sensor"], serde_json::json!([34, 34]));
     assert_eq!((&of("digits-past")["trained"], &of("canf")["input"]), (&true.into(), &"pictures".into()));
 }

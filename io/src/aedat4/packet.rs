@@ -14,7 +14,7 @@ use ruzstd::decoding::{FrameDecoder as Zstd, StreamingDecoder};
 use crate::bytes::Bytes;
 use crate::error::{IoError, shown};
 use crate::limits::PACKET_BYTES;
-use crate::packed::most;
+use crate::limits::most;
 
 /// Bytes of the size before a buffer.
 const PREFIX: usize = 4;

@@ -36,7 +36,7 @@ pub(crate) trait Packets: Sized {
 }
 
 /// The events of `range`; `None`: the whole file must be read.
-pub(super) fn read<T: Packets>(
+pub(crate) fn read<T: Packets>(
     input: &mut Input<impl Read + Seek>,
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {

@@ -36,7 +36,7 @@ pub(crate) trait Records: Sized {
 }
 
 /// The events of `range`; `None`: the whole file must be read.
-pub(super) fn read<T: Records>(
+pub(crate) fn read<T: Records>(
     input: &mut Input<impl Read + Seek>,
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {
