@@ -1,5 +1,7 @@
 //! What the C interface costs: the same events in blocks of 256, with a prediction after each block, through Rust and through C by turns.
-//! `cargo run --release -p meissner-benches --example c_interface`.
+//! `cargo run --release -p meissner-benches --example c_interface -- [BLOCK [RECORDING]]`.
+//!
+//! With a block of 4,096 and a recording, it is the Rust side of `bindings/python/benches/overhead.py`.
 #![allow(unsafe_code, reason = "the interface takes raw pointers")]
 
 use std::hint::black_box;
@@ -19,8 +21,8 @@ use meissner_verify::Random;
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const EVENTS: i64 = 1_000_000;
 const BLOCK: usize = 256;
-/// Blocks between turns.
-const TURN: usize = 100;
+/// Events between turns.
+const TURN: usize = 24_576;
 
 type Push =
     unsafe extern "C" fn(*const meissner_engine, *const meissner_event, usize, *mut usize) -> meissner_status;
@@ -32,7 +34,11 @@ type Predict = unsafe extern "C" fn(
 ) -> meissner_status;
 
 fn main() {
-    let events = events();
+    let mut arguments = std::env::args().skip(1);
+    let length = arguments.next().map_or(BLOCK, |text| text.parse().expect("events of a block"));
+    let events = arguments
+        .next()
+        .map_or_else(events, |path| meissner_io::read(path.as_ref()).expect("a recording").events);
     let description = Description::shipped("tactigraph-past").expect("a shipped network");
     let network = description.network(&Weights::shipped("tactigraph-past").expect("its weights"));
     let mut rust = Engine::new(network.expect("they fit"), SENSOR).expect("an engine");
@@ -46,21 +52,19 @@ fn main() {
     let push = black_box(meissner_engine_push_events as Push);
     let predict = black_box(meissner_engine_predict as Predict);
     let (mut ratios, mut of_rust) = (Vec::new(), Vec::new());
-    for (turn, (rust_events, c_events)) in
-        events.chunks(TURN * BLOCK).zip(of_c.chunks(TURN * BLOCK)).enumerate()
-    {
+    for (turn, (rust_events, c_events)) in events.chunks(TURN).zip(of_c.chunks(TURN)).enumerate() {
         let mut sums = [0_u32; 2];
         let mut seconds = [0.0; 2];
         for side in [turn % 2, 1 - turn % 2] {
             let start = Instant::now();
             if side == 0 {
-                for block in rust_events.chunks(BLOCK) {
+                for block in rust_events.chunks(length) {
                     rust.push_slice(block);
                     let values = rust.predict().expect("numbers").values;
                     sums[0] = values.iter().fold(sums[0], |sum, value| sum.rotate_left(1) ^ value.to_bits());
                 }
             } else {
-                for block in c_events.chunks(BLOCK) {
+                for block in c_events.chunks(length) {
                     let mut values = [0.0_f32; 2];
                     // SAFETY: the handle is valid, and every pointer for the length beside it.
                     unsafe {
@@ -83,10 +87,11 @@ fn main() {
         ratios.push(seconds[1] / seconds[0]);
     }
     println!(
-        "{EVENTS} events in blocks of {BLOCK}: {:.0} ns an event through Rust; through C {:.3} times as long (medians of {} turns)",
+        "{} events in blocks of {length}: {:.0} ns an event through Rust; through C {:.3} times as long (medians of {} turns)",
+        events.len(),
         median(of_rust),
         median(ratios),
-        events.len().div_ceil(TURN * BLOCK),
+        events.len().div_ceil(TURN),
     );
     // SAFETY: the handle is not used again.
     unsafe { meissner_engine_release(c) };

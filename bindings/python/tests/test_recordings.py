@@ -88,7 +88,7 @@ def test_faults_have_their_type_and_text(tmp_path, events):
         len(meissner.open(tmp_path / "noise.raw"))
     with pytest.raises(meissner.InputError, match="format: expected aedat4"):
         meissner.open(tmp_path / "noise.raw", format="mp4")
-    with pytest.raises(meissner.RecordingError, match="expected CSV, npy, DAT or EVT3"):
+    with pytest.raises(meissner.RecordingError, match="expected CSV, npy, DAT, EVT3 or ES"):
         meissner.write(tmp_path / "events.aedat4", events)
     with pytest.raises(meissner.InputError, match="file extension"):
         meissner.write(tmp_path / "events.txt", events)
