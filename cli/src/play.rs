@@ -1,10 +1,9 @@
-//! `meissner play`: plays a recording at real speed through a bounded queue, with reports by their deadlines.
+//! `meissner play`: plays a recording at real speed, or a stream, through a bounded queue, with reports by their deadlines.
 
 mod args;
 
 use meissner_pipeline::play::Play;
 use meissner_pipeline::provenance::InputCard;
-use meissner_pipeline::streams;
 
 use crate::error::CliError;
 use crate::report::{About, Report, TableKind};
@@ -29,7 +28,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
         mode: format!("live, {} s of stream time a second, queue: {policy}", args.speed),
         frames: None,
         table: TableKind::Reports,
-        total: Some(play.reports()),
+        total: play.reports(),
     };
     let mut report = Report::begin(about)?;
     let summary = play.run(&mut report)?;
@@ -37,12 +36,8 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     if summary.verified.is_some_and(|verified| !verified.equal) { Err(CliError::NotEqual) } else { Ok(()) }
 }
 
-/// Refuses an input without real times, and approximations that `--verify` cannot check.
+/// Refuses approximations that `--verify` cannot check.
 fn check(args: &PlayArgs) -> Result<(), CliError> {
-    if let Some(path) = args.input.recording.as_deref().filter(|path| streams::is_live(path)) {
-        let expected = "a recording, whose times say when events are due";
-        return Err(CliError::usage("INPUT", expected, &streams::name(path)));
-    }
     match args.input.approximations.reuses().filter(|_| args.verify) {
         None => Ok(()),
         Some(option) => Err(CliError::usage(

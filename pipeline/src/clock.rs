@@ -7,6 +7,9 @@ use crate::interrupt;
 /// Longest interval on the wall clock that is represented: ten years.
 const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);
 
+/// Longest time after an end until a wait notices it.
+const NAP: Duration = Duration::from_millis(5);
+
 /// Converts stream times to wall clock times, and back.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
@@ -34,16 +37,17 @@ impl Clock {
         self.first_us.saturating_add(us as i64)
     }
 
-    /// Waits until stream time `t_us`, or until the program is asked to end.
-    pub(crate) fn wait(&self, t_us: i64) {
+    /// Waits until stream time `t_us`, until `ended`, or until the program is asked to end; whether the time has come.
+    pub(crate) fn wait(&self, t_us: i64, ended: impl Fn() -> bool) -> bool {
         let at = self.at(t_us);
-        loop {
+        while !ended() && !interrupt::requested() {
             let left = at.saturating_duration_since(Instant::now());
-            if left.is_zero() || interrupt::requested() {
-                return;
+            if left.is_zero() {
+                return true;
             }
-            interrupt::sleep(left);
+            interrupt::sleep(left.min(NAP));
         }
+        false
     }
 }
 

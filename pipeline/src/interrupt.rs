@@ -11,9 +11,9 @@
 pub const STATUS: u8 = 130;
 
 #[cfg(not(unix))]
-pub use other::{Input, accepted, awaited, connected, datagrams, input, install, listen, requested, sleep};
+pub use other::{Input, awaited, client, datagrams, input, install, listen, received, requested, sleep};
 #[cfg(unix)]
-pub use unix::{Input, accepted, awaited, connected, datagrams, input, install, listen, requested, sleep};
+pub use unix::{Input, awaited, client, datagrams, input, install, listen, received, requested, sleep};
 
 #[cfg(unix)]
 mod unix {
@@ -107,22 +107,19 @@ mod unix {
         BufReader::new(Awaited(file))
     }
 
-    /// A connection over TCP to `address`.
-    ///
-    /// # Errors
-    /// There is no such address, or no server.
-    pub fn connected(address: &str) -> io::Result<Input> {
-        Ok(awaited(File::from(OwnedFd::from(TcpStream::connect(address)?))))
+    /// What `stream` receives.
+    pub fn received(stream: TcpStream) -> Input {
+        awaited(File::from(OwnedFd::from(stream)))
     }
 
     /// The first connection over TCP that a client makes to `address`.
     ///
     /// # Errors
     /// The address cannot be used, or a signal asks the program to end.
-    pub fn accepted(address: &str) -> io::Result<Input> {
+    pub fn client(address: &str) -> io::Result<TcpStream> {
         let listener = TcpListener::bind(address)?;
         wait(&listener)?;
-        Ok(awaited(File::from(OwnedFd::from(listener.accept()?.0))))
+        Ok(listener.accept()?.0)
     }
 
     /// The datagrams to `address` over UDP, one after the other; an empty one is the end.
@@ -200,20 +197,17 @@ mod other {
         BufReader::new(Box::new(file))
     }
 
-    /// A connection over TCP to `address`.
-    ///
-    /// # Errors
-    /// There is no such address, or no server.
-    pub fn connected(address: &str) -> io::Result<Input> {
-        Ok(BufReader::new(Box::new(TcpStream::connect(address)?)))
+    /// What `stream` receives.
+    pub fn received(stream: TcpStream) -> Input {
+        BufReader::new(Box::new(stream))
     }
 
     /// The first connection over TCP that a client makes to `address`.
     ///
     /// # Errors
     /// The address cannot be used.
-    pub fn accepted(address: &str) -> io::Result<Input> {
-        Ok(BufReader::new(Box::new(TcpListener::bind(address)?.accept()?.0)))
+    pub fn client(address: &str) -> io::Result<TcpStream> {
+        Ok(TcpListener::bind(address)?.accept()?.0)
     }
 
     /// The datagrams to `address` over UDP, one after the other; an empty one is the end.

@@ -1,6 +1,7 @@
-//! Plays a recording at real speed through a bounded queue that may overflow, with reports by their deadlines.
+//! Plays a recording at real speed, or what arrives on a stream, through a bounded queue that may overflow, with reports by their
+//! deadlines.
 //!
-//! One thread offers the events of the recording when they are due, a second thread pushes and predicts, and the
+//! One thread offers the events when they are due or arrive, a second thread pushes and predicts, and the
 //! caller's thread requests a prediction at the time of every report. After the end, one more prediction covers all
 //! waiting events.
 
@@ -58,17 +59,45 @@ pub struct PlayOptions {
     pub verify: Option<Propose>,
 }
 
+impl PlayOptions {
+    fn limit(&self) -> usize {
+        self.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX)
+    }
+}
+
 /// A network over events with its recording, before the play.
 pub struct Play {
     network: Arc<Network>,
     classes: Classes,
     source: Source,
     sensor: Sensor,
+    /// All events of a recording, or the first one of a stream.
     events: Vec<Event>,
+    /// When the first event of a stream arrived; `None` for a recording.
+    arrived: Option<Instant>,
     options: PlayOptions,
+    due: Due,
+}
+
+/// The times at which reports are due.
+#[derive(Clone, Copy, Debug)]
+struct Due {
     first_us: i64,
     period_us: i64,
-    reports: u64,
+    /// The number of reports; `None` if reports are due as long as events may arrive.
+    reports: Option<u64>,
+}
+
+impl Due {
+    /// The time at which a report is due.
+    fn at_us(self, number: u64) -> i64 {
+        i128::from(self.first_us).saturating_add(self.elapsed_us(number)).try_into().unwrap_or(i64::MAX)
+    }
+
+    /// The same, from the first event on.
+    fn elapsed_us(self, number: u64) -> i128 {
+        i128::from(self.period_us) * i128::from(number)
+    }
 }
 
 /// The outcome of a play.
@@ -84,7 +113,7 @@ struct Played {
 }
 
 impl Play {
-    /// A play of the events of `source`, which come from `sensor`.
+    /// A play of the events of `source`, which come from `sensor`. Waits for the first event of a stream.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -94,21 +123,30 @@ impl Play {
         sensor: Sensor,
         options: PlayOptions,
     ) -> Result<Self, PipelineError> {
-        let limit = options.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX);
-        let events = source.by_ref().take(limit).collect::<Result<Vec<_>, _>>()?;
+        let live = source.is_live();
+        if live {
+            // From now on a signal ends the wait for an event.
+            interrupt::listen();
+        }
+        let limit = options.limit();
+        let events = source.by_ref().take(if live { limit.min(1) } else { limit });
+        let events = events.collect::<Result<Vec<_>, _>>()?;
+        let arrived = (live && !events.is_empty()).then(Instant::now);
         let first_us = events.first().map_or(0, |event| event.t_us);
         let last_us = events.iter().map(|event| event.t_us).max();
         let period_us = options.report_every.as_micros() as i64;
         // Up to the first time at or after the last event.
         let reports = last_us.map_or(0, |last_us| times_before(first_us, last_us, period_us).max(1));
+        let reports = arrived.is_none().then_some(reports);
         let network = Arc::new(model.network.clone());
         let classes = Classes::new(model.card.classes.clone());
-        Ok(Self { network, classes, source, sensor, events, options, first_us, period_us, reports })
+        let due = Due { first_us, period_us, reports };
+        Ok(Self { network, classes, source, sensor, events, arrived, options, due })
     }
 
-    /// The number of reports that will be due.
-    pub fn reports(&self) -> u64 {
-        self.reports
+    /// The number of reports that will be due, if it is known.
+    pub fn reports(&self) -> Option<u64> {
+        self.due.reports
     }
 
     /// Plays all events, or the events up to a [requested](interrupt::requested) end.
@@ -116,90 +154,94 @@ impl Play {
     /// # Errors
     /// The engine or the queue refuses an option, a thread cannot be started, a result is not a number, or the observer
     /// cannot show a report.
-    pub fn run(mut self, observer: &mut dyn Observer) -> Result<PlaySummary, PipelineError> {
+    pub fn run(self, observer: &mut dyn Observer) -> Result<PlaySummary, PipelineError> {
         let Self { sensor, .. } = self;
         let late = self.options.late;
         let options = Options::new().with_late(late);
         let readout = self.options.approximations.readout(Arc::clone(&self.network), sensor, options)?;
         interrupt::listen();
         let Some(propose) = self.options.verify else {
-            let (played, readout) = self.play(readout, observer)?;
-            return Ok(self.summary(played, &readout, None));
+            let (play, played, readout) = self.play(readout, observer)?;
+            return Ok(play.summary(played, &readout, None));
         };
         let batch = BatchEngine::new(Arc::clone(&self.network), sensor)?.with_late(late);
         let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
-        let (played, mut recorded) = self.play(Recorded::new(readout, batch), observer)?;
+        let (play, played, mut recorded) = self.play(Recorded::new(readout, batch), observer)?;
         let verified = verify(&mut recorded, &played.last.value)?;
-        Ok(self.summary(played, recorded.predictor(), Some(verified)))
-    }
-
-    /// The time at which a report is due.
-    fn due_us(&self, number: u64) -> i64 {
-        let elapsed_us = i128::from(self.period_us) * i128::from(number);
-        i128::from(self.first_us).saturating_add(elapsed_us).try_into().unwrap_or(i64::MAX)
+        Ok(play.summary(played, recorded.predictor(), Some(verified)))
     }
 
     /// Plays into `predictor`, and returns it.
     fn play<P: Predictor<Input = Event> + Send + 'static>(
-        &mut self,
+        mut self,
         predictor: P,
         observer: &mut dyn Observer,
-    ) -> Result<(Played, P), PipelineError> {
+    ) -> Result<(Self, Played, P), PipelineError> {
         let PlayOptions { queue: capacity, deadline, speed, .. } = self.options;
         let overload = self.options.overload.clone();
         let options = QueueOptions::new().with_capacity(capacity).with_overload(overload);
         let chain = self.options.approximations.chain(self.sensor)?;
-        thread::scope(|threads| {
-            // Inside the scope, so that every return ends the reader before the scope waits for it.
-            let (input, mut live) = Live::spawn(predictor, options)?;
-            let clock = Clock::new(Instant::now(), self.first_us, speed);
-            let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
-            let (events, end_us) = (std::mem::take(&mut self.events), self.due_us(self.reports));
-            let reader = threads.spawn(move || reader.read(&events, end_us));
-
-            let reports = ReportCounts { due: self.reports, ..ReportCounts::default() };
-            let [waited, age, behind] = std::array::from_fn(|_| Latency::new());
-            let mut tally = Tally { reports, waited, age, behind };
-            for number in 1..=self.reports {
-                let at_us = self.due_us(number);
-                clock.wait(at_us);
-                if interrupt::requested() {
-                    break;
-                }
-                let late = Instant::now().saturating_duration_since(clock.at(at_us));
-                let timely = live.predict(deadline)?;
-                tally.count(&timely, deadline, late);
-                self.classes.update(timely.values);
-                let report = ReportPrediction {
-                    at_us,
-                    t_us: timely.t_us,
-                    value: Values(timely.values),
-                    answer: self.classes.answer(),
-                    nodes: timely.nodes,
-                    state: state(&timely),
-                    behind_events: timely.behind_events,
-                    behind_us: timely.behind_us,
-                    age_us: microseconds(timely.age),
-                    waited_us: microseconds(timely.waited),
-                    number,
-                    elapsed_us: i128::from(self.period_us) * i128::from(number),
-                };
-                observer.prediction(&Prediction::Report(report)).map_err(PipelineError::Output)?;
-            }
-            let reader = reader.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
-            let ended = Instant::now();
-            let last = live.predict(Duration::MAX)?;
-            let played = Played {
-                last: LastPrediction { t_us: last.t_us, value: last.values.to_vec(), nodes: last.nodes },
-                drain: ended.elapsed(),
-                tally,
-                queue: reader.input.counters(),
-                chain: reader.chain,
-                lag: reader.lag,
-                taken: reader.taken,
+        let (input, mut live) = Live::spawn(predictor, options)?;
+        let due = self.due;
+        let clock = Clock::new(self.arrived.unwrap_or_else(Instant::now), due.first_us, speed);
+        let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
+        // It ends when `live` is dropped, and on a stream when the next event arrives after that: nobody waits for it if this fails.
+        let (events, mut source, limit) = (self.events, self.source, self.options.limit());
+        let reader = thread::spawn(move || {
+            let reader = if let Some(reports) = due.reports {
+                reader.read(&events, due.at_us(reports))?
+            } else {
+                reader.follow(&mut events.into_iter().map(Ok).chain(&mut source).take(limit))?
             };
-            Ok((played, live.close()?))
-        })
+            Ok::<_, PipelineError>((reader, source))
+        });
+        self.events = Vec::new();
+
+        let reports = ReportCounts { due: due.reports.unwrap_or(0), ..ReportCounts::default() };
+        let [waited, age, behind] = std::array::from_fn(|_| Latency::new());
+        let mut tally = Tally { reports, waited, age, behind };
+        for number in 1..=due.reports.unwrap_or(u64::MAX) {
+            let at_us = due.at_us(number);
+            if !clock.wait(at_us, || due.reports.is_none() && reader.is_finished()) {
+                break;
+            }
+            let late = Instant::now().saturating_duration_since(clock.at(at_us));
+            let timely = live.predict(deadline)?;
+            tally.count(&timely, deadline, late);
+            self.classes.update(timely.values);
+            let report = ReportPrediction {
+                at_us,
+                t_us: timely.t_us,
+                value: Values(timely.values),
+                answer: self.classes.answer(),
+                nodes: timely.nodes,
+                state: state(&timely),
+                behind_events: timely.behind_events,
+                behind_us: timely.behind_us,
+                age_us: microseconds(timely.age),
+                waited_us: microseconds(timely.waited),
+                number,
+                elapsed_us: due.elapsed_us(number),
+            };
+            observer.prediction(&Prediction::Report(report)).map_err(PipelineError::Output)?;
+        }
+        if due.reports.is_none() {
+            tally.reports.due = tally.reports.made;
+        }
+        let (reader, source) = reader.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
+        self.source = source;
+        let ended = Instant::now();
+        let last = live.predict(Duration::MAX)?;
+        let played = Played {
+            last: LastPrediction { t_us: last.t_us, value: last.values.to_vec(), nodes: last.nodes },
+            drain: ended.elapsed(),
+            tally,
+            queue: reader.input.counters(),
+            chain: reader.chain,
+            lag: reader.lag,
+            taken: reader.taken,
+        };
+        Ok((self, played, live.close()?))
     }
 
     fn summary(&self, played: Played, readout: &StaleReadout, verified: Option<Verified>) -> PlaySummary {

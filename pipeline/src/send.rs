@@ -53,7 +53,6 @@ pub fn send(
     to: &Path,
     options: SendOptions,
 ) -> Result<SendSummary, PipelineError> {
-    interrupt::listen();
     let failed = |source| {
         if streams::is_stdin(to) {
             PipelineError::Output(source)
@@ -62,6 +61,7 @@ pub fn send(
         }
     };
     let mut out = Pieces::new(streams::receiver(to)?);
+    interrupt::listen();
     if let (Some(sensor), false) = (sensor, options.records) {
         out.put(format_args!("# sensor {sensor}\n")).map_err(failed)?;
     }

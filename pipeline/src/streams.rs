@@ -13,7 +13,7 @@
 //! datagrams are lost, and nobody can count them.
 
 use std::io::{self, Write};
-use std::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
 use std::path::Path;
 
 use crate::error::PipelineError;
@@ -66,8 +66,8 @@ pub fn name(path: &Path) -> String {
 pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
-        Some(Stream::Connect(address)) => interrupt::connected(address),
-        Some(Stream::Listen(address)) => interrupt::accepted(address),
+        Some(Stream::Connect(address)) => TcpStream::connect(address).map(interrupt::received),
+        Some(Stream::Listen(address)) => interrupt::client(address).map(interrupt::received),
         Some(Stream::Datagrams(address)) => interrupt::datagrams(address),
         None => Err(io::ErrorKind::NotFound.into()),
     };
@@ -94,7 +94,7 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver, PipelineError> {
                 Receiver::Bytes(Box::new(without_delay(TcpStream::connect(address)?)?))
             }
             Some(Stream::Listen(address)) => {
-                Receiver::Bytes(Box::new(without_delay(TcpListener::bind(address)?.accept()?.0)?))
+                Receiver::Bytes(Box::new(without_delay(interrupt::client(address)?)?))
             }
             Some(Stream::Datagrams(address)) => {
                 let to = address.to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;

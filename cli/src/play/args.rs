@@ -16,7 +16,8 @@ const EXAMPLES: &str = "\
 Examples:
   meissner play touch.aedat4 --network tactigraph-past --deadline 2ms
   meissner play burst.raw --sensor 640x480 --overload filter:1250us --verify
-  meissner play burst.raw --sensor 640x480 --overload drop-newest --speed 0.1";
+  meissner play burst.raw --sensor 640x480 --overload drop-newest --speed 0.1
+  meissner play udp://127.0.0.1:5000 --sensor 346x260 --report-every 1ms --deadline 500us";
 
 /// The keys that `--json` prints.
 const JSON: &str = "\
@@ -31,6 +32,9 @@ pub(crate) struct PlayArgs {
     #[command(flatten)]
     pub(crate) input: Input,
     /// Speed of the recording: 1 is real time, 0.5 is half as fast.
+    ///
+    /// Events of a stream are taken when they arrive. The time of its first event is that of its arrival; from there, X seconds of stream
+    /// time are taken to pass in a second.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, help_heading = QUEUE)]
     pub(crate) speed: f64,
     /// Capacity of the queue between the reader and the engine, in events.
@@ -55,7 +59,8 @@ pub(crate) struct PlayArgs {
     /// Stream time between two reports.
     ///
     /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due time at or after the
-    /// last event. They are due on the wall clock: every report is made, however far the engine lags.
+    /// last event. They are due on the wall clock: every report is made, however far the engine lags. On a stream, reports are due until
+    /// it ends; no event leaves the window before a later one has arrived.
     #[arg(long, value_name = "TIME", default_value = "10ms", value_parser = period, help_heading = PREDICTIONS)]
     pub(crate) report_every: Duration,
     /// Longest wait for the prediction of a report.

@@ -128,8 +128,7 @@ fn people_see_states_and_a_table() {
 #[test]
 fn what_has_no_time_or_no_batch_is_refused_as_usage() {
     for (arguments, named) in [
-        (&["play", "-", "--sensor", "8x8"][..], "INPUT"),
-        (&["play", "--verify", "--tolerance", "0.1"], "--tolerance"),
+        (&["play", "--verify", "--tolerance", "0.1"][..], "--tolerance"),
         (&["play", "--verify", "--stale-time", "100us"], "--stale-time"),
         (&["play", "--overload", "thin:0"], "thin:4"),
         (&["play", "--queue", "0"], "--queue"),

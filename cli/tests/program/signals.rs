@@ -199,6 +199,28 @@ fn a_signal_ends_a_play_with_its_summary() {
 }
 
 #[test]
+fn a_signal_ends_a_play_of_a_silent_stream() {
+    let mut running =
+        Running::new(&["play", "-", "--sensor", "8x8", "--network", "tactigraph-past", "--json"]);
+    running.send(&event(0));
+    running.line();
+    running.signal("INT");
+    assert_eq!(running.end()["events"], 1);
+}
+
+#[test]
+fn a_signal_ends_a_sender_that_waits_for_its_receiver() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("events.csv");
+    fs::write(&path, event(0)).expect("it can be written");
+    let mut running = Running::new(&["send", argument(&path), "tcp-listen://127.0.0.1:0"]);
+    // Nothing says that it waits. A signal that comes before ends it too.
+    std::thread::sleep(Duration::from_millis(200));
+    running.signal("INT");
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+}
+
+#[test]
 fn a_signal_ends_a_soak_with_a_last_checkpoint() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let path = folder.path().join("soak.json");

@@ -1,6 +1,6 @@
 //! Events that arrive over sockets, as text and as records of 16 bytes; recordings that are sent.
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::process::{Child, Output};
 use std::thread;
@@ -92,12 +92,7 @@ fn a_server_is_read_over_tcp() {
 fn a_client_is_read_over_tcp() {
     let address = free_address();
     let child = started(&run(&format!("tcp-listen://{address}")));
-    let mut client = loop {
-        match TcpStream::connect(&address) {
-            Ok(client) => break client,
-            Err(_) => thread::sleep(Duration::from_millis(5)),
-        }
-    };
+    let mut client = connected(&address);
     client.write_all(&as_records(&events())).expect("the program reads");
     drop(client);
     assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
@@ -121,6 +116,16 @@ fn datagrams_are_read_until_an_empty_one() {
         }
         socket.send(&[]).expect("the program reads");
         assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+    }
+}
+
+/// A connection to a server that is about to start.
+fn connected(address: &str) -> TcpStream {
+    loop {
+        match TcpStream::connect(address) {
+            Ok(client) => return client,
+            Err(_) => thread::sleep(Duration::from_millis(5)),
+        }
     }
 }
 
@@ -159,7 +164,51 @@ fn a_stream_that_cannot_be_opened_is_named() {
     let refused = meissner(&["run", "udp://256.0.0.1:1", "--sensor", "8x8"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(message(&refused).contains("udp://256.0.0.1:1"), "{}", message(&refused));
-    let played = meissner(&["play", "tcp://127.0.0.1:1", "--sensor", "8x8"]);
-    assert_eq!(played.status.code(), Some(2));
-    assert!(message(&played).contains("a recording, whose times"), "{}", message(&played));
+    let refused = meissner(&["send", "-", "http://x"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(message(&refused).contains("expected -, tcp://HOST:PORT"), "{}", message(&refused));
+}
+
+#[test]
+fn a_play_of_what_arrives_reports_while_the_sender_lives_and_ends_as_a_run_does() {
+    let address = free_address();
+    let mut child = started(
+        &["play", &format!("tcp-listen://{address}"), "--sensor", "64x64", "--overload", "block"]
+            .into_iter()
+            .chain(["--report-every", "2ms", "--deadline", "1s", "--verify", "--json"])
+            .map(str::to_owned)
+            .collect::<Vec<_>>(),
+    );
+    let mut client = connected(&address);
+    let all = as_records(&events());
+    let (first, rest) = all.split_at(400 * 16);
+    client.write_all(first).expect("the program reads");
+    // The sender is silent, and the reports go on.
+    let mut out = BufReader::new(child.stdout.take().expect("it is piped"));
+    let mut said = String::new();
+    while said.lines().filter(|line| line.contains("\"at_us\"")).count() < 20 {
+        assert!(out.read_line(&mut said).expect("it is text") > 0, "{said}");
+    }
+    client.write_all(rest).expect("the program reads");
+    drop(client);
+    out.read_to_string(&mut said).expect("it is text");
+    assert!(child.wait().expect("it ends").success());
+    let lines: Vec<serde_json::Value> =
+        said.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let (summary, reports) = (&lines[lines.len() - 1]["summary"], &lines[1..lines.len() - 1]);
+    assert_eq!([&summary["events"], &summary["accepted"]], [800, 800], "{summary}");
+    assert_eq!(summary["reports"]["due"], reports.len(), "{summary}");
+    assert_eq!(summary["verified"]["equal"], true);
+    let last = expected().pop().expect("there are predictions");
+    assert_eq!(summary["final"]["t_us"], last.0);
+    assert_eq!(summary["final"]["value"], last.1);
+}
+
+#[test]
+fn a_play_takes_no_more_than_its_limit_from_a_stream() {
+    let play = ["play", "-", "--sensor", "64x64", "--limit", "100", "--report-every", "1ms", "--json"];
+    let (_, summary) = lines(&meissner_reading(&play, &as_text(&events())));
+    assert_eq!([&summary["events"], &summary["offered"]], [100, 100], "{summary}");
+    let (reports, summary) = lines(&meissner_reading(&play, b""));
+    assert!(reports.is_empty() && summary["events"] == 0, "{summary}");
 }

@@ -1,7 +1,7 @@
-//! Offers the events of a recording to a queue when they are due, as a sensor would.
+//! Offers events to a queue: those of a recording when they are due, as a sensor would, and those of a stream when they arrive.
 //!
-//! Enters: a recording. Leaves: events and clock advances into the queue, each as soon as it is due. An event whose
-//! time steps back is due together with the event before it.
+//! Enters: a recording, or a stream. Leaves: events and clock advances into the queue. An event of a recording whose time steps back is
+//! due together with the event before it. Only the events of a stream advance the clock: nobody knows how late the next one will be.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -11,6 +11,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
 use crate::clock::Clock;
+use crate::error::PipelineError;
 use crate::interrupt;
 
 /// Shortest and longest sleep. The shortest makes events arrive in small batches, as from a camera. The longest makes
@@ -19,7 +20,7 @@ const NAPS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(1
 /// Number of events that the filters process at once.
 const HANDFUL: usize = 1024;
 
-/// Offers a recording to the queue.
+/// Offers events to the queue.
 pub(super) struct Reader {
     pub(super) clock: Clock,
     pub(super) input: Input,
@@ -43,10 +44,7 @@ impl Reader {
             let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
             let (events, later) = rest.split_at(due);
             rest = later;
-            self.taken += events.len() as u64;
-            if let Some(event) = events.first() {
-                self.lag = self.lag.max(now.saturating_duration_since(self.clock.at(event.t_us)));
-            }
+            self.take(events, now);
             if self.chain.filters().is_empty() {
                 self.input.push_slice(events)?;
             } else {
@@ -66,5 +64,29 @@ impl Reader {
             thread::sleep(next.saturating_duration_since(Instant::now()).clamp(least, most));
         }
         Ok(self)
+    }
+    /// Offers `events`, each as soon as it has arrived. Ends at their end, if events are no longer taken, and if the program is asked
+    /// to end.
+    pub(super) fn follow(
+        mut self,
+        events: &mut dyn Iterator<Item = Result<Event, PipelineError>>,
+    ) -> Result<Self, PipelineError> {
+        while !self.input.is_closed()
+            && let Some(event) = events.next().transpose()?
+        {
+            self.take(&[event], Instant::now());
+            if self.chain.admit(event) {
+                self.input.push_slice(&[event])?;
+            }
+        }
+        Ok(self)
+    }
+
+    /// Counts `events`, which are offered at `now`.
+    fn take(&mut self, events: &[Event], now: Instant) {
+        self.taken += events.len() as u64;
+        if let Some(event) = events.first() {
+            self.lag = self.lag.max(now.saturating_duration_since(self.clock.at(event.t_us)));
+        }
     }
 }
