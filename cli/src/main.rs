@@ -56,7 +56,7 @@ use meissner_pipeline::interrupt;
 
 use crate::args::STATUS;
 use crate::error::CliError;
-use crate::tell::{tell, tell_warnings};
+use crate::tell::{tell, tell_messages};
 
 /// Incremental inference for event cameras and event-based touch.
 #[derive(Debug, Parser)]
@@ -113,7 +113,7 @@ const UNOPTIMISED: &str = "note: this program was built without optimisation and
 
 fn main() -> ExitCode {
     interrupt::install();
-    tell_warnings();
+    tell_messages();
     let command = Args::parse().command;
     if cfg!(debug_assertions) && takes_long(&command) {
         tell(format_args!("{UNOPTIMISED}"));

@@ -8,27 +8,41 @@ pub(crate) fn tell(line: impl Display) {
     let _ = stderr().write_all(format!("{line}\n").as_bytes());
 }
 
-/// Warnings of libraries, written to standard error.
-struct Warnings;
+/// Messages of libraries, written to standard error.
+struct Messages;
 
-impl log::Log for Warnings {
+impl log::Log for Messages {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn && metadata.target().starts_with("meissner")
+        metadata.level() <= log::max_level() && metadata.target().starts_with("meissner")
     }
 
     fn log(&self, record: &log::Record<'_>) {
         if self.enabled(record.metadata()) {
-            tell(format_args!("warning: {}", record.args()));
+            match record.level() {
+                log::Level::Warn => tell(format_args!("warning: {}", record.args())),
+                level => {
+                    let level = level.as_str().to_ascii_lowercase();
+                    tell(format_args!("{level}: {}: {}", record.target(), record.args()));
+                }
+            }
         }
     }
 
     fn flush(&self) {}
 }
 
-/// Writes warnings of libraries to standard error from now on.
-pub(crate) fn tell_warnings() {
-    // Fails only if another logger is installed. That logger then gets the warnings.
-    if log::set_logger(&Warnings).is_ok() {
-        log::set_max_level(log::LevelFilter::Warn);
+/// Variable of the environment that names the least level of the messages of libraries.
+pub(crate) const LOG: &str = "MEISSNER_LOG";
+
+/// Writes messages of libraries to standard error from now on: warnings, or what [`LOG`] says.
+pub(crate) fn tell_messages() {
+    let asked = std::env::var(LOG).ok();
+    let level = asked.as_deref().map_or(Some(log::LevelFilter::Warn), |level| level.parse().ok());
+    // Fails only if another logger is installed. That logger then gets the messages.
+    if log::set_logger(&Messages).is_ok() {
+        log::set_max_level(level.unwrap_or(log::LevelFilter::Warn));
+    }
+    if level.is_none() {
+        tell(format_args!("warning: {LOG}: expected off, error, warn, info, debug or trace"));
     }
 }

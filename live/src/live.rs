@@ -103,6 +103,9 @@ impl<P: Predictor<Input: Item>> Live<P> {
         let behind_us = stamps_us
             .map_or(0, |(first, newest)| newest.saturating_sub(answer.covered_us.unwrap_or(first)).max(0));
         let own = answer.request == request.number;
+        if !own || behind_events > 0 {
+            tracing::debug!(request.number, own, behind_events, behind_us, "not fresh");
+        }
         Ok(Timely {
             t_us: answer.t_us,
             nodes: answer.nodes,

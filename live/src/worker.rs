@@ -35,6 +35,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
             }
             now = Instant::now();
             pace.pushed(now - begun);
+            tracing::trace!(task.covered, spent = ?now - begun, "pushed");
         }
         let Some(request) = task.request else { continue };
         let complete = task.covered >= request.target;
@@ -47,6 +48,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
         }
         let outcome = predictor.predict();
         pace.predicted(now.elapsed());
+        tracing::trace!(request.number, complete, spent = ?now.elapsed(), "predicted");
         shared.publish(request.number, |answer| match outcome {
             Ok(prediction) => {
                 answer.copy(prediction);

@@ -81,7 +81,7 @@ impl LossWatch {
             // A few refused lines have each been logged already.
             let is_known = *reason == LossReason::LinesRefused && *count <= LINES_TOLD;
             if !is_known && !self.told.contains(reason) {
-                log::warn!("{name}: {message}");
+                tracing::warn!("{name}: {message}");
                 self.told.push(*reason);
             }
         }

@@ -113,7 +113,7 @@ impl Header {
 
     /// Logs the warnings.
     pub fn warn(&self) {
-        self.warnings.iter().for_each(|warning| log::warn!("{warning}"));
+        self.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     }
 }
 

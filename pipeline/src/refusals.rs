@@ -95,7 +95,7 @@ impl Refusals {
     }
 
     fn warn(&self, problem: &str) {
-        log::warn!("{}: {problem}", self.name);
+        tracing::warn!("{}: {problem}", self.name);
     }
 
     fn most(&self, lines: u64) -> PipelineError {

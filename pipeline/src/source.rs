@@ -62,7 +62,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
     let recording =
         meissner_io::read_with(path, *options).map_err(|source| refused(path, options, source))?;
     if let Some(salvaged) = Salvaged::of(&recording) {
-        log::warn!("{}: salvaged: {salvaged}", path.display());
+        tracing::warn!("{}: salvaged: {salvaged}", path.display());
     }
     Ok(recording)
 }

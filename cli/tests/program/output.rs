@@ -3,7 +3,7 @@
 use meissner_models::{AnyDescription, Description, FrameDescription};
 
 use crate::exit_status::fails;
-use crate::support::{lines, meissner, text, words};
+use crate::support::{command as command_of, lines, meissner, message, text, words};
 
 #[test]
 fn a_json_line_has_the_documented_keys_and_no_others() {
@@ -170,4 +170,23 @@ fn an_embedded_recording_is_labelled_simulated_and_the_weights_say_what_they_are
     ] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
+}
+
+#[test]
+fn what_happens_is_told_where_it_is_asked_for() {
+    let told = |command: &[&str], level: Option<&str>| {
+        let mut command = command_of(command);
+        level.map(|level| command.env("MEISSNER_LOG", level));
+        let output = command.output().expect("the program starts");
+        assert!(output.status.success());
+        message(&output)
+    };
+    let run = ["run", "--limit", "300", "--every", "event"];
+    assert_eq!(told(&run, None), "");
+    let all = told(&run, Some("trace"));
+    assert_eq!(all.matches("trace: meissner_pipeline::run::events: predicted").count(), 300, "{all}");
+    assert_eq!(told(&run, Some("debug")), "");
+    assert!(told(&run, Some("loud")).contains("MEISSNER_LOG: expected off"));
+    let live = told(&["play", "--limit", "300", "--speed", "1000", "--overload", "block"], Some("trace"));
+    assert!(live.contains("meissner_live::worker: predicted"), "{live}");
 }

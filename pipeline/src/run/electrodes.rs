@@ -145,7 +145,7 @@ impl ElectrodeRun {
         let summary = FrameSummary::new(&self.windows.predictor, InputCounts::Electrodes(counts), warnings);
         if summary.predictions == 0 {
             let (name, steps) = (self.name(), self.steps);
-            log::warn!(
+            tracing::warn!(
                 "{name}: no prediction: expected a window of {steps} readings, found {taken} readings in all"
             );
         }

@@ -110,6 +110,8 @@ impl Steps for EventSteps {
             if self.schedule.is_due_after_event() {
                 self.read(None, observer)?;
             }
+        } else {
+            tracing::debug!(?event, ?outcome, "not accepted");
         }
         Ok(())
     }
@@ -179,6 +181,7 @@ impl EventSteps {
         self.predict.record(spent);
         self.update += spent;
         let prediction = prediction?;
+        tracing::trace!(prediction.t_us, prediction.nodes, rows = ?prediction.rows, ?spent, "predicted");
         let now_us = due_us.or(prediction.t_us);
         self.classes.update(prediction.values);
         let shown = EventPrediction {
