@@ -1,7 +1,7 @@
 //! `meissner prepare`: inputs of networks with labels, in a file for training.
 
 use std::io::{Write, stdout};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Subcommand;
 use meissner_evaluate::digits::Digits;
@@ -14,6 +14,7 @@ use meissner_pipeline::model::{describe, describe_frames};
 
 use crate::args::{NETWORK, OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::progress::Progress;
 use crate::tasks::TouchData;
 use crate::tell::tell;
 use crate::{output, threads};
@@ -200,38 +201,39 @@ struct LabelledArgs {
 
 /// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
-    match &args.input {
+    let progress = Progress::busy("preparing");
+    let (out, notes, prepared) = match &args.input {
         InputArgs::Graphs(args) => {
             let (description, _) = describe(&args.network)?;
-            write(&args.out, &[], graphs(&args.events, &description, &threads::pool(None)?)?)
+            (&args.out, Vec::new(), graphs(&args.events, &description, &threads::pool(None)?)?)
         }
         InputArgs::Slip(args) => {
             let (description, _) = describe_frames(&args.network)?;
             let data = SlipData::read(&args.data)?;
-            write(&args.out, &data.notes, slip_windows(&data, &description)?)
+            let prepared = slip_windows(&data, &description)?;
+            (&args.out, data.notes, prepared)
         }
-        InputArgs::Digits(args) => args.labelled.write(&Digits::read(&args.data)?),
+        InputArgs::Digits(args) => args.labelled.prepared(Digits::read(&args.data)?)?,
         InputArgs::Touch(args) => {
             let TouchData { set, data } = &args.data;
-            args.labelled.write(&match set {
+            args.labelled.prepared(match set {
                 NeutouchSet::Objects => TouchObjects::read(data)?,
                 NeutouchSet::Containers => TouchContainers::read(data)?,
-            })
+            })?
         }
-    }
+    };
+    output::write(out, prepared.file.into_bytes())?;
+    progress.finish();
+    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
+    let mut standard = stdout().lock();
+    writeln!(standard, "{}: {}", out.display(), prepared.contents)?;
+    Ok(standard.flush()?)
 }
 
 impl LabelledArgs {
-    /// Writes the events of `data` with labels, splits and folds.
-    fn write(&self, data: &EventData) -> Result<(), CliError> {
-        write(&self.out, &data.notes, labelled_events(data, self.folds as usize)?)
+    /// The events of `data` with labels, splits and folds: the file to write, notes, what it holds.
+    fn prepared(&self, data: EventData) -> Result<(&PathBuf, Vec<String>, Prepared), CliError> {
+        let prepared = labelled_events(&data, self.folds as usize)?;
+        Ok((&self.out, data.notes, prepared))
     }
-}
-
-fn write(path: &Path, notes: &[String], prepared: Prepared) -> Result<(), CliError> {
-    output::write(path, prepared.file.into_bytes())?;
-    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
-    let mut out = stdout().lock();
-    writeln!(out, "{}: {}", path.display(), prepared.contents)?;
-    Ok(out.flush()?)
 }

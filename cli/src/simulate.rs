@@ -13,6 +13,7 @@ use meissner_simulator::{CameraSettings, MarkerScene};
 
 use crate::args::{INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
 use crate::error::CliError;
+use crate::progress::Progress;
 use crate::{output, threads};
 
 pub(crate) const CAMERA: &str = "Camera";
@@ -212,11 +213,13 @@ impl CameraArgs {
 
 /// Simulates and writes the events.
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
+    let progress = Progress::busy("simulating");
     let (path, contents) = match &args.input {
         InputArgs::Markers(args) => (&args.out, markers(args)?),
         InputArgs::Images(args) => (&args.out, images(args)?),
         InputArgs::Dome(args) => (&args.out, dome(args)?),
     };
+    progress.finish();
     let mut out = stdout().lock();
     writeln!(out, "{}: {contents}", path.display())?;
     Ok(out.flush()?)

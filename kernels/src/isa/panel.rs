@@ -41,7 +41,7 @@ pub(crate) fn accumulate<
     let mut k = FIRST;
     while k < count {
         // SAFETY: k < count, the length of every slice of weights.
-        let weights = weights.map(|w| V::load(simd, unsafe { w.get_unchecked(k) }));
+        let weights: [V; B] = unsafe { loaded(simd, &weights, k) };
         for (r, sums) in sums.iter_mut().enumerate() {
             // SAFETY: r <= R - 1 and k < count, so the index is below (R - 1) stride + count, within `values`.
             let value = V::splat(simd, *unsafe { values.get_unchecked(r * stride + k) });
@@ -88,7 +88,7 @@ pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: us
     for &start in starts {
         for k in 0..count {
             // SAFETY: at = t count + k < starts.len() count, the length of every slice of weights.
-            let weights = weights.map(|w| V::load(simd, unsafe { w.get_unchecked(at) }));
+            let weights: [V; B] = unsafe { loaded(simd, &weights, at) };
             for (r, sums) in sums.iter_mut().enumerate() {
                 // SAFETY: start + (R - 1) stride + count <= values.len(), r <= R - 1 and k < count.
                 let value = V::splat(simd, *unsafe { values.get_unchecked(start + r * stride + k) });
@@ -130,7 +130,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
         let count = (total - first).min(WIDE);
         for k in 0..count {
             // SAFETY: first + k < total, the length of every slice of weights.
-            let weights = weights.map(|w| V::load(simd, unsafe { w.get_unchecked(first + k) }));
+            let weights: [V; B] = unsafe { loaded(simd, &weights, first + k) };
             for (r, sums) in sums.iter_mut().enumerate() {
                 // SAFETY: at = first / 16 apart with first <= total - 1, and r < R, so that at + r < last; k < 16.
                 let value = V::splat(simd, *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) });
@@ -159,25 +159,57 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
     let count = values.len();
     assert!(weights.iter().all(|w| w.len() == count), "there must be a value for each weight");
     let mut sums = *acc;
-    let step = |sums: &mut [V; B], k: usize| {
-        // SAFETY: called for k < count alone, the length of `values` and of every slice of weights.
-        let value = V::splat(simd, *unsafe { values.get_unchecked(k) });
-        for (sum, weights) in sums.iter_mut().zip(weights) {
-            // SAFETY: as above.
-            *sum = sum.add_product(value, V::load(simd, unsafe { weights.get_unchecked(k) }));
-        }
-    };
     let mut k = 0;
     while k + 4 <= count {
         for (p, sums) in sums.iter_mut().enumerate() {
-            step(sums, k + p);
+            // SAFETY: k + p < k + 4 <= count, the length of `values` and of every slice of weights.
+            unsafe { add_products(simd, sums, values, &weights, k + p) };
         }
         k += 4;
     }
     for (p, sums) in sums.iter_mut().enumerate().take(count - k) {
-        step(sums, k + p);
+        // SAFETY: p < count - k.
+        unsafe { add_products(simd, sums, values, &weights, k + p) };
     }
     *acc = sums;
+}
+
+/// weights(b, k) of every b. Not by `map`: where a closure stays a call, so do the instructions in it.
+///
+/// # Safety
+/// k is less than the length of every slice of weights.
+#[inline(always)]
+unsafe fn loaded<S: Simd, V: Vector<S>, const B: usize>(
+    simd: S,
+    weights: &[&[V::Memory]; B],
+    k: usize,
+) -> [V; B] {
+    let mut loaded = [V::splat(simd, 0.0); B];
+    for (vector, weights) in loaded.iter_mut().zip(weights) {
+        // SAFETY: the caller's promise.
+        *vector = V::load(simd, unsafe { weights.get_unchecked(k) });
+    }
+    loaded
+}
+
+/// sums(b) += values(k) weights(b, k). Not a closure, as above.
+///
+/// # Safety
+/// k is less than the length of `values` and of every slice of weights.
+#[inline(always)]
+unsafe fn add_products<S: Simd, V: Vector<S>, const B: usize>(
+    simd: S,
+    sums: &mut [V; B],
+    values: &[f32],
+    weights: &[&[V::Memory]; B],
+    k: usize,
+) {
+    // SAFETY: the caller's promise.
+    let (value, weights) = unsafe { (*values.get_unchecked(k), loaded(simd, weights, k)) };
+    let value = V::splat(simd, value);
+    for (sum, weight) in sums.iter_mut().zip(weights) {
+        *sum = sum.add_product(value, weight);
+    }
 }
 
 #[cfg(test)]

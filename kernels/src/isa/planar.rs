@@ -40,12 +40,14 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
         let mut row = channel;
         for _ in 0..3 {
             for dx in 0..3 {
-                let x: [V; B] = std::array::from_fn(|b| {
+                // Not by `from_fn`: where a closure stays a call, so do the instructions in it.
+                let mut x = [V::splat(simd, 0.0); B];
+                for (b, x) in x.iter_mut().enumerate() {
                     let at = row + dx + b * V::LANES;
                     // SAFETY: `row` is at most (channels - 1) plane + 2 stride and dx at most 2, so that at + LANES
                     // is at most `end`, within `values`.
-                    V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) })
-                });
+                    *x = V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) });
+                }
                 // SAFETY: k is below the number of weights: nine are counted for each turn of the outer loop, and
                 // their number is a multiple of nine.
                 let weights = unsafe { weights.get_unchecked(k) };
