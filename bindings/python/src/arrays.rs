@@ -27,6 +27,19 @@ pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound
     PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
 }
 
+/// The method `__array__` of what holds the array `values`.
+pub(crate) fn as_numpy<'py>(
+    values: &Bound<'py, PyAny>,
+    dtype: Option<Bound<'py, PyAny>>,
+    copy: Option<bool>,
+) -> PyResult<Bound<'py, PyAny>> {
+    match (dtype, copy) {
+        (None, Some(true)) => values.call_method0("copy"),
+        (None, _) => Ok(values.clone()),
+        (Some(dtype), _) => values.call_method1("astype", (dtype,)),
+    }
+}
+
 /// The size of a sensor from (width, height); a third number, the polarities of tonic's `sensor_size`, is ignored.
 pub(crate) struct Pixels(pub(crate) Sensor);
 

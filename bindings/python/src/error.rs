@@ -7,6 +7,7 @@ use std::error::Error;
 
 use meissner::EngineError;
 use meissner::io::IoError;
+use meissner::live::LiveError;
 use meissner::models::{DescriptionError, FormatError, ModelError};
 use meissner::representations::RepresentationError;
 use pyo3::exceptions::PyTypeError;
@@ -124,6 +125,16 @@ impl From<IoError> for Failure {
     fn from(error: IoError) -> Self {
         let class = if matches!(error, IoError::File { .. }) { "FileError" } else { "RecordingError" };
         Self::Refused(class, text(&error))
+    }
+}
+
+impl From<LiveError> for Failure {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Engine(error) => error.into(),
+            LiveError::Option { .. } => Self::Refused("InputError", text(&error)),
+            _ => Self::Refused("LiveError", text(&error)),
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 //! | `events` | events from `NumPy`, in place and in blocks |
 //! | `arrays` | what several classes take and return |
 //! | `engine`, `batch`, `frames` | the engines |
+//! | `live` | an engine in a thread of its own |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
@@ -20,6 +21,7 @@ mod events;
 mod filters;
 mod frames;
 mod graph;
+mod live;
 mod prediction;
 mod recording;
 mod representations;
@@ -40,6 +42,7 @@ mod _meissner {
         filters::Filters,
         frames::FrameEngine,
         graph::Graph,
+        live::{Live, Timely},
         prediction::Prediction,
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},

@@ -18,7 +18,8 @@ def stub_names():
     names = {}
     for node in ast.parse((PACKAGE / "_meissner.pyi").read_text()).body:
         if isinstance(node, ast.ClassDef):
-            bases = [names[base.id] for base in node.bases]
+            # What the stubs share; a class of the module has its base's methods from there.
+            bases = [names[base.id] for base in node.bases if base.id.startswith("_")]
             methods = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
             names[node.name] = methods.union(*bases)
         elif isinstance(node, ast.FunctionDef):
@@ -54,7 +55,7 @@ def test_everything_public_has_a_docstring():
 
 def test_exceptions_are_of_the_module_and_derive_from_error():
     classes = [value for value in vars(meissner).values() if isinstance(value, type) and issubclass(value, Exception)]
-    assert len(classes) == 11
+    assert len(classes) == 12
     for one in classes:
         assert issubclass(one, meissner.Error)
         assert one.__module__ == "meissner"

@@ -7,6 +7,7 @@ what this event affects, and its predictions have the bits of a full recomputati
 |---|---|
 | predictions from events | `Engine`; `predictions` runs one over a recording |
 | the same from scratch, as an oracle | `Batch` |
+| predictions by a deadline, while events arrive | `Live` |
 | predictions from frames | `FrameEngine`, `frames_for` |
 | frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions of whole arrays |
 | fewer events | `Filters` |
@@ -23,6 +24,7 @@ from ._errors import (
     Error,
     FileError,
     InputError,
+    LiveError,
     MemoryLimitError,
     NotANumberError,
     NotIncrementalError,
@@ -42,10 +44,12 @@ from ._meissner import (
     Filters,
     FrameEngine,
     Graph,
+    Live,
     Prediction,
     Recording,
     SlidingFrame,
     TimeSurface,
+    Timely,
     VoxelGrid,
     Weights,
     __version__,
@@ -71,6 +75,8 @@ __all__ = [
     "FrameEngine",
     "Graph",
     "InputError",
+    "Live",
+    "LiveError",
     "MemoryLimitError",
     "NotANumberError",
     "NotIncrementalError",
@@ -80,6 +86,7 @@ __all__ = [
     "SlidingFrame",
     "SnapshotError",
     "TimeSurface",
+    "Timely",
     "VoxelGrid",
     "Weights",
     "WeightsError",

@@ -25,10 +25,12 @@ __all__ = [
     "Filters",
     "FrameEngine",
     "Graph",
+    "Live",
     "Prediction",
     "Recording",
     "SlidingFrame",
     "TimeSurface",
+    "Timely",
     "VoxelGrid",
     "Weights",
     "Windows",
@@ -128,7 +130,6 @@ class Card:
     @property
     def published(self) -> bool: ...
 
-@final
 class Prediction:
     @property
     def values(self) -> NDArray[np.float32]: ...
@@ -151,6 +152,54 @@ class Prediction:
     def __getitem__(self, index: str | int | Any, /) -> Any: ...
     def __len__(self) -> int: ...
     def __iter__(self) -> Iterator[Any]: ...
+
+@final
+class Timely(Prediction):
+    @property
+    def fresh(self) -> bool: ...
+    @property
+    def own(self) -> bool: ...
+    @property
+    def behind_events(self) -> int: ...
+    @property
+    def behind_us(self) -> int: ...
+    @property
+    def age_us(self) -> float: ...
+    @property
+    def waited_us(self) -> float: ...
+
+@final
+class Live:
+    def __new__(
+        cls,
+        engine: Engine | FrameEngine,
+        *,
+        overload: str | Filters = "drop_oldest",
+        capacity: int = ...,
+        batch: int = 64,
+        stride: int | None = None,
+    ) -> Live: ...
+    def push(
+        self,
+        events: _Events | None = None,
+        *,
+        t: ArrayLike | None = None,
+        x: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        p: ArrayLike | None = None,
+    ) -> None: ...
+    def push_frames(self, frames: ArrayLike | EventFrame, t_us: int | ArrayLike) -> None: ...
+    def advance(self, t_us: int) -> None: ...
+    def predict(self, deadline_us: float | None = None) -> Timely: ...
+    @property
+    def counters(self) -> dict[str, int]: ...
+    @property
+    def description(self) -> Description: ...
+    @property
+    def is_closed(self) -> bool: ...
+    def close(self) -> Engine | FrameEngine | None: ...
+    def __enter__(self) -> Live: ...
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None: ...
 
 @final
 class Graph:
