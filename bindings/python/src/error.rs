@@ -10,6 +10,7 @@ use meissner::io::IoError;
 use meissner::live::LiveError;
 use meissner::models::{DescriptionError, FormatError, ModelError};
 use meissner::representations::RepresentationError;
+use meissner_simulator::SimulatorError;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -135,6 +136,12 @@ impl From<LiveError> for Failure {
             LiveError::Option { .. } => Self::Refused("InputError", text(&error)),
             _ => Self::Refused("LiveError", text(&error)),
         }
+    }
+}
+
+impl From<SimulatorError> for Failure {
+    fn from(error: SimulatorError) -> Self {
+        Self::Refused("InputError", text(&error))
     }
 }
 

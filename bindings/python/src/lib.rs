@@ -9,6 +9,7 @@
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
+//! | `simulate` | a membrane, markers and a camera |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
@@ -25,15 +26,17 @@ mod live;
 mod prediction;
 mod recording;
 mod representations;
+mod simulate;
 mod weights;
 mod write;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// The part of `meissner` that is written in Rust.
 #[pymodule]
 mod _meissner {
-    use super::{Bound, PyModule, PyModuleMethods, PyResult, arrays};
+    use super::{Bound, PyModule, PyModuleMethods, PyResult, PyTuple, arrays, simulate};
     #[pymodule_export]
     use super::{
         batch::Batch,
@@ -46,6 +49,7 @@ mod _meissner {
         prediction::Prediction,
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
+        simulate::{Camera, Press, film_markers},
         weights::{Card, Weights},
         write::write,
     };
@@ -72,6 +76,8 @@ mod _meissner {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)
+        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)?;
+        module.add("SIMULATED_DTYPE", simulate::dtype(module.py())?)?;
+        module.add("CAUSES", PyTuple::new(module.py(), simulate::causes())?)
     }
 }

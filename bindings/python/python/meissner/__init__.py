@@ -13,6 +13,7 @@ what this event affects, and its predictions have the bits of a full recomputati
 | fewer events | `Filters` |
 | networks and weights | `networks`, `Description`, `Weights` |
 | recordings | `open`, `write` |
+| events of a model, with their causes | `Camera`, `film_images`, `film_markers`, `Press` |
 | a model of PyTorch Geometric | `meissner.export` |
 
 Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
@@ -34,8 +35,11 @@ from ._errors import (
 )
 from ._functions import event_frames, predictions, time_surface, voxel_grid
 from ._meissner import (
+    CAUSES,
     EVENT_DTYPE,
+    SIMULATED_DTYPE,
     Batch,
+    Camera,
     Card,
     Description,
     Engine,
@@ -46,6 +50,7 @@ from ._meissner import (
     Graph,
     Live,
     Prediction,
+    Press,
     Recording,
     SlidingFrame,
     TimeSurface,
@@ -53,15 +58,20 @@ from ._meissner import (
     VoxelGrid,
     Weights,
     __version__,
+    film_markers,
     frames_for,
     networks,
     open,  # noqa: A004
     write,
 )
+from ._simulate import film_images
 
 __all__ = [
+    "CAUSES",
     "EVENT_DTYPE",
+    "SIMULATED_DTYPE",
     "Batch",
+    "Camera",
     "Card",
     "Description",
     "DescriptionError",
@@ -81,6 +91,7 @@ __all__ = [
     "NotANumberError",
     "NotIncrementalError",
     "Prediction",
+    "Press",
     "Recording",
     "RecordingError",
     "SlidingFrame",
@@ -92,6 +103,8 @@ __all__ = [
     "WeightsError",
     "__version__",
     "event_frames",
+    "film_images",
+    "film_markers",
     "frames_for",
     "networks",
     "open",

@@ -14,9 +14,12 @@ _Sensor = tuple[int, int] | tuple[int, int, int]
 _Crop = tuple[int, int, int, int]
 
 __all__ = [
+    "CAUSES",
     "EVENT_DTYPE",
+    "SIMULATED_DTYPE",
     "Batch",
     "Blocks",
+    "Camera",
     "Card",
     "Description",
     "Engine",
@@ -27,6 +30,7 @@ __all__ = [
     "Graph",
     "Live",
     "Prediction",
+    "Press",
     "Recording",
     "SlidingFrame",
     "TimeSurface",
@@ -35,6 +39,7 @@ __all__ = [
     "Weights",
     "Windows",
     "__version__",
+    "film_markers",
     "frames_for",
     "networks",
     "open",
@@ -43,6 +48,8 @@ __all__ = [
 
 __version__: str
 EVENT_DTYPE: np.dtype[np.void]
+SIMULATED_DTYPE: np.dtype[np.void]
+CAUSES: tuple[str, ...]
 
 def networks(kind: str | None = None) -> list[str]: ...
 def open(
@@ -57,6 +64,50 @@ def write(
     path: str | PathLike[str], events: _Events, sensor: _Sensor | None = None, *, format: str | None = None
 ) -> None: ...
 def frames_for(network: _Network, sensor: _Sensor) -> EventFrames | SlidingFrame: ...
+
+def film_markers(
+    t_us: ArrayLike,
+    positions: ArrayLike,
+    sensor: _Sensor,
+    *,
+    radius: float = 1.5,
+    edge: float = 1.0,
+    marker: float = 0.6,
+    ground: float = 0.15,
+    seed: int = 0,
+    ideal: bool = False,
+    **settings: float,
+) -> np.ndarray: ...
+
+@final
+class Camera:
+    def __new__(cls, sensor: _Sensor, *, seed: int = 0, ideal: bool = False, **settings: float) -> Camera: ...
+    def push(self, t_us: int, image: ArrayLike) -> np.ndarray: ...
+    def finish(self) -> np.ndarray: ...
+    @property
+    def sensor(self) -> tuple[int, int]: ...
+
+@final
+class Press:
+    def __new__(
+        cls,
+        tilt: float = 0.0,
+        azimuth: float = 0.0,
+        *,
+        radius_mm: float = 20.0,
+        wall_mm: float = 4.0,
+        rings_mm: float = 35.0,
+        rings: int = 7,
+        yeoh_kpa: tuple[float, float, float] = ...,
+    ) -> Press: ...
+    def press_to(self, depth_mm: float) -> None: ...
+    @property
+    def depth_mm(self) -> float: ...
+    @property
+    def force_n(self) -> float: ...
+    @property
+    def markers(self) -> NDArray[np.float64]: ...
+    def positions(self, sensor: _Sensor) -> NDArray[np.float32]: ...
 
 @final
 class Description:
