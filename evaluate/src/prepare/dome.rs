@@ -8,7 +8,7 @@ use meissner_engine::Sensor;
 use meissner_models::TensorFile;
 use meissner_models::random::Random;
 use meissner_pipeline::text::grouped;
-use meissner_simulator::{Dome, Press, View};
+use meissner_simulator::{Dome, DomeView, Press};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::json;
@@ -112,11 +112,11 @@ impl Recorded {
 fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     let dome = Dome::default();
     let mut press = Press::new(&dome, tilt, azimuth);
-    let view = View::new(&dome, sensor);
+    let view = DomeView::new(&dome, sensor);
     let steps = (DEPTH_MM[1] / RECORD_MM) as usize;
     let at = |i: usize| {
         press.press_to(i as f64 * RECORD_MM);
-        let markers = press.markers().iter().map(|&marker| view.see(marker)).collect();
+        let markers = press.markers().iter().map(|&marker| view.place(marker)).collect();
         Recorded { markers, depth_mm: press.depth_mm(), force_n: press.force_n() }
     };
     (0..=steps).map(at).collect()

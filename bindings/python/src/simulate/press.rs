@@ -1,6 +1,6 @@
 //! A soft dome that is pressed on a plane.
 
-use meissner_simulator::{Dome, Press as Model, View};
+use meissner_simulator::{Dome, DomeView, Press as Model};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
@@ -104,8 +104,8 @@ impl Press {
     /// Where the camera below the base sees the markers: float32 (markers, 2), column and row in pixels of `sensor`, for
     /// `film_markers`. As in `meissner simulate dome`.
     fn positions<'py>(&self, py: Python<'py>, sensor: Pixels) -> PyResult<Bound<'py, PyAny>> {
-        let (view, markers) = (View::new(&self.dome, sensor.0), self.press.markers());
-        let seen = markers.iter().flat_map(|&marker| view.see(marker));
+        let (view, markers) = (DomeView::new(&self.dome, sensor.0), self.press.markers());
+        let seen = markers.iter().flat_map(|&marker| view.place(marker));
         PyArray1::from_iter(py, seen).call_method1("reshape", (markers.len(), 2))
     }
 
