@@ -16,7 +16,7 @@ use crate::tensors::{bounds, integers, value};
 use crate::truth::Truth;
 
 /// Events, stream after stream.
-pub(crate) struct Streams {
+pub struct Streams {
     pub(crate) sensor: Sensor,
     events: Vec<Event>,
     /// Index of the first event of each stream, and the number of events.
@@ -26,8 +26,11 @@ pub(crate) struct Streams {
 }
 
 impl Streams {
-    /// The streams in the file at `path`.
-    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them. All are held in memory.
+    ///
+    /// # Errors
+    /// The file cannot be read or does not fit.
+    pub fn read(path: &Path) -> Result<Self, EvaluateError> {
         Self::parsed(path, Self::from_bytes)
     }
 
@@ -89,8 +92,23 @@ impl Streams {
         Ok(())
     }
 
+    /// The sensor of all streams.
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
+    }
+
+    /// Times of the labels of a stream in microseconds, and the name and the values at these times of each label; `None` where the
+    /// file has no labels.
+    ///
+    /// # Panics
+    /// Where there is no such stream.
+    pub fn labels(&self, stream: usize) -> Option<(&[i64], Vec<(&str, &[f32])>)> {
+        let (t_us, labels) = self.truth.as_ref()?.of(stream);
+        Some((t_us, labels.collect()))
+    }
+
     /// The events of each stream.
-    pub(crate) fn parts(&self) -> Vec<&[Event]> {
+    pub fn parts(&self) -> Vec<&[Event]> {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 
