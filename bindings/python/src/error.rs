@@ -10,6 +10,7 @@ use meissner::io::IoError;
 use meissner::live::LiveError;
 use meissner::models::{DescriptionError, FormatError, ModelError};
 use meissner::representations::RepresentationError;
+use meissner_evaluate::EvaluateError;
 use meissner_simulator::SimulatorError;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -135,6 +136,15 @@ impl From<LiveError> for Failure {
             LiveError::Engine(error) => error.into(),
             LiveError::Option { .. } => Self::Refused("InputError", text(&error)),
             _ => Self::Refused("LiveError", text(&error)),
+        }
+    }
+}
+
+impl From<EvaluateError> for Failure {
+    fn from(error: EvaluateError) -> Self {
+        match error {
+            EvaluateError::Dataset(error) => error.into(),
+            _ => Self::Refused("EvaluationError", text(&error)),
         }
     }
 }

@@ -10,23 +10,29 @@
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
 //! | `simulate` | a membrane, markers and a camera |
+//! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
+//! | `watched` | long work that can be stopped |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
 mod arrays;
 mod batch;
+mod datasets;
 mod description;
 mod engine;
 mod error;
+mod evaluate;
 mod events;
 mod filters;
 mod frames;
 mod graph;
 mod live;
+mod metrics;
 mod prediction;
 mod recording;
 mod representations;
 mod simulate;
+mod watched;
 mod weights;
 mod write;
 
@@ -40,12 +46,15 @@ mod _meissner {
     #[pymodule_export]
     use super::{
         batch::Batch,
+        datasets::Recordings,
         description::Description,
         engine::Engine,
+        evaluate::{judge, measure},
         filters::Filters,
         frames::FrameEngine,
         graph::Graph,
         live::{Live, Timely},
+        metrics::{_confusion, _iou, _mean_std, _pareto_front, _scores, _wilson_95},
         prediction::Prediction,
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},

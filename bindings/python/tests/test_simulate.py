@@ -108,9 +108,9 @@ def program():
     return next((str(path) for path in found if path), None)
 
 
-def tensors(path, arrays):
+def tensors(path, arrays, metadata=None):
     """Writes a safetensors file."""
-    header, at = {}, 0
+    header, at = {"__metadata__": metadata} if metadata else {}, 0
     for name, array in arrays.items():
         kind = {"i": "I64", "f": "F32"}[array.dtype.kind]
         header[name] = {"dtype": kind, "shape": array.shape, "data_offsets": [at, at + array.nbytes]}

@@ -14,15 +14,19 @@ what this event affects, and its predictions have the bits of a full recomputati
 | networks and weights | `networks`, `Description`, `Weights` |
 | recordings | `open`, `write` |
 | events of a model, with their causes | `Camera`, `film_images`, `film_markers`, `Press` |
+| labelled data sets | `meissner.datasets` |
+| figures of networks on them | `evaluate`, `pareto`, `meissner.metrics` |
 | a model of PyTorch Geometric | `meissner.export` |
 
 Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
 """
 
+from . import datasets, metrics
 from ._errors import (
     DescriptionError,
     DtypeError,
     Error,
+    EvaluationError,
     FileError,
     InputError,
     LiveError,
@@ -33,6 +37,7 @@ from ._errors import (
     SnapshotError,
     WeightsError,
 )
+from ._evaluate import Evaluation, Pareto, evaluate, pareto
 from ._functions import event_frames, predictions, time_surface, voxel_grid
 from ._meissner import (
     CAUSES,
@@ -78,6 +83,8 @@ __all__ = [
     "DtypeError",
     "Engine",
     "Error",
+    "Evaluation",
+    "EvaluationError",
     "EventFrame",
     "EventFrames",
     "FileError",
@@ -90,6 +97,7 @@ __all__ = [
     "MemoryLimitError",
     "NotANumberError",
     "NotIncrementalError",
+    "Pareto",
     "Prediction",
     "Press",
     "Recording",
@@ -102,12 +110,16 @@ __all__ = [
     "Weights",
     "WeightsError",
     "__version__",
+    "datasets",
+    "evaluate",
     "event_frames",
     "film_images",
     "film_markers",
     "frames_for",
+    "metrics",
     "networks",
     "open",
+    "pareto",
     "predictions",
     "time_surface",
     "voxel_grid",
