@@ -18,7 +18,9 @@ pub(crate) fn dtype(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 /// A structured array of `events`.
 pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyAny>> {
     let mut bytes = Vec::with_capacity(events.len() * PACKED);
-    events.iter().for_each(|event| put(event, &mut bytes));
+    for event in events {
+        put(event, &mut bytes);
+    }
     PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
 }
 
@@ -30,8 +32,11 @@ pub(crate) fn put(event: &Event, bytes: &mut Vec<u8>) {
     bytes.push(event.on.into());
 }
 
-/// The values of an array of numbers in f32, row by row, and its shape.
-pub(crate) fn float32(name: &str, object: &Bound<'_, PyAny>) -> Outcome<(Vec<f32>, Vec<usize>)> {
+/// An array of numbers as contiguous f32, in place where it is that.
+pub(crate) fn contiguous<'py>(
+    name: &str,
+    object: &Bound<'py, PyAny>,
+) -> Outcome<Bound<'py, PyArrayDyn<f32>>> {
     let numpy = object.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (object,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
@@ -39,11 +44,16 @@ pub(crate) fn float32(name: &str, object: &Bound<'_, PyAny>) -> Outcome<(Vec<f32
         let found = array.getattr("dtype")?;
         return Err(Failure::dtype(format!("{name}: expected numbers, found {found}")));
     }
-    let array = numpy.call_method1("asarray", (array, "f4"))?;
-    let array = array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?;
+    let array = numpy.call_method1("ascontiguousarray", (array, "f4"))?;
+    Ok(array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?)
+}
+
+/// The values of an array of numbers in f32, row by row, and its shape.
+pub(crate) fn float32(name: &str, object: &Bound<'_, PyAny>) -> Outcome<(Vec<f32>, Vec<usize>)> {
+    let array = contiguous(name, object)?;
     let shape = array.shape().to_vec();
     let array = array.try_readonly().map_err(PyErr::from)?;
-    Ok((array.as_array().iter().copied().collect(), shape))
+    Ok((array.as_slice().map_err(PyErr::from)?.to_vec(), shape))
 }
 
 /// The method `__array__` of what holds the array `values`.

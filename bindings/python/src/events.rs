@@ -251,6 +251,14 @@ impl<'py> Events<'py> {
         self.work_in(py, COMPUTED, work)
     }
 
+    /// As [`Self::work`], event by event.
+    pub(crate) fn each(&self, py: Python<'py>, mut take: impl FnMut(Event) + Send) -> Outcome<()> {
+        self.work(py, |part| {
+            part.iter().copied().for_each(&mut take);
+            Ok(())
+        })
+    }
+
     /// As [`Self::work`], in other parts.
     pub(crate) fn work_in(
         &self,

@@ -58,10 +58,8 @@ impl Filters {
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
         let (chain, mut passed) = (&mut self.chain, Vec::new());
-        Events::of_call(args, keywords)?.work(py, |part| {
-            passed.extend(part.iter().copied().filter(|event| chain.admit(*event)));
-            Ok(())
-        })?;
+        Events::of_call(args, keywords)?
+            .each(py, |event| passed.extend(Some(event).filter(|_| chain.admit(event))))?;
         Ok(to_array(py, &passed)?)
     }
 

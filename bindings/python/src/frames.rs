@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use meissner::frames::{Convolution, FrameEngine as Engine, FrameNetwork, FrameOptions, Skip};
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arrays::contiguous;
 use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
 use crate::prediction::{self, Outputs, Prediction};
@@ -57,16 +58,7 @@ pub(crate) fn checked<'py>(
     frames: &Bound<'py, PyAny>,
     expected: &[usize],
 ) -> Outcome<PyReadonlyArrayDyn<'py, f32>> {
-    let py = frames.py();
-    let numpy = py.import("numpy")?;
-    let array = numpy.call_method1("asarray", (frames,))?;
-    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
-    if !matches!(&*kind, "f" | "i" | "u" | "b") {
-        let found = array.getattr("dtype")?;
-        return Err(Failure::dtype(format!("frame: expected numbers, found {found}")));
-    }
-    let array = numpy.call_method1("ascontiguousarray", (array, "f4"))?;
-    let array = array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?;
+    let array = contiguous("frame", frames)?;
     let found = array.shape();
     let in_front = found.len() == expected.len() + 1;
     if found != expected && !(in_front && found[1..] == *expected) {

@@ -1,7 +1,11 @@
 """Data sets, evaluation and run time against error: the figures are those of engines that the test drives itself."""
 
 import io
+import os
+import signal
+import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -190,6 +194,36 @@ def test_a_callback_sees_the_work_and_an_exception_of_it_stops_the_work(digits):
 
     with pytest.raises(KeyboardInterrupt):
         meissner.evaluate("digits", digits, networks="digits-past", every_us=100, progress=stop)
+
+
+LONG = """
+import signal
+import sys
+
+import meissner
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+print("judging", flush=True)
+try:
+    meissner.evaluate("digits", sys.argv[1], networks="digits-past", every_us=100, mode="batch", threads=1)
+    print("done", flush=True)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_ctrl_c_ends_an_evaluation_before_its_next_recording(digits):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    child = subprocess.Popen([sys.executable, "-c", LONG, digits], stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert child.stdout.readline() == "judging\n"
+        time.sleep(0.3)
+        child.send_signal(signal.SIGINT)
+        assert child.stdout.readline() == "interrupted\n"
+    finally:
+        child.kill()
+        child.wait()
 
 
 @pytest.mark.parametrize("installed", [False, True], ids=["alone", "tqdm"])

@@ -21,7 +21,8 @@ def stub_names():
     for node in ast.parse((PACKAGE / "_meissner.pyi").read_text()).body:
         if isinstance(node, ast.ClassDef):
             # What the stubs share; a class of the module has its base's methods from there.
-            bases = [names[base.id] for base in node.bases if base.id.startswith("_")]
+            ids = [base.value.id if isinstance(base, ast.Subscript) else base.id for base in node.bases]
+            bases = [names[name] for name in ids if name.startswith("_")]
             methods = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
             names[node.name] = methods.union(*bases)
         elif isinstance(node, ast.FunctionDef):

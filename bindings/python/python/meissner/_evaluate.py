@@ -155,7 +155,7 @@ def pareto(
 
 def _asked(task: str, networks: Any, *rest: Any) -> dict[str, Any]:
     networks = [networks] if isinstance(networks, str | os.PathLike) else list(networks)
-    if task == "angle" and not networks and rest[5] is not None:
+    if task == "angle" and not networks:
         networks = ["tactigraph-past"]
     names = ("weights", "trainings", "folds", "stride", "every_us", "mode", "threads")
     return {"networks": [os.fspath(name) for name in networks]} | dict(zip(names, rest, strict=True))

@@ -1,6 +1,6 @@
 from collections.abc import Iterator, Mapping
 from os import PathLike
-from typing import Any, final
+from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,39 +12,6 @@ _Tensors = str | PathLike[str] | bytes | Mapping[str, Any] | "Weights" | Any
 _Events = np.ndarray | "Recording" | Any
 _Sensor = tuple[int, int] | tuple[int, int, int]
 _Crop = tuple[int, int, int, int]
-
-__all__ = [
-    "CAUSES",
-    "EVENT_DTYPE",
-    "SIMULATED_DTYPE",
-    "Batch",
-    "Blocks",
-    "Camera",
-    "Card",
-    "Description",
-    "Engine",
-    "EventFrame",
-    "EventFrames",
-    "Filters",
-    "FrameEngine",
-    "Graph",
-    "Live",
-    "Prediction",
-    "Press",
-    "Recording",
-    "SlidingFrame",
-    "TimeSurface",
-    "Timely",
-    "VoxelGrid",
-    "Weights",
-    "Windows",
-    "__version__",
-    "film_markers",
-    "frames_for",
-    "networks",
-    "open",
-    "write",
-]
 
 __version__: str
 
@@ -74,6 +41,19 @@ class _Recordings:
 EVENT_DTYPE: np.dtype[np.void]
 SIMULATED_DTYPE: np.dtype[np.void]
 CAUSES: tuple[str, ...]
+
+_Returned = TypeVar("_Returned")
+
+class _Takes(Generic[_Returned]):
+    def push(
+        self,
+        events: _Events | None = None,
+        *,
+        t: ArrayLike | None = None,
+        x: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        p: ArrayLike | None = None,
+    ) -> _Returned: ...
 
 def networks(kind: str | None = None) -> list[str]: ...
 def open(
@@ -244,7 +224,7 @@ class Timely(Prediction):
     def waited_us(self) -> float: ...
 
 @final
-class Live:
+class Live(_Takes[None]):
     def __new__(
         cls,
         engine: Engine | FrameEngine,
@@ -254,15 +234,6 @@ class Live:
         batch: int = 64,
         stride: int | None = None,
     ) -> Live: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> None: ...
     def push_frames(self, frames: ArrayLike | EventFrame, t_us: int | ArrayLike) -> None: ...
     def advance(self, t_us: int) -> None: ...
     def predict(self, deadline_us: float | None = None) -> Timely: ...
@@ -294,16 +265,7 @@ class Graph:
     def __len__(self) -> int: ...
     def __iter__(self) -> Iterator[NDArray[Any]]: ...
 
-class _OverEvents:
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> int: ...
+class _OverEvents(_Takes[int]):
     def advance(self, t_us: int) -> None: ...
     def predict(self) -> Prediction: ...
     def predict_into(self, out: NDArray[np.float32]) -> None: ...
@@ -415,7 +377,7 @@ class EventFrame:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
 @final
-class EventFrames:
+class EventFrames(_Takes[list[EventFrame]]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -426,15 +388,6 @@ class EventFrames:
         crop: _Crop | None = None,
         start_us: int | None = None,
     ) -> EventFrames: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> list[EventFrame]: ...
     def advance(self, t_us: int) -> list[EventFrame]: ...
     def open(self) -> EventFrame | None: ...
     def reset(self) -> None: ...
@@ -444,7 +397,7 @@ class EventFrames:
     def counters(self) -> dict[str, int]: ...
 
 @final
-class Filters:
+class Filters(_Takes[np.ndarray]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -454,21 +407,12 @@ class Filters:
         background_us: int | None = None,
         refractory_us: int | None = None,
     ) -> Filters: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> np.ndarray: ...
     def reset(self) -> None: ...
     @property
     def counters(self) -> dict[str, dict[str, int]]: ...
 
 @final
-class SlidingFrame:
+class SlidingFrame(_Takes[None]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -478,15 +422,6 @@ class SlidingFrame:
         crop: _Crop | None = None,
         capacity: int = ...,
     ) -> SlidingFrame: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> None: ...
     def advance(self, t_us: int) -> None: ...
     def frame(self) -> EventFrame: ...
     def reset(self) -> None: ...
@@ -496,7 +431,7 @@ class SlidingFrame:
     def counters(self) -> dict[str, int]: ...
 
 @final
-class VoxelGrid:
+class VoxelGrid(_Takes[int]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -506,22 +441,13 @@ class VoxelGrid:
         time: str = "bins",
         crop: _Crop | None = None,
     ) -> VoxelGrid: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> int: ...
     def frame(self) -> NDArray[np.float32]: ...
     def restart(self, window_us: tuple[int, int]) -> None: ...
     @property
     def counters(self) -> dict[str, int]: ...
 
 @final
-class TimeSurface:
+class TimeSurface(_Takes[None]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -530,15 +456,6 @@ class TimeSurface:
         span_us: float | None = None,
         crop: _Crop | None = None,
     ) -> TimeSurface: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> None: ...
     def advance(self, t_us: int) -> None: ...
     def frame(self) -> NDArray[np.float32]: ...
     def reset(self) -> None: ...

@@ -85,11 +85,8 @@ impl EventFrames {
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Vec<EventFrame>> {
         let (shape, frames, mut found) = (self.frames.shape(), &mut self.frames, Vec::new());
-        Events::of_call(args, keywords)?.work(py, |part| {
-            for event in part {
-                frames.push(*event, |completed| found.push(Done::new(completed, shape)));
-            }
-            Ok(())
+        Events::of_call(args, keywords)?.each(py, |event| {
+            frames.push(event, |completed| found.push(Done::new(completed, shape)));
         })?;
         Ok(objects(py, found, shape)?)
     }

@@ -46,11 +46,8 @@ impl SlidingFrame {
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<()> {
         let window = &mut self.window;
-        Events::of_call(args, keywords)?.work(py, |part| {
-            for event in part {
-                window.push(*event);
-            }
-            Ok(())
+        Events::of_call(args, keywords)?.each(py, |event| {
+            window.push(event);
         })
     }
 

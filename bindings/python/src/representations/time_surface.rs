@@ -46,11 +46,8 @@ impl TimeSurface {
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<()> {
         let surface = &mut self.surface;
-        Events::of_call(args, keywords)?.work(py, |part| {
-            for event in part {
-                surface.push(*event);
-            }
-            Ok(())
+        Events::of_call(args, keywords)?.each(py, |event| {
+            surface.push(event);
         })
     }
 

@@ -53,10 +53,7 @@ impl VoxelGrid {
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
         let (grid, mut accepted) = (&mut self.grid, 0);
-        Events::of_call(args, keywords)?.work(py, |part| {
-            accepted += part.iter().filter(|event| grid.push(**event)).count();
-            Ok(())
-        })?;
+        Events::of_call(args, keywords)?.each(py, |event| accepted += usize::from(grid.push(event)))?;
         Ok(accepted)
     }
 
