@@ -72,7 +72,7 @@ fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
     let report = study.run(&common.options(), &mut state, |progress| {
         match (progress, &bar) {
             (Progress::Missing(count), _) => {
-                bar = Some(progress::Progress::tasks(count, common.prints_json()))
+                bar = Some(progress::Progress::tasks(count, common.prints_json()));
             }
             (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
             (Progress::Finished, Some(bar)) => bar.done(),

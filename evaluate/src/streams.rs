@@ -25,6 +25,15 @@ pub struct Streams {
     pub(crate) truth: Option<Truth>,
 }
 
+/// Labels of a stream along time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Labels<'a> {
+    /// Times in microseconds, ascending.
+    pub t_us: &'a [i64],
+    /// The name of each label, and its values at these times.
+    pub values: Vec<(&'a str, &'a [f32])>,
+}
+
 impl Streams {
     /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them. All are held in memory.
     ///
@@ -97,14 +106,13 @@ impl Streams {
         self.sensor
     }
 
-    /// Times of the labels of a stream in microseconds, and the name and the values at these times of each label; `None` where the
-    /// file has no labels.
+    /// The labels of a stream along time; `None` where the file has none.
     ///
     /// # Panics
     /// Where there is no such stream.
-    pub fn labels(&self, stream: usize) -> Option<(&[i64], Vec<(&str, &[f32])>)> {
-        let (t_us, labels) = self.truth.as_ref()?.of(stream);
-        Some((t_us, labels.collect()))
+    pub fn labels(&self, stream: usize) -> Option<Labels<'_>> {
+        let (t_us, values) = self.truth.as_ref()?.of(stream);
+        Some(Labels { t_us, values: values.collect() })
     }
 
     /// The events of each stream.

@@ -134,9 +134,9 @@ impl Recordings {
                 PyArray1::from_iter(py, values).call_method1("reshape", (count, -1))?
             }
             Parts::Presses(streams) => {
-                if let Some((t_us, labels)) = streams.labels(i) {
-                    more.set_item("t_us", PyArray1::from_slice(py, t_us))?;
-                    for (name, values) in labels {
+                if let Some(labels) = streams.labels(i) {
+                    more.set_item("t_us", PyArray1::from_slice(py, labels.t_us))?;
+                    for (name, values) in labels.values {
                         more.set_item(name, PyArray1::from_slice(py, values))?;
                     }
                 }
