@@ -18,13 +18,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
-use meissner_evaluate::EvaluateError;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
+use meissner_evaluate::{EvaluateError, Workers};
 use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Matrix, Panel};
-use rayon::ThreadPool;
 use serde::Serialize;
 
 use crate::args::{MEASUREMENT, OUTPUT, STATUS};
@@ -93,11 +92,11 @@ fn write<R: Serialize>(
     args: &OutputArgs,
     svg: impl Fn(&R) -> String,
     table: impl Fn(&mut dyn Write, &R) -> io::Result<()>,
-    evaluate: impl FnOnce(&ThreadPool, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
+    evaluate: impl FnOnce(&Workers, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
 ) -> Result<(), CliError> {
     output::check_all_writable([&args.json, &args.svg, &args.logits])?;
-    let pool = threads::pool(args.threads)?;
-    let Evaluation { report, logits, took } = evaluate(&pool, |training, elapsed| {
+    let workers = Workers::from(threads::pool(args.threads)?);
+    let Evaluation { report, logits, took } = evaluate(&workers, |training, elapsed| {
         if stderr().is_terminal() {
             tell(format_args!("{:>8.1} s  {training}", elapsed.as_secs_f64()));
         }
@@ -110,7 +109,7 @@ fn write<R: Serialize>(
     }
     output::report(args.json.as_deref(), &report, |out| {
         table(out, &report)?;
-        let (seconds, threads) = (took.as_secs_f64(), pool.current_num_threads());
+        let (seconds, threads) = (took.as_secs_f64(), workers.threads());
         writeln!(out, "\njudged in {seconds:.1} s on {threads} threads")
     })
 }

@@ -46,9 +46,9 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             write(angle(source, asked, &args.common.options())?, &args.common)
         }
         StudyArgs::Slip(args) => {
-            let pool = threads::pool(args.common.threads)?;
+            let workers = threads::pool(args.common.threads)?.into();
             let options = args.common.options();
-            write(slip(&args.task.data, args.task.request(), &options, &pool)?, &args.common)
+            write(slip(&args.task.data, args.task.request(), &options, &workers)?, &args.common)
         }
     }
 }
@@ -59,9 +59,9 @@ fn recordings<T: EventTask>(
     networks: &EventNetworks,
     common: &Common,
 ) -> Result<(), CliError> {
-    let pool = threads::pool(common.threads)?;
+    let workers = threads::pool(common.threads)?.into();
     let (request, folds) = (networks.request(), networks.folds());
-    write(events::<T>(folder, request, folds, &common.options(), &pool)?, common)
+    write(events::<T>(folder, request, folds, &common.options(), &workers)?, common)
 }
 
 /// Runs `study`, and writes its files and text.
@@ -69,11 +69,16 @@ fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
     output::check_all_writable([&common.json, &common.csv, &common.svg])?;
     let mut state = State::open(common.state.as_deref())?;
     let mut bar = None;
-    let report = study.run(&common.options(), &mut state, |progress| match (progress, &bar) {
-        (Progress::Missing(count), _) => bar = Some(progress::Progress::tasks(count, common.prints_json())),
-        (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
-        (Progress::Finished, Some(bar)) => bar.done(),
-        (Progress::Started { .. } | Progress::Finished, None) => {}
+    let report = study.run(&common.options(), &mut state, |progress| {
+        match (progress, &bar) {
+            (Progress::Missing(count), _) => {
+                bar = Some(progress::Progress::tasks(count, common.prints_json()));
+            }
+            (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
+            (Progress::Finished, Some(bar)) => bar.done(),
+            (Progress::Started { .. } | Progress::Finished, None) => {}
+        }
+        Ok(())
     })?;
     if let Some(bar) = bar {
         bar.finish();

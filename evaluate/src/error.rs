@@ -24,6 +24,9 @@ pub enum EvaluateError {
     /// A data set is missing or has another layout; the source names the path.
     #[error(transparent)]
     Dataset(#[from] IoError),
+    /// Someone stopped it.
+    #[error("it was stopped")]
+    Stopped,
     /// An image is larger than any sensor.
     #[error("{}: expected at most 65535 x 65535 pixels, found {width} x {height}", path.display())]
     ImageSize {

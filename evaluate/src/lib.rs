@@ -10,11 +10,13 @@
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
+//! | [`streams`] | streams of events with labels along time, such as presses |
 //! | [`filters`] | what filters of events keep of a simulated signal and its noise |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
-//! Recordings are shared by the threads of a pool that the caller passes. The number of threads changes no bit of a result.
+//! Recordings are shared by the threads of [`Workers`], which the caller passes. The number of threads changes no bit of a result.
+//! Another thread can see how far they are, and stop them, with a [`Watch`].
 //!
 //! ```
 //! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};
@@ -45,7 +47,7 @@ pub mod pareto;
 pub mod prepare;
 pub mod regression;
 pub mod slip;
-mod streams;
+pub mod streams;
 mod tensors;
 pub mod touch;
 pub mod trainings;
@@ -54,3 +56,4 @@ mod truth;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};
+pub use workers::{Watch, Workers};

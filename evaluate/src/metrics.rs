@@ -33,8 +33,16 @@ impl Confusion {
     /// # Panics
     /// Where one of the two is not a class.
     pub fn add(&mut self, truth: usize, predicted: usize) {
+        self.add_many(truth, predicted, 1);
+    }
+
+    /// Counts `count` equal predictions.
+    ///
+    /// # Panics
+    /// As [`Self::add`].
+    pub fn add_many(&mut self, truth: usize, predicted: usize, count: u64) {
         let index = self.index(truth, predicted);
-        self.counts[index] += 1;
+        self.counts[index] += count;
     }
 
     fn index(&self, truth: usize, predicted: usize) -> usize {

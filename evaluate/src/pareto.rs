@@ -71,7 +71,8 @@ pub enum Progress<'a> {
 }
 
 impl Study<'_> {
-    /// Measures the settings that `options` ask for and `state` lacks, and reports all of them.
+    /// Measures the settings that `options` ask for and `state` lacks, and reports all of them. An error of `progress` ends it; what
+    /// was measured is in the state.
     ///
     /// # Errors
     /// No setting has a name that was asked for, a network cannot run, or the state cannot be written.
@@ -79,7 +80,7 @@ impl Study<'_> {
         mut self,
         options: &Options,
         state: &mut State,
-        mut progress: impl FnMut(Progress<'_>),
+        mut progress: impl FnMut(Progress<'_>) -> Result<(), EvaluateError>,
     ) -> Result<Report, EvaluateError> {
         self.choose(&options.only)?;
         let conditions = format!("{} timed, {} repeats, {}", self.asked, options.repeats, Isa::best().name());
@@ -96,7 +97,7 @@ impl Study<'_> {
             .networks
             .iter()
             .flat_map(|network| network.settings.iter().map(|(_, setting)| key(&network.report, setting)));
-        progress(Progress::Missing(keys.filter(|key| state.find(key).is_none()).count() as u64));
+        progress(Progress::Missing(keys.filter(|key| state.find(key).is_none()).count() as u64))?;
         let mut networks = Vec::new();
         for NetworkStudy { report, settings, measure } in self.networks {
             let mut measured = Vec::new();
@@ -105,9 +106,9 @@ impl Study<'_> {
                 let measurement = if let Some(found) = state.find(&key) {
                     found.clone()
                 } else {
-                    progress(Progress::Started { network: &report.network, setting: &setting });
+                    progress(Progress::Started { network: &report.network, setting: &setting })?;
                     let measurement = state.add(key, measure(index)?)?;
-                    progress(Progress::Finished);
+                    progress(Progress::Finished)?;
                     measurement
                 };
                 measured.push((setting, measurement));

@@ -25,7 +25,6 @@ use meissner_pipeline::losses::LossWarning;
 use meissner_pipeline::model::describe_any;
 use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use rayon::ThreadPool;
 use serde::Serialize;
 
 pub use errors::{Errors, OutputErrors, Work};
@@ -35,7 +34,7 @@ use crate::events::lost;
 use crate::judged;
 use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
 use crate::trials::{Cases, Trial};
-use crate::workers;
+use crate::workers::Workers;
 use embedding::embedding;
 use engine::PressEngine;
 use press::{Outcome, Presses};
@@ -139,7 +138,7 @@ pub struct NetworkReport {
 /// Figures of several trainings on the same presses.
 pub type Judged = judged::Judged<Errors>;
 
-/// Judges the networks of `options` on the presses in the safetensors file `events`, with the threads of `pool`. `done` is
+/// Judges the networks of `options` on the presses in the safetensors file `events`, with the threads of `workers`. `done` is
 /// called after each training with its label and the time since judging began.
 ///
 /// The file has streams as `meissner simulate markers` writes them, with a label for each output of each network.
@@ -149,7 +148,7 @@ pub type Judged = judged::Judged<Errors>;
 pub fn evaluate(
     events: &Path,
     options: &Options<'_>,
-    pool: &ThreadPool,
+    workers: &Workers,
     mut done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<Regression>(options.request)?;
@@ -168,7 +167,8 @@ pub fn evaluate(
 
     let start = Instant::now();
     let mut logits = TensorFile::new(BTreeMap::new());
-    let judge = Judge { presses: &presses, pool, options };
+    workers.expect(plans.iter().flat_map(|(.., trials)| trials).map(Trial::cases).sum());
+    let judge = Judge { presses: &presses, workers, options };
     let mut done = |training: &Training| done(&training.label, start.elapsed());
     let networks = plans.iter().map(|(candidate, quantities, stride, trials)| {
         judge.network(candidate, quantities, *stride, trials, &mut logits, &mut done)
@@ -202,7 +202,7 @@ pub fn evaluate(
 /// Judges networks on one file of presses.
 struct Judge<'a> {
     presses: &'a Presses,
-    pool: &'a ThreadPool,
+    workers: &'a Workers,
     options: &'a Options<'a>,
 }
 
@@ -227,7 +227,7 @@ impl Judge<'_> {
                 let work = |engine: &mut PressEngine, &press: &usize| {
                     self.presses.judge(engine, press, quantities, stride, every_us, embeds)
                 };
-                workers::for_each(self.pool, &engine, chosen, work)
+                self.workers.for_each(&engine, chosen, work)
             })?;
             let values: Vec<f32> =
                 outcomes.iter().flat_map(|(_, outcome)| outcome.values.iter().copied()).collect();

@@ -13,14 +13,13 @@ use meissner_models::FrameDescription;
 use meissner_models::systems::slip::{CLASSES, Object, ObjectSet, SlipWindows};
 use meissner_pipeline::model::describe_frames;
 use meissner_pipeline::text::grouped;
-use rayon::ThreadPool;
 
 use crate::error::{EvaluateError, TrainingError};
 use crate::events::passed_over_note;
 use crate::trainings::{HeldOut, Scheme};
 use crate::trainings::{Metadata, Task};
 use crate::trials::Cases;
-use crate::workers;
+use crate::workers::Workers;
 pub use judge::{
     Classified, DataReport, Judged, NetworkReport, Report, SetReport, ValidationReport, evaluate,
 };
@@ -152,19 +151,21 @@ impl Windows {
     }
 
     /// The outputs of `engine` for the windows `chosen`, each from its last `steps` frames. Every window starts from a
-    /// reset, so the number of threads of `pool` changes no bit.
+    /// reset, so the number of `workers` changes no bit.
     pub(crate) fn logits(
         &self,
-        pool: &ThreadPool,
+        workers: &Workers,
         engine: &FrameEngine,
         chosen: &[usize],
         steps: usize,
-    ) -> Result<Vec<Vec<f32>>, EngineError> {
-        workers::for_each(pool, engine, chosen, |engine, &window| {
+        failed: impl Fn(EngineError) -> EvaluateError + Sync + Send,
+    ) -> Result<Vec<Vec<f32>>, EvaluateError> {
+        let outputs = |engine: &mut FrameEngine, window| {
             engine.reset();
             self.frames(window, steps).try_for_each(|frame| engine.push(frame).map(drop))?;
             Ok(engine.predict()?.values.to_vec())
-        })
+        };
+        workers.for_each(engine, chosen, |engine, &window| outputs(engine, window).map_err(&failed))
     }
 }
 

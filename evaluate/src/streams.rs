@@ -16,7 +16,7 @@ use crate::tensors::{bounds, integers, value};
 use crate::truth::Truth;
 
 /// Events, stream after stream.
-pub(crate) struct Streams {
+pub struct Streams {
     pub(crate) sensor: Sensor,
     events: Vec<Event>,
     /// Index of the first event of each stream, and the number of events.
@@ -25,9 +25,21 @@ pub(crate) struct Streams {
     pub(crate) truth: Option<Truth>,
 }
 
+/// Labels of a stream along time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Labels<'a> {
+    /// Times in microseconds, ascending.
+    pub t_us: &'a [i64],
+    /// The name of each label, and its values at these times.
+    pub values: Vec<(&'a str, &'a [f32])>,
+}
+
 impl Streams {
-    /// The streams in the file at `path`.
-    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them. All are held in memory.
+    ///
+    /// # Errors
+    /// The file cannot be read or does not fit.
+    pub fn read(path: &Path) -> Result<Self, EvaluateError> {
         Self::parsed(path, Self::from_bytes)
     }
 
@@ -89,8 +101,22 @@ impl Streams {
         Ok(())
     }
 
+    /// The sensor of all streams.
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
+    }
+
+    /// The labels of a stream along time; `None` where the file has none.
+    ///
+    /// # Panics
+    /// Where there is no such stream.
+    pub fn labels(&self, stream: usize) -> Option<Labels<'_>> {
+        let (t_us, values) = self.truth.as_ref()?.of(stream);
+        Some(Labels { t_us, values: values.collect() })
+    }
+
     /// The events of each stream.
-    pub(crate) fn parts(&self) -> Vec<&[Event]> {
+    pub fn parts(&self) -> Vec<&[Event]> {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 

@@ -104,6 +104,13 @@ impl Truth {
         self.labels.keys().map(String::as_str)
     }
 
+    /// The times of `stream`, and the name and the values at these times of each label.
+    pub(crate) fn of(&self, stream: usize) -> (&[i64], impl Iterator<Item = (&str, &[f32])>) {
+        let times = self.times(stream);
+        let t_us = &self.t_us[times.clone()];
+        (t_us, self.labels.iter().map(move |(name, values)| (name.as_str(), &values[times.clone()])))
+    }
+
     /// The first and the last time of `stream`.
     pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
         let times = self.times(stream);

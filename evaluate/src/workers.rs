@@ -1,20 +1,97 @@
-//! Recordings shared by threads.
+//! Threads that share recordings, and what others see and want of them.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-/// The results of `work` for each of `items`, in their order, on the threads of `pool`, each with clones of `engine`.
-///
-/// The number of threads and the order in which they take items cannot reach a result if `work` resets its engine.
-///
-/// # Errors
-/// The first error in the order of the items.
-pub(crate) fn for_each<E: Clone + Sync, I: Sync, T: Send, X: Send>(
-    pool: &ThreadPool,
-    engine: &E,
-    items: &[I],
-    work: impl Fn(&mut E, &I) -> Result<T, X> + Sync + Send,
-) -> Result<Vec<T>, X> {
-    let work = || items.par_iter().map_init(|| engine.clone(), work).collect::<Vec<_>>();
-    pool.install(work).into_iter().collect()
+use crate::error::EvaluateError;
+
+/// How far an evaluation is, for another thread, which can also stop it.
+#[derive(Clone, Debug, Default)]
+pub struct Watch(Arc<Counts>);
+
+#[derive(Debug, Default)]
+struct Counts {
+    done: AtomicU64,
+    total: AtomicU64,
+    stopped: AtomicBool,
+}
+
+impl Watch {
+    /// Recordings, presses or windows that are done, once for each training.
+    pub fn done(&self) -> u64 {
+        self.0.done.load(Ordering::Relaxed)
+    }
+
+    /// All of them; 0 while the data set is read.
+    pub fn total(&self) -> u64 {
+        self.0.total.load(Ordering::Relaxed)
+    }
+
+    /// Lets the evaluation end with [`EvaluateError::Stopped`] before the next recording.
+    pub fn stop(&self) {
+        self.0.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// `Ok` unless it is stopped.
+    ///
+    /// # Errors
+    /// [`EvaluateError::Stopped`].
+    pub fn check(&self) -> Result<(), EvaluateError> {
+        if self.0.stopped.load(Ordering::Relaxed) { Err(EvaluateError::Stopped) } else { Ok(()) }
+    }
+}
+
+/// Threads that share the recordings of an evaluation.
+#[derive(Debug)]
+pub struct Workers {
+    pool: ThreadPool,
+    pub(crate) watch: Watch,
+}
+
+impl From<ThreadPool> for Workers {
+    fn from(pool: ThreadPool) -> Self {
+        Self { pool, watch: Watch::default() }
+    }
+}
+
+impl Workers {
+    /// The threads of `pool`, which tell `watch`.
+    pub fn new(pool: ThreadPool, watch: Watch) -> Self {
+        Self { pool, watch }
+    }
+
+    /// Number of threads.
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// Tells how many items there will be in all.
+    pub(crate) fn expect(&self, items: usize) {
+        self.watch.0.total.store(items as u64, Ordering::Relaxed);
+    }
+
+    /// The results of `work` for each of `items`, in their order, each thread with clones of `engine`.
+    ///
+    /// The number of threads and the order in which they take items cannot reach a result if `work` resets its engine.
+    ///
+    /// # Errors
+    /// The first error in the order of the items; [`EvaluateError::Stopped`].
+    pub(crate) fn for_each<E: Clone + Sync, I: Sync, T: Send, X: Send + Into<EvaluateError>>(
+        &self,
+        engine: &E,
+        items: &[I],
+        work: impl Fn(&mut E, &I) -> Result<T, X> + Sync + Send,
+    ) -> Result<Vec<T>, EvaluateError> {
+        let work = |engine: &mut E, item: &I| {
+            self.watch.check()?;
+            let result = work(engine, item).map_err(Into::into)?;
+            self.watch.0.done.fetch_add(1, Ordering::Relaxed);
+            Ok(result)
+        };
+        let work = || items.par_iter().map_init(|| engine.clone(), work).collect::<Vec<_>>();
+        self.pool.install(work).into_iter().collect()
+    }
 }

@@ -108,13 +108,48 @@ pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recordi
         return Err(IoError::OtherKind { expected: Kind::EVENTS, found: Kind::Folder });
     }
     // A pipe can be read only once.
-    if let Some(range) = options.range.filter(|_| path.is_file()) {
-        let file = File::open(path).map_err(IoError::file("read", path))?;
-        if let Some(part) = read_part(file, options, range)? {
-            return Ok(part);
-        }
+    if let Some(range) = options.range.filter(|_| path.is_file())
+        && let Some(part) = read_range(path, options, range)?
+    {
+        return Ok(part);
     }
     decode_content(packed::content_of_file(path, options.salvage)?, options)
+}
+
+/// Reads the events of `range` in the file at `path` without the rest of it; `None` where the format does not permit that, and
+/// [`read_with`] would read the whole file.
+///
+/// # Errors
+/// As [`read_with`].
+pub fn read_range(
+    path: &Path,
+    options: impl Into<ReadOptions>,
+    range: TimeRange,
+) -> Result<Option<Recording>, IoError> {
+    read_part(File::open(path).map_err(IoError::file("read", path))?, options.into(), range)
+}
+
+/// The recording in the file at `path` block by block; `None` where the format does not permit that. The ranges of `options` are
+/// ignored. Where a clock wraps, no time between two events of a block or of two is half of its period or more (DAT and AEDAT2: 36
+/// minutes).
+///
+/// Formats with records or packets that can be read alone have blocks: DAT, AEDAT2, EVT2, npy, AEDAT3 and AEDAT4, where the file is
+/// not packed and not cut short.
+///
+/// # Errors
+/// [`IoError::File`] where the file cannot be read; those of its header.
+pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<seek::Blocks>, IoError> {
+    let file = File::open(path).map_err(IoError::file("read", path))?;
+    let Some((found, input)) = located(file, options.into())? else { return Ok(None) };
+    match found {
+        Format::Dat => seek::blocks::of_records::<dat::Layout>(input),
+        Format::Aedat2 => seek::blocks::of_records::<aedat2::Header>(input),
+        Format::Evt2 => seek::blocks::of_records::<evt2::Layout>(input),
+        Format::Npy => seek::blocks::of_records::<npy::Layout>(input),
+        Format::Aedat3 => seek::blocks::of_packets::<aedat3::Container>(input),
+        Format::Aedat4 => seek::blocks::of_packets::<aedat4::Container>(input),
+        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
+    }
 }
 
 /// The content of the file at `path`, unpacked if it is a gzip file, or a zip archive with one recording.
@@ -203,15 +238,7 @@ fn read_part(
     options: ReadOptions,
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {
-    let mut input = seek::Input::new(input)?;
-    let head = input.head()?;
-    if packed::is_packed(&head) {
-        return Ok(None);
-    }
-    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
-        return Ok(None);
-    };
-    input.format = found.name();
+    let Some((found, mut input)) = located(input, options)? else { return Ok(None) };
     match found {
         Format::Dat => seek::records::read::<dat::Layout>(&mut input, range),
         Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range),
@@ -221,6 +248,23 @@ fn read_part(
         Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range),
         Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
     }
+}
+
+/// The format of a file that is not packed, and the file.
+fn located<R: Read + Seek>(
+    input: R,
+    options: ReadOptions,
+) -> Result<Option<(Format, seek::Input<R>)>, IoError> {
+    let mut input = seek::Input::new(input)?;
+    let head = input.head()?;
+    if packed::is_packed(&head) {
+        return Ok(None);
+    }
+    let ((Some(found), _) | (None, Some(Kind::Events(found)))) = (options.format, Kind::of(&head)) else {
+        return Ok(None);
+    };
+    input.format = found.name();
+    Ok(Some((found, input)))
 }
 
 /// Writes `events` to the file at `path`, which is created or replaced.

@@ -129,6 +129,19 @@ pub struct EventRecording {
     pub events: Vec<Event>,
 }
 
+/// A recording of events with its class that is still in its file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EventFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Its place in the data set, as [`EventRecording::name`].
+    pub name: String,
+    /// Its purpose.
+    pub split: Split,
+    /// Index of its class.
+    pub class: usize,
+}
+
 /// A set of recordings of events with a split and classes.
 pub type EventDataset = Dataset<EventRecording>;
 
@@ -148,25 +161,47 @@ impl EventDataset {
     /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
     /// events.
     pub fn nmnist(folder: impl AsRef<Path>) -> Result<Self, IoError> {
+        let Dataset { recordings, passed_over } = Dataset::nmnist_files(folder)?;
+        Ok(Self {
+            recordings: recordings.iter().map(EventFile::read).collect::<Result<_, _>>()?,
+            passed_over,
+        })
+    }
+}
+
+impl Dataset<EventFile> {
+    /// Lists the files that [`EventDataset::nmnist`] reads, in its order, and reads none.
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no recordings.
+    pub fn nmnist_files(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let mut set = Self::new();
         for (split, folder) in set.subfolders(folder, &Split::ALL.map(Split::name))? {
+            let split = Split::ALL[split];
             for (class, folder) in set.subfolders(&folder, &DIGITS)? {
-                set.extend(&folder, "bin", |path| EventRecording::read(path, Split::ALL[split], class))?;
+                set.extend(&folder, "bin", |path| {
+                    let name = format!("{split}/{class}/{}", stem(path));
+                    Ok(EventFile { path: path.to_owned(), name, split, class })
+                })?;
             }
         }
         set.not_empty(folder, "<train|test>/<digit>/<number>.bin", &DIGITS)
     }
 }
 
-impl EventRecording {
-    /// The digit in the file at `path`.
-    fn read(path: &Path, split: Split, class: usize) -> Result<Self, IoError> {
+impl EventFile {
+    /// The recording in the file.
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where it cannot be read or has no events.
+    pub fn read(&self) -> Result<EventRecording, IoError> {
+        let Self { path, name, split, class } = self;
         let events = read_with(path, Format::Nmnist).map_err(IoError::content(path))?.events;
         if events.is_empty() {
             return Err(IoError::unfit(path, "events of five bytes", "none"));
         }
-        Ok(Self { name: format!("{split}/{class}/{}", stem(path)), split, class, events })
+        Ok(EventRecording { name: name.clone(), split: *split, class: *class, events })
     }
 }
 
@@ -206,6 +241,19 @@ pub struct SlipRecording {
     pub warnings: ElectrodeWarnings,
 }
 
+/// A recording of a slip that is still in its file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SlipFile {
+    /// The file.
+    pub path: PathBuf,
+    /// As [`SlipRecording::name`].
+    pub name: String,
+    /// As [`SlipRecording::class`].
+    pub class: usize,
+    /// As [`SlipRecording::object`].
+    pub object: String,
+}
+
 /// Slips under 24 electrodes, one folder per class: the layout of the `BioTac` direction-of-slip data set.
 ///
 /// ```text
@@ -223,10 +271,22 @@ impl SlipDataset {
     /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
     /// readings; with the line too for a row that is no reading, where `bad_rows` refuses it.
     pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, IoError> {
+        let Dataset { recordings, passed_over } = Dataset::slip_files(folder, classes)?;
+        let read = recordings.iter().map(|file| file.read(bad_rows));
+        Ok(Self { recordings: read.collect::<Result<_, _>>()?, passed_over })
+    }
+}
+
+impl Dataset<SlipFile> {
+    /// Lists the files that [`SlipDataset::read`] reads, in its order, and reads none.
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no recordings.
+    pub fn slip_files(folder: impl AsRef<Path>, classes: &[&str]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let mut set = Self::new();
         for (class, folder) in set.subfolders(folder, classes)? {
-            set.extend(&folder, "csv", |path| SlipRecording::read(path, (class, classes[class]), bad_rows))?;
+            set.extend(&folder, "csv", |path| SlipFile::new(path, (class, classes[class])))?;
         }
         set.not_empty(folder, "<class>/<object><number>.csv", classes)
     }
@@ -246,14 +306,28 @@ impl SlipRecording {
         });
         stretches.filter(|stretch| !stretch.is_empty())
     }
-    fn read(path: &Path, class: (usize, &str), bad_rows: BadRows) -> Result<Self, IoError> {
-        let file = File::open(path).map_err(IoError::file("open", path))?;
+}
+
+impl SlipFile {
+    fn new(path: &Path, class: (usize, &str)) -> Result<Self, IoError> {
         let stem = stem(path);
         let object = stem.trim_end_matches(|c: char| c.is_ascii_digit());
         if object.is_empty() || object.len() == stem.len() {
             let expected = "an object's name and a number, such as pen178.csv";
             return Err(IoError::unfit(path, expected, format!("{:?}", name(path))));
         }
+        let (name, object) = (format!("{}/{stem}", class.1), object.to_owned());
+        Ok(Self { path: path.to_owned(), name, class: class.0, object })
+    }
+
+    /// The recording in the file.
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where it cannot be read or has no readings; with the line too for a row that is no reading,
+    /// where `bad_rows` refuses it.
+    pub fn read(&self, bad_rows: BadRows) -> Result<SlipRecording, IoError> {
+        let path = &self.path;
+        let file = File::open(path).map_err(IoError::file("open", path))?;
         let mut rows = Electrodes::new(BufReader::new(file), ElectrodeSettings::default());
         let (mut readings, mut refused) = (Vec::new(), Vec::new());
         for row in rows.by_ref() {
@@ -271,8 +345,8 @@ impl SlipRecording {
         if readings.is_empty() {
             return Err(IoError::unfit(path, "rows of readings below a header", "none"));
         }
-        let (name, object) = (format!("{}/{stem}", class.1), object.to_owned());
-        Ok(Self { name, class: class.0, object, readings, refused, warnings: rows.warnings() })
+        let (name, object) = (self.name.clone(), self.object.clone());
+        Ok(SlipRecording { name, class: self.class, object, readings, refused, warnings: rows.warnings() })
     }
 }
 

@@ -71,7 +71,9 @@ mod text;
 mod wire;
 mod zip;
 
-pub use codec::{ReadOptions, decode, decode_with, encode, read, read_content, read_with, write};
+pub use codec::{
+    ReadOptions, blocks, decode, decode_with, encode, read, read_content, read_range, read_with, write,
+};
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
@@ -81,5 +83,5 @@ pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;
-pub use seek::{DISORDER_US, TimeRange};
+pub use seek::{Blocks, DISORDER_US, TimeRange};
 pub use wire::{LiveEvents, RECORD_BYTES, record};

@@ -12,6 +12,7 @@
 //! is that of cutting the whole recording, provided that no event is more than that earlier than one before it, and that the clock
 //! never wraps unseen: between neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
 
+pub(crate) mod blocks;
 pub(crate) mod packets;
 pub(crate) mod records;
 
@@ -21,6 +22,7 @@ use std::ops::Range;
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
 use crate::recording::Recording;
+pub use blocks::Blocks;
 pub(crate) use packets::{PacketHeader, Packets};
 pub(crate) use records::Records;
 

@@ -10,6 +10,7 @@
 //! |---|---|
 //! | [`Input`] | sensor's side: offers events; waits only under [`Overload::Block`] |
 //! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`Timely`] prediction and its age |
+//! | [`Asked`] | a prediction that was asked for, for a caller that cannot only wait |
 //! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
 //! | [`QueueCounters`] | counts of offered, delivered, waiting and dropped events |
 //! | [`Predictor`], [`Item`] | engines that can run live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
@@ -55,7 +56,7 @@ mod worker;
 pub use error::LiveError;
 pub use input::Input;
 pub use intake::Item;
-pub use live::{Live, Timely};
+pub use live::{Asked, Live, Timely};
 pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};
 pub use recorded::Recorded;

@@ -6,7 +6,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::intake::{Intake, Item};
-use crate::shared::{Answer, Shared};
+use crate::shared::{Answer, Request, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
 /// An engine that runs in its own thread, and its newest prediction.
@@ -44,6 +44,15 @@ pub struct Timely<'a> {
     pub age: Duration,
     /// Time since the call.
     pub waited: Duration,
+}
+
+/// A prediction that was asked for and may still be computed.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    request: Request,
+    /// Times of the first and of the newest event that had entered.
+    stamps_us: Option<(i64, i64)>,
+    at: Instant,
 }
 
 impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
@@ -85,10 +94,42 @@ impl<P: Predictor<Input: Item>> Live<P> {
     /// [`LiveError::Engine`] if the newest computation failed; an older prediction is not returned in its place.
     /// [`LiveError::Panicked`] if the worker has ended.
     pub fn predict(&mut self, deadline: Duration) -> Result<Timely<'_>, LiveError> {
-        let asked = Instant::now();
-        let (request, state) = self.shared.ask(asked.checked_add(deadline));
-        let stamps_us = state.intake.stamps_us();
-        let state = self.shared.answered(&request, state);
+        let asked = self.ask(deadline);
+        self.wait(&asked, deadline)?;
+        self.timely(&asked)
+    }
+
+    /// Asks for a prediction without waiting for it; it replaces what was asked before. For a caller that has other things to look
+    /// at while it waits: [`Self::wait`] and [`Self::timely`] are the rest of [`Self::predict`].
+    pub fn ask(&mut self, deadline: Duration) -> Asked {
+        let at = Instant::now();
+        let (request, state) = self.shared.ask(at.checked_add(deadline));
+        Asked { request, stamps_us: state.intake.stamps_us(), at }
+    }
+
+    /// Waits at most `most` for what was asked; whether it is there, or its deadline has passed.
+    ///
+    /// # Errors
+    /// [`LiveError::Panicked`] if the worker has ended.
+    pub fn wait(&mut self, asked: &Asked, most: Duration) -> Result<bool, LiveError> {
+        let until = Instant::now().checked_add(most);
+        let due = [asked.request.due, until].into_iter().flatten().min();
+        let state = self.shared.answered(&Request { due, ..asked.request }, self.shared.lock());
+        let (is_there, has_ended) = (state.answer.request == asked.request.number, state.has_ended());
+        drop(state);
+        if has_ended {
+            return Err(self.panicked());
+        }
+        Ok(is_there || asked.request.due.is_some_and(|due| due <= Instant::now()))
+    }
+
+    /// The newest finished prediction, with its age, in answer to what was asked.
+    ///
+    /// # Errors
+    /// As [`Self::predict`].
+    pub fn timely(&mut self, asked: &Asked) -> Result<Timely<'_>, LiveError> {
+        let Asked { request, stamps_us, at } = asked;
+        let state = self.shared.lock();
         if state.has_ended() {
             drop(state);
             return Err(self.panicked());
@@ -114,7 +155,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
             behind_events,
             behind_us: behind_us.unsigned_abs(),
             age: answer.begun.elapsed(),
-            waited: asked.elapsed(),
+            waited: at.elapsed(),
             values: &self.values,
         })
     }

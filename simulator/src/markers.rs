@@ -66,24 +66,47 @@ impl MarkerTracks {
         camera: &mut Camera,
         events: &mut Vec<SimulatedEvent>,
     ) -> Result<(), SimulatorError> {
+        (0..self.intervals()).try_for_each(|interval| self.film_interval(interval, scene, camera, events))?;
+        camera.finish(events);
+        Ok(())
+    }
+
+    /// Number of intervals between the times.
+    pub fn intervals(&self) -> usize {
+        self.t_us.len().saturating_sub(1)
+    }
+
+    /// Films an interval, for a caller that films them one by one in order, each with the same `camera`, and calls
+    /// [`Camera::finish`] at the end: the events are those of [`Self::film`].
+    ///
+    /// # Errors
+    /// As [`Camera::push`].
+    ///
+    /// # Panics
+    /// Where there is no such interval.
+    pub fn film_interval(
+        &self,
+        interval: usize,
+        scene: &MarkerScene,
+        camera: &mut Camera,
+        events: &mut Vec<SimulatedEvent>,
+    ) -> Result<(), SimulatorError> {
         let sensor = camera.sensor();
         let mut image = vec![0.0; usize::from(sensor.width) * usize::from(sensor.height)];
         let mut now = vec![[0.0; 2]; self.markers];
-        for (interval, times) in self.t_us.windows(2).enumerate() {
-            let (before, after) = (self.at(interval), self.at(interval + 1));
-            let span = times[1] - times[0];
-            let images = images(before, after).min(span.unsigned_abs());
-            for i in u64::from(interval > 0)..=images {
-                let t_us = times[0] + (i128::from(span) * i128::from(i) / i128::from(images)) as i64;
-                let share = (t_us - times[0]) as f32 / span as f32;
-                for ((now, a), b) in now.iter_mut().zip(before).zip(after) {
-                    *now = [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])];
-                }
-                scene.draw(sensor, &now, &mut image);
-                camera.push(t_us, &image, events)?;
+        let times = [self.t_us[interval], self.t_us[interval + 1]];
+        let (before, after) = (self.at(interval), self.at(interval + 1));
+        let span = times[1] - times[0];
+        let images = images(before, after).min(span.unsigned_abs());
+        for i in u64::from(interval > 0)..=images {
+            let t_us = times[0] + (i128::from(span) * i128::from(i) / i128::from(images)) as i64;
+            let share = (t_us - times[0]) as f32 / span as f32;
+            for ((now, a), b) in now.iter_mut().zip(before).zip(after) {
+                *now = [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])];
             }
+            scene.draw(sensor, &now, &mut image);
+            camera.push(t_us, &image, events)?;
         }
-        camera.finish(events);
         Ok(())
     }
 

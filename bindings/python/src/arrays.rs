@@ -1,11 +1,11 @@
 //! What several classes take and return: structured arrays of events, sizes of sensors, counts by name.
 
 use meissner::{Event, Sensor};
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::Failure;
+use crate::error::{Failure, Outcome};
 
 /// Bytes of an event in an array that this module makes: t, x, y, p.
 const PACKED: usize = 13;
@@ -19,12 +19,54 @@ pub(crate) fn dtype(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyAny>> {
     let mut bytes = Vec::with_capacity(events.len() * PACKED);
     for event in events {
-        bytes.extend_from_slice(&event.t_us.to_le_bytes());
-        bytes.extend_from_slice(&event.x.to_le_bytes());
-        bytes.extend_from_slice(&event.y.to_le_bytes());
-        bytes.push(event.on.into());
+        put(event, &mut bytes);
     }
     PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
+}
+
+/// Appends an event as [`dtype`] has it.
+pub(crate) fn put(event: &Event, bytes: &mut Vec<u8>) {
+    bytes.extend_from_slice(&event.t_us.to_le_bytes());
+    bytes.extend_from_slice(&event.x.to_le_bytes());
+    bytes.extend_from_slice(&event.y.to_le_bytes());
+    bytes.push(event.on.into());
+}
+
+/// An array of numbers as contiguous f32, in place where it is that.
+pub(crate) fn contiguous<'py>(
+    name: &str,
+    object: &Bound<'py, PyAny>,
+) -> Outcome<Bound<'py, PyArrayDyn<f32>>> {
+    let numpy = object.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (object,))?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !matches!(&*kind, "f" | "i" | "u" | "b") {
+        let found = array.getattr("dtype")?;
+        return Err(Failure::dtype(format!("{name}: expected numbers, found {found}")));
+    }
+    let array = numpy.call_method1("ascontiguousarray", (array, "f4"))?;
+    Ok(array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?)
+}
+
+/// The values of an array of numbers in f32, row by row, and its shape.
+pub(crate) fn float32(name: &str, object: &Bound<'_, PyAny>) -> Outcome<(Vec<f32>, Vec<usize>)> {
+    let array = contiguous(name, object)?;
+    let shape = array.shape().to_vec();
+    let array = array.try_readonly().map_err(PyErr::from)?;
+    Ok((array.as_slice().map_err(PyErr::from)?.to_vec(), shape))
+}
+
+/// The method `__array__` of what holds the array `values`.
+pub(crate) fn as_numpy<'py>(
+    values: &Bound<'py, PyAny>,
+    dtype: Option<Bound<'py, PyAny>>,
+    copy: Option<bool>,
+) -> PyResult<Bound<'py, PyAny>> {
+    match (dtype, copy) {
+        (None, Some(true)) => values.call_method0("copy"),
+        (None, _) => Ok(values.clone()),
+        (Some(dtype), _) => values.call_method1("astype", (dtype,)),
+    }
 }
 
 /// The size of a sensor from (width, height); a third number, the polarities of tonic's `sensor_size`, is ignored.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use meissner::{BatchEngine, Event, Search, Stream};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyTuple};
 
 use crate::arrays::{Pixels, sides, to_array};
 use crate::description::Description;
@@ -63,17 +63,14 @@ impl Batch {
     }
 
     /// Inserts events in order; returns how many were accepted. As `Engine.push`.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
-        let events = Events::new(events, [t, x, y, p])?;
+        let events = Events::of_call(args, keywords)?;
         let (batch, mut accepted) = (&mut self.batch, 0);
         events.work(py, |part| {
             accepted += batch.push_slice(part);
@@ -89,11 +86,7 @@ impl Batch {
 
     /// Computes every row of every layer. Raises `NotANumberError`.
     fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
-        let batch = &mut self.batch;
-        let found =
-            py.detach(|| batch.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
-        let (values, t_us, nodes, rows) = found?;
-        Prediction::new(py, &values, None, (t_us, nodes as u64), &rows, &self.outputs)
+        prediction::computed(py, &mut self.batch, None, &self.outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32.
@@ -119,7 +112,7 @@ impl Batch {
             Ok(py.check_signals()?)
         };
         for stream in streams.try_iter()? {
-            taken.push(Events::new(Some(&stream?), [None; 4])?.to_vec_clamped());
+            taken.push(Events::new(&stream?)?.to_vec_clamped());
             if taken.len() == STREAMS {
                 run(&mut taken)?;
             }

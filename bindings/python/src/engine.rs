@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use meissner::{Counters, LatePolicy, Network, Options, models};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 
 use crate::arrays::{Pixels, counts, sides, to_array};
 use crate::description::Description;
@@ -34,10 +34,21 @@ use crate::weights::Weights;
 #[pyclass(module = "meissner", name = "Engine", weakref)]
 #[derive(Clone)]
 pub(crate) struct Engine {
-    engine: meissner::Engine,
-    outputs: Arc<Outputs>,
-    description: Description,
+    pub(crate) engine: meissner::Engine,
+    pub(crate) outputs: Arc<Outputs>,
+    pub(crate) description: Description,
     values: Vec<f32>,
+}
+
+impl Engine {
+    pub(crate) fn new_from(
+        engine: meissner::Engine,
+        outputs: &Arc<Outputs>,
+        description: &Description,
+    ) -> Self {
+        let values = vec![0.0; engine.network().outputs()];
+        Self { engine, outputs: Arc::clone(outputs), description: description.clone(), values }
+    }
 }
 
 /// A network over events with its description, from the arguments of a constructor.
@@ -89,9 +100,8 @@ impl Engine {
             .with_tolerance(tolerance)
             .with_memory_limit(memory_limit);
         let outputs = Outputs::new(&description.any, network.layers().into_iter());
-        let values = vec![0.0; network.outputs()];
         let engine = meissner::Engine::with_options(network, sensor.0, options)?;
-        Ok(Self { engine, outputs, description, values })
+        Ok(Self::new_from(engine, &outputs, &description))
     }
 
     /// Inserts events in order; returns how many were accepted. The others are counted in `counters`.
@@ -102,17 +112,14 @@ impl Engine {
     /// events before have then been inserted.
     ///
     /// Raises `InputError` or `DtypeError` before the first event is inserted.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
-        let events = Events::new(events, [t, x, y, p])?;
+        let events = Events::of_call(args, keywords)?;
         let (engine, mut accepted) = (&mut self.engine, 0);
         events.work(py, |part| {
             accepted += engine.push_slice(part);
@@ -128,11 +135,7 @@ impl Engine {
 
     /// The prediction for the current window. Raises `NotANumberError`.
     fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
-        let engine = &mut self.engine;
-        let found =
-            py.detach(|| engine.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
-        let (values, t_us, nodes, rows) = found?;
-        Prediction::new(py, &values, None, (t_us, nodes as u64), &rows, &self.outputs)
+        prediction::computed(py, &mut self.engine, None, &self.outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32, and allocates nothing.

@@ -7,8 +7,11 @@ use std::error::Error;
 
 use meissner::EngineError;
 use meissner::io::IoError;
+use meissner::live::LiveError;
 use meissner::models::{DescriptionError, FormatError, ModelError};
 use meissner::representations::RepresentationError;
+use meissner_evaluate::EvaluateError;
+use meissner_simulator::SimulatorError;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -124,6 +127,31 @@ impl From<IoError> for Failure {
     fn from(error: IoError) -> Self {
         let class = if matches!(error, IoError::File { .. }) { "FileError" } else { "RecordingError" };
         Self::Refused(class, text(&error))
+    }
+}
+
+impl From<LiveError> for Failure {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Engine(error) => error.into(),
+            LiveError::Option { .. } => Self::Refused("InputError", text(&error)),
+            _ => Self::Refused("LiveError", text(&error)),
+        }
+    }
+}
+
+impl From<EvaluateError> for Failure {
+    fn from(error: EvaluateError) -> Self {
+        match error {
+            EvaluateError::Dataset(error) => error.into(),
+            _ => Self::Refused("EvaluationError", text(&error)),
+        }
+    }
+}
+
+impl From<SimulatorError> for Failure {
+    fn from(error: SimulatorError) -> Self {
+        Self::Refused("InputError", text(&error))
     }
 }
 

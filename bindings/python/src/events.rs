@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 use meissner::Event;
 use numpy::ndarray::{ArrayView2, Axis, Slice};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyMappingProxy, PySlice, PyTuple};
+use pyo3::types::{PyDict, PyMappingProxy, PySlice, PyTuple};
 
 use crate::error::{Failure, Outcome};
 use crate::recording::Recording;
@@ -25,12 +26,22 @@ const POLARITIES: &[&str] = &["p", "on", "polarity"];
 
 /// Events of a block.
 const BLOCK: usize = 4096;
-/// So many events or fewer do not release the interpreter.
-const FEW: usize = 32;
-/// Events between two looks at the clock.
-const STRIDE: usize = 8;
 /// How long work runs until signals are handled.
 const TURN: Duration = Duration::from_millis(50);
+
+/// How work on events is parted.
+#[derive(Clone, Copy)]
+pub(crate) struct Parts {
+    /// So many events or fewer do not release the interpreter.
+    few: usize,
+    /// Events between two looks at the clock.
+    stride: usize,
+}
+
+/// For work of microseconds an event.
+const COMPUTED: Parts = Parts { few: 32, stride: 8 };
+/// For work that is a copy, and that may wait.
+pub(crate) const QUEUED: Parts = Parts { few: 0, stride: 512 };
 
 /// A type of integers.
 #[derive(Clone, Copy)]
@@ -57,21 +68,45 @@ pub(crate) enum Events<'py> {
 }
 
 impl<'py> Events<'py> {
-    /// The events of the arguments of a method: one object, or four arrays.
-    pub(crate) fn new(
-        events: Option<&Bound<'py, PyAny>>,
-        four: [Option<&Bound<'py, PyAny>>; 4],
+    /// The events of the arguments of a method `push(events=None, *, t=None, x=None, y=None, p=None)`: one object, or four arrays.
+    pub(crate) fn of_call(
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Self> {
-        let found = match (events, four) {
-            (Some(events), [None, None, None, None]) => Self::of_object(events)?,
-            (None, [Some(t), Some(x), Some(y), Some(p)]) => Self::of_four([t, x, y, p])?,
-            _ => {
-                let expected = "events: expected one array of events, or all of t, x, y and p";
-                return Err(Failure::input(expected));
+        let names = ["events", "t", "x", "y", "p"];
+        let mut found = [const { None }; 5];
+        if args.len() > 1 {
+            return Err(wrong_call(format!("push: expected one argument by place, found {}", args.len())));
+        }
+        if let Ok(events) = args.get_item(0) {
+            found[0] = Some(events);
+        }
+        for (name, value) in keywords.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let place = names.iter().position(|known| **known == *name);
+            let place =
+                place.ok_or_else(|| wrong_call(format!("push: expected t, x, y and p, found {name}")))?;
+            if found[place].is_some() {
+                return Err(wrong_call(format!("push: expected {name} once, found it twice")));
             }
-        };
-        found.check()?;
-        Ok(found)
+            found[place] = Some(value);
+        }
+        let [events, four @ ..] = found.map(|value| value.filter(|value| !value.is_none()));
+        match (events, four) {
+            (Some(events), [None, None, None, None]) => Self::new(&events),
+            (None, [Some(t), Some(x), Some(y), Some(p)]) => Self::of_four([&t, &x, &y, &p])?.checked(),
+            _ => Err(Failure::input("events: expected one array of events, or all of t, x, y and p")),
+        }
+    }
+
+    /// The events of one object.
+    pub(crate) fn new(events: &Bound<'py, PyAny>) -> Outcome<Self> {
+        Self::of_object(events)?.checked()
+    }
+
+    fn checked(self) -> Outcome<Self> {
+        self.check()?;
+        Ok(self)
     }
 
     fn of_object(events: &Bound<'py, PyAny>) -> Outcome<Self> {
@@ -211,6 +246,24 @@ impl<'py> Events<'py> {
     pub(crate) fn work(
         &self,
         py: Python<'py>,
+        work: impl FnMut(&[Event]) -> Outcome<()> + Send,
+    ) -> Outcome<()> {
+        self.work_in(py, COMPUTED, work)
+    }
+
+    /// As [`Self::work`], event by event.
+    pub(crate) fn each(&self, py: Python<'py>, mut take: impl FnMut(Event) + Send) -> Outcome<()> {
+        self.work(py, |part| {
+            part.iter().copied().for_each(&mut take);
+            Ok(())
+        })
+    }
+
+    /// As [`Self::work`], in other parts.
+    pub(crate) fn work_in(
+        &self,
+        py: Python<'py>,
+        parts: Parts,
         mut work: impl FnMut(&[Event]) -> Outcome<()> + Send,
     ) -> Outcome<()> {
         let mut block = Vec::with_capacity(self.len().min(BLOCK));
@@ -218,13 +271,13 @@ impl<'py> Events<'py> {
         for start in (0..self.len()).step_by(BLOCK) {
             block.clear();
             self.append(start..self.len().min(start + BLOCK), &mut scratch, &mut block);
-            if self.len() <= FEW {
+            if self.len() <= parts.few {
                 work(&block)?;
                 continue;
             }
             let mut rest = &block[..];
             while !rest.is_empty() {
-                let done = py.detach(|| turn(rest, &mut work))?;
+                let done = py.detach(|| turn(rest, parts.stride, &mut work))?;
                 rest = &rest[done..];
                 py.check_signals()?;
             }
@@ -233,11 +286,16 @@ impl<'py> Events<'py> {
     }
 }
 
+/// Arguments that no signature has.
+fn wrong_call(message: String) -> Failure {
+    PyTypeError::new_err(message).into()
+}
+
 /// Works on events until it is time to handle signals; returns the number of them.
-fn turn(events: &[Event], work: &mut impl FnMut(&[Event]) -> Outcome<()>) -> Outcome<usize> {
+fn turn(events: &[Event], stride: usize, work: &mut impl FnMut(&[Event]) -> Outcome<()>) -> Outcome<usize> {
     let begin = Instant::now();
     let mut done = 0;
-    for part in events.chunks(STRIDE) {
+    for part in events.chunks(stride) {
         work(part)?;
         done += part.len();
         if begin.elapsed() > TURN {

@@ -2,7 +2,7 @@
 
 use meissner::filters::{BackgroundActivity, Chain, EventFilter, Filter, RateLimit, Refractory, Stride};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{Pixels, counts, to_array};
 use crate::error::Outcome;
@@ -18,7 +18,7 @@ use crate::events::Events;
 /// They run in this order. Raises `InputError`.
 #[pyclass(module = "meissner", name = "Filters")]
 pub(crate) struct Filters {
-    chain: Chain,
+    pub(crate) chain: Chain,
 }
 
 #[pymethods]
@@ -50,21 +50,16 @@ impl Filters {
 
     /// Takes events, as `Engine.push`; returns those that pass, as a structured array. The filters go on with the next ones.
     /// An event outside the sensor passes the last two; a coordinate that 16 bits do not hold comes back as 65535.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
         let (chain, mut passed) = (&mut self.chain, Vec::new());
-        Events::new(events, [t, x, y, p])?.work(py, |part| {
-            passed.extend(part.iter().copied().filter(|event| chain.admit(*event)));
-            Ok(())
-        })?;
+        Events::of_call(args, keywords)?
+            .each(py, |event| passed.extend(Some(event).filter(|_| chain.admit(event))))?;
         Ok(to_array(py, &passed)?)
     }
 

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use meissner::frames::{Convolution, FrameEngine as Engine, FrameNetwork, FrameOptions, Skip};
-use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arrays::contiguous;
 use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
 use crate::prediction::{self, Outputs, Prediction};
@@ -30,9 +31,9 @@ use crate::weights::Weights;
 #[pyclass(module = "meissner", name = "FrameEngine", weakref)]
 #[derive(Clone)]
 pub(crate) struct FrameEngine {
-    engine: Engine,
-    outputs: Arc<Outputs>,
-    description: Description,
+    pub(crate) engine: Engine,
+    pub(crate) outputs: Arc<Outputs>,
+    pub(crate) description: Description,
     frame: Vec<f32>,
     taken: u64,
 }
@@ -52,7 +53,40 @@ fn skip_of(skip: &Bound<'_, PyAny>) -> Outcome<Skip> {
     }
 }
 
+/// Frames of shape `expected`, one or several with one more axis in front, as contiguous finite float32.
+pub(crate) fn checked<'py>(
+    frames: &Bound<'py, PyAny>,
+    expected: &[usize],
+) -> Outcome<PyReadonlyArrayDyn<'py, f32>> {
+    let array = contiguous("frame", frames)?;
+    let found = array.shape();
+    let in_front = found.len() == expected.len() + 1;
+    if found != expected && !(in_front && found[1..] == *expected) {
+        return Err(Failure::input(format!(
+            "frame: expected shape {expected:?}, or several frames with one more axis in front, found {found:?}"
+        )));
+    }
+    let array = array.try_readonly().map_err(PyErr::from)?;
+    let values = array.as_slice().map_err(PyErr::from)?;
+    if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+        let found = values[at];
+        return Err(Failure::input(format!("frame: expected finite values, found {found} as value {at}")));
+    }
+    Ok(array)
+}
+
+/// Frames since the last reset. They are part of the state; a copy predicts, so that no counter of `engine` moves.
+fn taken(engine: &Engine) -> u64 {
+    engine.clone().predict().map_or(0, |prediction| prediction.frames)
+}
+
 impl FrameEngine {
+    pub(crate) fn new_from(engine: Engine, outputs: &Arc<Outputs>, description: &Description) -> Self {
+        let taken = taken(&engine);
+        let (outputs, description) = (Arc::clone(outputs), description.clone());
+        Self { engine, outputs, description, frame: Vec::new(), taken }
+    }
+
     /// Pushes `count` times what `self.frame` holds.
     fn push_taken(&mut self, py: Python<'_>, count: u64) -> Outcome<()> {
         for _ in 0..count {
@@ -114,31 +148,9 @@ impl FrameEngine {
             self.push(py, frame.values.bind(py)).and_then(|()| self.push_taken(py, frame.count - 1))?;
             return Ok(());
         }
-        let numpy = py.import("numpy")?;
-        let array = numpy.call_method1("asarray", (frames,))?;
-        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
-        if !matches!(&*kind, "f" | "i" | "u" | "b") {
-            let found = array.getattr("dtype")?;
-            return Err(Failure::dtype(format!("frame: expected numbers, found {found}")));
-        }
-        let array = numpy.call_method1("ascontiguousarray", (array, "f4"))?;
-        let array = array.cast_into::<PyArrayDyn<f32>>().map_err(PyErr::from)?;
         let expected = self.input_shape();
-        let found = array.shape();
-        let in_front = found.len() == expected.len() + 1;
-        if found != expected && !(in_front && found[1..] == expected[..]) {
-            return Err(Failure::input(format!(
-                "frame: expected shape {expected:?}, or several frames with one more axis in front, found {found:?}"
-            )));
-        }
-        let values = array.try_readonly().map_err(PyErr::from)?;
+        let values = checked(frames, &expected)?;
         let values = values.as_slice().map_err(PyErr::from)?;
-        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
-            let found = values[at];
-            return Err(Failure::input(format!(
-                "frame: expected finite values, found {found} as value {at}"
-            )));
-        }
         for frame in values.chunks_exact(expected.iter().product::<usize>().max(1)) {
             self.frame.clear();
             self.frame.extend_from_slice(frame);
@@ -181,8 +193,7 @@ impl FrameEngine {
     /// Raises `SnapshotError`; the state is then as it was.
     fn restore(&mut self, snapshot: &[u8]) -> Outcome<()> {
         self.engine.restore_bytes(snapshot)?;
-        // The number of frames is part of the state; a copy predicts, so that no counter of this engine moves.
-        self.taken = self.engine.clone().predict().map_or(0, |prediction| prediction.frames);
+        self.taken = taken(&self.engine);
         Ok(())
     }
 
@@ -210,13 +221,13 @@ impl FrameEngine {
 
     /// Shape of a frame: (channels, height, width) or (values,).
     #[getter]
-    fn input_shape(&self) -> Vec<usize> {
+    pub(crate) fn input_shape(&self) -> Vec<usize> {
         shape(self.engine.network().input())
     }
 
     /// Shape of a prediction.
     #[getter]
-    fn output_shape(&self) -> Vec<usize> {
+    pub(crate) fn output_shape(&self) -> Vec<usize> {
         shape(self.engine.network().output())
     }
 

@@ -5,44 +5,60 @@
 //! | `events` | events from `NumPy`, in place and in blocks |
 //! | `arrays` | what several classes take and return |
 //! | `engine`, `batch`, `frames` | the engines |
+//! | `live` | an engine in a thread of its own |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
+//! | `simulate` | a membrane, markers and a camera |
+//! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
+//! | `watched` | long work that can be stopped |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
 mod arrays;
 mod batch;
+mod datasets;
 mod description;
 mod engine;
 mod error;
+mod evaluate;
 mod events;
 mod filters;
 mod frames;
 mod graph;
+mod live;
+mod metrics;
 mod prediction;
 mod recording;
 mod representations;
+mod simulate;
+mod watched;
 mod weights;
 mod write;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// The part of `meissner` that is written in Rust.
 #[pymodule]
 mod _meissner {
-    use super::{Bound, PyModule, PyModuleMethods, PyResult, arrays};
+    use super::{Bound, PyModule, PyModuleMethods, PyResult, PyTuple, arrays, simulate};
     #[pymodule_export]
     use super::{
         batch::Batch,
+        datasets::Recordings,
         description::Description,
         engine::Engine,
+        evaluate::{judge, measure},
         filters::Filters,
         frames::FrameEngine,
         graph::Graph,
+        live::{Live, Timely},
+        metrics::{_confusion, _iou, _mean_std, _pareto_front, _scores, _wilson_95},
         prediction::Prediction,
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
+        simulate::{Camera, Press, film_markers},
         weights::{Card, Weights},
         write::write,
     };
@@ -69,6 +85,8 @@ mod _meissner {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)
+        module.add("EVENT_DTYPE", arrays::dtype(module.py())?)?;
+        module.add("SIMULATED_DTYPE", simulate::dtype(module.py())?)?;
+        module.add("CAUSES", PyTuple::new(module.py(), simulate::causes())?)
     }
 }

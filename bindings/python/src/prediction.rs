@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use meissner::{AnyDescription, softmax};
+use meissner::{AnyDescription, Predictor, softmax};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
+use crate::arrays::as_numpy;
 use crate::error::{Failure, Outcome};
 
 /// Names and units of what a network predicts.
@@ -39,7 +40,7 @@ impl Outputs {
 }
 
 /// A prediction. Its values are an array of float32; `prediction["roll"]` is one of them by name, and so is `prediction[0]`.
-#[pyclass(module = "meissner", name = "Prediction", frozen)]
+#[pyclass(module = "meissner", name = "Prediction", frozen, subclass)]
 pub(crate) struct Prediction {
     values: Py<PyAny>,
     outputs: Arc<Outputs>,
@@ -66,6 +67,40 @@ impl Prediction {
         let outputs = Arc::clone(outputs);
         Ok(Self { values: values.unbind(), outputs, t_us, nodes, rows: rows.to_vec() })
     }
+}
+
+impl Prediction {
+    /// Values, time and nodes in a line.
+    pub(crate) fn text(&self, py: Python<'_>) -> PyResult<String> {
+        let values = self.values.bind(py);
+        let body = if let Ok(values) = values.cast::<PyArray1<f32>>()
+            && values.len() <= 8
+        {
+            let values = values.to_vec()?;
+            let each = self.outputs.names.iter().zip(&values).zip(&self.outputs.units);
+            let each = each.map(|((name, value), unit)| format!("{name} {value} {unit}"));
+            each.collect::<Vec<_>>().join(", ")
+        } else if let Some(label) = self.label(py)? {
+            format!("{label} of {} classes", self.outputs.names.len())
+        } else {
+            format!("{} of shape {}", self.outputs.names.join(", "), values.getattr("shape")?.str()?)
+        };
+        let t = self.t_us.map(|t| format!(", t {t} us")).unwrap_or_default();
+        Ok(format!("{body}{t}, {} nodes", self.nodes))
+    }
+}
+
+/// What `predictor` predicts, computed without the interpreter.
+pub(crate) fn computed(
+    py: Python<'_>,
+    predictor: &mut (impl Predictor + Send),
+    shape: Option<&[usize]>,
+    outputs: &Arc<Outputs>,
+) -> Outcome<Prediction> {
+    let found =
+        py.detach(|| predictor.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
+    let (values, t_us, nodes, rows) = found?;
+    Prediction::new(py, &values, shape, (t_us, nodes as u64), &rows, outputs)
 }
 
 #[pymethods]
@@ -150,12 +185,7 @@ impl Prediction {
         dtype: Option<Bound<'py, PyAny>>,
         copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let values = self.values.bind(py).clone();
-        match (dtype, copy) {
-            (None, Some(true)) => values.call_method0("copy"),
-            (None, _) => Ok(values),
-            (Some(dtype), _) => values.call_method1("astype", (dtype,)),
-        }
+        as_numpy(self.values.bind(py), dtype, copy)
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
@@ -178,21 +208,7 @@ impl Prediction {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let values = self.values.bind(py);
-        let body = if let Ok(values) = values.cast::<PyArray1<f32>>()
-            && values.len() <= 8
-        {
-            let values = values.to_vec()?;
-            let each = self.outputs.names.iter().zip(&values).zip(&self.outputs.units);
-            let each = each.map(|((name, value), unit)| format!("{name} {value} {unit}"));
-            each.collect::<Vec<_>>().join(", ")
-        } else if let Some(label) = self.label(py)? {
-            format!("{label} of {} classes", self.outputs.names.len())
-        } else {
-            format!("{} of shape {}", self.outputs.names.join(", "), values.getattr("shape")?.str()?)
-        };
-        let t = self.t_us.map(|t| format!(", t {t} us")).unwrap_or_default();
-        Ok(format!("<Prediction: {body}{t}, {} nodes>", self.nodes))
+        Ok(format!("<Prediction: {}>", self.text(py)?))
     }
 }
 

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use meissner::io::{
-    self, ColumnOrder, Format, ReadOptions, Salvage, StreamSummary, TextOptions, TimeUnit, UnknownName,
+    self, ColumnOrder, Format, ReadOptions, Salvage, StreamSummary, TextOptions, TimeRange, TimeUnit,
+    UnknownName,
 };
 use meissner::{Event, Sensor};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
@@ -18,6 +19,8 @@ use crate::error::{Failure, Outcome};
 const BLOCK: usize = 1 << 16;
 
 /// A recording of events in a file. The file is read when something of it is asked for, and is then kept: 16 bytes an event.
+/// Iteration, `blocks`, `windows`, `between`, `sensor` and `format` do not need the whole of a DAT, EVT2, npy, AEDAT 2.0, 3.1 or 4 file:
+/// they read a part after the other, and keep none. Other formats are read as a whole.
 ///
 /// Iteration gives structured arrays with the fields t (microseconds), x, y, p, of at most 65,536 events each. `len()` is the
 /// number of events, `recording[i:j]` are some of them, `recording.between(a, b)` those of a time.
@@ -57,6 +60,41 @@ impl Recording {
             })
         });
         Ok(content?)
+    }
+
+    /// The times of a part that is read from the file alone; `None` where all events are wanted or are at hand.
+    fn range(&self, start_us: Option<i64>, end_us: Option<i64>) -> Option<TimeRange> {
+        let times = match (start_us, end_us) {
+            (None, None) => return None,
+            (start, end) => start.unwrap_or(i64::MIN)..end.unwrap_or(i64::MAX),
+        };
+        self.is_in_file().then(|| TimeRange::of_file(times))
+    }
+
+    /// Whether the file was not read, as far as that matters: a thread that holds the lock is about to have its events at hand.
+    fn is_in_file(&self) -> bool {
+        self.content.try_lock().is_ok_and(|content| content.is_none())
+    }
+
+    /// The blocks of a file that was not read, where its format has such.
+    fn file_blocks(&self, py: Python<'_>) -> Outcome<Option<io::Blocks>> {
+        Ok(if self.is_in_file() { py.detach(|| io::blocks(&self.path, self.options))? } else { None })
+    }
+
+    fn feed(&self, py: Python<'_>) -> Outcome<Feed> {
+        let file = self.file_blocks(py)?;
+        let events = if file.is_some() { Arc::default() } else { self.events()? };
+        Ok(Feed { events, next: 0, file: file.map(Mutex::new) })
+    }
+
+    /// Format and sensor, of the beginning of the file where that suffices.
+    fn head(&self, py: Python<'_>) -> Outcome<(Format, Option<Sensor>)> {
+        let first = self.file_blocks(py)?.and_then(|mut blocks| py.detach(|| blocks.next())).transpose()?;
+        if let Some(first) = first {
+            return Ok((first.format, first.sensor));
+        }
+        let content = self.content()?;
+        Ok((content.format, content.sensor))
     }
 
     /// The events, shared.
@@ -107,14 +145,14 @@ impl Recording {
 
     /// Name of the format.
     #[getter]
-    fn format(&self) -> Outcome<String> {
-        Ok(self.content()?.format.to_string())
+    fn format(&self, py: Python<'_>) -> Outcome<String> {
+        Ok(self.head(py)?.0.to_string())
     }
 
     /// (width, height) of the sensor in pixels; None where the file names none.
     #[getter]
-    fn sensor(&self) -> Outcome<Option<(u16, u16)>> {
-        Ok(self.content()?.sensor.map(sides))
+    fn sensor(&self, py: Python<'_>) -> Outcome<Option<(u16, u16)>> {
+        Ok(self.head(py)?.1.map(sides))
     }
 
     /// Times of the first and of the last event in microseconds; None without events.
@@ -154,6 +192,8 @@ impl Recording {
 
     /// Events with start_us <= t < end_us as one structured array; None leaves a side open.
     ///
+    /// Of a file that was not read yet, only this part is read and kept by no one: for DAT, EVT2, npy, AEDAT 2.0, 3.1 and 4 by a
+    /// search in the file, which allows for times that step back by at most 1 s; other formats are read as a whole. Afterwards it is
     /// O(log events) where times are in order, O(events) where they step back.
     #[pyo3(signature = (start_us=None, end_us=None))]
     fn between<'py>(
@@ -162,6 +202,11 @@ impl Recording {
         start_us: Option<i64>,
         end_us: Option<i64>,
     ) -> Outcome<Bound<'py, PyAny>> {
+        if let Some(range) = self.range(start_us, end_us)
+            && let Some(part) = py.detach(|| io::read_range(&self.path, self.options, range))?
+        {
+            return Ok(to_array(py, &part.events)?);
+        }
         let content = self.content()?;
         let before = |t: i64| end_us.is_none_or(|end| t < end);
         let from = |t: i64| start_us.is_none_or(|start| t >= start);
@@ -177,22 +222,22 @@ impl Recording {
 
     /// Structured arrays of `size` events each, the last one shorter.
     #[pyo3(signature = (size=BLOCK))]
-    fn blocks(&self, size: usize) -> Outcome<Blocks> {
+    fn blocks(&self, py: Python<'_>, size: usize) -> Outcome<Blocks> {
         if size == 0 {
             return Err(Failure::input("size: expected at least 1 event, found 0"));
         }
-        Ok(Blocks { events: self.events()?, next: 0, size })
+        Ok(Blocks { feed: self.feed(py)?, size })
     }
 
     /// Pairs (t_us, events) every `period_us`: the events since the pair before, up to t_us and including it. The first pair
     /// ends `period_us` after the first event, the last one at or after the last event.
-    fn windows(&self, period_us: i64) -> Outcome<Windows> {
+    fn windows(&self, py: Python<'_>, period_us: i64) -> Outcome<Windows> {
         if period_us < 1 {
             return Err(Failure::input(format!("period_us: expected at least 1 us, found {period_us}")));
         }
-        let events = self.events()?;
-        let due_us = events.first().map_or(0, |event| event.t_us.saturating_add(period_us));
-        Ok(Windows { events, next: 0, due_us, period_us })
+        let mut feed = self.feed(py)?;
+        let due_us = feed.rest(py)?.first().map_or(0, |event| event.t_us.saturating_add(period_us));
+        Ok(Windows { feed, due_us, period_us })
     }
 
     fn __len__(&self) -> Outcome<usize> {
@@ -204,8 +249,8 @@ impl Recording {
         true
     }
 
-    fn __iter__(&self) -> Outcome<Blocks> {
-        self.blocks(BLOCK)
+    fn __iter__(&self, py: Python<'_>) -> Outcome<Blocks> {
+        self.blocks(py, BLOCK)
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
@@ -264,11 +309,46 @@ impl Recording {
     }
 }
 
+/// The events of a recording in the file's order: those at hand, or block by block from the file.
+struct Feed {
+    events: Arc<Vec<Event>>,
+    next: usize,
+    file: Option<Mutex<io::Blocks>>,
+}
+
+impl Feed {
+    /// The events that were not taken and are at hand; none at the end.
+    fn rest(&mut self, py: Python<'_>) -> Outcome<&[Event]> {
+        while self.next == self.events.len() {
+            let Some(file) = &mut self.file else { break };
+            let file = file.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let Some(block) = py.detach(|| file.next()).transpose()? else { break };
+            (self.events, self.next) = (Arc::new(block.events), 0);
+        }
+        Ok(&self.events[self.next..])
+    }
+
+    /// Takes at most `most` events while `admits` is true.
+    fn take(&mut self, py: Python<'_>, most: usize, admits: impl Fn(&Event) -> bool) -> Outcome<Vec<Event>> {
+        let mut taken = Vec::new();
+        loop {
+            let rest = self.rest(py)?;
+            let most = rest.len().min(most - taken.len());
+            let count = rest[..most].iter().take_while(|event| admits(event)).count();
+            taken.extend_from_slice(&rest[..count]);
+            let is_through = count < most || most == 0;
+            self.next += count;
+            if is_through {
+                return Ok(taken);
+            }
+        }
+    }
+}
+
 /// The blocks of a recording.
 #[pyclass(module = "meissner")]
 pub(crate) struct Blocks {
-    events: Arc<Vec<Event>>,
-    next: usize,
+    feed: Feed,
     size: usize,
 }
 
@@ -278,19 +358,16 @@ impl Blocks {
         slf
     }
 
-    fn __next__<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let end = self.next.saturating_add(self.size).min(self.events.len());
-        let block = &self.events[self.next..end];
-        self.next = end;
-        if block.is_empty() { Ok(None) } else { to_array(py, block).map(Some) }
+    fn __next__<'py>(&mut self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyAny>>> {
+        let block = self.feed.take(py, self.size, |_| true)?;
+        Ok(if block.is_empty() { None } else { Some(to_array(py, &block)?) })
     }
 }
 
 /// The windows of a recording.
 #[pyclass(module = "meissner")]
 pub(crate) struct Windows {
-    events: Arc<Vec<Event>>,
-    next: usize,
+    feed: Feed,
     due_us: i64,
     period_us: i64,
 }
@@ -301,16 +378,13 @@ impl Windows {
         slf
     }
 
-    fn __next__<'py>(&mut self, py: Python<'py>) -> PyResult<Option<(i64, Bound<'py, PyAny>)>> {
-        if self.next == self.events.len() {
+    fn __next__<'py>(&mut self, py: Python<'py>) -> Outcome<Option<(i64, Bound<'py, PyAny>)>> {
+        if self.feed.rest(py)?.is_empty() {
             return Ok(None);
         }
-        let rest = &self.events[self.next..];
         let due_us = self.due_us;
-        let count = rest.iter().take_while(|event| event.t_us <= due_us).count();
-        let window = to_array(py, &rest[..count])?;
-        self.next += count;
+        let window = self.feed.take(py, usize::MAX, |event| event.t_us <= due_us)?;
         self.due_us = due_us.saturating_add(self.period_us);
-        Ok(Some((due_us, window)))
+        Ok(Some((due_us, to_array(py, &window)?)))
     }
 }

@@ -22,7 +22,7 @@ pub(crate) fn write(
     sensor: Option<Pixels>,
     format: Option<&str>,
 ) -> Outcome<()> {
-    let events = Events::new(Some(events), [None; 4])?.to_vec()?;
+    let events = Events::new(events)?.to_vec()?;
     let format = match word::<Format>(format)? {
         Some(format) => format,
         None => Format::from_path(&path).map_err(|error| Failure::input(error.to_string()))?,

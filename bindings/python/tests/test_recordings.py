@@ -1,5 +1,9 @@
 """Recordings: lazily read files as structured arrays, and what is written is read again."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from conftest import SENSOR, SMALL, make_events
@@ -115,3 +119,57 @@ def test_a_text_has_the_columns_and_the_unit_that_are_named(tmp_path):
     (tmp_path / "own.txt").write_text("1 3 4 0.5\n0 5 6 0.75\n")
     recording = meissner.open(tmp_path / "own.txt", columns="pxyt", time_unit="s")
     assert recording.read().tolist() == [(500_000, 3, 4, True), (750_000, 5, 6, False)]
+
+
+@pytest.mark.parametrize("name", ["events.npy", "events.dat", "events.raw"])
+def test_blocks_windows_and_parts_of_a_file_are_those_of_the_whole(tmp_path, name):
+    """npy and DAT are read part by part, EVT3 as a whole."""
+    events = make_events(150_000, every_us=20)
+    events["t"][5_000:100_000:7] -= 3
+    if name.endswith("raw"):
+        events.sort(order="t")
+    meissner.write(tmp_path / name, events, SENSOR)
+    recording = meissner.open(tmp_path / name)
+    assert np.array_equal(np.concatenate(list(recording.blocks(7_001))), events)
+    assert [len(block) for block in recording] == [65_536, 65_536, 18_928]
+    windows = list(recording.windows(100_000))
+    assert np.array_equal(np.concatenate([window for _, window in windows]), events)
+    t = events["t"]
+    for start, end in [(None, 1_000), (700_000, 900_000), (2_000_000, None)]:
+        inside = (t >= (start or -1)) & (t < (end or 10**9))
+        assert np.array_equal(recording.between(start, end), events[inside])
+    assert recording.sensor == (None if name.endswith("npy") else SENSOR)
+    assert ("not read yet" in repr(recording)) == (not name.endswith("raw"))
+    assert len(recording) == len(events)
+    held = list(recording.windows(100_000))
+    assert all(a[0] == b[0] and np.array_equal(a[1], b[1]) for a, b in zip(windows, held, strict=True))
+
+
+MEMORY = """
+import sys
+
+import meissner
+
+# VmHWM: the most memory so far, in KiB.
+most = lambda: next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
+recording = meissner.open(sys.argv[1])
+before = most()
+part, blocks = len(recording.between(10_000_000, 10_001_000)), sum(map(len, recording))
+parts = most()
+whole = len(recording)
+print(part, blocks, whole, parts - before, most() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_parts_of_a_long_file_take_the_memory_of_a_part(tmp_path):
+    events = np.zeros(4_000_000, meissner.EVENT_DTYPE)
+    events["t"] = np.arange(len(events)) * 10
+    meissner.write(tmp_path / "long.npy", events)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", MEMORY, tmp_path / "long.npy"]
+    text = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+    part, blocks, whole, parts_kib, whole_kib = map(int, text.split())
+    assert (part, blocks, whole) == (100, len(events), len(events))
+    # 16 bytes an event are 62,500 KiB.
+    assert parts_kib < 20_000 and whole_kib > 60_000

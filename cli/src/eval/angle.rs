@@ -86,7 +86,7 @@ pub(super) fn eval(args: &AngleArgs) -> Result<(), CliError> {
         mode: args.mode,
         embeds: args.output.svg.is_some(),
     };
-    write(&args.output, svg, table, |pool, done| evaluate(&args.task.events, &options, pool, done))
+    write(&args.output, svg, table, |workers, done| evaluate(&args.task.events, &options, workers, done))
 }
 
 /// The report for people.

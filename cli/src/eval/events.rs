@@ -66,7 +66,7 @@ impl JudgeArgs {
             every_us: self.every_us,
             mode: self.mode,
         };
-        let judge = |pool: &_, done| evaluate::<T>(folder, &options, pool, done);
+        let judge = |workers: &_, done| evaluate::<T>(folder, &options, workers, done);
         write(&self.output, |report: &_| svg(report, title), table, judge)
     }
 }

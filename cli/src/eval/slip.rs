@@ -59,7 +59,7 @@ pub(super) struct SlipArgs {
 
 pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     let request = args.task.request();
-    let judge = |pool: &_, done| evaluate(&args.task.data, request, pool, done);
+    let judge = |workers: &_, done| evaluate(&args.task.data, request, workers, done);
     super::write(&args.output, svg, table, judge)
 }
 

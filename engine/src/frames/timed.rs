@@ -36,6 +36,11 @@ impl TimedFrames {
     pub fn engine(&self) -> &FrameEngine {
         &self.engine
     }
+
+    /// The engine, without the clock.
+    pub fn into_engine(self) -> FrameEngine {
+        self.engine
+    }
 }
 
 impl Predictor for TimedFrames {

@@ -17,17 +17,17 @@ use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::losses::LossWarning;
 use meissner_pipeline::predictor::{EventPredictor, Mode};
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use rayon::ThreadPool;
 use serde::Serialize;
 use serde_json::json;
 
 use super::{EventData, EventTask, lost};
 use crate::error::{EvaluateError, weights_error};
+use crate::judged;
 use crate::judged::Figures;
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
 use crate::trainings::{Candidate, Evaluation, Request, Training, candidates};
 use crate::trials::Trial;
-use crate::{judged, workers};
+use crate::workers::Workers;
 
 /// The networks to be judged, and when predictions are read.
 #[derive(Clone, Copy, Debug)]
@@ -124,7 +124,7 @@ impl NetworkReport {
     }
 }
 
-/// Judges the networks of `options` on the data set in `folder`, with the threads of `pool`. `done` is called after each
+/// Judges the networks of `options` on the data set in `folder`, with the threads of `workers`. `done` is called after each
 /// training with its label and the time since judging began.
 ///
 /// # Errors
@@ -132,7 +132,7 @@ impl NetworkReport {
 pub fn evaluate<T: EventTask>(
     folder: &Path,
     options: &Options<'_>,
-    pool: &ThreadPool,
+    workers: &Workers,
     mut done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<T>(options.request)?;
@@ -157,7 +157,8 @@ pub fn evaluate<T: EventTask>(
     let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_string()));
     let mut logits = TensorFile::new(BTreeMap::from(metadata));
     let times_us = data.times(options.every_us);
-    let judge = Judge { data: &data, pool, options, times: times_us.len() };
+    workers.expect(trials.iter().flatten().map(Trial::cases).sum());
+    let judge = Judge { data: &data, workers, options, times: times_us.len() };
     let mut done = |training: &Training| done(&training.label, start.elapsed());
     let plans = candidates.iter().zip(strides).zip(&trials);
     let networks = plans.map(|((candidate, stride), trials)| {
@@ -193,7 +194,7 @@ pub fn evaluate<T: EventTask>(
 /// Judges networks on one data set.
 struct Judge<'a> {
     data: &'a EventData,
-    pool: &'a ThreadPool,
+    workers: &'a Workers,
     options: &'a Options<'a>,
     /// Number of times of predictions.
     times: usize,
@@ -263,9 +264,10 @@ impl Judge<'_> {
             EventPredictor::new(mode, network, sensor, &exact, meissner_engine::Options::default());
         let work = |predictor: &mut EventPredictor, &recording: &usize| {
             outcome(predictor, &self.data.recordings[recording].events, stride, every_us)
+                .map_err(|source| failed(ModelError::Engine(source)))
         };
-        let outcomes = predictor.and_then(|predictor| workers::for_each(self.pool, &predictor, chosen, work));
-        outcomes.map_err(|source| failed(ModelError::Engine(source)))
+        let predictor = predictor.map_err(|source| failed(ModelError::Engine(source)))?;
+        self.workers.for_each(&predictor, chosen, work)
     }
 }
 

@@ -14,7 +14,6 @@ use meissner_engine::{Counters, EngineError, Event, Network, Options, Outcome, S
 use meissner_models::Description;
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::predictor::{EventPredictor, Mode};
-use rayon::ThreadPool;
 
 use super::measurement::{Differences, Lap, Measurement, TaskError, take_turns};
 use super::settings::{Setting, mean_rate, row_costs, settings};
@@ -24,7 +23,7 @@ use crate::events::EventData;
 use crate::metrics::predicted;
 use crate::trainings::Training;
 use crate::trials::Trial;
-use crate::workers;
+use crate::workers::Workers;
 
 /// Events of a turn.
 const TURN: usize = 1000;
@@ -50,7 +49,7 @@ pub(super) struct Judge<'a> {
     pub(super) stride: usize,
     pub(super) description: Description,
     pub(super) trials: Vec<Trial>,
-    pub(super) pool: &'a ThreadPool,
+    pub(super) workers: &'a Workers,
 }
 
 /// An engine that is timed.
@@ -182,9 +181,9 @@ impl Judge<'_> {
         let is_wrong = |engine: &mut EventPredictor, &recording: &usize| {
             let recording = &self.data.recordings[recording];
             let events = recording.events.iter().copied().step_by(self.stride);
-            Ok(answer(engine, events, setting.reads_matter())? != recording.class)
+            Ok::<_, EngineError>(answer(engine, events, setting.reads_matter())? != recording.class)
         };
-        workers::for_each(self.pool, &engine, chosen, is_wrong)
+        self.workers.for_each(&engine, chosen, is_wrong)
     }
 }
 

@@ -15,13 +15,13 @@ use meissner_engine::frames::{
 use meissner_kernels::WinogradTile;
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::model::LayerCost;
-use rayon::ThreadPool;
 
 use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, take_turns};
 use super::{NetworkReport, NetworkStudy};
 use crate::error::EvaluateError;
 use crate::metrics::predicted;
 use crate::slip::{SlipData, Windows};
+use crate::workers::Workers;
 
 /// Windows of a turn.
 const TURN: usize = 10;
@@ -41,7 +41,7 @@ pub(super) struct FramesNetwork<'a> {
     /// The timed windows among them.
     pub(super) timed: Vec<usize>,
     pub(super) repeats: u32,
-    pub(super) pool: &'a ThreadPool,
+    pub(super) workers: &'a Workers,
     /// Outputs of the exact network, once they are computed.
     pub(super) exact: OnceCell<Outputs>,
 }
@@ -179,9 +179,11 @@ impl<'a> FramesNetwork<'a> {
         Ok(())
     }
 
-    fn outputs(&self, setting: Setting) -> Result<Outputs, EngineError> {
+    fn outputs(&self, setting: Setting) -> Result<Outputs, EvaluateError> {
         let steps = self.windows.steps - setting.left_out;
-        let of = |parts| self.windows.logits(self.pool, &setting.engine(parts)?, &self.unseen, steps);
+        let failed = EvaluateError::from;
+        let of =
+            |parts| self.windows.logits(self.workers, &setting.engine(parts)?, &self.unseen, steps, failed);
         self.trainings.iter().map(of).collect()
     }
 

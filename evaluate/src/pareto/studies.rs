@@ -11,7 +11,6 @@ use meissner_engine::{Event, Sensor};
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::model::{LayerCost, Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
-use rayon::ThreadPool;
 
 use super::event_network::{EventNetwork, Judge};
 use super::frame_network::{FramesNetwork, has_convolutions, has_pixels_to_keep};
@@ -23,6 +22,7 @@ use crate::events::{EventTask, lost};
 use crate::slip::{Slip, SlipData, Windows};
 use crate::trainings::{Candidate, Request, candidates};
 use crate::trials::Fold;
+use crate::workers::Workers;
 
 /// Timed events without another number.
 const EVENTS: usize = 20_000;
@@ -114,7 +114,7 @@ pub fn events<'a, T: EventTask>(
     request: Request<'_>,
     folds: Option<usize>,
     options: &Options,
-    pool: &'a ThreadPool,
+    workers: &'a Workers,
 ) -> Result<Study<'a>, EvaluateError> {
     let (candidates, more_notes) = candidates::<T>(request)?;
     let strides = candidates.iter().map(Candidate::stride).collect::<Result<Vec<_>, _>>()?;
@@ -143,7 +143,7 @@ pub fn events<'a, T: EventTask>(
         }
         let label = timed_label(all().count(), &first.label);
         let (sensor, name) = (data.set.sensor, description.name().to_owned());
-        let judge = Some(Judge { of, data: Arc::clone(&data), stride, description, trials, pool });
+        let judge = Some(Judge { of, data: Arc::clone(&data), stride, description, trials, workers });
         let network = EventNetwork { network, sensor, streams, repeats: options.repeats, judge };
         networks.push(network.study(NetworkReport::new(name, label, fingerprint))?);
     }
@@ -191,7 +191,7 @@ pub fn slip<'a>(
     folder: &Path,
     request: Request<'_>,
     options: &Options,
-    pool: &'a ThreadPool,
+    workers: &'a Workers,
 ) -> Result<Study<'a>, EvaluateError> {
     let (candidates, mut notes) = candidates::<Slip>(request)?;
     let data = Arc::new(SlipData::read(folder)?);
@@ -241,7 +241,7 @@ pub fn slip<'a>(
             windows,
             unseen,
             repeats: options.repeats,
-            pool,
+            workers,
             exact: OnceCell::new(),
         };
         (size, timed) = (network.windows.cases.len(), network.timed.len());

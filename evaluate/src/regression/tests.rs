@@ -3,10 +3,11 @@ use std::path::Path;
 use meissner_engine::{Engine, Event, Sensor};
 use meissner_models::{Description, TensorFile, Weights};
 use meissner_pipeline::predictor::Mode;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPoolBuilder;
 
 use super::{Options, Report, evaluate};
 use crate::trainings::{Evaluation, Request};
+use crate::workers::Workers;
 
 const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
@@ -46,15 +47,15 @@ fn file(labels: &[&str]) -> Vec<u8> {
     file.into_bytes()
 }
 
-fn pool(threads: usize) -> ThreadPool {
-    ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+fn workers(threads: usize) -> Workers {
+    ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").into()
 }
 
 fn judged(path: &Path, network: &str, (mode, threads): (Mode, usize)) -> Evaluation<Report> {
     let networks = [network.to_owned()];
     let request = Request { networks: &networks, ..Request::default() };
     let options = Options { request, stride: Some(1), every_us: 10_000, mode, embeds: false };
-    evaluate(path, &options, &pool(threads), |_, _| {}).expect("it is judged")
+    evaluate(path, &options, &workers(threads), |_, _| {}).expect("it is judged")
 }
 
 fn written(labels: &[&str]) -> tempfile::TempPath {
@@ -136,7 +137,7 @@ fn presses_without_labels_and_networks_of_other_quantities_are_refused() {
         let request = Request { networks: &networks, ..Request::default() };
         let options =
             Options { request, stride: None, every_us: 1_000, mode: Mode::Incremental, embeds: false };
-        let Err(error) = evaluate(&path, &options, &pool(1), |_, _| {}) else { panic!("{expected}") };
+        let Err(error) = evaluate(&path, &options, &workers(1), |_, _| {}) else { panic!("{expected}") };
         let text = meissner_pipeline::error::chain(&error);
         assert!(text.contains(expected), "{text}");
     };

@@ -14,7 +14,6 @@ use meissner_models::{AnyDescription, FrameDescription, ModelError, TensorFile};
 use meissner_pipeline::model::frame_network;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
-use rayon::ThreadPool;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
@@ -24,6 +23,7 @@ use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
 use crate::trainings::Scheme;
 use crate::trainings::{Candidate, Evaluation, Metadata, Request, Training, candidates};
+use crate::workers::Workers;
 
 /// Figures of all networks, with the keys of the JSON report.
 #[derive(Serialize)]
@@ -133,7 +133,7 @@ fn named<S: Serializer>(references: &[Reference], s: S) -> Result<S::Ok, S::Erro
     }))
 }
 
-/// Judges the networks of `request` on the data set in `folder`, with the threads of `pool`. `done` is called after each
+/// Judges the networks of `request` on the data set in `folder`, with the threads of `workers`. `done` is called after each
 /// training with its label and the time since judging began.
 ///
 /// # Errors
@@ -141,7 +141,7 @@ fn named<S: Serializer>(references: &[Reference], s: S) -> Result<S::Ok, S::Erro
 pub fn evaluate(
     folder: &Path,
     request: Request<'_>,
-    pool: &ThreadPool,
+    workers: &Workers,
     mut done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<Slip>(request)?;
@@ -149,7 +149,7 @@ pub fn evaluate(
     let start = Instant::now();
     let mut judge = Judge {
         data: &data,
-        pool,
+        workers,
         logits: TensorFile::new(BTreeMap::new()),
         notes: data.notes.iter().cloned().chain(notes).collect(),
     };
@@ -176,7 +176,7 @@ pub fn evaluate(
 /// Judges networks on one data set.
 struct Judge<'a> {
     data: &'a SlipData,
-    pool: &'a ThreadPool,
+    workers: &'a Workers,
     /// Outputs of whole trainings.
     logits: TensorFile,
     notes: Vec<String>,
@@ -266,8 +266,9 @@ impl Judge<'_> {
         let weights = (&training.weights, training.label.clone());
         let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
         let engine = FrameEngine::new(network)?;
-        let outputs = windows.logits(self.pool, &engine, chosen, windows.steps);
-        outputs.map_err(|source| weights_error(&training.label)(ModelError::Engine(source)))
+        let failed = weights_error(&training.label);
+        let failed = |source| failed(ModelError::Engine(source));
+        windows.logits(self.workers, &engine, chosen, windows.steps, failed)
     }
 }
 

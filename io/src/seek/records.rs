@@ -45,7 +45,7 @@ pub(crate) fn read<T: Records>(
         return Ok(None);
     }
     let count = (input.length - layout.start() as u64) / layout.stride() as u64;
-    let mut part = Part { layout, input, count };
+    let mut part = Part { layout: &layout, input, count };
     let Some(first_us) = part.first_us()? else { return Ok(None) };
     let times = range.times(first_us);
     let probes = part.probes()?;
@@ -59,21 +59,21 @@ pub(crate) fn read<T: Records>(
 }
 
 /// A clock at the start of a file.
-fn fresh<T: Records>() -> WrappingClock {
+pub(super) fn fresh<T: Records>() -> WrappingClock {
     WrappingClock::new(T::PERIOD.unwrap_or(i64::MAX))
 }
 
 /// A clock at this place.
-fn resumed<T: Records>(Probe { value, t_us, .. }: Probe) -> WrappingClock {
+pub(super) fn resumed<T: Records>(Probe { value, t_us, .. }: Probe) -> WrappingClock {
     WrappingClock::resumed(T::PERIOD.unwrap_or(i64::MAX), value, t_us)
 }
 
 /// A file with its layout.
-struct Part<'a, T, R> {
-    layout: T,
-    input: &'a mut Input<R>,
+pub(super) struct Part<'a, T, R> {
+    pub(super) layout: &'a T,
+    pub(super) input: &'a mut Input<R>,
     /// Number of records.
-    count: u64,
+    pub(super) count: u64,
 }
 
 impl<T: Records, R: Read + Seek> Part<'_, T, R> {
@@ -84,7 +84,7 @@ impl<T: Records, R: Read + Seek> Part<'_, T, R> {
         Ok((self.input.read(at, (records.end - records.start) * stride)?, at))
     }
 
-    fn decode(&mut self, records: Range<u64>, clock: WrappingClock) -> Result<Recording, IoError> {
+    pub(super) fn decode(&mut self, records: Range<u64>, clock: WrappingClock) -> Result<Recording, IoError> {
         let (data, at) = self.bytes(&records)?;
         self.layout.decode(Bytes { format: self.input.format, data: &data, origin: Place::Byte(at) }, clock)
     }
@@ -103,7 +103,11 @@ impl<T: Records, R: Read + Seek> Part<'_, T, R> {
     }
 
     /// The first of these records that has a clock, unwrapped after the place `before` it. O(records).
-    fn probe(&mut self, before: Option<Probe>, records: Range<u64>) -> Result<Option<Probe>, IoError> {
+    pub(super) fn probe(
+        &mut self,
+        before: Option<Probe>,
+        records: Range<u64>,
+    ) -> Result<Option<Probe>, IoError> {
         let mut begin = records.start;
         while begin < records.end {
             // Most records have a clock: the first block is small.

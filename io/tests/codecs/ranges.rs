@@ -2,9 +2,12 @@
 
 use std::fs;
 use std::ops::Range;
+use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{DISORDER_US, Format, ReadOptions, Recording, TimeRange, decode, decode_with, read_with};
+use meissner_io::{
+    DISORDER_US, Format, ReadOptions, Recording, TimeRange, blocks, decode, decode_with, read_with,
+};
 use proptest::prelude::*;
 
 use crate::shared_files::shared;
@@ -114,6 +117,48 @@ fn the_clock_is_followed_over_its_wraps() {
             }
         }
     }
+}
+
+/// The events of the blocks of a file; `None` where it has none.
+fn in_blocks(path: &Path, format: Format) -> Option<Vec<Recording>> {
+    Some(blocks(path, format).unwrap()?.map(|block| block.unwrap()).collect())
+}
+
+#[test]
+fn the_blocks_of_a_file_are_the_whole_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    // Times that step back, and the clock of 32 bits wraps twice: in a block and between two.
+    for (count, step_us, back_us) in [(150_000, 70_000, 90_000), (3, 5, 0), (0, 0, 0)] {
+        for (i, (format, bytes)) in
+            files(&stream(count, 1_000_000, step_us, back_us), 900).into_iter().enumerate()
+        {
+            let path = folder.path().join(format!("{count}.{i}"));
+            fs::write(&path, &bytes).unwrap();
+            let whole = decode_with(&bytes, format).unwrap();
+            let Some(blocks) = in_blocks(&path, format) else {
+                assert!(matches!(format, Format::Evt3 | Format::Es | Format::Csv) || count == 0, "{format}");
+                continue;
+            };
+            assert!(
+                blocks.iter().all(|block| (block.format, block.sensor) == (format, whole.sensor)),
+                "{format}"
+            );
+            assert!(blocks.len() > 1 || count < 100_000, "{format}");
+            let events: Vec<Event> = blocks.into_iter().flat_map(|block| block.events).collect();
+            assert!(events == whole.events, "{format} with {count} events");
+        }
+    }
+}
+
+#[test]
+fn a_fault_of_a_block_is_found_when_it_is_read_and_ends_the_blocks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("events.npy");
+    let mut bytes = encoded(Format::Npy, None, &stream(100_000, 0, 10, 0));
+    *bytes.last_mut().unwrap() = 7;
+    fs::write(&path, &bytes).unwrap();
+    let mut blocks = blocks(&path, ReadOptions::default()).unwrap().unwrap();
+    assert!(blocks.next().unwrap().is_ok() && blocks.next().unwrap().is_err() && blocks.next().is_none());
 }
 
 #[test]

@@ -89,3 +89,22 @@ fn time_moves_on_behind_the_events_before_it_and_never_before_them() {
     assert_eq!(first, Some(100));
     assert_eq!(verbs.last(), Some(&Verb::Push(600)), "its own time is enough");
 }
+
+#[test]
+fn what_was_asked_for_can_be_awaited_in_turns() {
+    let fake = Fake::default();
+    let gate = Arc::clone(&fake.gate);
+    let (mut input, mut live) = Live::spawn(fake, options(64, Overload::Block)).expect("options are fine");
+    let held = gate.lock().expect("nobody panicked");
+    input.push_slice(&events(0..5)).expect("the worker lives");
+    let asked = live.ask(PATIENCE);
+    for _ in 0..3 {
+        assert!(!live.wait(&asked, Duration::from_millis(1)).expect("the worker lives"));
+    }
+    drop(held);
+    assert!(live.wait(&asked, PATIENCE).expect("the worker lives"));
+    let timely = live.timely(&asked).expect("the worker lives");
+    assert!(timely.fresh && timely.nodes == 5, "{timely:?}");
+    let late = live.ask(Duration::ZERO);
+    assert!(live.wait(&late, PATIENCE).expect("the worker lives"), "the deadline has passed");
+}

@@ -7,22 +7,29 @@ what this event affects, and its predictions have the bits of a full recomputati
 |---|---|
 | predictions from events | `Engine`; `predictions` runs one over a recording |
 | the same from scratch, as an oracle | `Batch` |
+| predictions by a deadline, while events arrive | `Live` |
 | predictions from frames | `FrameEngine`, `frames_for` |
 | frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions of whole arrays |
 | fewer events | `Filters` |
 | networks and weights | `networks`, `Description`, `Weights` |
 | recordings | `open`, `write` |
+| events of a model, with their causes | `Camera`, `film_images`, `film_markers`, `Press` |
+| labelled data sets | `meissner.datasets` |
+| figures of networks on them | `evaluate`, `pareto`, `meissner.metrics` |
 | a model of PyTorch Geometric | `meissner.export` |
 
 Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
 """
 
+from . import datasets, metrics
 from ._errors import (
     DescriptionError,
     DtypeError,
     Error,
+    EvaluationError,
     FileError,
     InputError,
+    LiveError,
     MemoryLimitError,
     NotANumberError,
     NotIncrementalError,
@@ -30,10 +37,14 @@ from ._errors import (
     SnapshotError,
     WeightsError,
 )
+from ._evaluate import Evaluation, Pareto, evaluate, pareto
 from ._functions import event_frames, predictions, time_surface, voxel_grid
 from ._meissner import (
+    CAUSES,
     EVENT_DTYPE,
+    SIMULATED_DTYPE,
     Batch,
+    Camera,
     Card,
     Description,
     Engine,
@@ -42,28 +53,38 @@ from ._meissner import (
     Filters,
     FrameEngine,
     Graph,
+    Live,
     Prediction,
+    Press,
     Recording,
     SlidingFrame,
     TimeSurface,
+    Timely,
     VoxelGrid,
     Weights,
     __version__,
+    film_markers,
     frames_for,
     networks,
     open,  # noqa: A004
     write,
 )
+from ._simulate import film_images
 
 __all__ = [
+    "CAUSES",
     "EVENT_DTYPE",
+    "SIMULATED_DTYPE",
     "Batch",
+    "Camera",
     "Card",
     "Description",
     "DescriptionError",
     "DtypeError",
     "Engine",
     "Error",
+    "Evaluation",
+    "EvaluationError",
     "EventFrame",
     "EventFrames",
     "FileError",
@@ -71,23 +92,34 @@ __all__ = [
     "FrameEngine",
     "Graph",
     "InputError",
+    "Live",
+    "LiveError",
     "MemoryLimitError",
     "NotANumberError",
     "NotIncrementalError",
+    "Pareto",
     "Prediction",
+    "Press",
     "Recording",
     "RecordingError",
     "SlidingFrame",
     "SnapshotError",
     "TimeSurface",
+    "Timely",
     "VoxelGrid",
     "Weights",
     "WeightsError",
     "__version__",
+    "datasets",
+    "evaluate",
     "event_frames",
+    "film_images",
+    "film_markers",
     "frames_for",
+    "metrics",
     "networks",
     "open",
+    "pareto",
     "predictions",
     "time_surface",
     "voxel_grid",

@@ -46,6 +46,14 @@ class MemoryLimitError(Error, MemoryError):
     """An engine would need more memory than its limit."""
 
 
+class LiveError(Error, RuntimeError):
+    """A live engine has ended, or another thread is in the same method."""
+
+
+class EvaluationError(Error, ValueError):
+    """Networks, trainings and a data set do not fit together, or a file of theirs cannot be read."""
+
+
 class RecordingError(Error, ValueError):
     """A recording cannot be read or written in a format."""
 

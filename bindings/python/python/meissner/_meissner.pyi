@@ -1,6 +1,6 @@
 from collections.abc import Iterator, Mapping
 from os import PathLike
-from typing import Any, final
+from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,34 +13,47 @@ _Events = np.ndarray | "Recording" | Any
 _Sensor = tuple[int, int] | tuple[int, int, int]
 _Crop = tuple[int, int, int, int]
 
-__all__ = [
-    "EVENT_DTYPE",
-    "Batch",
-    "Blocks",
-    "Card",
-    "Description",
-    "Engine",
-    "EventFrame",
-    "EventFrames",
-    "Filters",
-    "FrameEngine",
-    "Graph",
-    "Prediction",
-    "Recording",
-    "SlidingFrame",
-    "TimeSurface",
-    "VoxelGrid",
-    "Weights",
-    "Windows",
-    "__version__",
-    "frames_for",
-    "networks",
-    "open",
-    "write",
-]
-
 __version__: str
+
+def _evaluate(task: str, data: str | PathLike[str], asked: Mapping[str, Any], tick: Any) -> tuple[str, bytes]: ...
+def _pareto(
+    task: str, data: str | PathLike[str], asked: Mapping[str, Any], measured: Mapping[str, Any], tick: Any
+) -> str: ...
+def _confusion(truth: list[int], predicted: list[int], classes: int) -> list[list[int]]: ...
+def _scores(rows: list[list[int]]) -> list[float] | None: ...
+def _wilson_95(hits: int, trials: int) -> tuple[float, float] | None: ...
+def _mean_std(values: list[float]) -> tuple[float, float | None] | None: ...
+def _iou(found: list[bool], truth: list[bool]) -> float: ...
+def _pareto_front(points: list[list[float]]) -> list[int]: ...
+
+class _Recordings:
+    def __new__(cls, name: str, path: str | PathLike[str]) -> _Recordings: ...
+    @property
+    def labels(self) -> list[tuple[str, int | None, str | None]]: ...
+    @property
+    def classes(self) -> list[str]: ...
+    @property
+    def sensor(self) -> tuple[int, int] | None: ...
+    @property
+    def passed_over(self) -> list[PathLike[str]]: ...
+    def read(self, i: int) -> tuple[np.ndarray, dict[str, Any]]: ...
+
 EVENT_DTYPE: np.dtype[np.void]
+SIMULATED_DTYPE: np.dtype[np.void]
+CAUSES: tuple[str, ...]
+
+_Returned = TypeVar("_Returned")
+
+class _Takes(Generic[_Returned]):
+    def push(
+        self,
+        events: _Events | None = None,
+        *,
+        t: ArrayLike | None = None,
+        x: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        p: ArrayLike | None = None,
+    ) -> _Returned: ...
 
 def networks(kind: str | None = None) -> list[str]: ...
 def open(
@@ -55,6 +68,50 @@ def write(
     path: str | PathLike[str], events: _Events, sensor: _Sensor | None = None, *, format: str | None = None
 ) -> None: ...
 def frames_for(network: _Network, sensor: _Sensor) -> EventFrames | SlidingFrame: ...
+
+def film_markers(
+    t_us: ArrayLike,
+    positions: ArrayLike,
+    sensor: _Sensor,
+    *,
+    radius: float = 1.5,
+    edge: float = 1.0,
+    marker: float = 0.6,
+    ground: float = 0.15,
+    seed: int = 0,
+    ideal: bool = False,
+    **settings: float,
+) -> np.ndarray: ...
+
+@final
+class Camera:
+    def __new__(cls, sensor: _Sensor, *, seed: int = 0, ideal: bool = False, **settings: float) -> Camera: ...
+    def push(self, t_us: int, image: ArrayLike) -> np.ndarray: ...
+    def finish(self) -> np.ndarray: ...
+    @property
+    def sensor(self) -> tuple[int, int]: ...
+
+@final
+class Press:
+    def __new__(
+        cls,
+        tilt: float = 0.0,
+        azimuth: float = 0.0,
+        *,
+        radius_mm: float = 20.0,
+        wall_mm: float = 4.0,
+        rings_mm: float = 35.0,
+        rings: int = 7,
+        yeoh_kpa: tuple[float, float, float] = ...,
+    ) -> Press: ...
+    def press_to(self, depth_mm: float) -> None: ...
+    @property
+    def depth_mm(self) -> float: ...
+    @property
+    def force_n(self) -> float: ...
+    @property
+    def markers(self) -> NDArray[np.float64]: ...
+    def positions(self, sensor: _Sensor) -> NDArray[np.float32]: ...
 
 @final
 class Description:
@@ -128,7 +185,6 @@ class Card:
     @property
     def published(self) -> bool: ...
 
-@final
 class Prediction:
     @property
     def values(self) -> NDArray[np.float32]: ...
@@ -153,6 +209,45 @@ class Prediction:
     def __iter__(self) -> Iterator[Any]: ...
 
 @final
+class Timely(Prediction):
+    @property
+    def fresh(self) -> bool: ...
+    @property
+    def own(self) -> bool: ...
+    @property
+    def behind_events(self) -> int: ...
+    @property
+    def behind_us(self) -> int: ...
+    @property
+    def age_us(self) -> float: ...
+    @property
+    def waited_us(self) -> float: ...
+
+@final
+class Live(_Takes[None]):
+    def __new__(
+        cls,
+        engine: Engine | FrameEngine,
+        *,
+        overload: str | Filters = "drop_oldest",
+        capacity: int = ...,
+        batch: int = 64,
+        stride: int | None = None,
+    ) -> Live: ...
+    def push_frames(self, frames: ArrayLike | EventFrame, t_us: int | ArrayLike) -> None: ...
+    def advance(self, t_us: int) -> None: ...
+    def predict(self, deadline_us: float | None = None) -> Timely: ...
+    @property
+    def counters(self) -> dict[str, int]: ...
+    @property
+    def description(self) -> Description: ...
+    @property
+    def is_closed(self) -> bool: ...
+    def close(self) -> Engine | FrameEngine | None: ...
+    def __enter__(self) -> Live: ...
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None: ...
+
+@final
 class Graph:
     @property
     def edge_index(self) -> NDArray[np.int64]: ...
@@ -170,16 +265,7 @@ class Graph:
     def __len__(self) -> int: ...
     def __iter__(self) -> Iterator[NDArray[Any]]: ...
 
-class _OverEvents:
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> int: ...
+class _OverEvents(_Takes[int]):
     def advance(self, t_us: int) -> None: ...
     def predict(self) -> Prediction: ...
     def predict_into(self, out: NDArray[np.float32]) -> None: ...
@@ -291,7 +377,7 @@ class EventFrame:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
 @final
-class EventFrames:
+class EventFrames(_Takes[list[EventFrame]]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -302,15 +388,6 @@ class EventFrames:
         crop: _Crop | None = None,
         start_us: int | None = None,
     ) -> EventFrames: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> list[EventFrame]: ...
     def advance(self, t_us: int) -> list[EventFrame]: ...
     def open(self) -> EventFrame | None: ...
     def reset(self) -> None: ...
@@ -320,7 +397,7 @@ class EventFrames:
     def counters(self) -> dict[str, int]: ...
 
 @final
-class Filters:
+class Filters(_Takes[np.ndarray]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -330,21 +407,12 @@ class Filters:
         background_us: int | None = None,
         refractory_us: int | None = None,
     ) -> Filters: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> np.ndarray: ...
     def reset(self) -> None: ...
     @property
     def counters(self) -> dict[str, dict[str, int]]: ...
 
 @final
-class SlidingFrame:
+class SlidingFrame(_Takes[None]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -354,15 +422,6 @@ class SlidingFrame:
         crop: _Crop | None = None,
         capacity: int = ...,
     ) -> SlidingFrame: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> None: ...
     def advance(self, t_us: int) -> None: ...
     def frame(self) -> EventFrame: ...
     def reset(self) -> None: ...
@@ -372,7 +431,7 @@ class SlidingFrame:
     def counters(self) -> dict[str, int]: ...
 
 @final
-class VoxelGrid:
+class VoxelGrid(_Takes[int]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -382,22 +441,13 @@ class VoxelGrid:
         time: str = "bins",
         crop: _Crop | None = None,
     ) -> VoxelGrid: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> int: ...
     def frame(self) -> NDArray[np.float32]: ...
     def restart(self, window_us: tuple[int, int]) -> None: ...
     @property
     def counters(self) -> dict[str, int]: ...
 
 @final
-class TimeSurface:
+class TimeSurface(_Takes[None]):
     def __new__(
         cls,
         sensor: _Sensor,
@@ -406,15 +456,6 @@ class TimeSurface:
         span_us: float | None = None,
         crop: _Crop | None = None,
     ) -> TimeSurface: ...
-    def push(
-        self,
-        events: _Events | None = None,
-        *,
-        t: ArrayLike | None = None,
-        x: ArrayLike | None = None,
-        y: ArrayLike | None = None,
-        p: ArrayLike | None = None,
-    ) -> None: ...
     def advance(self, t_us: int) -> None: ...
     def frame(self) -> NDArray[np.float32]: ...
     def reset(self) -> None: ...

@@ -2,7 +2,7 @@
 
 use meissner::representations::{Completed, Consecutive, ConsecutiveFrames};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use super::event_frame::EventFrame;
 use super::shared::{Rectangle, counted, crop_of, image, rule_of};
@@ -77,22 +77,16 @@ impl EventFrames {
 
     /// Takes events, as `Engine.push`; returns the frames that they complete, in order. A silence is one `EventFrame` of zeros
     /// with the number of its frames as `count`.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Vec<EventFrame>> {
         let (shape, frames, mut found) = (self.frames.shape(), &mut self.frames, Vec::new());
-        Events::new(events, [t, x, y, p])?.work(py, |part| {
-            for event in part {
-                frames.push(*event, |completed| found.push(Done::new(completed, shape)));
-            }
-            Ok(())
+        Events::of_call(args, keywords)?.each(py, |event| {
+            frames.push(event, |completed| found.push(Done::new(completed, shape)));
         })?;
         Ok(objects(py, found, shape)?)
     }

@@ -2,6 +2,8 @@
 
 use pyo3::prelude::*;
 
+use crate::arrays::as_numpy;
+
 /// A frame of events, or a run of equal frames without any.
 #[pyclass(module = "meissner", name = "EventFrame", frozen)]
 pub(crate) struct EventFrame {
@@ -44,12 +46,7 @@ impl EventFrame {
         dtype: Option<Bound<'py, PyAny>>,
         copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let values = self.values.bind(py).clone();
-        match (dtype, copy) {
-            (None, Some(true)) => values.call_method0("copy"),
-            (None, _) => Ok(values),
-            (Some(dtype), _) => values.call_method1("astype", (dtype,)),
-        }
+        as_numpy(self.values.bind(py), dtype, copy)
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

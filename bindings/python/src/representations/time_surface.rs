@@ -2,7 +2,7 @@
 
 use meissner::representations::{Decay, TimeSurface as Surface};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use super::shared::{Rectangle, counted, crop_of, image};
 use crate::arrays::Pixels;
@@ -38,22 +38,16 @@ impl TimeSurface {
     }
 
     /// Takes events, as `Engine.push`.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<()> {
         let surface = &mut self.surface;
-        Events::new(events, [t, x, y, p])?.work(py, |part| {
-            for event in part {
-                surface.push(*event);
-            }
-            Ok(())
+        Events::of_call(args, keywords)?.each(py, |event| {
+            surface.push(event);
         })
     }
 

@@ -2,7 +2,7 @@
 
 use meissner::representations::{VoxelGrid as Grid, VoxelTime};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use super::shared::{Rectangle, crop_of, image};
 use crate::arrays::{Pixels, counts};
@@ -45,21 +45,15 @@ impl VoxelGrid {
     }
 
     /// Adds events, as `Engine.push`; returns how many lie on the sensor, in the crop and in the window.
-    #[pyo3(signature = (events=None, *, t=None, x=None, y=None, p=None))]
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &mut self,
         py: Python<'py>,
-        events: Option<&Bound<'py, PyAny>>,
-        t: Option<&Bound<'py, PyAny>>,
-        x: Option<&Bound<'py, PyAny>>,
-        y: Option<&Bound<'py, PyAny>>,
-        p: Option<&Bound<'py, PyAny>>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
         let (grid, mut accepted) = (&mut self.grid, 0);
-        Events::new(events, [t, x, y, p])?.work(py, |part| {
-            accepted += part.iter().filter(|event| grid.push(**event)).count();
-            Ok(())
-        })?;
+        Events::of_call(args, keywords)?.each(py, |event| accepted += usize::from(grid.push(event)))?;
         Ok(accepted)
     }
 

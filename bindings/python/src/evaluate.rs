@@ -1,0 +1,240 @@
+//! Networks on labelled data sets: accuracies and errors, and run time against them.
+//!
+//! Enters: a data set, networks. Leaves: the JSON report of the program as text, which `meissner/_evaluate.py` makes records of.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use meissner::io::ReadOptions;
+use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::{self, EventTask};
+use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
+use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_evaluate::trainings::{Evaluation, Request};
+use meissner_evaluate::{EvaluateError, Watch, Workers, regression, slip};
+use meissner_pipeline::predictor::Mode;
+use meissner_pipeline::source::Source;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde::Serialize;
+
+use crate::arrays::Pixels;
+use crate::error::{Failure, Outcome};
+use crate::watched::{Parts, Seen, watched, workers};
+
+/// Microseconds from one prediction to the next, where nothing else is said.
+const EVERY_US: i64 = 10_000;
+const EVERY_OF_PRESSES_US: i64 = 1_000;
+
+/// Networks, trainings and how they are run.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Asked {
+    networks: Vec<String>,
+    weights: Option<PathBuf>,
+    trainings: Option<PathBuf>,
+    folds: Option<usize>,
+    stride: Option<usize>,
+    every_us: Option<i64>,
+    mode: String,
+    threads: Option<u16>,
+}
+
+impl Asked {
+    fn request(&self) -> Request<'_> {
+        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
+        Request { networks: &self.networks, weights, trainings }
+    }
+
+    fn mode(&self) -> Outcome<Mode> {
+        let found = [Mode::Incremental, Mode::Batch].into_iter().find(|mode| mode.word() == self.mode);
+        let expected = "mode: expected \"incremental\" or \"batch\"";
+        found.ok_or_else(|| Failure::input(format!("{expected}, found {:?}", self.mode)))
+    }
+
+    fn every_us(&self, default: i64) -> Outcome<i64> {
+        let every_us = self.every_us.unwrap_or(default);
+        if (100..=10_000_000).contains(&every_us) {
+            return Ok(every_us);
+        }
+        Err(Failure::input(format!("every_us: expected 100 us to 10 s, found {every_us} us")))
+    }
+
+    /// What would make a loop endless.
+    fn check(&self) -> Outcome<()> {
+        let zero = |what, least| Failure::input(format!("{what}: expected at least {least}, found less"));
+        match self {
+            Self { stride: Some(0), .. } => Err(zero("stride", 1)),
+            Self { threads: Some(0), .. } => Err(zero("threads", 1)),
+            Self { folds: Some(0 | 1), .. } => Err(zero("folds", 2)),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The task of recordings of events with this name.
+enum Recordings {
+    Digits,
+    Objects,
+    Containers,
+}
+
+impl Recordings {
+    fn of(task: &str) -> Option<Self> {
+        Some(match task {
+            "digits" => Self::Digits,
+            "objects" => Self::Objects,
+            "containers" => Self::Containers,
+            _ => return None,
+        })
+    }
+}
+
+/// A report as JSON, and the outputs of the networks as safetensors.
+type Judged = (String, Vec<u8>);
+
+fn judged<R: Serialize>(evaluation: Evaluation<R>) -> Judged {
+    let text = serde_json::to_string(&evaluation.report).expect("a report has names as keys");
+    (text, evaluation.logits.into_bytes())
+}
+
+fn unknown(task: &str) -> Failure {
+    let expected = "\"digits\", \"objects\", \"containers\", \"slip\" or \"angle\"";
+    Failure::input(format!("task: expected {expected}, found {task:?}"))
+}
+
+/// The report of `task` on `data` as JSON, and the outputs of the networks as safetensors.
+#[pyfunction]
+#[pyo3(name = "_evaluate")]
+pub(crate) fn judge<'py>(
+    py: Python<'py>,
+    task: &str,
+    data: PathBuf,
+    asked: Asked,
+    tick: &Bound<'py, PyAny>,
+) -> Outcome<(String, Bound<'py, PyBytes>)> {
+    asked.check()?;
+    let (watch, parts) = (Watch::default(), Parts::default());
+    let workers = workers(asked.threads, &watch)?;
+    let mode = asked.mode()?;
+    let done = |training: &str, _: Duration| parts.set(|seen| training.clone_into(&mut seen.name));
+    let seen = || Seen { done: watch.done(), total: watch.total(), ..parts.get() };
+    let run =
+        |work: &(dyn Fn() -> Result<Judged, EvaluateError> + Sync)| watched(py, &watch, tick, seen, work);
+    let (report, logits) = match (task, Recordings::of(task)) {
+        (_, Some(recordings)) => {
+            let (request, stride, folds) = (asked.request(), asked.stride, asked.folds);
+            let every_us = asked.every_us(EVERY_US)?;
+            let options = events::Options { request, stride, folds, every_us, mode };
+            run(&|| match recordings {
+                Recordings::Digits => events::evaluate::<Digits>(&data, &options, &workers, done).map(judged),
+                Recordings::Objects => {
+                    events::evaluate::<TouchObjects>(&data, &options, &workers, done).map(judged)
+                }
+                Recordings::Containers => {
+                    events::evaluate::<TouchContainers>(&data, &options, &workers, done).map(judged)
+                }
+            })
+        }
+        ("slip", _) => run(&|| slip::evaluate(&data, asked.request(), &workers, done).map(judged)),
+        ("angle", _) => {
+            let (request, stride) = (asked.request(), asked.stride);
+            let every_us = asked.every_us(EVERY_OF_PRESSES_US)?;
+            let options = regression::Options { request, stride, every_us, mode, embeds: false };
+            run(&|| regression::evaluate(&data, &options, &workers, done).map(judged))
+        }
+        _ => return Err(unknown(task)),
+    }?;
+    Ok((report, PyBytes::new(py, &logits)))
+}
+
+/// What is measured of run time and error.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Measured {
+    only: Vec<String>,
+    timed: Option<usize>,
+    repeats: u32,
+    state: Option<PathBuf>,
+    sensor: Option<Pixels>,
+    from_us: i64,
+}
+
+/// The report of run time against error of `task` on `data`, as JSON.
+#[pyfunction]
+#[pyo3(name = "_pareto")]
+pub(crate) fn measure(
+    py: Python<'_>,
+    task: &str,
+    data: PathBuf,
+    asked: Asked,
+    measured: Measured,
+    tick: &Bound<'_, PyAny>,
+) -> Outcome<String> {
+    asked.check()?;
+    if measured.repeats == 0 {
+        return Err(Failure::input("repeats: expected at least 1, found 0"));
+    }
+    let known = Recordings::of(task);
+    if known.is_none() && !matches!(task, "slip" | "angle") {
+        return Err(unknown(task));
+    }
+    let (watch, parts) = (Watch::default(), Parts::default());
+    let workers = workers(asked.threads, &watch)?;
+    let Measured { only, timed, repeats, state, sensor, from_us } = measured;
+    let options = pareto::Options { timed, repeats, only };
+    let work = || {
+        let run = |study: Study<'_>| run(study, &options, state.as_deref(), &watch, &parts);
+        match known {
+            Some(Recordings::Digits) => run(of_recordings::<Digits>(&data, &asked, &options, &workers)?),
+            Some(Recordings::Objects) => {
+                run(of_recordings::<TouchObjects>(&data, &asked, &options, &workers)?)
+            }
+            Some(Recordings::Containers) => {
+                run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?)
+            }
+            None if task == "slip" => run(pareto::slip(&data, asked.request(), &options, &workers)?),
+            None => {
+                let source = Source::open(Some(&data), &ReadOptions::default(), sensor.is_some(), true)?;
+                let asked = AngleOptions {
+                    networks: &asked.networks,
+                    weights: asked.weights.as_deref(),
+                    ignore_preparation: false,
+                    sensor: sensor.as_ref().map(|pixels| pixels.0),
+                    from_us,
+                };
+                run(pareto::angle(source, asked, &options)?)
+            }
+        }
+    };
+    watched(py, &watch, tick, || parts.get(), work)
+}
+
+fn of_recordings<'a, T: EventTask>(
+    data: &Path,
+    asked: &Asked,
+    options: &pareto::Options,
+    workers: &'a Workers,
+) -> Result<Study<'a>, EvaluateError> {
+    pareto::events::<T>(data, asked.request(), asked.folds, options, workers)
+}
+
+/// Measures a study, and tells `parts`.
+fn run(
+    study: Study<'_>,
+    options: &pareto::Options,
+    state: Option<&Path>,
+    watch: &Watch,
+    parts: &Parts,
+) -> Result<String, EvaluateError> {
+    let mut state = State::open(state)?;
+    let report = study.run(options, &mut state, |progress| {
+        parts.set(|seen| match progress {
+            Progress::Missing(count) => seen.total = count,
+            Progress::Started { network, setting } => seen.name = format!("{network}, {setting}"),
+            Progress::Finished => seen.done += 1,
+        });
+        watch.check()
+    })?;
+    Ok(serde_json::to_string(&report).expect("a report has names as keys"))
+}

@@ -1,0 +1,281 @@
+//! Live engines: a bounded queue, a thread that owns the engine, and predictions by a deadline.
+//!
+//! Enters: an engine, events from arrays. Leaves: predictions with their age. Invariant: no thread waits for a lock while it
+//! holds the interpreter, except for a lock that is held for a copy.
+
+mod ends;
+mod timely;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use meissner::filters::Chain;
+use meissner::frames::{Frame, TimedFrames};
+use meissner::live::{Overload, QueueCounters, QueueOptions};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use crate::arrays::counts;
+use crate::description::Description;
+use crate::engine::Engine;
+use crate::error::{Failure, Outcome, wrong_type};
+use crate::events::{Events, QUEUED};
+use crate::filters::Filters;
+use crate::frames::{FrameEngine, checked};
+use crate::prediction::Outputs;
+use crate::representations::EventFrame;
+use ends::Ends;
+pub(crate) use timely::Timely;
+
+/// An engine in a thread of its own, behind a bounded queue: one thread pushes what a sensor sends, another one reads predictions
+/// by a deadline.
+///
+/// - `engine`: an `Engine` or a `FrameEngine`. The live engine starts in its present state and leaves it as it is.
+/// - `overload`: what happens while events arrive faster than the engine takes them. "drop_oldest" makes room for new events,
+///   "drop_newest" drops these, "block" has `push` wait. "thin" lets one event of `stride` enter, and `Filters` those that pass,
+///   from when the queue is half full until it is a quarter full.
+/// - `capacity`: most waiting events (16 bytes each) or frames.
+/// - `batch`: most events that the engine takes before it looks whether a prediction is due.
+///
+/// `with Live(engine) as live:` closes it at the end. What enters is predicted with the bits of an engine without threads.
+///
+/// Raises `InputError`, `LiveError` if no thread can be started.
+#[pyclass(module = "meissner", name = "Live", frozen, weakref)]
+pub(crate) struct Live {
+    ends: Kind,
+    outputs: Arc<Outputs>,
+    description: Description,
+    /// Shapes of a frame and of a prediction, for frames.
+    shapes: Option<[Vec<usize>; 2]>,
+}
+
+/// What the engine takes.
+enum Kind {
+    Events(Ends<meissner::Engine>),
+    Frames(Ends<TimedFrames>),
+}
+
+/// The rule of this name, or these filters.
+fn overload_of(overload: &Bound<'_, PyAny>, stride: Option<u32>) -> Outcome<Overload> {
+    if let (Ok(filters), None) = (overload.cast::<Filters>(), stride) {
+        let chain: Chain = filters.borrow().chain.clone();
+        return Ok(Overload::Filter(chain));
+    }
+    match (overload.extract::<String>().as_deref(), stride) {
+        (Ok("block"), None) => Ok(Overload::Block),
+        (Ok("drop_oldest"), None) => Ok(Overload::DropOldest),
+        (Ok("drop_newest"), None) => Ok(Overload::DropNewest),
+        (Ok("thin"), Some(stride)) => Ok(Overload::Thin { stride }),
+        _ => {
+            let expected = "\"drop_oldest\", \"drop_newest\", \"block\", Filters, or \"thin\" with a stride";
+            let found = overload.repr()?;
+            let with = stride.map(|stride| format!(" with stride {stride}")).unwrap_or_default();
+            Err(Failure::input(format!("overload: expected {expected}, found {found}{with}")))
+        }
+    }
+}
+
+/// A time to wait; `None` is as long as it takes.
+fn deadline_of(deadline_us: Option<f64>) -> Outcome<Duration> {
+    let Some(us) = deadline_us else { return Ok(Duration::MAX) };
+    Duration::try_from_secs_f64(us / 1e6)
+        .map_err(|_| Failure::input(format!("deadline_us: expected at least 0 us, found {us}")))
+}
+
+/// An engine over frames refuses events, and the reverse.
+fn other_kind(method: &str, expected: &str) -> Failure {
+    Failure::input(format!("{method}: expected an engine over {expected}, found one over the other kind"))
+}
+
+#[pymethods]
+impl Live {
+    #[new]
+    #[pyo3(signature = (engine, *, overload=None, capacity=1 << 16, batch=64, stride=None))]
+    fn new(
+        engine: &Bound<'_, PyAny>,
+        overload: Option<&Bound<'_, PyAny>>,
+        capacity: usize,
+        batch: usize,
+        stride: Option<u32>,
+    ) -> Outcome<Self> {
+        let options = QueueOptions::new().with_capacity(capacity).with_batch(batch);
+        let options = match overload {
+            Some(overload) => options.with_overload(overload_of(overload, stride)?),
+            None if stride.is_none() => options,
+            None => return Err(Failure::input("stride: expected overload=\"thin\" with it")),
+        };
+        if let Ok(engine) = engine.cast::<Engine>() {
+            let engine = engine.try_borrow().map_err(PyErr::from)?;
+            let (outputs, description) = (Arc::clone(&engine.outputs), engine.description.clone());
+            let ends = Kind::Events(Ends::new(engine.engine.clone(), options)?);
+            return Ok(Self { ends, outputs, description, shapes: None });
+        }
+        let Ok(engine) = engine.cast::<FrameEngine>() else {
+            return Err(wrong_type("engine", "an Engine or a FrameEngine", engine));
+        };
+        let engine = engine.try_borrow().map_err(PyErr::from)?;
+        let shapes = Some([engine.input_shape(), engine.output_shape()]);
+        let (outputs, description) = (Arc::clone(&engine.outputs), engine.description.clone());
+        let ends = Kind::Frames(Ends::new(TimedFrames::new(engine.engine.clone()), options)?);
+        Ok(Self { ends, outputs, description, shapes })
+    }
+
+    /// Offers events in order, as `Engine.push` takes them: each enters the queue, or is dropped and counted. Waits only with
+    /// overload "block". Other threads run meanwhile. One thread at a time.
+    ///
+    /// Raises `InputError` or `DtypeError` before the first event, `LiveError` if the live engine has ended.
+    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
+    fn push<'py>(
+        &self,
+        py: Python<'py>,
+        args: &Bound<'py, PyTuple>,
+        keywords: Option<&Bound<'py, PyDict>>,
+    ) -> Outcome<()> {
+        let Kind::Events(ends) = &self.ends else { return Err(other_kind("push", "events")) };
+        let events = Events::of_call(args, keywords)?;
+        let mut input = ends.input()?;
+        let input = &mut *input;
+        events.work_in(py, QUEUED, |part| Ok(input.push_slice(part)?))
+    }
+
+    /// Offers frames of shape `input_shape` of the engine, one with its time in microseconds or several with their times. A frame
+    /// earlier than the one before is dropped.
+    ///
+    /// Raises as `push`.
+    fn push_frames(&self, py: Python<'_>, frames: &Bound<'_, PyAny>, t_us: &Bound<'_, PyAny>) -> Outcome<()> {
+        let (Kind::Frames(ends), Some([shape, _])) = (&self.ends, &self.shapes) else {
+            return Err(other_kind("push_frames", "frames"));
+        };
+        let times: Vec<i64> = match t_us.extract::<i64>() {
+            Ok(t_us) => vec![t_us],
+            Err(_) => t_us.try_iter()?.map(|t_us| t_us?.extract()).collect::<PyResult<_>>()?,
+        };
+        let run = frames.cast::<EventFrame>().map_or(1, |frame| frame.get().count);
+        let values = checked(frames, shape)?;
+        let values = values.as_slice().map_err(PyErr::from)?;
+        let frames = values.chunks_exact(shape.iter().product::<usize>().max(1));
+        if frames.len() != times.len() {
+            let found = times.len();
+            return Err(Failure::input(format!(
+                "t_us: expected {} times, one a frame, found {found}",
+                frames.len()
+            )));
+        }
+        let mut input = ends.input()?;
+        let input = &mut *input;
+        for (values, t_us) in frames.zip(times) {
+            let frame = Frame { t_us, values: values.to_vec() };
+            for _ in 0..run {
+                py.detach(|| input.push_slice(std::slice::from_ref(&frame)))?;
+                py.check_signals()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Advances the clock to `t_us` after what was offered so far. No earlier event may follow: it would be late.
+    fn advance(&self, py: Python<'_>, t_us: i64) -> Outcome<()> {
+        match &self.ends {
+            Kind::Events(ends) => ends.advance(py, t_us),
+            Kind::Frames(ends) => ends.advance(py, t_us),
+        }
+    }
+
+    /// The prediction for all that was offered by now or, `deadline_us` microseconds from now, the newest finished one, with its
+    /// age. None waits for all that was offered. Other threads run meanwhile, and Ctrl-C ends the wait. One thread at a time.
+    ///
+    /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine has ended.
+    #[pyo3(signature = (deadline_us=None))]
+    fn predict(&self, py: Python<'_>, deadline_us: Option<f64>) -> Outcome<Py<Timely>> {
+        // Before the arguments are looked at: the deadline counts from the call.
+        let start = Instant::now();
+        let deadline = deadline_of(deadline_us)?.saturating_sub(start.elapsed());
+        let taken = match &self.ends {
+            Kind::Events(ends) => ends.predict(py, deadline),
+            Kind::Frames(ends) => ends.predict(py, deadline),
+        }?;
+        let shape = self.shapes.as_ref().map(|[_, output]| &output[..]);
+        timely::object(py, taken, shape, &self.outputs)
+    }
+
+    /// Counts of what was offered: "offered" is the sum of "delivered", "waiting" and the dropped ones. "high_water" is the most that
+    /// has been waiting, "blocked_us" how long `push` has waited for room.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
+        let of: QueueCounters = match &self.ends {
+            Kind::Events(ends) => ends.counters(py),
+            Kind::Frames(ends) => ends.counters(py),
+        };
+        let blocked_us = u64::try_from(of.blocked.as_micros()).unwrap_or(u64::MAX);
+        let all = [
+            ("offered", of.offered),
+            ("delivered", of.delivered),
+            ("waiting", of.waiting),
+            ("dropped_oldest", of.dropped_oldest),
+            ("dropped_newest", of.dropped_newest),
+            ("thinned", of.thinned),
+            ("filtered", of.filtered),
+            ("high_water", of.high_water),
+            ("blocked_us", blocked_us),
+        ];
+        Ok(counts(py, &all)?)
+    }
+
+    /// The description of the network.
+    #[getter]
+    fn description(&self) -> Description {
+        self.description.clone()
+    }
+
+    /// Whether `close` was called.
+    #[getter]
+    fn is_closed(&self) -> bool {
+        match &self.ends {
+            Kind::Events(ends) => ends.is_closed(),
+            Kind::Frames(ends) => ends.is_closed(),
+        }
+    }
+
+    /// Ends the thread and returns its engine; None where it was closed before. What is waiting is discarded: call `predict()` first
+    /// to have it taken. A `push` or `predict` that waits in another thread raises `LiveError`.
+    fn close(&self, py: Python<'_>) -> Outcome<Option<Py<PyAny>>> {
+        let Self { outputs, description, .. } = self;
+        Ok(match &self.ends {
+            Kind::Events(ends) => match ends.close(py)? {
+                Some(engine) => Some(Py::new(py, Engine::new_from(engine, outputs, description))?.into_any()),
+                None => None,
+            },
+            Kind::Frames(ends) => match ends.close(py)? {
+                Some(frames) => {
+                    let engine = FrameEngine::new_from(frames.into_engine(), outputs, description);
+                    Some(Py::new(py, engine)?.into_any())
+                }
+                None => None,
+            },
+        })
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __exit__(
+        &self,
+        py: Python<'_>,
+        _kind: &Bound<'_, PyAny>,
+        _value: &Bound<'_, PyAny>,
+        _trace: &Bound<'_, PyAny>,
+    ) -> Outcome<()> {
+        self.close(py).map(drop)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let name = self.description.any.name();
+        let of: QueueCounters = match &self.ends {
+            Kind::Events(ends) => ends.counters(py),
+            Kind::Frames(ends) => ends.counters(py),
+        };
+        let state = if self.is_closed() { ", closed" } else { "" };
+        format!("<Live {name:?}: {} of {} taken, {} dropped{state}>", of.delivered, of.offered, of.dropped())
+    }
+}
