@@ -7,6 +7,9 @@
 //! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
 //! tactile sensor.
 //!
+//! [`Press`] is the model of a soft dome, [`DomeView`] the place of its markers in the image, and [`PressTable`] gives its presses at real
+//! speed.
+//!
 //! ```
 //! use meissner_engine::Sensor;
 //! use meissner_simulator::{Camera, CameraSettings, Cause};
@@ -28,8 +31,12 @@ mod camera;
 mod error;
 mod markers;
 mod membrane;
+mod table;
+mod view;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use error::SimulatorError;
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};
+pub use table::PressTable;
+pub use view::DomeView;

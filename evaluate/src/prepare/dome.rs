@@ -8,7 +8,7 @@ use meissner_engine::Sensor;
 use meissner_models::TensorFile;
 use meissner_models::random::Random;
 use meissner_pipeline::text::grouped;
-use meissner_simulator::{Dome, Press};
+use meissner_simulator::{Dome, DomeView, Press};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::json;
@@ -26,11 +26,6 @@ const REST_US: i64 = 10_000;
 
 /// Depth between two recorded positions, in millimetres. Markers move along straight lines between them.
 const RECORD_MM: f64 = 0.5;
-
-/// The camera looks along the axis from below the base: distance to the base in millimetres.
-const CAMERA_MM: f64 = 20.0;
-/// The share of half the image's smaller side that the outermost ring fills at rest. The deepest press widens it by half.
-const FILLED: f64 = 0.65;
 
 /// Presses of the default [`Dome`] on planes of all tilts and directions, `each` of a kind, seen by a camera of `sensor`.
 ///
@@ -117,19 +112,11 @@ impl Recorded {
 fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     let dome = Dome::default();
     let mut press = Press::new(&dome, tilt, azimuth);
-    let rim = 0.5 * dome.rings_mm;
-    let rim_height = libm::sqrt(dome.radius_mm * dome.radius_mm - rim * rim);
-    let side = f64::from(sensor.width.min(sensor.height));
-    let focal = 0.5 * side * FILLED * (CAMERA_MM + rim_height) / rim;
-    let centre = [0.5 * (f64::from(sensor.width) - 1.0), 0.5 * (f64::from(sensor.height) - 1.0)];
+    let view = DomeView::new(&dome, sensor);
     let steps = (DEPTH_MM[1] / RECORD_MM) as usize;
     let at = |i: usize| {
         press.press_to(i as f64 * RECORD_MM);
-        let seen = |&[x, y, z]: &[f64; 3]| {
-            let scale = focal / (CAMERA_MM + z);
-            [(centre[0] + scale * x) as f32, (centre[1] + scale * y) as f32]
-        };
-        let markers = press.markers().iter().map(seen).collect();
+        let markers = press.markers().iter().map(|&marker| view.place(marker)).collect();
         Recorded { markers, depth_mm: press.depth_mm(), force_n: press.force_n() }
     };
     (0..=steps).map(at).collect()
