@@ -8,6 +8,7 @@
 
 use std::f64::consts::{FRAC_PI_3, PI};
 use std::num::NonZero;
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
@@ -58,7 +59,9 @@ impl PressTable {
         };
         let mut presses: Vec<_> = thread::scope(|scope| {
             let workers: Vec<_> = (0..threads).map(|_| scope.spawn(share)).collect();
-            workers.into_iter().flat_map(|worker| worker.join().expect("a press does not panic")).collect()
+            let joined =
+                workers.into_iter().map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            joined.flatten().collect()
         });
         presses.sort_unstable_by_key(|&(i, _)| i);
         let presses: Vec<_> = presses.into_iter().map(|(_, press)| press).collect();

@@ -134,7 +134,7 @@ pub fn run<P: Predictor<Input = Event>>(
     live: &mut Live<P>,
     meter: &Meter,
     feed: &Feed,
-    robot: &mut impl Robot,
+    robot: &mut dyn Robot,
     rhythm: Rhythm,
     timing: &mut Timing,
 ) -> Result<(), ControlError> {

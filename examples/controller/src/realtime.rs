@@ -5,6 +5,8 @@
 
 /// Priorities of the threads: a thread that waits for another's work stands above it, so that it runs as soon as the work is done.
 pub mod priority {
+    /// The simulated fingertip: the world goes on whether anyone else has time, but not at the cost of those who watch it.
+    pub const FINGERTIP: u8 = 50;
     /// The engine's thread.
     pub const ENGINE: u8 = 60;
     /// The thread that takes events from the sensor.

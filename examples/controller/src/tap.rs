@@ -86,7 +86,7 @@ mod tests {
     fn the_depth_has_no_jump_and_phases_come_in_order() {
         let depths: Vec<f64> = (0..=2 * TAP_US).step_by(100).map(depth_mm).collect();
         assert!(depths.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.02));
-        assert!(depths.iter().any(|&depth| depth == DEPTH_MM));
+        assert!(depths.contains(&DEPTH_MM));
         let mut phases: Vec<Phase> = (0..TAP_US).step_by(1000).map(|t_us| Phase::at(t_us).0).collect();
         phases.dedup();
         assert_eq!(phases, [Phase::Approach, Phase::Press, Phase::Hold, Phase::Lift, Phase::Free]);

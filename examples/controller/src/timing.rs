@@ -18,7 +18,7 @@ use std::time::Duration;
 use hdrhistogram::Histogram;
 
 /// Upper bounds of the rows of the printed histogram, in microseconds.
-const ROWS_US: [u64; 11] = [5, 10, 20, 50, 100, 200, 500, 800, 1000, 10_000, u64::MAX];
+const ROWS_US: [u64; 11] = [5, 10, 20, 50, 100, 200, 500, 900, 2000, 10_000, u64::MAX];
 /// Longest time that the histograms distinguish, in nanoseconds: 10 s.
 const LONGEST_NS: u64 = 10_000_000_000;
 

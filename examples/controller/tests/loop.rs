@@ -30,16 +30,17 @@ fn the_loop_over_a_recording_takes_all_its_events_and_allocates_nothing() {
     let (input, mut live) =
         Live::spawn(Metered::new(engine, meter.clone()), QueueOptions::new()).expect("a thread");
     let events = recording.events.len() as u64;
-    let start = now() + Duration::from_millis(300);
+    let ready = now() + Duration::from_millis(200);
+    let start = ready + Duration::from_millis(50);
     let feed = Feed::start(Source::Recording(recording.events), input, start).expect("a thread");
     let rhythm = Rhythm {
         start,
         period: Duration::from_millis(1),
-        deadline: Duration::from_micros(800),
+        deadline: Duration::from_micros(900),
         most: u64::MAX,
     };
     let (mut timing, mut robot) = (Timing::default(), Alone::default());
-    sleep_until(start - Duration::from_millis(50));
+    sleep_until(ready);
     let allocations = Region::new(ALLOCATOR);
     run(&mut live, &meter, &feed, &mut robot, rhythm, &mut timing).expect("finite predictions");
     let change = allocations.change();

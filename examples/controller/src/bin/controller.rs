@@ -15,7 +15,7 @@ use std::time::Duration;
 use clap::Parser;
 use meissner::live::{Live, QueueOptions};
 use meissner::{Description, Engine, Network, Sensor, Weights, io};
-use meissner_controller::control::{Alone, Remote, Rhythm, run};
+use meissner_controller::control::{Alone, Remote, Rhythm, Robot, run};
 use meissner_controller::feed::{Feed, Source};
 use meissner_controller::fingertip::{Fingertip, SENSOR, presses};
 use meissner_controller::metered::{Meter, Metered};
@@ -29,6 +29,10 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
+/// Events that the engine takes before it looks at the deadline again. It begins a prediction two batches early, so that short ones leave more
+/// of the time to events.
+const BATCH: usize = 8;
+
 const NETWORK: &str = "tactigraph-past";
 
 /// Seed of the camera's noise in the study.
@@ -38,7 +42,7 @@ const SEED: u64 = 1;
 const TAPS: usize = 24;
 
 /// Time for all threads to start before the first cycle.
-const START: Duration = Duration::from_millis(200);
+const START: Duration = Duration::from_millis(100);
 
 /// A loop at a fixed rate that levels a fingertip by predictions of its contact angle.
 #[derive(Debug, Parser)]
@@ -57,7 +61,7 @@ struct Arguments {
     #[arg(long, value_name = "US", default_value_t = 1000)]
     period: u64,
     /// From when a cycle is due until its prediction must be at hand, in microseconds.
-    #[arg(long, value_name = "US", default_value_t = 800)]
+    #[arg(long, value_name = "US", default_value_t = 900)]
     deadline: u64,
     /// Most events that wait for the engine; the oldest make room.
     #[arg(long, value_name = "EVENTS", default_value_t = 1 << 16)]
@@ -85,12 +89,13 @@ fn control(source: &str, arguments: &Arguments, network: Network) -> Result<(), 
     let engine = Engine::new(network, sensor)?;
     report("locked memory", lock_memory());
     let meter = Meter::default();
-    let options = QueueOptions::new().with_capacity(arguments.queue);
+    let options = QueueOptions::new().with_capacity(arguments.queue).with_batch(BATCH);
     // A thread starts with the priority of the one that starts it.
     report("priority of the engine's thread", raise(priority::ENGINE));
     let (input, mut live) = Live::spawn(Metered::new(engine, meter.clone()), options)?;
     report("priority of the feed", raise(priority::FEED));
-    let start = now() + START;
+    let ready = now() + START;
+    let start = ready + START;
     let is_recording = matches!(source, Source::Recording(_));
     let feed = Feed::start(source, input, start)?;
     report("priority of the loop", raise(priority::LOOP));
@@ -102,14 +107,14 @@ fn control(source: &str, arguments: &Arguments, network: Network) -> Result<(), 
         most: arguments.cycles.unwrap_or(u64::MAX),
     };
     let mut timing = Timing::default();
-    sleep_until(start - START / 4);
-    let allocations = Region::new(ALLOCATOR);
-    if is_recording {
-        run(&mut live, &meter, &feed, &mut Alone::default(), rhythm, &mut timing)?;
+    let mut robot: Box<dyn Robot> = if is_recording {
+        Box::new(Alone::default())
     } else {
-        let mut fingertip = Remote::connect(&arguments.fingertip)?;
-        run(&mut live, &meter, &feed, &mut fingertip, rhythm, &mut timing)?;
-    }
+        Box::new(Remote::connect(&arguments.fingertip)?)
+    };
+    sleep_until(ready);
+    let allocations = Region::new(ALLOCATOR);
+    run(&mut live, &meter, &feed, &mut *robot, rhythm, &mut timing)?;
     let change = allocations.change();
 
     let fed = feed.end()?;

@@ -13,7 +13,7 @@ use meissner::Event;
 use meissner::io::record;
 use meissner_controller::datagrams::{TARGET_BYTES, Target};
 use meissner_controller::fingertip::{Fingertip, TICK_US, presses};
-use meissner_controller::realtime::{now, sleep_until};
+use meissner_controller::realtime::{now, priority, raise, sleep_until};
 use meissner_controller::surface::Surface;
 use meissner_controller::tap::TAP_US;
 
@@ -101,6 +101,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut link = Link::new(&arguments)?;
     eprintln!("computing the presses of the dome");
     let mut tip = Fingertip::new(presses(), surface, arguments.seed)?;
+    if let Err(reason) = raise(priority::FINGERTIP) {
+        eprintln!("without a fixed priority ({reason}), a busy machine slows the fingertip down");
+    }
     let mut events = Vec::new();
     // The first tap begins when a controller is there.
     eprintln!("waiting for a controller at {}", arguments.targets);
@@ -133,7 +136,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         lag = lag.max(now().saturating_sub(due));
     }
     // The end of the events.
-    link.events.send(&[]).ok();
+    drop(link.events.send(&[]));
     println!("events were sent at most {:.1} ms late", lag.as_secs_f64() * 1e3);
     Ok(())
 }
