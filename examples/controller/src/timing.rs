@@ -143,16 +143,12 @@ impl fmt::Display for Timing {
         };
         let names = ["woken late", "answer", "computing"];
         row(f, "us", names.map(str::to_owned))?;
+        let counts = histograms.map(rows);
         let mut above = 0;
-        for bound_us in ROWS_US {
+        for (i, bound_us) in ROWS_US.into_iter().enumerate() {
             let name =
                 if bound_us == u64::MAX { format!("> {above}") } else { format!("{above} to {bound_us}") };
-            let (low, high) = (above * 1000 + 1, bound_us.saturating_mul(1000));
-            row(
-                f,
-                &name,
-                histograms.map(|histogram| histogram.count_between(low.min(high), high).to_string()),
-            )?;
+            row(f, &name, counts.map(|rows| rows[i].to_string()))?;
             above = bound_us;
         }
         for (name, quantile) in [("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("most", 1.0)] {
@@ -161,6 +157,16 @@ impl fmt::Display for Timing {
         }
         Ok(())
     }
+}
+
+/// How many values belong to each row. The histogram's own counts between two values overlap where a bucket holds both.
+fn rows(histogram: &Histogram<u64>) -> [u64; ROWS_US.len()] {
+    let mut rows = [0; ROWS_US.len()];
+    for step in histogram.iter_recorded() {
+        let ns = histogram.lowest_equivalent(step.value_iterated_to());
+        rows[ROWS_US.partition_point(|&us| us.saturating_mul(1000) < ns)] += step.count_at_value();
+    }
+    rows
 }
 
 #[cfg(test)]
