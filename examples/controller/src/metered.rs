@@ -1,7 +1,7 @@
 //! An engine whose computing time can be read while it works.
 //!
 //! Enters: the calls of the thread that owns it. Leaves: the processor time of this thread, for other threads. It is written after each
-//! prediction and every [`PUSHES`] pushes: reading it is a call of the operating system.
+//! prediction and every 16 pushes: reading it is a call of the operating system.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,7 +12,7 @@ use meissner::{EngineError, Outcome, Prediction};
 
 use crate::realtime::computing_time;
 
-/// Pushes between two readings: about 20 microseconds.
+/// Pushes between two readings: about 20 microseconds of work.
 const PUSHES: u32 = 16;
 
 /// Reads the computing time of a [`Metered`] engine.
