@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 14] = [
     "kernels",
     "engine",
     "live",
@@ -18,6 +18,7 @@ const CRATES: [&str; 13] = [
     "plot",
     "cli",
     "meissner",
+    "examples/controller",
 ];
 
 /// Module paths, as segments.

@@ -84,4 +84,4 @@ pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, wri
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;
 pub use seek::{Blocks, DISORDER_US, TimeRange};
-pub use wire::{LiveEvents, RECORD_BYTES, record};
+pub use wire::{LiveEvents, RECORD_BYTES, event_of, record};

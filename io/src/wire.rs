@@ -40,11 +40,17 @@ pub fn record(event: Event) -> [u8; RECORD_BYTES] {
     bytes
 }
 
-/// The event of a record.
-fn event(bytes: [u8; RECORD_BYTES]) -> Event {
-    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, polarity, ..] = bytes;
+/// The event of a record; `None` if its last three bytes are not 0. For programs that read datagrams themselves, each of whole records.
+///
+/// ```
+/// let event = meissner_engine::Event::new(513, 3, 4, true);
+/// assert_eq!(meissner_io::event_of(meissner_io::record(event)), Some(event));
+/// ```
+pub fn event_of(record: [u8; RECORD_BYTES]) -> Option<Event> {
+    let [t0, t1, t2, t3, t4, t5, t6, t7, x0, x1, y0, y1, polarity, 0, 0, 0] = record else { return None };
     let t_us = i64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
-    Event::new(t_us, u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]), (polarity as i8) > 0)
+    let (x, y) = (u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]));
+    Some(Event::new(t_us, x, y, (polarity as i8) > 0))
 }
 
 /// The first bytes of a stream, then the rest of it.
@@ -160,17 +166,17 @@ fn next_record(input: &mut impl Read, number: u64) -> Result<Option<Event>, IoEr
         actual: bytes.len() as u64,
         at_least: false,
     })?;
-    match record[13..] {
-        [0, 0, 0] => Ok(Some(event(record))),
-        [a, b, c] => Err(IoError::Malformed {
+    let malformed = || {
+        let [.., a, b, c] = record;
+        IoError::Malformed {
             format: NAME,
             what: "end of a record",
             place: Place::Byte(at + 13),
             expected: "0, 0, 0".to_owned(),
             actual: format!("{a}, {b}, {c}"),
-        }),
-        _ => unreachable!("three bytes"),
-    }
+        }
+    };
+    event_of(record).map(Some).ok_or_else(malformed)
 }
 
 fn failed(at: u64, source: std::io::Error) -> IoError {

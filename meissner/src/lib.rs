@@ -14,7 +14,7 @@
 //! | the arithmetic | [`kernels`] |
 //!
 //! Examples to copy, each run with `cargo run --release -p meissner --example NAME`: `stream_a_recording`,
-//! `controller_with_a_deadline`, `frame_network`, `own_description`, `weights_from_pytorch`.
+//! `frame_network`, `own_description`, `weights_from_pytorch`. A controller at 1 kHz is a folder of its own, `examples/controller`.
 //!
 //! An unoptimised build computes the same bits 8 to 10 times slower: measure with `--release`.
 #![forbid(unsafe_code)]

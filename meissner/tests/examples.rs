@@ -19,11 +19,6 @@ fn a_recording_is_streamed_with_a_prediction_every_10_ms() {
 }
 
 #[test]
-fn a_controller_has_a_prediction_in_each_cycle() {
-    assert!(run("controller_with_a_deadline").contains("of 100 predictions were fresh"));
-}
-
-#[test]
 fn a_frame_network_predicts_a_force_at_the_end_of_each_frame() {
     let text = run("frame_network");
     assert_eq!(text.lines().filter(|line| line.ends_with(" N")).count(), 9, "{text}");

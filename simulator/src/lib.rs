@@ -5,7 +5,8 @@
 //!
 //! [`Camera`] is the model of the sensor. It takes one image after another and finds the exact time at which each pixel crosses
 //! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
-//! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them.
+//! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
+//! presses at real speed.
 //!
 //! ```
 //! use meissner_engine::Sensor;
@@ -28,10 +29,12 @@ mod camera;
 mod error;
 mod markers;
 mod membrane;
+mod table;
 mod view;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use error::SimulatorError;
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};
+pub use table::PressTable;
 pub use view::DomeView;

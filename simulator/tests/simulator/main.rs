@@ -4,3 +4,4 @@ mod camera;
 mod markers;
 mod membrane;
 mod noise;
+mod table;
