@@ -19,6 +19,8 @@ use hdrhistogram::Histogram;
 
 /// Upper bounds of the rows of the printed histogram, in microseconds.
 const ROWS_US: [u64; 11] = [5, 10, 20, 50, 100, 200, 500, 900, 2000, 10_000, u64::MAX];
+/// Most cycles that are named.
+const NAMED: usize = 32;
 /// Longest time that the histograms distinguish, in nanoseconds: 10 s.
 const LONGEST_NS: u64 = 10_000_000_000;
 
@@ -89,6 +91,9 @@ pub struct Timing {
     pub cycles: u64,
     /// Cycles that missed their deadline, by [`Cause`] in its order.
     pub missed: [u64; 4],
+    /// Numbers of the first cycles that missed their deadline because of the engine. Over a recording the work of a cycle is the same in
+    /// every run: what the engine is to blame for returns.
+    pub of_engine: Vec<u64>,
     /// Why the newest cycle missed its deadline, if it did.
     before: Option<Cause>,
     /// From when a cycle was due until it began, in nanoseconds.
@@ -106,6 +111,7 @@ impl Default for Timing {
         Self {
             cycles: 0,
             missed: [0; 4],
+            of_engine: Vec::with_capacity(NAMED),
             before: None,
             wake_ns: histogram(),
             answer_ns: histogram(),
@@ -127,6 +133,9 @@ impl Timing {
         self.before = cycle.missed(self.before);
         if let Some(cause) = self.before {
             self.missed[cause as usize] += 1;
+            if cause == Cause::Engine && self.of_engine.len() < NAMED {
+                self.of_engine.push(self.cycles);
+            }
         }
     }
 }
@@ -136,6 +145,9 @@ impl fmt::Display for Timing {
         writeln!(f, "{} cycles, {} deadlines missed:", self.cycles, self.missed.iter().sum::<u64>())?;
         for (cause, text) in CAUSES {
             writeln!(f, "  {:>6} because {text}", self.missed[cause as usize])?;
+        }
+        if !self.of_engine.is_empty() {
+            writeln!(f, "         in the cycles {:?}", self.of_engine)?;
         }
         let histograms = [&self.wake_ns, &self.answer_ns, &self.computed_ns];
         let row = |f: &mut fmt::Formatter<'_>, name: &str, cells: [String; 3]| {
@@ -215,7 +227,7 @@ mod tests {
         for cycle in [Cycle { computed: us(1), ..late }, late, late, KEPT, late] {
             timing.record(&cycle);
         }
-        assert_eq!(timing.missed, [0, 1, 2, 1]);
+        assert_eq!((timing.missed, timing.of_engine), ([0, 1, 2, 1], vec![5]));
     }
 
     #[test]
