@@ -8,6 +8,7 @@ use meissner_io::{Format, IoError};
 
 use crate::args::{INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sensor};
 use crate::error::CliError;
+use crate::progress::Progress;
 use crate::tell::tell;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::grouped;
@@ -65,6 +66,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         let path = args.output.display().to_string();
         return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));
     }
+    let progress = Progress::busy(|| "converting".to_owned());
     let recording = args.read.read(&args.input, args.part.part())?;
     let sensor = args.sensor.or(recording.sensor);
     let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
@@ -74,6 +76,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         meissner_io::write(&args.output, format, sensor, &recording.events)
             .map_err(|e| PipelineError::recording(&output, e))?;
     }
+    progress.finish();
     for stream in &recording.other_streams {
         tell(format_args!("note: {}: {} {} left out", stream.name, grouped(stream.elements), stream.kind));
     }

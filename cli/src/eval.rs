@@ -20,7 +20,7 @@ use std::time::Duration;
 use clap::Subcommand;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
-use meissner_evaluate::{EvaluateError, Workers};
+use meissner_evaluate::{EvaluateError, Watch, Workers};
 use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Matrix, Panel};
@@ -29,6 +29,7 @@ use serde::Serialize;
 use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
+use crate::progress::Progress;
 use crate::tell::tell;
 use crate::text::{Table, percent};
 use crate::threads;
@@ -95,12 +96,18 @@ fn write<R: Serialize>(
     evaluate: impl FnOnce(&Workers, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
 ) -> Result<(), CliError> {
     output::check_all_writable([&args.json, &args.svg, &args.logits])?;
-    let workers = Workers::from(threads::pool(args.threads)?);
+    let watch = Watch::default();
+    let workers = Workers::new(threads::pool(args.threads)?, watch.clone());
+    let progress = Progress::busy(move || match watch.total() {
+        0 => "reading".to_owned(),
+        total => format!("{} of {total} judged", watch.done()),
+    });
     let Evaluation { report, logits, took } = evaluate(&workers, |training, elapsed| {
         if stderr().is_terminal() {
             tell(format_args!("{:>8.1} s  {training}", elapsed.as_secs_f64()));
         }
     })?;
+    progress.finish();
     if let Some(path) = &args.svg {
         output::write(path, svg(&report))?;
     }

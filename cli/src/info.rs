@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::args::{OUTPUT, PartArgs, ReadArgs, STATUS};
 use crate::error::CliError;
 use crate::output;
+use crate::progress::Progress;
 use meissner_pipeline::losses::Salvaged;
 use meissner_pipeline::text::grouped;
 
@@ -66,7 +67,9 @@ struct OtherStream {
 
 /// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
+    let progress = Progress::busy(|| "reading".to_owned());
     let info = Info::of(&args.read.read(&args.recording, args.part.part())?);
+    progress.finish();
     output::print(args.json, &info, |out| info.write(out))
 }
 

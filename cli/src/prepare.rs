@@ -201,7 +201,7 @@ struct LabelledArgs {
 
 /// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
-    let progress = Progress::busy("preparing");
+    let progress = Progress::busy(|| "preparing".to_owned());
     let (out, notes, prepared) = match &args.input {
         InputArgs::Graphs(args) => {
             let (description, _) = describe(&args.network)?;

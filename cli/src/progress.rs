@@ -1,20 +1,33 @@
 //! Progress bars on standard error, if it is a terminal.
 
+use std::fmt::Write;
 use std::io::{IsTerminal, stdout};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 /// Smallest number of events that a bar is shown for. Fewer events are over before a bar helps.
 const LONG: u64 = 20_000;
 /// Number of events between two updates of the bar.
 const STRIDE: u64 = 256;
-
 /// Time between two updates of the time since the begin.
 const TICK: Duration = Duration::from_millis(200);
 
-/// A bar, or nothing.
-#[derive(Clone, Debug)]
+/// The bar on the terminal: there is one at a time.
+static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// Runs `write`, which writes lines that the bar must not overwrite.
+pub(crate) fn above<T>(write: impl FnOnce() -> T) -> T {
+    let shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    match shown {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+/// A bar, or nothing. It is gone when this is dropped.
+#[derive(Debug)]
 pub(crate) struct Progress(Option<ProgressBar>);
 
 impl Progress {
@@ -30,29 +43,34 @@ impl Progress {
         Self::unless_json(some, json, "{bar:30} {pos} of {len} measured, {eta} left: {msg}")
     }
 
-    /// The time since `what` began, for work whose length is not known.
-    pub(crate) fn busy(what: &'static str) -> Self {
-        let busy = Self::bar(None, "{spinner} {msg}, {elapsed}");
-        if let Some(spinner) = &busy.0 {
-            spinner.set_message(what);
-            spinner.enable_steady_tick(TICK);
-        }
-        busy
+    /// What is being done and for how long, where no events are counted.
+    pub(crate) fn busy(what: impl Fn() -> String + Clone + Send + Sync + 'static) -> Self {
+        let what = move |_: &ProgressState, out: &mut dyn Write| {
+            let _ = out.write_str(&what());
+        };
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let style = ProgressStyle::with_template("{spinner} {what}, {elapsed}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()).with_key("what", what));
+        bar.enable_steady_tick(TICK);
+        Self::shown(bar)
     }
 
     /// A bar over `total`, unless JSON scrolls by on a terminal.
     fn unless_json(total: Option<u64>, json: bool, template: &str) -> Self {
         match total {
-            Some(_) if !(json && stdout().is_terminal()) => Self::bar(total, template),
+            Some(_) if !(json && stdout().is_terminal()) => {
+                // Indicatif shows nothing if standard error is not a terminal.
+                let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
+                let style = ProgressStyle::with_template(template);
+                Self::shown(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+            }
             _ => Self(None),
         }
     }
 
-    fn bar(total: Option<u64>, template: &str) -> Self {
-        // Indicatif shows nothing if standard error is not a terminal.
-        let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-        Self(Some(bar.with_style(style)))
+    fn shown(bar: ProgressBar) -> Self {
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        Self(Some(bar))
     }
 
     /// Sets the number of events that are done.
@@ -77,18 +95,17 @@ impl Progress {
         }
     }
 
-    /// Runs `write`, which writes lines that the bar must not overwrite.
-    pub(crate) fn suspend<T>(&self, write: impl FnOnce() -> T) -> T {
-        match &self.0 {
-            Some(bar) => bar.suspend(write),
-            None => write(),
-        }
-    }
-
     /// Removes the bar.
     pub(crate) fn finish(&self) {
-        if let Some(bar) = &self.0 {
+        if let Some(bar) = self.0.as_ref().filter(|bar| !bar.is_finished()) {
+            *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = None;
             bar.finish_and_clear();
         }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.finish();
     }
 }

@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::error::CliError;
 use crate::header;
 use crate::output::{Out, out};
-use crate::progress::Progress;
+use crate::progress::{Progress, above};
 use rows::Columns;
 pub(crate) use rows::TableKind;
 
@@ -129,7 +129,7 @@ impl Report {
             Form::Json { .. } => line(out, &BTreeMap::from([("summary", summary)]))?,
             Form::People(rows) => {
                 if let Some(row) = rows.held.take() {
-                    rows.show(out, progress, &row)?;
+                    rows.show(out, &row)?;
                 }
                 progress.finish();
                 if rows.shown < predictions {
@@ -148,7 +148,7 @@ impl Report {
 
 impl Observer for Report {
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()> {
-        let Self { out, progress, total, form } = self;
+        let Self { out, total, form, .. } = self;
         match form {
             Form::Json { live } => {
                 line(out, prediction)?;
@@ -162,7 +162,7 @@ impl Observer for Report {
                     return Ok(());
                 }
                 (rows.part, rows.held) = (part, None);
-                rows.show(out, progress, &row)
+                rows.show(out, &row)
             }
         }
     }
@@ -173,9 +173,9 @@ impl Observer for Report {
 }
 
 impl Rows {
-    fn show(&mut self, out: &mut Out, progress: &Progress, row: &str) -> io::Result<()> {
+    fn show(&mut self, out: &mut Out, row: &str) -> io::Result<()> {
         self.shown += 1;
-        progress.suspend(|| {
+        above(|| {
             writeln!(out, "{row}")?;
             out.flush()
         })

@@ -213,7 +213,7 @@ impl CameraArgs {
 
 /// Simulates and writes the events.
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
-    let progress = Progress::busy("simulating");
+    let progress = Progress::busy(|| "simulating".to_owned());
     let (path, contents) = match &args.input {
         InputArgs::Markers(args) => (&args.out, markers(args)?),
         InputArgs::Images(args) => (&args.out, images(args)?),

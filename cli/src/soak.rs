@@ -94,7 +94,7 @@ fn run(
             progress.set(soak.events());
         }
         let line = table::line(soak.checkpoint(resident_bytes)?);
-        progress.suspend(|| tell(format_args!("checkpoint {number} of {checkpoints}: {line}")));
+        tell(format_args!("checkpoint {number} of {checkpoints}: {line}"));
         if interrupt::requested() {
             break;
         }
