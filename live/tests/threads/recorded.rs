@@ -17,7 +17,7 @@ const SENSOR: Sensor = Sensor { width: 64, height: 48 };
 
 fn network(name: &str, capacity: usize) -> Arc<Network> {
     let description = Description::shipped(name).expect("it is shipped");
-    let weights = Weights::shipped(name).expect("weights from a seed come with it");
+    let weights = Weights::shipped(name).expect("weights come with it");
     let network = description.network(&weights).expect("they fit");
     Arc::new(network.with_capacity(capacity).expect("the capacity is in range"))
 }
