@@ -34,7 +34,7 @@ Exit status:
   1    bad input: a file that cannot be read or does not fit, or a broken promise
   2    bad usage: an unknown option, a wrong value, options that do not fit
   130  a signal (SIGINT from Ctrl-C, or SIGTERM) ended the program
-  run, play and soak end their stream at the first signal, and write the summary and the state. The other subcommands end at once, and these three at the second signal. pareto --state keeps finished measurements.
+  run, play, send and soak end their stream at the first signal, and write the summary and the state. The other subcommands end at once, and these four at the second signal. pareto --state keeps finished measurements.
 
 Environment:
   MEISSNER_LOG  off, error, warn (the default), info, debug or trace: what is told on standard error

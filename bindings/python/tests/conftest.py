@@ -1,5 +1,11 @@
 """Streams and networks that the tests share."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 
@@ -19,6 +25,26 @@ SMALL = {
     ],
     "output": {"names": ["a", "b"], "unit": "rad"},
 }
+
+
+def interrupted(program, *arguments, after, seconds):
+    """What `program` says next, and after how long, when Ctrl-C comes `seconds` after it has said `after`."""
+    paths = os.pathsep.join([os.path.dirname(__file__), *sys.path])
+    child = subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": paths},
+    )
+    try:
+        assert child.stdout.readline() == after
+        time.sleep(seconds)
+        child.send_signal(signal.SIGINT)
+        sent = time.monotonic()
+        return child.stdout.readline(), time.monotonic() - sent
+    finally:
+        child.kill()
+        child.wait()
 
 
 def make_events(count, seed=0, sensor=SENSOR, start_us=0, every_us=100):

@@ -2,14 +2,11 @@
 
 import io
 import os
-import signal
-import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
-from conftest import make_events
+from conftest import interrupted, make_events
 from test_simulate import tensors
 
 import meissner
@@ -214,16 +211,8 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_ctrl_c_ends_an_evaluation_before_its_next_recording(digits):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    child = subprocess.Popen([sys.executable, "-c", LONG, digits], stdout=subprocess.PIPE, text=True, env=environment)
-    try:
-        assert child.stdout.readline() == "judging\n"
-        time.sleep(0.3)
-        child.send_signal(signal.SIGINT)
-        assert child.stdout.readline() == "interrupted\n"
-    finally:
-        child.kill()
-        child.wait()
+    said, _ = interrupted(LONG, digits, after="judging\n", seconds=0.3)
+    assert said == "interrupted\n"
 
 
 @pytest.mark.parametrize("installed", [False, True], ids=["alone", "tqdm"])

@@ -1,15 +1,12 @@
 """Live engines: what enters is predicted with an engine's own bits, whatever the threads do, and what does not is counted."""
 
 import os
-import signal
-import subprocess
-import sys
 import threading
 import time
 
 import numpy as np
 import pytest
-from conftest import SENSOR, SMALL, make_events
+from conftest import SENSOR, SMALL, interrupted, make_events
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_frames import make
@@ -206,14 +203,5 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_ctrl_c_ends_the_wait_for_a_prediction():
-    paths = os.pathsep.join([os.path.dirname(__file__), *sys.path])
-    environment = {**os.environ, "PYTHONPATH": paths}
-    child = subprocess.Popen([sys.executable, "-c", WAITING], stdout=subprocess.PIPE, text=True, env=environment)
-    try:
-        assert child.stdout.readline() == "waiting\n"
-        time.sleep(0.1)
-        child.send_signal(signal.SIGINT)
-        assert child.stdout.readline() == "interrupted False\n"
-    finally:
-        child.kill()
-        child.wait()
+    said, _ = interrupted(WAITING, after="waiting\n", seconds=0.1)
+    assert said == "interrupted False\n"

@@ -1,15 +1,12 @@
 """Long pushes: other threads run, and Ctrl-C ends them between two events."""
 
 import os
-import signal
-import subprocess
-import sys
 import threading
 import time
 
 import numpy as np
 import pytest
-from conftest import SENSOR, SMALL, make_events
+from conftest import SENSOR, SMALL, interrupted, make_events
 
 import meissner
 
@@ -35,21 +32,9 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_ctrl_c_interrupts_a_long_push_and_the_engine_remains_usable():
-    folder = os.path.dirname(__file__)
-    paths = os.pathsep.join([folder, *sys.path])
-    child = subprocess.Popen(
-        [sys.executable, "-c", LONG], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths}
-    )
-    try:
-        assert child.stdout.readline() == "pushing\n"
-        time.sleep(0.3)
-        child.send_signal(signal.SIGINT)
-        sent = time.monotonic()
-        assert child.stdout.readline() == "interrupted True 10\n"
-        assert time.monotonic() - sent < 5
-    finally:
-        child.kill()
-        child.wait()
+    said, took = interrupted(LONG, after="pushing\n", seconds=0.3)
+    assert said == "interrupted True 10\n"
+    assert took < 5
 
 
 def test_other_threads_run_during_a_push():
