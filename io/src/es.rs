@@ -34,10 +34,12 @@ const STRIDE: usize = 5;
 /// The byte that adds [`OVERFLOW_US`].
 const OVERFLOW: u8 = 0xff;
 const OVERFLOW_US: i64 = 127;
+/// Overflows that are written at once.
+const OVERFLOWS: [u8; 4096] = [OVERFLOW; 4096];
 /// The byte that says nothing.
 const RESET: u8 = 0xfe;
-/// Latest time that is written: 19.1 hours; such a file starts with 516 MiB of overflows.
-const LATEST_US: i64 = (1 << 36) - 1;
+/// Latest time that is written: 2.4 hours; such a file starts with 65 MiB of overflows.
+const LATEST_US: i64 = (1 << 33) - 1;
 
 /// The events that the format can hold.
 pub(crate) const CAPACITY: Capacity = Capacity {
@@ -79,8 +81,9 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
         match first {
             RESET => at += 1,
             OVERFLOW => {
-                t_us += OVERFLOW_US;
-                at += 1;
+                let run = bytes[at..].iter().take_while(|&&byte| byte == OVERFLOW).count();
+                t_us += OVERFLOW_US * run as i64;
+                at += run;
             }
             _ if salvage && bytes.len() - at < STRIDE => {
                 salvaged = Some(file.salvage("the last event", at));
@@ -110,8 +113,9 @@ pub(crate) fn encode(sensor: Sensor, events: &[Event], out: &mut impl Write) -> 
         let mut step = event.t_us - newest_us;
         newest_us = event.t_us;
         while step >= OVERFLOW_US {
-            out.write_all(&[OVERFLOW])?;
-            step -= OVERFLOW_US;
+            let run = (step / OVERFLOW_US).min(OVERFLOWS.len() as i64);
+            out.write_all(&OVERFLOWS[..run as usize])?;
+            step -= run * OVERFLOW_US;
         }
         let ([x0, x1], [y0, y1]) = (event.x.to_le_bytes(), (sensor.height - 1 - event.y).to_le_bytes());
         out.write_all(&[(step as u8) << 1 | u8::from(event.on), x0, x1, y0, y1])?;

@@ -65,11 +65,21 @@ fn a_writer_refuses_a_step_back_a_late_time_and_no_sensor() {
     };
     let error = refuse(Some(SENSOR), &[at(5), at(4)]);
     assert_eq!(error, "ES cannot hold event 1: expected t_us in order, found 4 after 5");
-    assert!(refuse(Some(SENSOR), &[at(1 << 36)]).contains("expected t_us 0 to 68719476735"));
+    assert!(refuse(Some(SENSOR), &[at(1 << 33)]).contains("expected t_us 0 to 8589934591"));
     assert_eq!(
         refuse(None, &[at(0)]),
         "unsupported: expected a sensor, which a file of ES must name, found none"
     );
+}
+
+#[test]
+fn a_silence_of_any_length_comes_back() {
+    for silence in [126, 127, 128, 4096 * 127 - 1, 4096 * 127, 4096 * 127 + 1, (1 << 33) - 1] {
+        let events = [Event::new(0, 1, 2, true), Event::new(silence, 3, 4, false)];
+        let bytes = encoded(Format::Es, Some(SENSOR), &events);
+        assert_eq!(bytes.len() as i64, 20 + 5 + silence / 127 + 5, "{silence} us");
+        assert_eq!(decode(&bytes).unwrap().events, events, "{silence} us");
+    }
 }
 
 proptest! {
