@@ -32,14 +32,17 @@ impl<'a> Bytes<'a> {
         match self.origin {
             Place::Byte(byte) => Place::Byte(byte + at as u64),
             Place::Packet { packet, byte } => Place::Packet { packet, byte: byte + at as u64 },
-            Place::Line(line) => Place::Line(line),
+            place @ (Place::Line(_) | Place::Event(_)) => place,
         }
     }
 
     /// The decompressed content of the packet at `at`.
     pub(crate) fn packet<'b>(&self, at: usize, content: &'b [u8]) -> Bytes<'b> {
         let packet = match self.place(at) {
-            Place::Byte(place) | Place::Packet { packet: place, .. } | Place::Line(place) => place,
+            Place::Byte(place)
+            | Place::Packet { packet: place, .. }
+            | Place::Line(place)
+            | Place::Event(place) => place,
         };
         Bytes { format: self.format, data: content, origin: Place::Packet { packet, byte: 0 } }
     }

@@ -1,5 +1,6 @@
 //! Reading and writing of recordings in any format: from and to files and bytes.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufWriter, Cursor, Read, Seek, Write};
 use std::path::Path;
@@ -10,6 +11,8 @@ use crate::csv::{self, TextOptions};
 use crate::detect::format_of;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
+#[cfg(feature = "hdf5")]
+use crate::hdf5;
 use crate::packed;
 use crate::recording::{Capacity, Recording};
 use crate::seek::{self, TimeRange};
@@ -126,7 +129,13 @@ pub fn read_range(
     options: impl Into<ReadOptions>,
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {
-    read_part(File::open(path).map_err(IoError::file("read", path))?, options.into(), range)
+    let file = File::open(path).map_err(IoError::file("read", path))?;
+    let Some((found, input)) = located(file, options.into())? else { return Ok(None) };
+    match found {
+        #[cfg(feature = "hdf5")]
+        Format::Hdf5 => hdf5::read_range(input.into_inner(), range).map(Some),
+        _ => read_part(found, input, range),
+    }
 }
 
 /// The recording in the file at `path` block by block; `None` where the format does not permit that. The ranges of `options` are
@@ -148,7 +157,9 @@ pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<see
         Format::Npy => seek::blocks::of_records::<npy::Layout>(input),
         Format::Aedat3 => seek::blocks::of_packets::<aedat3::Container>(input),
         Format::Aedat4 => seek::blocks::of_packets::<aedat4::Container>(input),
-        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
+        #[cfg(feature = "hdf5")]
+        Format::Hdf5 => hdf5::blocks(input.into_inner()).map(Some),
+        _ => Ok(None),
     }
 }
 
@@ -187,7 +198,8 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
     if let Some(range) = options.range
-        && let Some(part) = read_part(Cursor::new(bytes), options, range)?
+        && let Some((found, input)) = located(Cursor::new(bytes), options)?
+        && let Some(part) = read_part(found, input, range)?
     {
         return Ok(part);
     }
@@ -199,7 +211,7 @@ fn decode_content(
     (content, salvaged): packed::Content<'_>,
     options: ReadOptions,
 ) -> Result<Recording, IoError> {
-    let mut recording = decode_bytes(&content, options)?;
+    let mut recording = decode_bytes(content, options)?;
     if let Some(range) = options.range {
         range.cut(&mut recording);
     }
@@ -207,8 +219,9 @@ fn decode_content(
 }
 
 /// Decodes the content of a file that is not packed.
-fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
+fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recording, IoError> {
     let ReadOptions { format, text, salvage, .. } = options;
+    let bytes = &*content;
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
         Some(format) => format,
@@ -229,16 +242,22 @@ fn decode_bytes(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError
         Format::Nmnist => nmnist::decode(bytes, salvage),
         Format::Csv => csv::decode(bytes, text, salvage),
         Format::Npy => npy::decode(bytes, salvage),
+        #[cfg(feature = "hdf5")]
+        Format::Hdf5 => hdf5::decode(content.into_owned()),
+        #[cfg(not(feature = "hdf5"))]
+        Format::Hdf5 => {
+            let expected = "a build with the feature `hdf5` for this format";
+            Err(IoError::Unsupported { expected, actual: "one without it".to_owned() })
+        }
     }
 }
 
-/// The events of `range` in the file `input`; `None`: the whole file must be read.
+/// The events of `range` in the file `input` of the format `found`; `None`: the whole file must be read.
 fn read_part(
-    input: impl Read + Seek,
-    options: ReadOptions,
+    found: Format,
+    mut input: seek::Input<impl Read + Seek>,
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {
-    let Some((found, mut input)) = located(input, options)? else { return Ok(None) };
     match found {
         Format::Dat => seek::records::read::<dat::Layout>(&mut input, range),
         Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range),
@@ -246,7 +265,7 @@ fn read_part(
         Format::Npy => seek::records::read::<npy::Layout>(&mut input, range),
         Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range),
         Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range),
-        Format::Evt3 | Format::Es | Format::Nmnist | Format::Csv => Ok(None),
+        _ => Ok(None),
     }
 }
 
@@ -317,7 +336,7 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
             return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
         }
         Format::Es => es::CAPACITY,
-        Format::Aedat4 | Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Nmnist => {
+        Format::Aedat4 | Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Nmnist | Format::Hdf5 => {
             let expected = "CSV, npy, DAT, EVT3 or ES to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }

@@ -12,17 +12,21 @@ use crate::csv::columns::{is_csv, is_of_events};
 use crate::electrodes::header::names_electrodes;
 use crate::error::{IoError, beginning, shown};
 use crate::format::{Foreign, Format, ImageFormat, Kind};
+#[cfg(feature = "hdf5")]
+use crate::hdf5;
 use crate::prophesee::{Header, has_header};
 use crate::text::{content_lines, text_start};
 use crate::{aedat2, aedat3, aedat4, es, nmnist, npy};
 
 /// The formats whose files start with a mark.
-const MARKS: [(&[u8], Format); 5] = [
+const MARKS: &[(&[u8], Format)] = &[
     (aedat4::header::MAGIC, Format::Aedat4),
     (aedat3::MAGIC, Format::Aedat3),
     (aedat2::MAGIC, Format::Aedat2),
     (es::MAGIC, Format::Es),
     (npy::MAGIC, Format::Npy),
+    #[cfg(feature = "hdf5")]
+    (hdf5::MAGIC, Format::Hdf5),
 ];
 
 /// Most bytes of a file that [`Kind::of_file`] reads: whole events of N-MNIST.
@@ -128,7 +132,7 @@ const FOREIGN: &[(&[u8], &str, &str)] = &[
     (
         b"\x89HDF",
         "HDF5",
-        "write its events as a structured .npy with Python's h5py, or Prophesee's as CSV with metavision_file_to_csv",
+        "build with the feature `hdf5` for those of DSEC and Prophesee, or write its events as a structured .npy with Python's h5py",
     ),
     (b"\x1f\x8b", "gzip", "unpack it with gunzip"),
     (b"BZh", "bzip2", "unpack it with bunzip2"),

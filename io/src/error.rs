@@ -22,6 +22,8 @@ pub enum Place {
     },
     /// Line of a text, counted from 1.
     Line(u64),
+    /// Event of an array, counted from 0.
+    Event(u64),
 }
 
 impl fmt::Display for Place {
@@ -30,6 +32,7 @@ impl fmt::Display for Place {
             Self::Byte(byte) => write!(f, "byte {byte}"),
             Self::Packet { packet, byte } => write!(f, "byte {byte} of the packet at byte {packet}"),
             Self::Line(line) => write!(f, "line {line}"),
+            Self::Event(event) => write!(f, "event {event}"),
         }
     }
 }

@@ -57,11 +57,13 @@ pub enum Format {
     Csv,
     /// `NumPy` structured array (`.npy`).
     Npy,
+    /// HDF5 of DSEC and Prophesee (`.h5`, `.hdf5`); read where this crate has its feature `hdf5`.
+    Hdf5,
 }
 
 impl Format {
     /// Every format, in the order of the documentation.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Aedat4,
         Self::Aedat3,
         Self::Aedat2,
@@ -72,6 +74,7 @@ impl Format {
         Self::Nmnist,
         Self::Csv,
         Self::Npy,
+        Self::Hdf5,
     ];
 
     /// The name for people.
@@ -92,6 +95,7 @@ impl Format {
             Self::Nmnist => ["N-MNIST", "nmnist", "bin"],
             Self::Csv => ["CSV", "csv", "csv"],
             Self::Npy => ["npy", "npy", "npy"],
+            Self::Hdf5 => ["HDF5", "hdf5", "h5"],
         }
     }
 
@@ -109,7 +113,7 @@ impl Format {
             "nmnist" => None,
             lower => Self::ALL.into_iter().find(|format| format.names()[1..].contains(&lower)),
         };
-        let expected = "aedat4, aedat, evt2, evt3, raw, dat, es, bin, csv or npy";
+        let expected = "aedat4, aedat, evt2, evt3, raw, dat, es, bin, csv, npy, h5 or hdf5";
         found.ok_or_else(|| UnknownName::new("file extension", expected, extension))
     }
 
@@ -134,11 +138,11 @@ impl FromStr for Format {
     type Err = UnknownName;
 
     /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`, `evt3`, `dat`, `es`,
-    /// `nmnist` or `n-mnist`, `csv`, `npy`.
+    /// `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let is_named =
             |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));
-        let expected = "aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv or npy";
+        let expected = "aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv, npy or hdf5";
         Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownName::new("format", expected, name))
     }
 }

@@ -19,9 +19,10 @@
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
 //! | CSV and other text, in any order of columns ([`TextOptions`]), also from a stream ([`LiveEvents`], which reads records of 16 bytes too) | yes | yes | `# sensor WxH` comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
+//! | HDF5 of DSEC and of Prophesee (feature `hdf5`) | yes | | Prophesee: attribute `geometry` | `hdf5` |
 //!
 //! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With [`ReadOptions::range`] a part
-//! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT and npy the rest of the file is not read.
+//! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5 the rest of the file is not read.
 //!
 //! [`EventPackets`] reads the messages of event cameras in ROS 2. The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
 //! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
@@ -58,6 +59,8 @@ mod evt2;
 mod evt3;
 mod files;
 mod format;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod images;
 pub mod limits;
 mod nmnist;

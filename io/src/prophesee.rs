@@ -64,6 +64,13 @@ pub(crate) fn has_header(bytes: &[u8]) -> bool {
     bytes.starts_with(b"% ")
 }
 
+/// The sensor of the value `WIDTHxHEIGHT` of a file's attribute.
+pub(crate) fn geometry(value: &str, file: Bytes<'_>) -> Result<Option<Sensor>, IoError> {
+    let mut header = Header::default();
+    header.set("geometry", value, 0);
+    header.sensor(file, u16::MAX)
+}
+
 impl Header {
     /// Reads the header at the start of `file`; a file without one has an empty header.
     pub(crate) fn parse(file: Bytes<'_>) -> Result<Self, IoError> {

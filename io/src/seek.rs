@@ -5,6 +5,7 @@
 //! | format | how the part is found |
 //! |---|---|
 //! | DAT, AEDAT2, EVT2, npy | binary search over the records (EVT2: over its words of time), after 1024 probes that count the wraps of the clock |
+//! | HDF5 | binary search over the array of times, and then the chunks of the part |
 //! | AEDAT3, AEDAT4 | the headers of all packets, then binary search over the packets of events |
 //! | others; any that is packed, or whose last record or packet is not whole | the whole file is read, and other events are left out |
 //!
@@ -69,7 +70,7 @@ impl TimeRange {
     }
 
     /// The range in the file's times, for a recording that starts with an event at `first_us`.
-    fn times(self, first_us: i64) -> Range<i64> {
+    pub(crate) fn times(self, first_us: i64) -> Range<i64> {
         let origin = if self.since_first { first_us } else { 0 };
         origin.saturating_add(self.from_us)..origin.saturating_add(self.to_us)
     }
@@ -103,6 +104,11 @@ impl<R: Read + Seek> Input<R> {
         let length = inner.seek(SeekFrom::End(0)).map_err(fail)?;
         inner.rewind().map_err(fail)?;
         Ok(Self { inner: BufReader::new(inner), at: 0, length, format: "recording" })
+    }
+
+    /// The file itself.
+    pub(crate) fn into_inner(self) -> R {
+        self.inner.into_inner()
     }
 
     /// The first bytes of the file, which tell its format.
@@ -148,20 +154,20 @@ impl<R: Read + Seek> Input<R> {
 
 /// A place in a recording whose time is known.
 #[derive(Clone, Copy)]
-struct Probe {
+pub(crate) struct Probe {
     /// The record or the packet, counted from 0.
-    at: u64,
+    pub(crate) at: u64,
     /// Value of the clock, in microseconds.
-    value: i64,
+    pub(crate) value: i64,
     /// Time in microseconds.
-    t_us: i64,
+    pub(crate) t_us: i64,
 }
 
 /// A step from before `bound_us` to not before it: the last place before the step, and the first after it. `None`: there is none.
 ///
 /// `low` is a place before the bound, and `high` ends the search. `probe` gives the first place of a range whose time is known;
 /// its first argument is a known place before the range. O(log n) probes.
-fn step(
+pub(crate) fn step(
     bound_us: i64,
     mut low: Option<Probe>,
     (mut end, mut high): (u64, Option<u64>),

@@ -109,9 +109,10 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
     parsed.map_err(|error: UnknownName| Failure::input(error.to_string()))
 }
 
-/// Opens a recording of events: AEDAT4, EVT2, EVT3, DAT, N-MNIST, text or NumPy. The format is found from the content.
+/// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT3, DAT, Event Stream, N-MNIST, text, NumPy, or HDF5 of DSEC
+/// and Prophesee; also inside gzip or zip. The format is found from the content.
 ///
-/// - `format`: "aedat4", "evt2", "evt3", "dat", "nmnist", "csv" or "npy", in place of the one found.
+/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or "hdf5", in place of the one found.
 /// - `columns`, `time_unit`: the order of the columns of a text, such as "txyp", and the unit of its times: "s", "ms", "us" or
 ///   "ns".
 /// - `salvage`: read a file that was cut short up to the cut.

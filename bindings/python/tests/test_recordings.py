@@ -1,6 +1,7 @@
 """Recordings: lazily read files as structured arrays, and what is written is read again."""
 
 import os
+import pathlib
 import subprocess
 import sys
 
@@ -143,6 +144,21 @@ def test_blocks_windows_and_parts_of_a_file_are_those_of_the_whole(tmp_path, nam
     assert len(recording) == len(events)
     held = list(recording.windows(100_000))
     assert all(a[0] == b[0] and np.array_equal(a[1], b[1]) for a, b in zip(windows, held, strict=True))
+
+
+HDF5 = pathlib.Path(__file__).parents[3] / "io/tests/codecs/hdf5"
+
+
+def test_hdf5_of_dsec_and_of_prophesee_is_read():
+    dsec = meissner.open(HDF5 / "dsec.h5")
+    assert (dsec.format, dsec.sensor, len(dsec)) == ("HDF5", None, 1500)
+    start = 49_599_300_523
+    assert dsec.read()[[0, 1, 999, 1000]].tolist() == [
+        (start, 0, 0, False), (start + 7, 1, 0, False), (start + 6993, 359, 1, False), (start + 47_000, 360, 1, False)
+    ]
+    prophesee = meissner.open(HDF5 / "prophesee.h5")
+    assert (prophesee.format, prophesee.sensor, len(prophesee)) == ("HDF5", (640, 480), 600)
+    assert prophesee.between(7, 21)["t"].tolist() == [7, 14]
 
 
 MEMORY = """

@@ -90,6 +90,14 @@ fn recordings() -> io::Result<()> {
         codecs::aedat::aedat3_packet(kind, 0, size, 1, &vec![5; (size * number) as usize])
     });
     put("aedat3", "types", &[codecs::aedat::aedat3_header(0, "DVS128"), packets.concat()].concat())?;
+    // Written by another library, whose files the tests of the reader hold.
+    for file in fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../io/tests/codecs/hdf5"))? {
+        let path = file?.path();
+        if path.extension().is_some_and(|extension| extension == "h5") {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            put("hdf5", &name, &fs::read(&path)?)?;
+        }
+    }
     put("es", "resets", b"Event Stream\x02\0\0\x01\x04\0\x03\0\xfe\xfe\xff\x03\x01\0\x02\0\xff")?;
     put("nmnist", "one", &[1, 2, 0x80, 0, 9])?;
     let dat = codecs::encoded(Format::Dat, None, events);

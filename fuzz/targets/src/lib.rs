@@ -29,7 +29,7 @@ pub use target::{Target, Verdict};
 pub use weights::NETWORK;
 
 /// All targets.
-pub const TARGETS: [Target; 25] = [
+pub const TARGETS: [Target; 26] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
@@ -40,6 +40,7 @@ pub const TARGETS: [Target; 25] = [
     Target { name: "nmnist", run: |bytes| recording(Format::Nmnist, bytes) },
     Target { name: "csv", run: csv },
     Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },
+    Target { name: "hdf5", run: |bytes| recording(Format::Hdf5, bytes) },
     Target { name: "any_recording", run: any_recording },
     Target { name: "convert", run: convert },
     Target { name: "electrodes", run: electrodes },

@@ -128,6 +128,7 @@ fn keeps_its_promises(bytes: &[u8], recording: &Recording) {
     };
     let most = match format {
         Format::Aedat4 => (PACKET_BYTES + length * EXPANSION) / 16,
+        Format::Hdf5 => (PACKET_BYTES + length * EXPANSION) / 9,
         _ => length * 6,
     };
     assert!(events.len() as u64 <= most, "{} events of {length} bytes", events.len());

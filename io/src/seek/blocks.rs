@@ -13,7 +13,7 @@ use crate::error::{IoError, Place};
 use crate::recording::Recording;
 
 /// Records of a block.
-const RECORDS: u64 = 1 << 16;
+pub(crate) const RECORDS: u64 = 1 << 16;
 /// Bytes of a block of packets.
 const BYTES: u64 = 1 << 20;
 
@@ -29,7 +29,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    fn new(next: impl FnMut() -> Result<Option<Recording>, IoError> + Send + 'static) -> Self {
+    pub(crate) fn new(next: impl FnMut() -> Result<Option<Recording>, IoError> + Send + 'static) -> Self {
         Self { next: Box::new(next), ended: false }
     }
 }

@@ -46,10 +46,10 @@ fn names_are_read_back() {
     for format in Format::ALL {
         assert_eq!(format.to_string().parse::<Format>().unwrap(), format);
     }
-    let error = "hdf5".parse::<Format>().unwrap_err().to_string();
+    let error = "hdf6".parse::<Format>().unwrap_err().to_string();
     assert_eq!(
         error,
-        "unknown format: expected aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv or npy, found `hdf5`"
+        "unknown format: expected aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv, npy or hdf5, found `hdf6`"
     );
 }
 
@@ -65,5 +65,5 @@ fn an_output_has_the_format_of_its_extension() {
         assert_eq!(Format::from_path(&Path::new("b").with_extension(format.extension())).unwrap(), format);
     }
     assert!(matches!(of("b"), Err(UnknownName { .. })));
-    assert!(matches!(of("b.h5"), Err(UnknownName { actual, .. }) if actual == "h5"));
+    assert!(matches!(of("b.h6"), Err(UnknownName { actual, .. }) if actual == "h6"));
 }

@@ -15,6 +15,8 @@ mod encoders;
 mod es;
 mod evt2;
 mod evt3;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod hostile;
 mod kinds;
 mod neutouch;

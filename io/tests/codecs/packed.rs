@@ -86,7 +86,7 @@ fn an_archive_without_one_recording_is_refused_with_their_number() {
     let error = decode(&zip([("a", b""), ("b", b"")])).unwrap_err().to_string();
     assert!(error.contains("found 0 among 2 files"), "{error}");
     // An only file is refused by its own reader.
-    let error = decode(&zip([("a", b"\x89HDF\r\n\x1a\n")])).unwrap_err();
+    let error = decode(&zip([("a", b"\x89MCAP0\r\n")])).unwrap_err();
     assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
     let error = decode(&gzip(&gzip(&bytes))).unwrap_err();
     assert!(matches!(error, IoError::OtherKind { .. }), "{error}");

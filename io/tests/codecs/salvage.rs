@@ -26,7 +26,7 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
         Format::Aedat2 => bytes.windows(8).position(|w| w == b"Header\r\n").unwrap() + 8,
         Format::Aedat3 => bytes.windows(8).position(|w| w == b"HEADER\r\n").unwrap() + 8,
         Format::Es => 20,
-        Format::Aedat4 => unreachable!(),
+        Format::Aedat4 | Format::Hdf5 => unreachable!(),
     };
     let content = bytes.get(start..length)?;
     Some(match format {
@@ -126,7 +126,7 @@ fn a_damaged_recording_is_refused_with_salvage_as_without() {
             // A row beyond the sensor.
             Format::Aedat2 => changed[bytes.len() - 8] = 0x7f,
             Format::Aedat3 => changed[bytes.len() - 7] = 0x70,
-            Format::Aedat4 => continue,
+            Format::Aedat4 | Format::Hdf5 => continue,
         }
         damaged.push((format, changed));
     }
