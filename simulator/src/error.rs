@@ -52,6 +52,12 @@ pub enum SimulatorError {
         /// Number of positions.
         found: usize,
     },
+    /// The search for a contact did not end, or a force had nothing to press with.
+    #[error("no contact was found in {iterations} iterations")]
+    NoContact {
+        /// Iterations.
+        iterations: usize,
+    },
     /// A position of a track is not finite.
     #[error("marker {marker} at {t_us} us is not at a finite position")]
     Position {

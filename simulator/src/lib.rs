@@ -6,7 +6,7 @@
 //! [`Camera`] is the model of the sensor. It takes one image after another and finds the exact time at which each pixel crosses
 //! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
 //! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
-//! presses at real speed.
+//! presses at real speed. [`GelSolver`] presses an indenter of any shape into a flat gel.
 //!
 //! ```
 //! use meissner_engine::Sensor;
@@ -27,6 +27,7 @@
 
 mod camera;
 mod error;
+mod gel;
 mod markers;
 mod membrane;
 mod table;
@@ -34,6 +35,7 @@ mod view;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use error::SimulatorError;
+pub use gel::{Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation, Slide};
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};
 pub use table::PressTable;

@@ -1,6 +1,7 @@
 //! Behaviour of the simulator: the camera against its equations and against measured noise, and markers.
 
 mod camera;
+mod gel;
 mod markers;
 mod membrane;
 mod noise;

@@ -1,0 +1,349 @@
+//! A flat gel on a rigid plate, pressed by a rigid indenter of any shape.
+//!
+//! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves: the pressure on each pixel, whose
+//! sum over pixels times their area is the force, and the displaced surface.
+//!
+//! The surface moves by the convolution of the pressure with the kernel of [`kernel`]. Of all pressures that are not negative,
+//! the contact has the one for which gel and indenter touch wherever they press and are apart elsewhere. Conjugate gradients on the
+//! pixels in contact find it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the multi-level
+//! multi-summation and conjugate gradient techniques", section 3), with products by FFT.
+//!
+//! A sideways shift is one of Cattaneo and Mindlin: the shear traction is the friction coefficient times the difference of two pressures
+//! (Ciavarella 1998, "The generalized Cattaneo partial slip plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one
+//! Prony term.
+//!
+//! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load; the coupling of shear and pressure,
+//! which an incompressible half-space does not have; the sides of the gel.
+
+mod convolution;
+mod indenters;
+mod kernel;
+mod relaxation;
+
+use crate::error::SimulatorError;
+use convolution::Convolution;
+pub use indenters::{Indenter, LETTERS, Placed};
+pub use relaxation::Relaxation;
+
+/// Material and thickness of a gel. The default is a soft silicone of 4 mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gel {
+    /// Young's modulus, in megapascals.
+    pub modulus_mpa: f64,
+    /// Poisson's ratio, from 0 to 0.5.
+    pub poisson: f64,
+    /// Thickness above the rigid plate that it is bonded to, in millimetres; infinite: an elastic half-space.
+    pub thickness_mm: f64,
+    /// Friction coefficient between gel and indenter.
+    pub friction: f64,
+}
+
+impl Default for Gel {
+    fn default() -> Self {
+        Self { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8 }
+    }
+}
+
+/// Pixels of the gel's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Distance between neighbours, in millimetres.
+    pub pitch_mm: f64,
+}
+
+impl Grid {
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The place of the pixel in this column and row from the middle of the grid, in millimetres.
+    pub fn place(&self, column: usize, row: usize) -> (f64, f64) {
+        let from_middle =
+            |index: usize, count: usize| (index as f64 - (count - 1) as f64 / 2.0) * self.pitch_mm;
+        (from_middle(column, self.width), from_middle(row, self.height))
+    }
+
+    /// The heights of an indenter above its lowest point, row by row, from its height at a place in millimetres.
+    pub fn heights(&self, height: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        let pixels =
+            (0..self.height).flat_map(|row| (0..self.width).map(move |column| self.place(column, row)));
+        pixels.map(|(x, y)| height(x, y)).collect()
+    }
+}
+
+/// How an indenter is pressed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Load {
+    /// Its height 0 is so many millimetres below the surface at rest.
+    Depth(f64),
+    /// It presses with so many newtons.
+    Force(f64),
+}
+
+/// A gel under an indenter. All fields are row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// Pressure in megapascals (newtons per square millimetre); 0 where the indenter does not touch.
+    pub pressure_mpa: Vec<f64>,
+    /// How far the surface lies below its place at rest, in millimetres.
+    pub displacement_mm: Vec<f64>,
+    /// Sum of the pressure, in newtons.
+    pub force_n: f64,
+    /// How far the indenter's height 0 lies below the surface at rest, in millimetres.
+    pub depth_mm: f64,
+    /// Iterations that it took.
+    pub iterations: usize,
+}
+
+/// A gel under an indenter that is shifted sideways.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slide {
+    /// Shear traction along the shift in megapascals, row by row.
+    pub traction_mpa: Vec<f64>,
+    /// Where the gel sticks to the indenter, row by row; elsewhere in the contact it slips.
+    pub sticks: Vec<bool>,
+    /// Sum of the traction, in newtons.
+    pub force_n: f64,
+}
+
+/// Change of the pressure in one iteration, relative to its sum, at which a contact is found.
+const TOLERANCE: f64 = 1e-7;
+/// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
+const MOST_ITERATIONS: usize = 5000;
+
+/// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction, O(pixels log pixels) each.
+pub struct GelSolver {
+    gel: Gel,
+    grid: Grid,
+    convolution: Convolution,
+}
+
+impl GelSolver {
+    /// Prepares the kernel. O(pixels log pixels).
+    ///
+    /// # Errors
+    /// [`SimulatorError::Setting`] where a setting is outside its range.
+    pub fn new(gel: Gel, grid: Grid) -> Result<Self, SimulatorError> {
+        let above_0 = |name, found: f64| {
+            if found > 0.0 && !found.is_nan() {
+                return Ok(());
+            }
+            Err(SimulatorError::Setting { name, expected: "above 0", found })
+        };
+        above_0("modulus_mpa", gel.modulus_mpa)?;
+        above_0("thickness_mm", gel.thickness_mm)?;
+        above_0("pitch_mm", grid.pitch_mm)?;
+        above_0("width", grid.width as f64)?;
+        above_0("height", grid.height as f64)?;
+        if !(0.0..=0.5).contains(&gel.poisson) {
+            return Err(SimulatorError::Setting {
+                name: "poisson",
+                expected: "0 to 0.5",
+                found: gel.poisson,
+            });
+        }
+        if gel.friction.is_nan() || gel.friction < 0.0 {
+            return Err(SimulatorError::Setting {
+                name: "friction",
+                expected: "at least 0",
+                found: gel.friction,
+            });
+        }
+        let kernel = kernel::Kernel::new(&gel, &grid);
+        let convolution = Convolution::new(grid.width, grid.height, |column, row| kernel.at(column, row));
+        Ok(Self { gel, grid, convolution })
+    }
+
+    /// The gel.
+    pub fn gel(&self) -> Gel {
+        self.gel
+    }
+
+    /// The pixels.
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// How far the surface moves under `pressure_mpa`, row by row, in millimetres. O(pixels log pixels).
+    ///
+    /// # Panics
+    /// Where there is not a pressure for each pixel.
+    pub fn displacement(&mut self, pressure_mpa: &[f64]) -> Vec<f64> {
+        self.convolution.apply(pressure_mpa)
+    }
+
+    /// The contact with an indenter of these heights in millimetres, row by row ([`Grid::heights`]). A height may be infinite: there
+    /// is no indenter.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Pixels`] where there is not a height for each pixel; [`SimulatorError::Setting`] where a height or the load is
+    /// not a number, or the load is negative; [`SimulatorError::NoContact`] where the search does not end, or a force has nothing to
+    /// press with.
+    pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact, SimulatorError> {
+        self.check(heights_mm, load)?;
+        let pixels = self.grid.pixels();
+        let area = self.grid.pitch_mm * self.grid.pitch_mm;
+        let mut pressure = self.first_guess(heights_mm, load);
+        let (mut direction, mut last_norm, mut is_conjugate) = (vec![0.0; pixels], 1.0, false);
+        for iterations in 0..MOST_ITERATIONS {
+            let total: f64 = pressure.iter().sum();
+            if total <= 0.0 {
+                return match load {
+                    Load::Force(force_n) if force_n > 0.0 => Err(SimulatorError::NoContact { iterations }),
+                    Load::Force(_) => Ok(self.contact(pressure, 0.0, iterations)),
+                    Load::Depth(depth_mm) => Ok(self.contact(pressure, depth_mm, iterations)),
+                };
+            }
+            // The gap between indenter and gel, which is 0 in contact and positive elsewhere.
+            let displacement = self.convolution.apply(&pressure);
+            let mut gap: Vec<_> =
+                displacement.iter().zip(heights_mm).map(|(moved, height)| moved + height).collect();
+            let depth_mm = match load {
+                Load::Depth(depth_mm) => depth_mm,
+                Load::Force(_) => mean_where(&gap, &pressure),
+            };
+            gap.iter_mut().for_each(|gap| *gap -= depth_mm);
+
+            let in_contact = |i: usize| pressure[i] > 0.0;
+            let norm: f64 = (0..pixels).filter(|&i| in_contact(i)).map(|i| gap[i] * gap[i]).sum();
+            let share = if is_conjugate { norm / last_norm } else { 0.0 };
+            last_norm = norm.max(f64::MIN_POSITIVE);
+            for (i, direction) in direction.iter_mut().enumerate() {
+                *direction = if in_contact(i) { gap[i] + share * *direction } else { 0.0 };
+            }
+            let mut answer = self.convolution.apply(&direction);
+            if let Load::Force(_) = load {
+                let mean = mean_where(&answer, &pressure);
+                answer.iter_mut().for_each(|answer| *answer -= mean);
+            }
+            let (mut along, mut against) = (0.0, 0.0);
+            for i in (0..pixels).filter(|&i| in_contact(i)) {
+                along += gap[i] * direction[i];
+                against += answer[i] * direction[i];
+            }
+            let step = if against > 0.0 { along / against } else { 0.0 };
+
+            let before = pressure.clone();
+            for (pressure, direction) in pressure.iter_mut().zip(&direction) {
+                *pressure = (*pressure - step * direction).max(0.0);
+            }
+            // Where the indenter would be inside the gel, there is contact too, and a new search begins.
+            is_conjugate = true;
+            for i in 0..pixels {
+                if pressure[i] == 0.0 && gap[i] < 0.0 {
+                    is_conjugate = false;
+                    pressure[i] = -step.max(0.0) * gap[i];
+                }
+            }
+            if let Load::Force(force_n) = load {
+                scale(&mut pressure, force_n / area);
+            }
+            let change: f64 =
+                before.iter().zip(&pressure).map(|(before, after)| (after - before).abs()).sum();
+            if change <= TOLERANCE * total && is_conjugate {
+                return Ok(self.contact(pressure, depth_mm, iterations));
+            }
+        }
+        Err(SimulatorError::NoContact { iterations: MOST_ITERATIONS })
+    }
+
+    /// The contact of a pressure that was found.
+    fn contact(&mut self, pressure_mpa: Vec<f64>, depth_mm: f64, iterations: usize) -> Contact {
+        let displacement_mm = self.convolution.apply(&pressure_mpa);
+        let force_n = pressure_mpa.iter().sum::<f64>() * self.grid.pitch_mm * self.grid.pitch_mm;
+        Contact { pressure_mpa, displacement_mm, force_n, depth_mm, iterations }
+    }
+
+    fn check(&self, heights_mm: &[f64], load: Load) -> Result<(), SimulatorError> {
+        let (expected, found) = (self.grid.pixels(), heights_mm.len());
+        if found != expected {
+            return Err(SimulatorError::Pixels { expected, found });
+        }
+        if let Some(&found) =
+            heights_mm.iter().find(|height| height.is_nan() || **height == f64::NEG_INFINITY)
+        {
+            return Err(SimulatorError::Setting { name: "height", expected: "above minus infinity", found });
+        }
+        match load {
+            Load::Depth(depth_mm) => finite("depth", depth_mm),
+            Load::Force(force_n) => finite("force", force_n),
+        }
+    }
+
+    /// A pressure of the right size where the indenter would be inside the gel, or everywhere under it.
+    fn first_guess(&self, heights_mm: &[f64], load: Load) -> Vec<f64> {
+        let heights = heights_mm.iter();
+        match load {
+            Load::Depth(depth_mm) => {
+                let stiffness = self.gel.modulus_mpa / self.gel.thickness_mm.min(10.0 * self.grid.pitch_mm);
+                heights.map(|height| stiffness * (depth_mm - height).max(0.0)).collect()
+            }
+            Load::Force(force_n) => {
+                let mut pressure =
+                    heights.map(|height| f64::from(u8::from(height.is_finite()))).collect::<Vec<_>>();
+                scale(&mut pressure, force_n / (self.grid.pitch_mm * self.grid.pitch_mm));
+                pressure
+            }
+        }
+    }
+
+    /// Shifts the indenter of these heights, which is pressed to `contact`, sideways by `shift_mm`. O(one press).
+    ///
+    /// # Errors
+    /// As [`GelSolver::press`]; [`SimulatorError::Setting`] where the shift is negative.
+    pub fn slide(
+        &mut self,
+        heights_mm: &[f64],
+        contact: &Contact,
+        shift_mm: f64,
+    ) -> Result<Slide, SimulatorError> {
+        finite("shift", shift_mm)?;
+        let Gel { poisson, friction, .. } = self.gel;
+        // Mindlin's ratio of the stiffness of a contact along its plane to that across it.
+        let ratio = 2.0 * (1.0 - poisson) / (2.0 - poisson);
+        let stuck_mm = if friction > 0.0 { contact.depth_mm - shift_mm * ratio / friction } else { 0.0 };
+        let stuck = self.press(heights_mm, Load::Depth(stuck_mm.max(0.0)))?;
+        let traction_mpa: Vec<_> = contact
+            .pressure_mpa
+            .iter()
+            .zip(&stuck.pressure_mpa)
+            .map(|(pressure, stuck)| friction * (pressure - stuck).max(0.0))
+            .collect();
+        let force_n = traction_mpa.iter().sum::<f64>() * self.grid.pitch_mm * self.grid.pitch_mm;
+        Ok(Slide {
+            sticks: stuck.pressure_mpa.iter().map(|&pressure| pressure > 0.0).collect(),
+            traction_mpa,
+            force_n,
+        })
+    }
+}
+
+/// Refuses what is negative or not finite.
+fn finite(name: &'static str, found: f64) -> Result<(), SimulatorError> {
+    if (0.0..f64::INFINITY).contains(&found) {
+        return Ok(());
+    }
+    Err(SimulatorError::Setting { name, expected: "a finite number of at least 0", found })
+}
+
+/// The mean of `values` where there is pressure.
+fn mean_where(values: &[f64], pressure: &[f64]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for (value, _) in values.iter().zip(pressure).filter(|(_, pressure)| **pressure > 0.0) {
+        sum += value;
+        count += 1.0;
+    }
+    sum / count.max(1.0)
+}
+
+/// Scales `pressure` to this sum.
+fn scale(pressure: &mut [f64], sum: f64) {
+    let now: f64 = pressure.iter().sum();
+    let factor = if now > 0.0 { sum / now } else { 0.0 };
+    pressure.iter_mut().for_each(|pressure| *pressure *= factor);
+}

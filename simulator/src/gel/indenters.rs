@@ -1,0 +1,197 @@
+//! Shapes that are pressed into a gel.
+
+use std::f64::consts::TAU;
+
+use libm::{cos, fabs, hypot, sin, sqrt, tan};
+use meissner_models::random::Random;
+
+use super::Grid;
+
+/// A rigid body, by the height of its underside. Lengths are in millimetres, angles in radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Indenter {
+    /// A ball.
+    Ball {
+        /// Its radius.
+        radius_mm: f64,
+    },
+    /// A cylinder that lies along x.
+    Cylinder {
+        /// Its radius.
+        radius_mm: f64,
+        /// Its length.
+        length_mm: f64,
+    },
+    /// The flat end of a rod.
+    Punch {
+        /// Its radius.
+        radius_mm: f64,
+    },
+    /// The flat end of a tube.
+    Ring {
+        /// Its radius.
+        radius_mm: f64,
+        /// Radius of its hole.
+        hole_mm: f64,
+    },
+    /// A face of a cuboid.
+    Block {
+        /// Its side along x.
+        width_mm: f64,
+        /// Its side along y.
+        length_mm: f64,
+    },
+    /// A cone on its tip.
+    Cone {
+        /// Angle between its axis and its side.
+        half_angle: f64,
+    },
+    /// A wedge on its edge, which lies along x.
+    Edge {
+        /// Angle between its middle plane and each side.
+        half_angle: f64,
+        /// Its length.
+        length_mm: f64,
+    },
+    /// A square of balls.
+    Dots {
+        /// Radius of a ball.
+        radius_mm: f64,
+        /// Distance between neighbours.
+        spacing_mm: f64,
+        /// Balls a side.
+        side: u8,
+    },
+    /// A capital letter in relief: one of [`LETTERS`]. Others are a block.
+    Letter {
+        /// The letter.
+        letter: char,
+        /// Its height on the page.
+        size_mm: f64,
+    },
+    /// A rounded body with waves, determined by a seed.
+    Irregular {
+        /// The seed.
+        seed: u64,
+        /// Its radius of curvature without the waves.
+        radius_mm: f64,
+    },
+}
+
+/// The letters that [`Indenter::Letter`] knows.
+pub const LETTERS: &str = "ACEFHKLOTUXZ";
+
+/// Strokes of [`LETTERS`] on 5 x 7 squares: a row a number, from the top, the leftmost square in its highest bit.
+const STROKES: [[u8; 7]; 12] = [
+    [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+    [0b01111, 0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b01111],
+    [0b11111, 0b10000, 0b10000, 0b11110, 0b10000, 0b10000, 0b11111],
+    [0b11111, 0b10000, 0b10000, 0b11110, 0b10000, 0b10000, 0b10000],
+    [0b10001, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+    [0b10001, 0b10010, 0b10100, 0b11000, 0b10100, 0b10010, 0b10001],
+    [0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b11111],
+    [0b01110, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b01110],
+    [0b11111, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100],
+    [0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b01110],
+    [0b10001, 0b10001, 0b01010, 0b00100, 0b01010, 0b10001, 0b10001],
+    [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b11111],
+];
+/// How far the plate of a letter lies above its strokes.
+const RELIEF_MM: f64 = 1.0;
+/// Waves of an irregular body.
+const WAVES: usize = 6;
+
+impl Indenter {
+    /// The height of the underside at a place from the body's middle, about 0 at its lowest; infinite where there is no body.
+    pub fn height(&self, x: f64, y: f64) -> f64 {
+        let flat = |is_there: bool| if is_there { 0.0 } else { f64::INFINITY };
+        match *self {
+            Self::Ball { radius_mm } => dome(radius_mm, hypot(x, y)),
+            Self::Cylinder { radius_mm, length_mm } => dome(radius_mm, y) + flat(fabs(x) <= length_mm / 2.0),
+            Self::Punch { radius_mm } => flat(hypot(x, y) <= radius_mm),
+            Self::Ring { radius_mm, hole_mm } => flat((hole_mm..=radius_mm).contains(&hypot(x, y))),
+            Self::Block { width_mm, length_mm } => {
+                flat(fabs(x) <= width_mm / 2.0 && fabs(y) <= length_mm / 2.0)
+            }
+            Self::Cone { half_angle } => hypot(x, y) / tan(half_angle),
+            Self::Edge { half_angle, length_mm } => {
+                fabs(y) / tan(half_angle) + flat(fabs(x) <= length_mm / 2.0)
+            }
+            Self::Dots { radius_mm, spacing_mm, side } => {
+                let last = f64::from(side) - 1.0;
+                let from_nearest = |place: f64| {
+                    let index = (place / spacing_mm + last / 2.0).round().clamp(0.0, last.max(0.0));
+                    place - (index - last / 2.0) * spacing_mm
+                };
+                dome(radius_mm, hypot(from_nearest(x), from_nearest(y)))
+            }
+            Self::Letter { letter, size_mm } => {
+                let square = size_mm / 7.0;
+                let (column, row) = ((x / square + 2.5).floor(), (y / square + 3.5).floor());
+                let Some(strokes) =
+                    LETTERS.chars().position(|known| known == letter).map(|index| STROKES[index])
+                else {
+                    return flat(fabs(x) <= size_mm / 2.0 && fabs(y) <= size_mm / 2.0);
+                };
+                let is_on_page = (0.0..5.0).contains(&column) && (0.0..7.0).contains(&row);
+                let is_stroke = is_on_page && strokes[row as usize] >> (4 - column as u8) & 1 == 1;
+                if is_stroke { 0.0 } else { RELIEF_MM }
+            }
+            Self::Irregular { seed, radius_mm } => {
+                let mut random = Random::new(seed);
+                let waves = (0..WAVES).map(|_| {
+                    // From half a radius to a fifth of it long, and steep enough to leave gaps.
+                    let length = radius_mm * (0.2 + 0.3 * random.uniform());
+                    let (direction, phase) = (TAU * random.uniform(), TAU * random.uniform());
+                    let along = cos(direction) * x + sin(direction) * y;
+                    0.012 * length * (1.0 - cos(TAU * along / length + phase))
+                });
+                (x * x + y * y) / (2.0 * radius_mm) + waves.sum::<f64>()
+            }
+        }
+    }
+}
+
+/// The underside of a ball, so far from its axis.
+fn dome(radius: f64, away: f64) -> f64 {
+    let below = radius * radius - away * away;
+    if below >= 0.0 { radius - sqrt(below) } else { f64::INFINITY }
+}
+
+/// An indenter above a gel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// The shape.
+    pub indenter: Indenter,
+    /// Where its middle is, from the middle of the gel, in millimetres.
+    pub at_mm: [f64; 2],
+    /// Its turn from x to y, in radians.
+    pub turn: f64,
+    /// Slopes of its axis along x and y, in radians; below a tenth.
+    pub tilts: [f64; 2],
+}
+
+impl Placed {
+    /// The indenter in the middle of the gel, upright.
+    pub fn upright(indenter: Indenter) -> Self {
+        Self { indenter, at_mm: [0.0; 2], turn: 0.0, tilts: [0.0; 2] }
+    }
+
+    /// The heights above the lowest point over each pixel, row by row, in millimetres. Of steep sides, the middle of a pixel counts.
+    /// O(pixels).
+    pub fn heights(&self, grid: &Grid) -> Vec<f64> {
+        let (cosine, sine) = (cos(self.turn), sin(self.turn));
+        let [slope_x, slope_y] = self.tilts.map(tan);
+        let mut heights = grid.heights(|x, y| {
+            let (x, y) = (x - self.at_mm[0], y - self.at_mm[1]);
+            let (own_x, own_y) = (cosine * x + sine * y, cosine * y - sine * x);
+            self.indenter.height(own_x, own_y) + slope_x * x + slope_y * y
+        });
+        let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
+        if lowest.is_finite() {
+            heights.iter_mut().for_each(|height| *height -= lowest);
+        }
+        heights
+    }
+}
