@@ -142,7 +142,7 @@ pub fn read_range(
 /// ignored. Where a clock wraps, no time between two events of a block or of two is half of its period or more (DAT and AEDAT2: 36
 /// minutes).
 ///
-/// Formats with records or packets that can be read alone have blocks: DAT, AEDAT2, EVT2, npy, AEDAT3 and AEDAT4, where the file is
+/// Formats with records, packets or chunks that can be read alone have blocks: DAT, AEDAT2, EVT2, npy, HDF5, AEDAT3 and AEDAT4, where the file is
 /// not packed and not cut short.
 ///
 /// # Errors
@@ -303,7 +303,7 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 ///
 /// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds
 /// times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless readers would take them for a
-/// wrap of the clock. ES needs a sensor and holds times from 0 to 2^36 - 1 in order. `out` is written in small pieces: give it a buffer.
+/// wrap of the clock. ES needs a sensor and holds times from 0 to 2^33 - 1 (2.4 hours) in order. `out` is written in small pieces: give it a buffer.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or that lies outside

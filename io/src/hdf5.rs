@@ -47,13 +47,14 @@ const CACHE_BYTES: usize = 32 << 20;
 
 /// The events of the file `bytes`.
 pub(crate) fn decode(bytes: Vec<u8>) -> Result<Recording, IoError> {
-    Events::open(Arc::new(BytesStorage::new(bytes)))?.recording(|events| Ok(0..events.count))
+    let events = Events::open(Arc::new(BytesStorage::new(bytes)))?;
+    events.recording(0..events.count)
 }
 
 /// The events of `range` in `file`.
 pub(crate) fn read_range(file: File, range: TimeRange) -> Result<Recording, IoError> {
     let events = Events::open(Arc::new(FileStorage::from_file(file).map_err(unreadable)?))?;
-    let mut part = events.recording(|events| events.near(range))?;
+    let mut part = events.recording(events.near(range)?)?;
     if events.count > 0 {
         let first_us = events.time(0)?;
         part.events.retain(|event| range.contains(event.t_us, first_us));
@@ -68,7 +69,7 @@ pub(crate) fn blocks(file: File) -> Result<Blocks, IoError> {
     Ok(Blocks::new(move || {
         let range = begin..events.count.min(begin + RECORDS);
         begin = range.end;
-        if range.is_empty() { Ok(None) } else { events.recording(|_| Ok(range)).map(Some) }
+        if range.is_empty() { Ok(None) } else { events.recording(range).map(Some) }
     }))
 }
 
@@ -154,12 +155,8 @@ impl Events {
         Ok(Self { arrays, count, origin_us, sensor })
     }
 
-    /// The recording of the events that `part` chooses.
-    fn recording(
-        &self,
-        part: impl FnOnce(&Self) -> Result<Range<u64>, IoError>,
-    ) -> Result<Recording, IoError> {
-        let Range { start, end } = part(self)?;
+    /// The recording of the events of a range.
+    fn recording(&self, Range { start, end }: Range<u64>) -> Result<Recording, IoError> {
         let mut events = Vec::with_capacity((end - start) as usize);
         let mut begin = start;
         while begin < end {

@@ -26,6 +26,7 @@ mod pixel;
 mod settings;
 
 pub use pixel::Cause;
+pub(crate) use pixel::normal_pair;
 pub use settings::CameraSettings;
 
 use meissner_engine::{Event, Sensor};

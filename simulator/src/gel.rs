@@ -18,11 +18,13 @@
 mod convolution;
 mod indenters;
 mod kernel;
+mod picture;
 mod relaxation;
 
 use crate::error::SimulatorError;
 use convolution::Convolution;
 pub use indenters::{Indenter, LETTERS, Placed};
+pub use picture::{GelCamera, Light};
 pub use relaxation::Relaxation;
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.

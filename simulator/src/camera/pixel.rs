@@ -311,7 +311,7 @@ fn exponential(random: &mut Random) -> f64 {
 }
 
 /// Two independent standard normal values (Box and Muller 1958).
-fn normal_pair(random: &mut Random) -> [f64; 2] {
+pub(crate) fn normal_pair(random: &mut Random) -> [f64; 2] {
     let radius = libm::sqrt(2.0 * exponential(random));
     let angle = 2.0 * std::f64::consts::PI * random.uniform();
     [radius * libm::cos(angle), radius * libm::sin(angle)]

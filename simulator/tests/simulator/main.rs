@@ -5,4 +5,5 @@ mod gel;
 mod markers;
 mod membrane;
 mod noise;
+mod picture;
 mod table;
