@@ -35,7 +35,7 @@ use crate::seek::{Blocks, DISORDER_US, Probe, TimeRange, step};
 use integer::{Integer, Record};
 
 /// First bytes of a file.
-pub(crate) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
+pub(crate) const MAGIC: &[u8] = b"\x89HDF";
 /// Events that are decoded at once.
 const BLOCK: u64 = 1 << 14;
 /// Most bytes of a record in an array: Prophesee's has 16.

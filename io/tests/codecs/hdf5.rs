@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
-    Format, IoError, Kind, Place, ReadOptions, Recording, TimeRange, blocks, decode, decode_with, read,
-    read_range,
+    CsvEvents, Format, IoError, Kind, Place, ReadOptions, Recording, TimeRange, blocks, decode, decode_with,
+    read, read_range,
 };
 
 fn path(name: &str) -> PathBuf {
@@ -129,6 +129,8 @@ fn what_is_not_read_is_refused_by_name() {
         refusal("uneven.h5")
     );
     assert!(refusal("floats.h5").contains("integers of 1, 2, 4 or 8 bytes"), "{}", refusal("floats.h5"));
+    let as_text = CsvEvents::new(&bytes("dsec.h5")[..]).next().unwrap().unwrap_err().to_string();
+    assert_eq!(as_text, "expected events as text, found a recording of events (HDF5)");
     let error = decode_with(b"\x89HDF\r\n\x1a\n", Format::Hdf5).unwrap_err();
     assert!(matches!(error, IoError::Malformed { place: Place::Byte(0), .. }), "{error}");
 }
