@@ -3,7 +3,7 @@
 //! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves: the pressure on each pixel, whose
 //! sum over pixels times their area is the force, and the displaced surface.
 //!
-//! The surface moves by the convolution of the pressure with the kernel of [`kernel`]. Of all pressures that are not negative,
+//! The surface moves by the convolution of the pressure with a kernel (`gel/kernel.rs`). Of all pressures that are not negative,
 //! the contact has the one for which gel and indenter touch wherever they press and are apart elsewhere. Conjugate gradients on the
 //! pixels in contact find it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the multi-level
 //! multi-summation and conjugate gradient techniques", section 3), with products by FFT.
@@ -14,6 +14,19 @@
 //!
 //! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load; the coupling of shear and pressure,
 //! which an incompressible half-space does not have; the sides of the gel.
+//!
+//! ```
+//! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
+//!
+//! let grid = Grid { width: 64, height: 48, pitch_mm: 0.2 };
+//! let mut gel = GelSolver::new(Gel::default(), grid)?;
+//! let ball = Placed::upright(Indenter::Ball { radius_mm: 4.0 }).heights(&grid);
+//! let contact = gel.press(&ball, Load::Force(1.0))?;
+//! assert!((contact.force_n - 1.0).abs() < 1e-9 && contact.depth_mm > 0.5);
+//! let picture = GelCamera::default().picture(&grid, &contact.displacement_mm, None)?;
+//! assert_eq!(picture.len(), 64 * 48);
+//! # Ok::<(), meissner_simulator::SimulatorError>(())
+//! ```
 
 mod convolution;
 mod indenters;

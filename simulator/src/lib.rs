@@ -6,8 +6,8 @@
 //! [`Camera`] is the model of the sensor. It takes one image after another and finds the exact time at which each pixel crosses
 //! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
 //! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
-//! presses at real speed. [`GelSolver`] presses an indenter of any shape into a flat gel, and
-//! [`GelCamera`] shows the gel under coloured lights.
+//! presses at real speed. [`gel`] presses indenters of any shape into a flat gel, and shows
+//! it under coloured lights.
 //!
 //! ```
 //! use meissner_engine::Sensor;
@@ -28,7 +28,7 @@
 
 mod camera;
 mod error;
-mod gel;
+pub mod gel;
 mod markers;
 mod membrane;
 mod table;
@@ -36,9 +36,6 @@ mod view;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use error::SimulatorError;
-pub use gel::{
-    Contact, Gel, GelCamera, GelSolver, Grid, Indenter, LETTERS, Light, Load, Placed, Relaxation, Slide,
-};
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};
 pub use table::PressTable;

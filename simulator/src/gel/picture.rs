@@ -56,7 +56,7 @@ impl Default for GelCamera {
 
 impl GelCamera {
     /// Red, green and blue of each pixel, row by row, in grey levels from 0 to 255, with noise from `random` if there is one. The
-    /// surface is `displacement_mm` away from its place at rest, towards the camera ([`super::Contact::displacement_mm`]). O(pixels).
+    /// surface is `displacement_mm` away from its place at rest, towards the camera ([`Contact::displacement_mm`](super::Contact::displacement_mm)). O(pixels).
     ///
     /// # Errors
     /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `grid`.

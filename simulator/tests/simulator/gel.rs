@@ -2,9 +2,8 @@
 
 use std::f64::consts::PI;
 
-use meissner_simulator::{
-    Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation, SimulatorError,
-};
+use meissner_simulator::SimulatorError;
+use meissner_simulator::gel::{Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation};
 use proptest::prelude::*;
 
 const HALF_SPACE: Gel = Gel { modulus_mpa: 0.2, poisson: 0.5, thickness_mm: f64::INFINITY, friction: 0.6 };

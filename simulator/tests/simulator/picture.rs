@@ -1,7 +1,8 @@
 //! Pictures of a gel: the fitted lights against their twin in Python, and what a picture shows.
 
 use meissner_models::random::Random;
-use meissner_simulator::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed, SimulatorError};
+use meissner_simulator::SimulatorError;
+use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
 
 /// The size of the pictures that the lights were fitted to.
 const GRID: Grid = Grid { width: 120, height: 160, pitch_mm: 0.1 };
