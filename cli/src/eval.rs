@@ -2,11 +2,12 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `touch`, `slip`, `angle` | the tasks; tables and pictures of `slip` and `angle` |
+//! | `digits`, `touch`, `slip`, `angle`, `area` | the tasks; tables and pictures of the last three |
 //! | `filters` | what filters of events keep |
 //! | `events` | arguments, tables and picture of tasks on recordings of events |
 
 mod angle;
+mod area;
 mod digits;
 mod events;
 mod filters;
@@ -52,6 +53,8 @@ enum TaskArgs {
     Touch(touch::TouchArgs),
     /// Angles of a contact, or other quantities of presses, over time.
     Angle(angle::AngleArgs),
+    /// Contact area and normal force from pictures of a gel.
+    Area(area::AreaArgs),
     /// What filters of events keep of a simulated signal and its noise.
     Filters(filters::FiltersArgs),
 }
@@ -83,6 +86,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
         TaskArgs::Slip(args) => slip::eval(args),
         TaskArgs::Digits(args) => digits::eval(args),
         TaskArgs::Angle(args) => angle::eval(args),
+        TaskArgs::Area(args) => area::eval(args),
         TaskArgs::Touch(args) => touch::eval(args),
         TaskArgs::Filters(args) => filters::eval(args),
     }

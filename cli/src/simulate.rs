@@ -3,12 +3,16 @@
 use std::io::{Write, stdout};
 use std::path::PathBuf;
 
-use clap::Subcommand;
+use clap::{Subcommand, ValueEnum};
 use meissner_engine::Sensor;
-use meissner_evaluate::prepare::{self, dome_presses, film_images, film_markers};
+use meissner_evaluate::EvaluateError;
+use meissner_evaluate::prepare::{
+    self, GelPlan, Shapes, dome_presses, film_images, film_markers, gel_presses,
+};
 use meissner_io::{Format, ImageSequence};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::{grouped, span_us};
+use meissner_simulator::gel::GelSensor;
 use meissner_simulator::{CameraSettings, MarkerScene};
 
 use crate::args::{INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
@@ -41,6 +45,10 @@ enum InputArgs {
     /// The planes have tilts of 0 to 9 degrees in 20 directions; depths are 5 to 15 mm, durations 90 to 200 ms. The dome is
     /// the published one of 40 mm with 169 markers. `simulate markers` turns the tracks into events.
     Dome(DomeArgs),
+    /// Pictures of a gel under coloured lights that is pressed by indenters, with the force on each pixel.
+    ///
+    /// The lights are fitted to pictures of a real sensor. `eval area` and `train/area` read the file.
+    Gel(GelArgs),
 }
 
 /// Tensors of both files.
@@ -141,6 +149,68 @@ struct DomeArgs {
     out: PathBuf,
 }
 
+/// Tensors of the file.
+const GEL: &str = "\
+Writes, of P pictures one press after the other:
+  picture    U8 (P, H, W, 3): red, green and blue
+  force      F32 (P, H, W): normal force on the surface of each pixel, in N
+  depth_mm   F32 (P): depth of the indenter
+  start      I64 (presses + 1): the first picture of each press, and the end
+  reference  U8 (presses, H, W, 3): the sensor at rest
+  pixel_mm   F32 (presses): width of a pixel
+  Metadata: indenters, JSON [kind of each press].
+Between `reference` and `picture` the light drifts, smoothly over the picture.";
+
+/// `meissner simulate gel`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{GEL}\n\n{STATUS}"))]
+struct GelArgs {
+    /// Presses, with an indenter, a place and a force each.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
+    presses: u32,
+    /// Pictures of a press, while the force rises and falls.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
+    pictures: u16,
+    /// The sensor: its gel, lights, lens and scale.
+    #[arg(long, value_enum, default_value_t = GelSensorArg::First, help_heading = INPUT)]
+    sensor: GelSensorArg,
+    /// The indenters; no kind and no letter is in both.
+    #[arg(long, value_enum, default_value_t = ShapesArg::Seen, help_heading = INPUT)]
+    indenters: ShapesArg,
+    /// Size of a picture in pixels.
+    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = sensor, help_heading = INPUT)]
+    size: Sensor,
+    /// Solve contacts on a grid with this number of pixels of the picture for each of its own, along a side.
+    ///
+    /// A contact on half of the pixels a side takes a quarter of the time and has coarser edges.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = INPUT)]
+    coarseness: u8,
+    /// Seed of everything that is drawn.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
+    seed: u64,
+    /// File to write (safetensors); it is replaced where it exists.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum GelSensorArg {
+    /// The one whose lights are fitted.
+    First,
+    /// Another one of the same kind.
+    Second,
+    /// Another one for each press.
+    Drawn,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShapesArg {
+    /// Balls, cylinders, punches, blocks, cones, irregular bodies, and letters A to K.
+    Seen,
+    /// Rings, edges, squares of balls, and letters L to Z.
+    Unseen,
+}
+
 /// Parameters of the camera; those that are missing are the default's or, with --ideal, the ideal camera's.
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct CameraArgs {
@@ -218,6 +288,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
         InputArgs::Markers(args) => (&args.out, markers(args)?),
         InputArgs::Images(args) => (&args.out, images(args)?),
         InputArgs::Dome(args) => (&args.out, dome(args)?),
+        InputArgs::Gel(args) => (&args.out, gel(args)?),
     };
     progress.finish();
     let mut out = stdout().lock();
@@ -260,6 +331,29 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
 fn dome(args: &DomeArgs) -> Result<String, CliError> {
     output::check_writable(&args.out)?;
     let prepared = dome_presses(args.presses.into(), args.sensor, args.seed, &threads::pool(None)?);
+    output::write(&args.out, prepared.file.into_bytes())?;
+    Ok(prepared.contents)
+}
+
+fn gel(args: &GelArgs) -> Result<String, CliError> {
+    output::check_writable(&args.out)?;
+    let plan = GelPlan {
+        sensor: match args.sensor {
+            GelSensorArg::First => Some(GelSensor::default()),
+            GelSensorArg::Second => Some(GelSensor::second()),
+            GelSensorArg::Drawn => None,
+        },
+        shapes: match args.indenters {
+            ShapesArg::Seen => Shapes::Seen,
+            ShapesArg::Unseen => Shapes::Unseen,
+        },
+        presses: args.presses as usize,
+        pictures: args.pictures.into(),
+        size: [args.size.width.into(), args.size.height.into()],
+        coarseness: args.coarseness.into(),
+        seed: args.seed,
+    };
+    let prepared = gel_presses(&plan, &threads::pool(None)?).map_err(EvaluateError::from)?;
     output::write(&args.out, prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }

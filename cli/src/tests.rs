@@ -26,6 +26,9 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "salvage",
             "replay",
             "interval",
+            "indenters",
+            "size",
+            "coarseness",
         ],
     ),
     (
@@ -62,6 +65,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "disturb-every",
             "memory-growth",
             "presses",
+            "pictures",
         ],
     ),
     (STATE, &["save-state", "save-every", "resume"]),

@@ -9,6 +9,7 @@
 //! | [`digits`] | N-MNIST, a task of [`events`] |
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
+//! | [`area`] | contact area and normal force from pictures of a gel |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`streams`] | streams of events with labels along time, such as presses |
 //! | [`filters`] | what filters of events keep of a simulated signal and its noise |
@@ -37,6 +38,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+pub mod area;
 pub mod digits;
 pub mod error;
 pub mod events;

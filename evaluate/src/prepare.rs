@@ -5,9 +5,11 @@
 
 mod dome;
 mod filmed;
+mod gel;
 
 pub use dome::dome_presses;
 pub use filmed::{film_images, film_markers, with_causes};
+pub use gel::{GelPlan, Shapes, gel_presses};
 
 use std::collections::BTreeMap;
 use std::path::Path;

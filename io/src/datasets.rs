@@ -3,8 +3,10 @@
 //! Recordings are ordered by class and then by file name in natural order (`pen2` before `pen10`). Entries whose names start
 //! with a dot are ignored. Files beside the class folders, and files with another extension in them, are skipped and listed.
 
+mod gelsight;
 mod neutouch;
 
+pub use gelsight::{Ball, BallPictures};
 pub use neutouch::NeutouchSet;
 
 use std::ffi::OsStr;

@@ -150,31 +150,34 @@ impl<T, const N: usize> Header<T, N> {
     }
 }
 
-/// An array of f32 of `N` dimensions, in C order.
-pub(crate) struct Floats<'a, const N: usize> {
+/// An array of `N` dimensions of values of `W` bytes, in C order.
+pub(crate) struct Array<'a, const N: usize, const W: usize> {
     pub(crate) shape: [u64; N],
-    /// As many as the shape says, little-endian.
-    pub(crate) values: &'a [[u8; 4]],
+    /// As many as the shape says.
+    pub(crate) values: &'a [[u8; W]],
     /// Byte of the file at which the values start.
     pub(crate) start: usize,
 }
 
-/// The array in the file `bytes`.
-pub(crate) fn floats<const N: usize>(bytes: &[u8]) -> Result<Floats<'_, N>, IoError> {
+/// The array in the file `bytes`, whose values have the type `expected`, such as `<f4`.
+pub(crate) fn array_of<'a, const N: usize, const W: usize>(
+    bytes: &'a [u8],
+    expected: &'static str,
+) -> Result<Array<'a, N, W>, IoError> {
     let file = Bytes::file(Format::Npy.name(), bytes);
     let descr = |scanner: &mut Scanner<'_>| match scanner.string()? {
-        b"<f4" => Ok(()),
-        other => Err(scanner.error(&format!("the type <f4 before this, not {}", shown(other)))),
+        found if found == expected.as_bytes() => Ok(()),
+        other => Err(scanner.error(&format!("the type {expected} before this, not {}", shown(other)))),
     };
     let Header { start, shape, .. } = Header::<_, N>::parse(file, descr)?;
-    let promised = shape.iter().fold(4_u64, |bytes, &size| bytes.saturating_mul(size));
+    let promised = shape.iter().fold(W as u64, |bytes, &size| bytes.saturating_mul(size));
     let content = &bytes[start..];
     if content.len() as u64 != promised {
         let expected = format!("{promised} bytes of the shape {shape:?}");
         return Err(file.malformed("array", start, expected, content.len()));
     }
-    // A multiple of four bytes, as promised.
-    Ok(Floats { shape, values: content.as_chunks().0, start })
+    // A multiple of the width, as promised.
+    Ok(Array { shape, values: content.as_chunks().0, start })
 }
 
 /// A column of the records by its name; `None`: it is skipped for its type.

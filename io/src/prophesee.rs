@@ -65,6 +65,7 @@ pub(crate) fn has_header(bytes: &[u8]) -> bool {
 }
 
 /// The sensor of the value `WIDTHxHEIGHT` of a file's attribute.
+#[cfg(feature = "hdf5")]
 pub(crate) fn geometry(value: &str, file: Bytes<'_>) -> Result<Option<Sensor>, IoError> {
     let mut header = Header::default();
     header.set("geometry", value, 0);

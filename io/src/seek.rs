@@ -107,6 +107,7 @@ impl<R: Read + Seek> Input<R> {
     }
 
     /// The file itself.
+    #[cfg(feature = "hdf5")]
     pub(crate) fn into_inner(self) -> R {
         self.inner.into_inner()
     }

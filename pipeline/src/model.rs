@@ -241,10 +241,23 @@ impl FrameModel {
     ) -> Result<Self, PipelineError> {
         let (description, shipped) = describe_frames(name)?;
         let (weights, label) = weights(name, shipped, path)?;
-        let (network, card) =
-            frame_network(&description, (&weights, label), convolution, ignore_preparation)?;
-        let source = *description.source();
-        Ok(Self { name: name.to_owned(), description, source, network, card })
+        let model = Self::of(&description, (&weights, label), convolution, ignore_preparation)?;
+        Ok(Self { name: name.to_owned(), ..model })
+    }
+
+    /// The network of `description` with `weights`. `label` names the weights.
+    ///
+    /// # Errors
+    /// The weights do not fit.
+    pub fn of(
+        description: &FrameDescription,
+        weights: (&Weights, String),
+        convolution: Convolution,
+        ignore_preparation: bool,
+    ) -> Result<Self, PipelineError> {
+        let (network, card) = frame_network(description, weights, convolution, ignore_preparation)?;
+        let (name, source) = (description.name().to_owned(), *description.source());
+        Ok(Self { name, description: description.clone(), source, network, card })
     }
 
     /// Replaces the sampling of readings, if the frames are made of readings.

@@ -20,6 +20,7 @@
 //! | an error of the engine | not written | not read | the error |
 //! | an error of the observer | written | not read | the error |
 
+mod contact;
 mod electrodes;
 mod events;
 mod frame_predictor;
@@ -30,10 +31,11 @@ mod state;
 mod stream;
 mod summary;
 
+pub use contact::ContactPredictor;
 pub use electrodes::{ElectrodeOptions, ElectrodeRun};
 pub use events::EventRun;
 pub use frames::FrameRun;
-pub use pictures::{PictureOptions, PictureRun};
+pub use pictures::{BLUR_RADIUS, PictureOptions, PictureRun};
 pub use prediction::{
     ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Prediction,
     ReportPrediction, ReportState,

@@ -23,7 +23,7 @@
 //! let ball = Placed::upright(Indenter::Ball { radius_mm: 4.0 }).heights(&grid);
 //! let contact = gel.press(&ball, Load::Force(1.0))?;
 //! assert!((contact.force_n - 1.0).abs() < 1e-9 && contact.depth_mm > 0.5);
-//! let picture = GelCamera::default().picture(&grid, &contact.displacement_mm, None)?;
+//! let picture = GelCamera::default().picture(&grid, &contact.displacement_mm, [64, 48], None)?;
 //! assert_eq!(picture.len(), 64 * 48);
 //! # Ok::<(), meissner_simulator::SimulatorError>(())
 //! ```
@@ -31,14 +31,18 @@
 mod convolution;
 mod indenters;
 mod kernel;
+mod lens;
 mod picture;
 mod relaxation;
+mod sensor;
 
 use crate::error::SimulatorError;
 use convolution::Convolution;
 pub use indenters::{Indenter, LETTERS, Placed};
+pub use lens::Lens;
 pub use picture::{GelCamera, Light};
 pub use relaxation::Relaxation;
+pub use sensor::GelSensor;
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +85,23 @@ impl Grid {
         let from_middle =
             |index: usize, count: usize| (index as f64 - (count - 1) as f64 / 2.0) * self.pitch_mm;
         (from_middle(column, self.width), from_middle(row, self.height))
+    }
+
+    /// The value at a place (column, row) between pixels, bilinear from those `at` the pixels around it. Outside, that of the border.
+    fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
+        let split = |place: f64, count: usize| {
+            let place = place.clamp(0.0, (count - 1) as f64);
+            let before = (place as usize).min(count.saturating_sub(2));
+            (before, (before + 1).min(count - 1), place - before as f64)
+        };
+        let (left, right, along) = split(column, self.width);
+        let (above, below, down) = split(row, self.height);
+        let in_row = |row: usize| {
+            let (left, right) = (at(row * self.width + left), at(row * self.width + right));
+            left + along * (right - left)
+        };
+        let (above, below) = (in_row(above), in_row(below));
+        above + down * (below - above)
     }
 
     /// The heights of an indenter above its lowest point, row by row, from its height at a place in millimetres.

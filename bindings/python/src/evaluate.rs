@@ -5,13 +5,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use meissner::frames::FrameOptions;
 use meissner::io::ReadOptions;
 use meissner_evaluate::digits::Digits;
 use meissner_evaluate::events::{self, EventTask};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_evaluate::trainings::{Evaluation, Request};
-use meissner_evaluate::{EvaluateError, Watch, Workers, regression, slip};
+use meissner_evaluate::{EvaluateError, Watch, Workers, area, regression, slip};
 use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::source::Source;
 use pyo3::prelude::*;
@@ -99,7 +100,7 @@ fn judged<R: Serialize>(evaluation: Evaluation<R>) -> Judged {
 }
 
 fn unknown(task: &str) -> Failure {
-    let expected = "\"digits\", \"objects\", \"containers\", \"slip\" or \"angle\"";
+    let expected = "\"digits\", \"objects\", \"containers\", \"slip\", \"angle\" or \"area\"";
     Failure::input(format!("task: expected {expected}, found {task:?}"))
 }
 
@@ -142,6 +143,11 @@ pub(crate) fn judge<'py>(
             let every_us = asked.every_us(EVERY_OF_PRESSES_US)?;
             let options = regression::Options { request, stride, every_us, mode, embeds: false };
             run(&|| regression::evaluate(&data, &options, &workers, done).map(judged))
+        }
+        ("area", _) => {
+            let data = [data];
+            let options = area::Options { request: asked.request(), data: &data, frames: FrameOptions::new() };
+            run(&|| area::evaluate(&options, &workers, done).map(judged))
         }
         _ => return Err(unknown(task)),
     }?;

@@ -259,3 +259,37 @@ def test_metrics_are_those_of_their_definitions():
     assert meissner.metrics.mean_absolute_error([[1, 2]], [[2, 4]])[0] == 1.5
     assert meissner.metrics.iou([[True, True, False]], [[True, False, False]]) == 0.5
     assert meissner.metrics.pareto_front([(10, 0.1), (12, 0.1), (20, 0.05)]).tolist() == [0, 2]
+
+
+def test_pictures_are_judged_by_the_maps_of_forces(tmp_path):
+    """Two pictures of a sensor, flat and pressed: the forces are those of a frame engine on the differences."""
+    random = np.random.default_rng(0)
+    rest = random.integers(60, 200, (240, 320, 3))
+    pressed = rest.copy()
+    pressed[80:140, 120:200] += random.integers(-40, 40, (60, 80, 3))
+    arrays = {
+        "picture": np.stack([rest, pressed]).astype("u1"),
+        "reference": rest[None].astype("u1"),
+        "force": np.zeros((2, 240, 320), "f4"),
+        "pixel_mm": np.array([0.06], "f4"),
+        "start": np.array([0, 2], "i8"),
+    }
+    arrays["force"][1, 80:140, 120:200] = 4e-4
+    path = tmp_path / "gel.safetensors"
+    tensors(path, arrays, {"indenters": '["block"]'})
+    evaluation = meissner.evaluate("area", path, networks="canf-plain")
+    [maps] = evaluation.logits.values()
+    engine = meissner.FrameEngine("canf-plain")
+    differences = (arrays["picture"] - arrays["reference"].astype("f4")) / np.float32(255) / np.float32(0.1)
+    for difference, found in zip(differences.transpose(0, 3, 1, 2), maps, strict=True):
+        engine.push(np.ascontiguousarray(difference))
+        assert np.allclose(np.reshape(engine.predict().values, (240, 320)) * 3.6e-4, found, atol=1e-7)
+    records = {record["of"]: record for record in evaluation.records}
+    assert records[None]["pictures"] == records["block"]["pictures"] == 2
+    expected = []
+    for found, true in zip(maps, arrays["force"], strict=True):
+        touched, contact = found > 1e-4, true > 1e-4
+        expected.append((touched & contact).sum() / (touched | contact).sum() if (touched | contact).any() else 1)
+    assert records[None]["iou"] == pytest.approx(np.mean(expected))
+    with pytest.raises(meissner.InputError):
+        evaluation.confusion("canf-plain")

@@ -112,7 +112,7 @@ def tensors(path, arrays, metadata=None):
     """Writes a safetensors file."""
     header, at = {"__metadata__": metadata} if metadata else {}, 0
     for name, array in arrays.items():
-        kind = {"i": "I64", "f": "F32"}[array.dtype.kind]
+        kind = {"i": "I64", "f": "F32", "u": "U8"}[array.dtype.kind]
         header[name] = {"dtype": kind, "shape": array.shape, "data_offsets": [at, at + array.nbytes]}
         at += array.nbytes
     text = json.dumps(header).encode()

@@ -61,7 +61,9 @@ fn pictures_give_the_reports_of_the_engines_maps_of_forces() {
         for (line, name) in predictions.iter().zip(["img0", "img4", "img8", "img12"]) {
             let path = folder.join(format!("{name}.ppm"));
             assert_eq!(line["image"], argument(&path), "natural order");
-            normalisation.apply(&read_image(&path).expect("an image").data, &mut planes).expect("it fits");
+            normalisation
+                .apply(&read_image(&path).expect("an image").data, None, &mut planes)
+                .expect("it fits");
             engine.push(&planes).expect("it fits");
             let forces: Vec<f32> =
                 engine.predict().expect("finite").values.iter().map(|y| y * 0.5 + 0.125).collect();
@@ -169,6 +171,25 @@ fn a_reference_adds_where_pictures_differ_from_it() {
     for expected in ["area (mm2)", "baseline area (mm2)", "img12.ppm", "pictures 4"] {
         assert!(people.contains(expected), "{expected}: {people}");
     }
+}
+
+#[test]
+fn of_differences_the_first_picture_is_the_reference_unless_there_is_another() {
+    let network =
+        OwnNetwork::new(&FORCES.replace("frames = \"picture\"", "frames = \"picture\"\ndifference = true"));
+    let folder = pictures(&network);
+    let forces = |more: &[&str]| {
+        let (predictions, _) = run(&network, &folder, more);
+        predictions.iter().map(|line| line["force_n"].as_f64().expect("a force")).collect::<Vec<_>>()
+    };
+    let (first, third) = (folder.join("img0.ppm"), folder.join("img8.ppm"));
+    let of_first = forces(&[]);
+    assert_eq!(of_first, forces(&["--reference", argument(&first)]));
+    let of_third = forces(&["--reference", argument(&third)]);
+    assert_ne!(of_first, of_third);
+    // A picture less itself is a picture without anything on it, whichever it is.
+    assert_eq!(of_first[0].to_bits(), of_third[2].to_bits());
+    assert_ne!(of_first[0].to_bits(), of_first[2].to_bits());
 }
 
 #[test]

@@ -139,7 +139,7 @@ fn parts(name: &str) -> Option<(Split, u64, usize)> {
 
 /// The events of an array, bin by bin; spikes of the index `rising` along its second axis are on.
 fn events(content: &[u8], rising: usize) -> Result<Vec<Event>, IoError> {
-    let npy::Floats { shape: [taxels, polarities, bins], values, start } = npy::floats(content)?;
+    let npy::Array { shape: [taxels, polarities, bins], values, start } = npy::array_of(content, "<f4")?;
     let file = Bytes::file(Format::Npy.name(), content);
     if (taxels, polarities) != (PLACES.len() as u64, 2) {
         let found = format!("({taxels}, {polarities}, {bins})");

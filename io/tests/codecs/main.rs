@@ -15,6 +15,7 @@ mod encoders;
 mod es;
 mod evt2;
 mod evt3;
+mod gelsight;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod hostile;

@@ -40,7 +40,7 @@
 //! | `tactile-image` | image, 1 x 12 x 11 | `steps`, `sampling = "consecutive"`, `"sliding"` or a stride, `scaling = "image"`, `"reading"` or `[minimum, maximum]` |
 //! | `electrodes` | vector, 24 values | as `tactile-image` |
 //! | `electrodes` | vector, 48 values: the 24 by `"reading"`, then the 24 by the range | as `tactile-image`, but `scaling = ["reading", [minimum, maximum]]` |
-//! | `picture` | image, 3 channels | `mean` and `std` of red, green, blue in [0, 1]; `force_mean`, `force_std` in N per pixel; `pixel_mm = [x, y]`; `threshold_n`, `median_window` |
+//! | `picture` | image, 3 channels | `difference = false`, or `true` for the difference from a picture without contact; `mean` and `std` of red, green, blue in [0, 1], or of the difference; `force_mean`, `force_std` in N per pixel; `pixel_mm = [x, y]`; `threshold_n`, `median_window` |
 //!
 //! | `kind` | reads -> writes | keys, with their defaults | tensors |
 //! |---|---|---|---|

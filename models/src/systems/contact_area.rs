@@ -95,6 +95,11 @@ impl PixelSize {
         Ok(Self { x_mm, y_mm })
     }
 
+    /// Width and height.
+    pub fn sides_mm(self) -> [f64; 2] {
+        [self.x_mm, self.y_mm]
+    }
+
     /// The area of `pixels` in mm^2: pixels * (`x_mm` * `y_mm`).
     pub fn area_mm2(self, pixels: usize) -> f64 {
         pixels as f64 * (self.x_mm * self.y_mm)

@@ -128,6 +128,11 @@ impl TensorFile {
         self.add(name, Dtype::I64, shape, values.iter().copied().map(i64::to_le_bytes));
     }
 
+    /// Adds an array of U8, row-major, with the panics of [`Self::f32`].
+    pub fn u8(&mut self, name: &str, shape: &[usize], values: &[u8]) {
+        self.add(name, Dtype::U8, shape, values.iter().map(|&value| [value]));
+    }
+
     fn add<const N: usize>(
         &mut self,
         name: &str,

@@ -3,27 +3,24 @@
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use super::frame_predictor::FramePredictor;
+use super::contact::ContactPredictor;
 use super::prediction::{Observer, PicturePrediction, Prediction};
 use super::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::error::PipelineError;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::FrameModel;
-use meissner_engine::frames::{FrameOptions, FrameShape};
+use meissner_engine::frames::FrameOptions;
 use meissner_io::{Image, ImageSequence, read_image, write_png};
-use meissner_models::FrameSource;
 use meissner_models::systems::contact_area::{
-    ContactMeter, ContactSettings, DifferenceBaseline, DifferenceSettings, ForceNormalisation,
-    ImageNormalisation, ImageSize, Overlay, Picture,
+    DifferenceBaseline, DifferenceSettings, ImageSize, Overlay, Picture,
 };
 
 /// A pixel is in contact if it differs from the reference by more than this, in levels.
 const DIFFERENCE: f32 = 10.0;
 /// Pixels to each side of the box over which differences are averaged.
-const BLUR_RADIUS: usize = 2;
+pub const BLUR_RADIUS: usize = 2;
 
 /// Options of a run over pictures.
 #[derive(Clone, Debug, Default)]
@@ -46,21 +43,15 @@ pub struct PictureRun {
     count: u64,
     limit: usize,
     taken: u64,
-    predictor: FramePredictor,
     measure: Measure,
 }
 
-/// The processing of a picture before and after the network.
+/// The contacts of pictures, and what is made of them.
 struct Measure {
     network: String,
-    size: ImageSize,
-    images: ImageNormalisation,
-    forces: ForceNormalisation,
-    meter: ContactMeter,
+    contacts: ContactPredictor,
     baseline: Option<DifferenceBaseline>,
     overlays: Option<Overlays>,
-    planes: Vec<f32>,
-    force: Vec<f32>,
 }
 
 impl PictureRun {
@@ -76,16 +67,16 @@ impl PictureRun {
         options: &PictureOptions,
     ) -> Result<Self, PipelineError> {
         interrupt::listen();
-        let predictor = FramePredictor::new(model.network.clone(), frame_options)?;
         let mut pictures = ImageSequence::open(path)?;
         let count = pictures.len() as u64;
         let limit = usize::try_from(options.limit.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
-        let measure = Measure::new(model, options, &pictures.paths()[..pictures.len().min(limit)])?;
+        let measure =
+            Measure::new(model, frame_options, options, &pictures.paths()[..pictures.len().min(limit)])?;
         let first = if limit > 0 { pictures.next().transpose()? } else { None };
         if let Some((path, image)) = &first {
             measure.check(path, image)?;
         }
-        Ok(Self { pictures, first, count, limit, taken: 0, predictor, measure })
+        Ok(Self { pictures, first, count, limit, taken: 0, measure })
     }
 
     /// The number of pictures.
@@ -97,19 +88,19 @@ impl PictureRun {
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let ending = Ending(self.take_all(observer));
         let counts = InputCounts::Pictures { pictures: self.taken };
-        let summary = FrameSummary::new(&self.predictor, counts, Vec::new());
+        let summary = FrameSummary::new(&self.measure.contacts.predictor, counts, Vec::new());
         Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
     fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        let Self { pictures, first, limit, taken, predictor, measure, .. } = self;
+        let Self { pictures, first, limit, taken, measure, .. } = self;
         for picture in first.take().map(Ok).into_iter().chain(pictures).take(*limit) {
             if interrupt::requested() {
                 break;
             }
             let (path, image): (PathBuf, Image) = picture?;
             measure.check(&path, &image)?;
-            measure.take(predictor, observer, *taken + 1, &path, &image)?;
+            measure.take(observer, *taken + 1, &path, &image)?;
             *taken += 1;
         }
         Ok(())
@@ -117,34 +108,19 @@ impl PictureRun {
 }
 
 impl Measure {
-    fn new(model: &FrameModel, options: &PictureOptions, paths: &[PathBuf]) -> Result<Self, PipelineError> {
-        let (input, output) = (model.description.input(), model.description.output());
-        let network = model.name.clone();
-        let (FrameSource::Picture(settings), FrameShape::Image { height, width, .. }) = (model.source, input)
-        else {
-            return Err(PipelineError::is_frame_network(&network));
-        };
-        let expected = FrameShape::Image { channels: 1, height, width };
-        if output != expected {
-            let expected = format!("a prediction of {expected}, a force for each pixel");
-            return Err(PipelineError::other_network(&network, expected, output.to_string()));
-        }
-        let (size, pixel) = (ImageSize { width, height }, settings.pixel_size()?);
-        let (threshold_n, median_window) = (settings.threshold_n, settings.median_window);
-        let mut measure = Self {
-            network,
-            size,
-            images: settings.image_normalisation()?,
-            forces: settings.force_normalisation()?,
-            meter: ContactMeter::new(ContactSettings { size, pixel, threshold_n, median_window })?,
-            baseline: None,
-            overlays: None,
-            planes: vec![0.0; input.values()],
-            force: vec![0.0; output.values()],
-        };
+    fn new(
+        model: &FrameModel,
+        frame_options: FrameOptions,
+        options: &PictureOptions,
+        paths: &[PathBuf],
+    ) -> Result<Self, PipelineError> {
+        let contacts = ContactPredictor::new(model, frame_options)?;
+        let (size, pixel) = (contacts.size(), contacts.pixel());
+        let mut measure = Self { network: model.name.clone(), contacts, baseline: None, overlays: None };
         if let Some(path) = &options.reference {
             let reference = read_image(path)?;
             measure.check(path, &reference)?;
+            measure.contacts.set_reference(&reference.data);
             let settings =
                 DifferenceSettings { size, pixel, threshold: DIFFERENCE, blur_radius: BLUR_RADIUS };
             measure.baseline = Some(DifferenceBaseline::new(&reference.data, settings)?);
@@ -157,7 +133,8 @@ impl Measure {
 
     /// Refuses an image whose size differs from the network's input.
     fn check(&self, path: &Path, image: &Image) -> Result<(), PipelineError> {
-        let (expected, found) = ((self.size.width, self.size.height), image.size());
+        let ImageSize { width, height } = self.contacts.size();
+        let (expected, found) = ((width, height), image.size());
         if found == expected {
             return Ok(());
         }
@@ -172,28 +149,18 @@ impl Measure {
     /// Measures picture number `taken`, and shows the result.
     fn take(
         &mut self,
-        predictor: &mut FramePredictor,
         observer: &mut dyn Observer,
         taken: u64,
         path: &Path,
         image: &Image,
     ) -> Result<(), PipelineError> {
-        let start = Instant::now();
-        self.images.apply(&image.data, &mut self.planes)?;
-        predictor.prepared(start.elapsed());
-        predictor.push(&self.planes)?;
-        let contact = predictor.predict(|predicted| {
-            for (force, &y) in self.force.iter_mut().zip(predicted.values) {
-                *force = self.forces.force(y);
-            }
-            Ok::<_, PipelineError>(self.meter.measure(&self.force)?)
-        })?;
-        let update_us = microseconds(predictor.take_update());
+        let contact = self.contacts.measure(&image.data)?;
+        let update_us = microseconds(self.contacts.take_update());
         let baseline = self.baseline.as_mut().map(|baseline| baseline.measure(&image.data)).transpose()?;
         let picture = Picture {
             rgb: &image.data,
-            mask: self.meter.mask(),
-            force: Some(&self.force),
+            mask: self.contacts.mask(),
+            force: Some(self.contacts.force()),
             centroid: contact.centroid,
         };
         let overlays = self.overlays.as_mut();

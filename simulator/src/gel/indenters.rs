@@ -97,8 +97,8 @@ const STROKES: [[u8; 7]; 12] = [
     [0b10001, 0b10001, 0b01010, 0b00100, 0b01010, 0b10001, 0b10001],
     [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b11111],
 ];
-/// How far the plate of a letter lies above its strokes.
-const RELIEF_MM: f64 = 1.0;
+/// How far the plate of a letter lies above its strokes; it is as large as the letter.
+const RELIEF_MM: f64 = 1.5;
 /// Waves of an irregular body.
 const WAVES: usize = 6;
 
@@ -134,8 +134,10 @@ impl Indenter {
                 else {
                     return flat(fabs(x) <= size_mm / 2.0 && fabs(y) <= size_mm / 2.0);
                 };
-                let is_on_page = (0.0..5.0).contains(&column) && (0.0..7.0).contains(&row);
-                let is_stroke = is_on_page && strokes[row as usize] >> (4 - column as u8) & 1 == 1;
+                if !((0.0..5.0).contains(&column) && (0.0..7.0).contains(&row)) {
+                    return f64::INFINITY;
+                }
+                let is_stroke = strokes[row as usize] >> (4 - column as u8) & 1 == 1;
                 if is_stroke { 0.0 } else { RELIEF_MM }
             }
             Self::Irregular { seed, radius_mm } => {

@@ -2,15 +2,17 @@
 //!
 //! The surface bulges towards the camera where an indenter presses. A light adds its colour times
 //! `(c + sqrt(c^2 + w^2)) / 2 / d^2` to a pixel: `c` is the cosine between the normal and the direction of the light, `d` its distance, `w`
-//! its width, because a wide light sets little by little behind a slope. The sum of the lights and an even light becomes grey
-//! levels by the power `1 / gamma`.
+//! its width, because a wide light sets little by little behind a slope. A part of the surface that rises above the line to a light
+//! takes some of it away: a cast shadow. The sum of the lights and an even light becomes grey levels by the power `1 / gamma`. The
+//! [`Lens`] bends, darkens and blurs the picture.
 //!
-//! Left out: shadows that one part of the surface casts on another; light that the surface reflects onto itself; the lens.
+//! Left out: light that the surface reflects onto itself.
 
-use libm::{pow, sqrt};
+use libm::{hypot, pow, sqrt};
 use meissner_models::random::Random;
 
 use super::Grid;
+use super::lens::Lens;
 use crate::camera::normal_pair;
 use crate::error::SimulatorError;
 
@@ -30,10 +32,14 @@ pub struct GelCamera {
     pub lights: [Light; 3],
     /// How wide they are, as a cosine.
     pub wide: f64,
+    /// The share of a light that its cast shadow takes away. It is 0 in the default: any other made the fit worse.
+    pub shadow: f64,
     /// Red, green and blue of light that comes from everywhere.
     pub even: [f64; 3],
     /// The power that makes light of grey levels.
     pub gamma: f64,
+    /// The lens.
+    pub lens: Lens,
     /// Standard deviation of a grey level.
     pub noise: f64,
 }
@@ -47,32 +53,45 @@ impl Default for GelCamera {
                 Light { place: [0.831, -2.719, 0.285], colour: [0.538, 0.091, 15.856] },
             ],
             wide: 0.0889,
+            shadow: 0.0,
             even: [0.0051, 0.0248, 0.0456],
             gamma: 5.261,
+            lens: Lens::default(),
             noise: 1.7,
         }
     }
 }
 
 impl GelCamera {
-    /// Red, green and blue of each pixel, row by row, in grey levels from 0 to 255, with noise from `random` if there is one. The
-    /// surface is `displacement_mm` away from its place at rest, towards the camera ([`Contact::displacement_mm`](super::Contact::displacement_mm)). O(pixels).
+    /// Red, green and blue of each pixel of a picture of this `size`, row by row, in grey levels from 0 to 255, with noise from
+    /// `random` if there is one. The surface is `displacement_mm` away from its place at rest, towards the camera
+    /// ([`Contact::displacement_mm`](super::Contact::displacement_mm)). The picture may have more pixels than `surface`, whose slopes are
+    /// interpolated. O(pixels).
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `grid`.
+    /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `surface`.
     pub fn picture(
         &self,
-        grid: &Grid,
+        surface: &Grid,
         displacement_mm: &[f64],
+        size: [usize; 2],
         mut random: Option<&mut Random>,
     ) -> Result<Vec<[f32; 3]>, SimulatorError> {
-        let (expected, found) = (grid.pixels(), displacement_mm.len());
+        let (expected, found) = (surface.pixels(), displacement_mm.len());
         if found != expected {
             return Err(SimulatorError::Pixels { expected, found });
         }
-        let pixel = |i: usize| {
-            let (column, row) = (i % grid.width, i / grid.width);
-            let level = self.levels(grid, column, row, slopes(grid, displacement_mm, column, row));
+        let slope = |i: usize| slopes(surface, displacement_mm, i % surface.width, i / surface.width);
+        let slopes: Vec<_> = (0..expected).map(slope).collect();
+        let highest_mm = displacement_mm.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let surface = Surface { grid: surface, displacement_mm, highest_mm, slopes: &slopes };
+        let level = |i: usize| {
+            let (place, share) = self.lens.pixel(surface.grid, size, i);
+            self.levels(&surface, place, share)
+        };
+        let mut levels: Vec<_> = (0..size[0] * size[1]).map(level).collect();
+        self.lens.blur(size, &mut levels);
+        let noisy = |level: [f64; 3]| {
             match &mut random {
                 None => level,
                 Some(random) => {
@@ -82,24 +101,75 @@ impl GelCamera {
             }
             .map(|level| level.clamp(0.0, 255.0) as f32)
         };
-        Ok((0..expected).map(pixel).collect())
+        Ok(levels.into_iter().map(noisy).collect())
     }
 
-    /// The grey levels of a pixel whose surface rises by these slopes along columns and rows.
-    fn levels(&self, grid: &Grid, column: usize, row: usize, [along_x, along_y]: [f64; 2]) -> [f64; 3] {
-        let width = grid.width as f64;
-        let here = [column as f64 / width, row as f64 / width];
+    /// This camera on a picture that lies on its side: of a surface that was turned by a quarter from rows to columns, it shows the
+    /// picture turned in the same way. `aspect` is the width of the picture over its height, before the turn.
+    #[must_use]
+    pub fn turned(&self, aspect: f64) -> Self {
+        let lights = self.lights.map(|Light { place: [x, y, z], colour }| Light {
+            place: [y * aspect, (1.0 - x) * aspect, z * aspect],
+            colour: colour.map(|colour| colour * aspect * aspect),
+        });
+        Self { lights, ..*self }
+    }
+
+    /// The grey levels of the surface at a place (column, row), of which the lens passes a share.
+    fn levels(&self, surface: &Surface<'_>, [column, row]: [f64; 2], share: f64) -> [f64; 3] {
+        let width = surface.grid.width as f64;
+        let here = [column / width, row / width];
+        let [along_x, along_y] =
+            [0, 1].map(|axis| surface.grid.between([column, row], |i| surface.slopes[i][axis]));
         let mut light = self.even;
         for Light { place, colour } in self.lights {
             let to = [place[0] - here[0], place[1] - here[1], place[2]];
             let squared = to.iter().map(|part| part * part).sum::<f64>();
             let length = sqrt((1.0 + along_x * along_x + along_y * along_y) * squared);
             let cosine = (to[2] - along_x * to[0] - along_y * to[1]) / length;
-            let part = (cosine + sqrt(cosine * cosine + self.wide * self.wide)) / (2.0 * squared);
+            let mut part = (cosine + sqrt(cosine * cosine + self.wide * self.wide)) / (2.0 * squared);
+            if self.shadow > 0.0 {
+                part *= 1.0 - self.shadow * (1.0 - self.seen(surface, [column, row], to));
+            }
             light.iter_mut().zip(colour).for_each(|(light, colour)| *light += part * colour);
         }
-        light.map(|light| 255.0 * pow(light, 1.0 / self.gamma))
+        light.map(|light| 255.0 * pow(share * light, 1.0 / self.gamma))
     }
+
+    /// The share of a light, `to` widths away, that the surface does not hide from a place, relative to that of a flat surface.
+    /// O(log(pixels of a side)).
+    fn seen(&self, surface: &Surface<'_>, [column, row]: [f64; 2], to: [f64; 3]) -> f64 {
+        let Grid { width, height, pitch_mm } = *surface.grid;
+        let away = hypot(to[0], to[1]);
+        if away == 0.0 {
+            return 1.0;
+        }
+        let (step_x, step_y) = (to[0] / away, to[1] / away);
+        let here = surface.grid.between([column, row], |i| surface.displacement_mm[i]);
+        let (rises, wide) = (to[2] / away, self.wide.max(1e-6));
+        let (mut horizon, mut steps) = (0.0_f64, 1.0);
+        // As long as a place so far away can hide more of the light.
+        while (surface.highest_mm - here) / (steps * pitch_mm) > horizon.max(rises - wide) {
+            let place = [column + steps * step_x, row + steps * step_y];
+            let is_outside = |place: f64, count: usize| !(0.0..=(count - 1) as f64).contains(&place);
+            if is_outside(place[0], width) || is_outside(place[1], height) {
+                break;
+            }
+            let rise = surface.grid.between(place, |i| surface.displacement_mm[i]) - here;
+            horizon = horizon.max(rise / (steps * pitch_mm));
+            steps = (steps + 1.0).max(1.25 * steps);
+        }
+        let share = |above: f64| (0.5 + above / (2.0 * wide)).clamp(0.0, 1.0);
+        share(rises - horizon) / share(rises).max(1e-6)
+    }
+}
+
+/// A surface with its slopes, between pixels too.
+struct Surface<'a> {
+    grid: &'a Grid,
+    displacement_mm: &'a [f64],
+    highest_mm: f64,
+    slopes: &'a [[f64; 2]],
 }
 
 /// The slopes of the surface along columns and rows: half the difference of the neighbours, at a border that of the pixel and its neighbour.

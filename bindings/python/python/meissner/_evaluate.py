@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,8 +24,9 @@ class Evaluation:
 
     - `report`: what `meissner eval TASK --json` writes; `meissner eval TASK --help` explains its keys.
     - `records`: a dict for each training of each network (on each part of the data, or for each output).
-    - `over_time`: a dict for each of these and each time of a prediction; empty for slip.
-    - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs).
+    - `over_time`: a dict for each of these and each time of a prediction; empty for slip and area.
+    - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs); for area
+      NETWORK.SEED.0: (pictures, H, W), the force on each pixel in N.
     """
 
     task: str
@@ -75,7 +76,7 @@ def evaluate(
     """Judges networks on a labelled data set, as `meissner eval TASK` does.
 
     - `task`, `data`: "digits" and a folder of N-MNIST; "objects" or "containers" and a folder of NeuTouch; "slip" and a folder of
-      the slip data set; "angle" and a safetensors file of presses.
+      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel (not for `pareto`).
     - `networks`: names of shipped networks or description files; none for every shipped one of the task ("tactigraph-past" for
       "angle").
     - `weights`, `trainings`, `folds`: a file of weights for the only network, or a folder of trainings and the number of folds of
@@ -88,10 +89,13 @@ def evaluate(
     Ctrl-C ends it. Raises `EvaluationError`, `RecordingError`, `InputError`.
     """
     asked = _asked(task, networks, weights, trainings, folds, stride, every_us, mode, threads)
-    with ticks(progress, "presses" if task == "angle" else "recordings") as tick:
+    with ticks(progress, "presses" if task in ("angle", "area") else "recordings") as tick:
         text, logits = _evaluate(task, data, asked, tick)
     report = json.loads(text)
     records, over_time = [], []
+    if task == "area":
+        records = list(_of_pictures(report))
+        return Evaluation(task, report, dict(Weights(logits).items()), records, over_time)
     for network, part, judged in _parts(report):
         for one in judged["each"]:
             head = {"network": network, "of": part, "seed": one["seed"], "files": ", ".join(one["files"])}
@@ -181,6 +185,18 @@ def _of_recordings(report: Mapping[str, Any], head: Record, one: Mapping[str, An
     records.append(head | figures | {"settled_us": one["settled_us"]})
     for t_us, accuracy, (low, high) in zip(report["times_us"], one["accuracy_at"], one["interval_95_at"], strict=True):
         over_time.append(head | {"t_us": t_us, "accuracy": accuracy, "low_95": low, "high_95": high})
+
+
+def _of_pictures(report: Mapping[str, Any]) -> Iterator[Record]:
+    """A record for each training on all pictures and for each kind of indenter."""
+    for network in report["networks"]:
+        for training in network["trainings"]:
+            head = {"network": network["network"]["name"], "seed": training["seed"], "files": ", ".join(training["files"])}
+            for judged in training["sets"]:
+                for of, figures in ((None, judged), *judged["kinds"].items()):
+                    force = figures["force_n"] or {"mean": None}
+                    found = {"pictures": figures["pictures"], "iou": figures["iou"]["mean"], "force_mae_n": force["mean"]}
+                    yield head | {"of": of} | found
 
 
 def _of_presses(report: Mapping[str, Any], head: Record, one: Mapping[str, Any], records: list, over_time: list) -> None:

@@ -143,6 +143,7 @@ fn range_of(value: &DeValue<'_>) -> Option<(f32, f32)> {
 
 fn picture(table: &mut Table<'_, '_>) -> Option<FrameSource> {
     let picture = table.known(|table| PictureSettings {
+        difference: table.boolean("difference", false),
         mean: table.value("mean", "means of red, green and blue, such as [0.5, 0.5, 0.5]", None, reals),
         std: table.value("std", "standard deviations of red, green and blue, each above 0", None, |value| {
             reals(value).filter(|std| std.iter().all(|&v| v > 0.0))

@@ -102,7 +102,9 @@ pub struct Readings {
 /// How pictures enter, and forces leave, a network for contact areas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureSettings {
-    /// Mean of red, green and blue, of values in [0, 1].
+    /// Whether pictures enter as differences from a reference, a picture without contact.
+    pub difference: bool,
+    /// Mean of red, green and blue, of values in [0, 1], or of their differences.
     pub mean: [f32; 3],
     /// Their standard deviations.
     pub std: [f32; 3],

@@ -1,19 +1,22 @@
 //! Between the RGB image and the input of the network, and between its output and forces in N per pixel.
 //!
-//! As the networks were trained: input = (v / 255 - mean) / std for each channel, and output = (force - mean) / std, of
-//! which the inverse is applied here. Each operation is rounded to f32 on its own, in this order.
+//! As the networks were trained: input = (v / 255 - mean) / std for each channel, where v is a level or the difference from a level of a
+//! reference, and output = (force - mean) / std, of which the inverse is applied here. Each operation is rounded to f32 on its own, in
+//! this order.
 
 use super::{ContactError, same_length, setting};
 
 /// Levels of an 8-bit channel.
 const LEVELS: usize = 256;
+/// Differences between two levels, from -255 to 255.
+const DIFFERENCES: usize = 2 * LEVELS - 1;
 const IMAGE_STD: &str = "standard deviation of the image";
 
 /// Turns interleaved 8-bit RGB into the network's planar input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageNormalisation {
-    /// The input for every level of every channel.
-    tables: Box<[[f32; LEVELS]; 3]>,
+    /// The input for every difference of every channel, from -255. A level is the difference from 0.
+    tables: Box<[[f32; DIFFERENCES]; 3]>,
 }
 
 impl ImageNormalisation {
@@ -26,11 +29,12 @@ impl ImageNormalisation {
     /// [`ContactError::Setting`] where a mean is not finite, a deviation not positive and finite, or so small that a
     /// level leaves f32's range.
     pub fn new(mean: [f32; 3], std: [f32; 3]) -> Result<Self, ContactError> {
-        let mut tables = Box::new([[0.0; LEVELS]; 3]);
+        let mut tables = Box::new([[0.0; DIFFERENCES]; 3]);
         for (table, (mean, std)) in tables.iter_mut().zip(mean.into_iter().zip(std)) {
             check(["mean of the image", IMAGE_STD], mean, std)?;
-            for (level, input) in table.iter_mut().enumerate() {
-                *input = (level as f32 / Self::SCALE - mean) / std;
+            for (index, input) in table.iter_mut().enumerate() {
+                let difference = index as f32 - (LEVELS - 1) as f32;
+                *input = (difference / Self::SCALE - mean) / std;
             }
             let expected = "large enough that every level stays within f32's range";
             setting(IMAGE_STD, expected, std.into(), table.iter().all(|v| v.is_finite()))?;
@@ -38,22 +42,33 @@ impl ImageNormalisation {
         Ok(Self { tables })
     }
 
-    /// Normalises the pixels of `rgb`, interleaved, into `planes` (3, H, W): all of red, then green, then blue.
+    /// Normalises the pixels of `rgb`, interleaved, less those of a `reference` if there is one, into `planes` (3, H, W): all of red,
+    /// then green, then blue.
     ///
     /// One table look-up for each value.
     ///
     /// # Errors
-    /// [`ContactError::Length`] where `rgb` is not a whole number of pixels, or `planes` has another length.
-    pub fn apply(&self, rgb: &[u8], planes: &mut [f32]) -> Result<(), ContactError> {
+    /// [`ContactError::Length`] where `rgb` is not a whole number of pixels, or `planes` or `reference` has another length.
+    pub fn apply(
+        &self,
+        rgb: &[u8],
+        reference: Option<&[u8]>,
+        planes: &mut [f32],
+    ) -> Result<(), ContactError> {
         let pixels = rgb.len() / 3;
         same_length("image (3 bytes a pixel)", pixels * 3, rgb.len())?;
         same_length("planes", rgb.len(), planes.len())?;
+        if let Some(reference) = reference {
+            same_length("reference (3 bytes a pixel)", rgb.len(), reference.len())?;
+        }
         if pixels == 0 {
             return Ok(());
         }
         for (channel, (plane, table)) in planes.chunks_exact_mut(pixels).zip(&*self.tables).enumerate() {
-            for (input, pixel) in plane.iter_mut().zip(rgb.chunks_exact(3)) {
-                *input = table[usize::from(pixel[channel])];
+            for (i, input) in plane.iter_mut().enumerate() {
+                let at = 3 * i + channel;
+                let from = reference.map_or(0, |reference| reference[at]);
+                *input = table[LEVELS - 1 + usize::from(rgb[at]) - usize::from(from)];
             }
         }
         Ok(())

@@ -7,7 +7,7 @@ use crate::systems::contact_area::ContactError;
 fn two_pixels_become_three_planes() {
     let normalisation = ImageNormalisation::new([0.0, 0.5, 1.0], [1.0, 0.5, 0.25]).unwrap();
     let mut planes = [f32::NAN; 6];
-    normalisation.apply(&[255, 255, 255, 0, 0, 0], &mut planes).unwrap();
+    normalisation.apply(&[255, 255, 255, 0, 0, 0], None, &mut planes).unwrap();
     assert_eq!(planes, [1.0, 0.0, 1.0, -1.0, 0.0, -4.0]);
 }
 
@@ -38,25 +38,33 @@ fn means_must_be_finite_and_deviations_positive() {
 #[test]
 fn lengths_that_do_not_fit_are_refused() {
     let normalisation = ImageNormalisation::new([0.0; 3], [1.0; 3]).unwrap();
-    let error = normalisation.apply(&[0; 6], &mut [0.0; 5]).unwrap_err();
+    let error = normalisation.apply(&[0; 6], None, &mut [0.0; 5]).unwrap_err();
     assert_eq!(error, ContactError::Length { what: "planes", expected: 6, found: 5 });
-    assert!(normalisation.apply(&[0; 5], &mut [0.0; 5]).is_err());
-    assert!(normalisation.apply(&[], &mut []).is_ok());
+    let error = normalisation.apply(&[0; 6], Some(&[0; 3]), &mut [0.0; 6]).unwrap_err();
+    assert_eq!(error, ContactError::Length { what: "reference (3 bytes a pixel)", expected: 6, found: 3 });
+    assert!(normalisation.apply(&[0; 5], None, &mut [0.0; 5]).is_err());
+    assert!(normalisation.apply(&[], None, &mut []).is_ok());
 }
 
 proptest! {
     #[test]
     fn the_tables_have_the_bits_of_the_equation(
-        rgb in prop::collection::vec(any::<[u8; 3]>(), 0..40),
+        pairs in prop::collection::vec(any::<[[u8; 3]; 2]>(), 0..40),
         mean in prop::array::uniform3(-1.0_f32..2.0),
         std in prop::array::uniform3(0.01_f32..3.0),
     ) {
-        let mut planes = vec![f32::NAN; rgb.len() * 3];
-        ImageNormalisation::new(mean, std).unwrap().apply(rgb.as_flattened(), &mut planes).unwrap();
+        let [rgb, reference] = [0, 1].map(|which| pairs.iter().map(|pair| pair[which]).collect::<Vec<_>>());
+        let normalisation = ImageNormalisation::new(mean, std).unwrap();
+        let [mut planes, mut differences] = [0, 1].map(|_| vec![f32::NAN; rgb.len() * 3]);
+        normalisation.apply(rgb.as_flattened(), None, &mut planes).unwrap();
+        normalisation.apply(rgb.as_flattened(), Some(reference.as_flattened()), &mut differences).unwrap();
         for (channel, (mean, std)) in mean.into_iter().zip(std).enumerate() {
             for (at, pixel) in rgb.iter().enumerate() {
                 let expected = (f32::from(pixel[channel]) / 255.0 - mean) / std;
                 prop_assert_eq!(planes[channel * rgb.len() + at].to_bits(), expected.to_bits());
+                let difference = f32::from(pixel[channel]) - f32::from(reference[at][channel]);
+                let expected = (difference / 255.0 - mean) / std;
+                prop_assert_eq!(differences[channel * rgb.len() + at].to_bits(), expected.to_bits());
             }
         }
     }

@@ -1,0 +1,222 @@
+//! `meissner eval area`: contact area and normal force from pictures of a gel.
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use meissner_engine::frames::{FrameOptions, Skip};
+use meissner_evaluate::area::{DataReport, Figures, NetworkReport, Options, Report, Source, evaluate};
+use meissner_evaluate::metrics::MeanStd;
+use meissner_evaluate::trainings::{Request, seed_name};
+use meissner_pipeline::text::grouped;
+use meissner_plot::{Panel, Plane, Series, Style, page};
+
+use super::{NONE, OutputArgs, networks, write};
+use crate::args::{APPROXIMATIONS, NETWORK, STATUS};
+use crate::error::CliError;
+use crate::text::{Table, file_name};
+
+/// At the end of the long help.
+const METHOD: &str = "\
+How it judges:
+  PICTURES is a file of `meissner simulate gel`, or an archive (.npz) of real pictures of balls with the arrays background (H, W, 3) u1, difference (pictures, H, W, 3) i2, a picture less the background, and circle (pictures, 3) f8: column, row and radius of the contact. Real pictures are enlarged to twice their size, and turned by a quarter where they are higher than wide.
+  The engine is reset before each press, and gets the picture of the sensor at rest. Forces are scaled to the pixels of the sensor, whose size a file of `simulate gel` states. A pixel is in contact where the pressure exceeds that of 1e-4 N on 0.06 x 0.06 mm, or inside the circle.
+  IoU is the intersection over the union of predicted and true contact, 1 where there are none in both. Force: absolute error of the total normal force. Centroid: distance between the means of the pixels in contact, weighted by force where it is known. Area: absolute error. std is that over the pictures.
+  image difference: contact where a picture differs from the sensor at rest by more than a threshold, averaged over 5 x 5 pixels and three colours. Of 12 thresholds the best one for these very pictures is taken, which favours the baseline.
+  time: the median of a picture, on a machine whose threads all work. multiply-adds: of a picture, without what was skipped because it did not change since the picture before of the same press.
+
+Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
+  network     name of the network
+  seed        whole number
+
+JSON (--json):
+  {\"header\": the command and its input (docs/json.md), \"data\": [{\"file\", \"source\": \"simulated\" or \"real\", \"presses\", \"pictures\", \"force_n\": [least, greatest] (null for real pictures), \"difference\": {\"threshold\", \"iou\", \"centroid_mm\", \"area_mm2\"}}], \"notes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"trainings\": [{\"seed\" (null where the weights name none), \"files\", \"sets\": [{\"pictures\", \"iou\", \"force_n\", \"centroid_mm\", \"area_mm2\", \"kinds\": {indenter: {\"pictures\", \"iou\", \"force_n\"}}, \"multiply_adds\", \"update_us\"}]}]}]}
+  Each figure is {\"mean\", \"std\" (null for one picture)}, or null where it is not known. \"sets\" are in the order of \"data\".
+
+Maps (--logits):
+  For every training and file a tensor NETWORK.SEED.FILE, or NETWORK.shipped.FILE where the weights name no seed, of shape (pictures, H, W): force on each pixel in N. FILE counts from 0.
+
+Examples:
+  meissner simulate gel --sensor second --indenters unseen --out unseen.safetensors
+  meissner eval area unseen.safetensors --svg area.svg
+  meissner eval area balls.npz --network canf";
+
+/// What the papers report, on their own sensors.
+const PAPER: &str = "the paper, on its own sensor, unseen indenters: IoU 0.718, force 0.767 N";
+
+/// `meissner eval area`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct AreaArgs {
+    /// Files of pictures with labels.
+    #[arg(value_name = "PICTURES", required = true)]
+    data: Vec<PathBuf>,
+    /// Network [default: every shipped network for the task].
+    ///
+    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
+    /// several times.
+    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
+    networks: Vec<String>,
+    /// Weights of the only network [default: those shipped with it].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved.
+    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+    /// Folder of safetensors files, each a training of a network.
+    ///
+    /// `meissner eval area --help` explains their metadata.
+    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
+    trainings: Option<PathBuf>,
+    /// Compute only what changes by more than this between pictures of a press.
+    ///
+    /// The unit is that of the network's input, in which one grey level is 0.04 for the shipped networks. Without this
+    /// option, whatever changes is computed.
+    #[arg(long, value_name = "CHANGE", help_heading = APPROXIMATIONS)]
+    tolerance: Option<f32>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn eval(args: &AreaArgs) -> Result<(), CliError> {
+    let (weights, trainings) = (args.weights.as_deref(), args.trainings.as_deref());
+    let skip = args.tolerance.map_or(Skip::Exact, Skip::Tolerance);
+    let options = Options {
+        request: Request { networks: &args.networks, weights, trainings },
+        data: &args.data,
+        frames: FrameOptions::new().with_skip(skip),
+    };
+    write(&args.output, svg, table, |workers, done| evaluate(&options, workers, done))
+}
+
+/// The report for people.
+fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    for data in &report.data {
+        let (pictures, presses) = (grouped(data.pictures as u64), grouped(data.presses as u64));
+        let source = match data.source {
+            Source::Simulated => "simulated",
+            Source::Real => "real",
+        };
+        let forces = data.force_n.map(|[least, most]| format!(", {least:.2} to {most:.2} N"));
+        let forces = forces.unwrap_or_default();
+        writeln!(
+            out,
+            "data         {}: {source}, {pictures} pictures of {presses} presses{forces}",
+            data.file
+        )?;
+    }
+    networks(
+        out,
+        report.networks.iter().map(|network| (&network.card, network.weights.clone())),
+        &report.notes,
+    )?;
+    for (index, data) in report.data.iter().enumerate() {
+        set(out, report, index, data)?;
+    }
+    writeln!(out, "\n{PAPER}")
+}
+
+/// The figures on one file.
+fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) -> io::Result<()> {
+    let file = file_name(&data.file);
+    let headings = [
+        file,
+        "IoU",
+        "std",
+        "force (N)",
+        "std",
+        "centroid (mm)",
+        "area (mm2)",
+        "million multiply-adds",
+        "time (ms)",
+    ];
+    let difference = &data.difference;
+    let baseline = [
+        format!("image difference above {}", difference.threshold),
+        format!("{:.3}", difference.iou.mean),
+        deviation(Some(difference.iou)),
+        NONE.to_owned(),
+        NONE.to_owned(),
+        mean(difference.centroid_mm),
+        format!("{:.2}", difference.area_mm2.mean),
+        NONE.to_owned(),
+        NONE.to_owned(),
+    ];
+    let rows = figures(report, index).map(|(name, figures)| {
+        [
+            name,
+            format!("{:.3}", figures.iou.mean),
+            deviation(Some(figures.iou)),
+            mean(figures.force_n),
+            deviation(figures.force_n),
+            mean(figures.centroid_mm),
+            format!("{:.2}", figures.area_mm2.mean),
+            grouped(figures.multiply_adds / 1_000_000),
+            format!("{:.1}", figures.update_us / 1e3),
+        ]
+    });
+    Table::section(out, &headings, rows.chain([baseline]))?;
+    let kinds = figures(report, index).flat_map(|(name, figures)| {
+        figures.kinds.iter().map(move |(kind, figures)| {
+            let pictures = grouped(figures.pictures as u64);
+            [format!("{name}, {kind}"), pictures, format!("{:.3}", figures.iou.mean), mean(figures.force_n)]
+        })
+    });
+    Table::section(out, &["by indenter", "pictures", "IoU", "force (N)"], kinds)
+}
+
+/// The figures of each network and training on file number `index`, with their names.
+fn figures(report: &Report, index: usize) -> impl Iterator<Item = (String, &Figures)> {
+    report.networks.iter().flat_map(move |network: &NetworkReport| {
+        network.trainings.iter().map(move |training| {
+            let name = &network.card.network.name;
+            let name = match &network.trainings[..] {
+                [_] => name.clone(),
+                _ => format!("{name}, seed {}", seed_name(training.seed)),
+            };
+            (name, &training.sets[index])
+        })
+    })
+}
+
+fn mean(figure: Option<MeanStd>) -> String {
+    figure.map_or_else(|| NONE.to_owned(), |figure| format!("{:.3}", figure.mean))
+}
+
+fn deviation(figure: Option<MeanStd>) -> String {
+    figure.and_then(|figure| figure.std).map_or_else(|| NONE.to_owned(), |std| format!("{std:.3}"))
+}
+
+/// Predicted against true forces: a row for each file.
+fn svg(report: &Report) -> String {
+    let names: Vec<_> = report.data.iter().map(|data| file_name(&data.file)).collect();
+    let row = |index: usize| {
+        let panel = |(colour, (name, figures)): (usize, (String, &Figures))| {
+            let most = figures.scatter.iter().map(|&(expected, _)| expected).fold(0.0, f64::max);
+            let equal = Series {
+                name: "equal".to_owned(),
+                colour: 5,
+                style: Style::Dashed,
+                points: vec![(0.0, 0.0), (most, most)],
+            };
+            let force = mean(figures.force_n);
+            let dots = Series {
+                name: format!("mean absolute error {force} N"),
+                colour,
+                style: Style::Dots,
+                points: figures.scatter.clone(),
+            };
+            Panel::Plane(Plane {
+                title: format!("{name}, {}", names[index]),
+                about: format!("total force; IoU {:.3}", figures.iou.mean),
+                x_title: "true (N)".to_owned(),
+                y_title: "predicted (N)".to_owned(),
+                from_zero: true,
+                series: vec![equal, dots],
+            })
+        };
+        let with_force = figures(report, index).filter(|(_, figures)| !figures.scatter.is_empty());
+        with_force.enumerate().map(panel).collect::<Vec<_>>()
+    };
+    let rows: Vec<_> = (0..report.data.len()).map(row).filter(|row| !row.is_empty()).collect();
+    page("Contact area and normal force", &names.join(", "), &rows)
+}

@@ -1,0 +1,194 @@
+//! Contact area and normal force from pictures of a gel: the data, and how networks and image differences are judged.
+//!
+//! Enters: files of pictures with the force on each pixel or with a circle of contact, and networks with their trainings. Leaves: a
+//! [`Report`] and the maps of force. Each press begins with a reset; its figures are computed from its pictures in their order, so
+//! that the number of threads changes no bit, except in measured times.
+
+mod figures;
+mod pictures;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use meissner_engine::frames::{Convolution, FrameOptions};
+use meissner_models::{FrameDescription, FrameSource, TensorFile};
+use meissner_pipeline::model::{FrameModel, LayerCost, describe_frames};
+use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use meissner_pipeline::run::ContactPredictor;
+use serde::Serialize;
+
+pub use figures::{BaselineFigures, Figures, KindFigures};
+pub use pictures::Source;
+
+use crate::error::{EvaluateError, RequestPart, TrainingError};
+use crate::trainings::{
+    Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
+};
+use crate::workers::Workers;
+use figures::{Outcome, baseline};
+use pictures::{Press, Set};
+
+/// The task of contact area and normal force.
+#[derive(Clone, Copy, Debug)]
+pub struct Area;
+
+impl Task for Area {
+    type Description = FrameDescription;
+    const PREFIX: &'static str = "canf";
+
+    fn describe(network: &str) -> Result<(FrameDescription, bool), EvaluateError> {
+        let (description, shipped) = describe_frames(network)?;
+        if !matches!(description.source(), FrameSource::Picture(_)) {
+            let found = format!("{network}, which reads other frames");
+            return Err(EvaluateError::request(RequestPart::Networks, "networks over pictures", found));
+        }
+        Ok((description, shipped))
+    }
+
+    fn name(description: &FrameDescription) -> &str {
+        description.name()
+    }
+
+    /// A file of pictures is unseen as a whole.
+    fn held_out(_: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
+        Ok(None)
+    }
+}
+
+/// The networks to be judged, and how they run.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// Networks, of which there is at least one, and trainings.
+    pub request: Request<'a>,
+    /// Files of pictures.
+    pub data: &'a [PathBuf],
+    /// What is skipped between the pictures of a press.
+    pub frames: FrameOptions,
+}
+
+/// Figures of all networks, with the keys of the JSON report.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct Report {
+    pub header: Header,
+    pub data: Vec<DataReport>,
+    /// Remarks about the trainings, for people.
+    pub notes: Vec<String>,
+    pub networks: Vec<NetworkReport>,
+}
+
+/// A file of pictures, with what needs no network.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct DataReport {
+    pub file: String,
+    pub source: Source,
+    pub presses: usize,
+    pub pictures: usize,
+    /// Least and greatest total force in N; `None` where the file has no forces.
+    pub force_n: Option<[f64; 2]>,
+    /// Where a picture differs from the picture at rest.
+    pub difference: BaselineFigures,
+}
+
+/// Figures of a network.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct NetworkReport {
+    #[serde(flatten)]
+    pub card: ModelCard,
+    #[serde(skip)]
+    pub weights: String,
+    pub trainings: Vec<TrainingReport>,
+}
+
+/// Figures of one training.
+#[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct TrainingReport {
+    pub seed: Option<i64>,
+    pub files: Vec<String>,
+    /// Of each file of pictures.
+    pub sets: Vec<Figures>,
+}
+
+/// Judges the networks of `options` with the threads of `workers`. `done` is called after each training with its label and the time since
+/// judging began.
+///
+/// # Errors
+/// A file or a network cannot be read, or pictures do not fit a network. All of this is checked before a network runs.
+pub fn evaluate(
+    options: &Options<'_>,
+    workers: &Workers,
+    mut done: impl FnMut(&str, Duration),
+) -> Result<Evaluation<Report>, EvaluateError> {
+    let (candidates, notes) = candidates::<Area>(options.request)?;
+    let sets = options.data.iter().map(|path| Set::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let mut models = Vec::new();
+    for candidate in &candidates {
+        for training in &candidate.trainings {
+            let model = model(candidate, training)?;
+            let predictor = ContactPredictor::new(&model, options.frames)?;
+            sets.iter().try_for_each(|set| set.check(&model.name, predictor.size()))?;
+            models.push((candidate, training, model));
+        }
+    }
+
+    let start = Instant::now();
+    let presses: usize = sets.iter().map(|set| set.presses.len()).sum();
+    workers.expect(presses * (models.len() + 1));
+    let data = sets.iter().map(|set| data_report(set, workers)).collect::<Result<Vec<_>, _>>()?;
+    let mut logits = TensorFile::new(BTreeMap::new());
+    let mut networks: Vec<NetworkReport> = Vec::new();
+    for (candidate, training, model) in models {
+        let costs: Vec<_> = model.description.layers().iter().map(LayerCost::new).collect();
+        let mut figures = Vec::new();
+        for (index, set) in sets.iter().enumerate() {
+            let work = |(): &mut (), press: &Press| Outcome::of(&model, options.frames, &costs, press);
+            let outcomes = workers.for_each(&(), &set.presses, work)?;
+            let maps: Vec<f32> = outcomes.iter().flat_map(|outcome| outcome.maps.iter().copied()).collect();
+            let name = format!("{}.{}.{index}", model.name, seed_name(training.seed));
+            logits.f32(&name, &[set.pictures(), set.size.height, set.size.width], &maps);
+            figures.push(Figures::new(&outcomes));
+        }
+        done(&training.label, start.elapsed());
+        let report = TrainingReport { seed: training.seed, files: training.files(), sets: figures };
+        match networks.last_mut().filter(|last| last.card.network.name == model.name) {
+            Some(last) => last.trainings.push(report),
+            None => {
+                networks.push(NetworkReport {
+                    card: model.card,
+                    weights: candidate.weights(),
+                    trainings: vec![report],
+                });
+            }
+        }
+    }
+    let names = options.data.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let header = Header::of_many("eval area", InputCard::other(&names, "pictures"));
+    Ok(Evaluation { report: Report { header, data, notes, networks }, logits, took: start.elapsed() })
+}
+
+/// The network of a candidate with the weights of a training.
+fn model(candidate: &Candidate<FrameDescription>, training: &Training) -> Result<FrameModel, EvaluateError> {
+    let weights = (&training.weights, training.label.clone());
+    Ok(FrameModel::of(&candidate.description, weights, Convolution::Direct, false)?)
+}
+
+fn data_report(set: &Set, workers: &Workers) -> Result<DataReport, EvaluateError> {
+    let forces =
+        || set.presses.iter().flat_map(|press| &press.pictures).filter_map(pictures::Labelled::force_n);
+    let ends = forces().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], n| [low.min(n), high.max(n)]);
+    Ok(DataReport {
+        file: set.name.clone(),
+        source: set.source,
+        presses: set.presses.len(),
+        pictures: set.pictures(),
+        force_n: (ends[0] <= ends[1]).then_some(ends),
+        difference: baseline(set, workers)?,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,227 @@
+//! Pictures of presses with what is true of them, from simulated and from real sensors.
+
+use std::path::Path;
+
+use meissner_io::datasets::BallPictures;
+use meissner_models::systems::contact_area::ImageSize;
+use meissner_pipeline::PipelineError;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::Serialize;
+
+use crate::error::{EvaluateError, RequestPart, StreamsError};
+use crate::tensors::{bounds, integers};
+
+/// Where pictures come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Source {
+    /// `meissner simulate gel`: the force on each pixel is known.
+    Simulated,
+    /// A real sensor under balls: the circle of contact was marked by hand.
+    Real,
+}
+
+/// A file of pictures, all of one size.
+pub(super) struct Set {
+    pub(super) name: String,
+    pub(super) source: Source,
+    pub(super) size: ImageSize,
+    pub(super) presses: Vec<Press>,
+}
+
+/// Pictures one after another of one press.
+pub(super) struct Press {
+    pub(super) kind: String,
+    /// The sensor at rest.
+    pub(super) reference: Vec<u8>,
+    /// Width of a pixel on the surface; `None` where it is not known.
+    pub(super) pixel_mm: Option<f64>,
+    pub(super) pictures: Vec<Labelled>,
+}
+
+/// A picture, interleaved RGB.
+pub(super) struct Labelled {
+    pub(super) rgb: Vec<u8>,
+    pub(super) truth: Truth,
+}
+
+/// What is true of a picture.
+pub(super) enum Truth {
+    /// Normal force on the surface of each pixel in N.
+    Force(Vec<f32>),
+    /// Pixels in contact.
+    Contact(Vec<bool>),
+}
+
+impl Labelled {
+    /// The total force.
+    pub(super) fn force_n(&self) -> Option<f64> {
+        match &self.truth {
+            Truth::Force(force) => Some(force.iter().map(|&force| f64::from(force)).sum()),
+            Truth::Contact(_) => None,
+        }
+    }
+}
+
+/// Real pictures become so many times as large: those of the balls have half of the pixels along a side that the networks read.
+const ENLARGED: usize = 2;
+
+impl Set {
+    /// The pictures in the file at `path`: an archive of balls (.npz), or a file of `meissner simulate gel`.
+    pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
+        if path.extension().is_some_and(|extension| extension == "npz") {
+            return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
+        }
+        let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
+        Self::read_bytes(&path.display().to_string(), &bytes)
+            .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
+    }
+
+    pub(super) fn pictures(&self) -> usize {
+        self.presses.iter().map(|press| press.pictures.len()).sum()
+    }
+
+    /// Refuses a network for pictures of another size.
+    pub(super) fn check(&self, network: &str, size: ImageSize) -> Result<(), EvaluateError> {
+        if self.size == size {
+            return Ok(());
+        }
+        let shown = |size: ImageSize| format!("{} x {} pixels", size.width, size.height);
+        let expected = format!("pictures of {}, for {network}", shown(size));
+        Err(EvaluateError::request(
+            RequestPart::Data,
+            expected,
+            format!("{}: {}", self.name, shown(self.size)),
+        ))
+    }
+
+    /// The pictures of a file of `meissner simulate gel`.
+    pub(super) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Self, StreamsError> {
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let file = SafeTensors::deserialize(bytes)?;
+        let pictures = tensor(&file, "picture", Dtype::U8, "U8 (pictures, H, W, 3)")?;
+        let &[count, height, width, 3] = pictures.shape() else {
+            return Err(wrong("picture", "U8 (pictures, H, W, 3)", &pictures));
+        };
+        let pixels = height * width;
+        let start = bounds(&integers(&file, "start", None)?, count)?;
+        let presses = start.len().saturating_sub(1);
+        let expect = |name: &str, dtype: Dtype, shape: &[usize]| {
+            let expected = format!("{dtype:?} {shape:?}");
+            let view = tensor(&file, name, dtype, &expected)?;
+            if view.shape() == shape { Ok(view.data().to_vec()) } else { Err(wrong(name, &expected, &view)) }
+        };
+        let forces = floats(&expect("force", Dtype::F32, &[count, height, width])?);
+        let references = expect("reference", Dtype::U8, &[presses, height, width, 3])?;
+        let pixel_mm = floats(&expect("pixel_mm", Dtype::F32, &[presses])?);
+        let kinds = header.metadata().as_ref().and_then(|metadata| metadata.get("indenters"));
+        let kinds: Vec<String> = kinds.and_then(|kinds| serde_json::from_str(kinds).ok()).unwrap_or_default();
+        let finite = |list: &str, values: &[f32], least: f32| match values
+            .iter()
+            .position(|v| !v.is_finite() || *v < least)
+        {
+            Some(at) => Err(crate::tensors::value(
+                list,
+                at,
+                format!("a finite number of at least {least}"),
+                values[at].to_string(),
+            )),
+            None => Ok(()),
+        };
+        finite("force", &forces, 0.0)?;
+        finite("pixel_mm", &pixel_mm, f32::MIN_POSITIVE)?;
+        let labelled = |i: usize| Labelled {
+            rgb: pictures.data()[3 * pixels * i..3 * pixels * (i + 1)].to_vec(),
+            truth: Truth::Force(forces[pixels * i..pixels * (i + 1)].to_vec()),
+        };
+        let press = |i: usize| Press {
+            kind: kinds.get(i).map_or("unknown", String::as_str).to_owned(),
+            reference: references[3 * pixels * i..3 * pixels * (i + 1)].to_vec(),
+            pixel_mm: Some(pixel_mm[i].into()),
+            pictures: (start[i]..start[i + 1]).map(labelled).collect(),
+        };
+        Ok(Self {
+            name: name.to_owned(),
+            source: Source::Simulated,
+            size: ImageSize { width, height },
+            presses: (0..presses).map(press).collect(),
+        })
+    }
+
+    /// Pictures of balls, enlarged, and turned by a quarter where they are higher than wide, as the pictures of the simulated sensor are.
+    pub(super) fn of_balls(name: &str, balls: &BallPictures) -> Self {
+        let (width, height) = (balls.width, balls.height);
+        let is_upright = height > width;
+        let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);
+        // Where a place of the enlarged picture is in the real one. Rows become columns, and columns become rows from below.
+        let place = |column: usize, row: usize| {
+            let [x, y] = [column, row].map(|at| (at as f64 + 0.5) / ENLARGED as f64 - 0.5);
+            if is_upright { [(width - 1) as f64 - y, x] } else { [x, y] }
+        };
+        let enlarge = |picture: &[u8]| {
+            let mut enlarged = Vec::with_capacity(size[0] * size[1] * 3);
+            for (row, column) in (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| (row, column))) {
+                let place = place(column, row);
+                enlarged.extend((0..3).map(|channel| {
+                    bilinear([width, height], place, |i| f64::from(picture[3 * i + channel])).round() as u8
+                }));
+            }
+            enlarged
+        };
+        let inside = |[x, y, radius]: [f64; 3]| {
+            let pixels = (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| place(column, row)));
+            pixels.map(|[column, row]| (column - x).hypot(row - y) <= radius).collect()
+        };
+        let reference = enlarge(&balls.background);
+        let press = |ball: &meissner_io::datasets::Ball| Press {
+            kind: "ball".to_owned(),
+            reference: reference.clone(),
+            pixel_mm: None,
+            pictures: vec![Labelled {
+                rgb: enlarge(&ball.picture),
+                truth: Truth::Contact(inside(ball.circle)),
+            }],
+        };
+        let presses = balls.balls.iter().map(press).collect();
+        let name = name.to_owned();
+        Self { name, source: Source::Real, size: ImageSize { width: size[0], height: size[1] }, presses }
+    }
+}
+
+/// The value between the pixels around a place; outside, that of the border.
+fn bilinear([width, height]: [usize; 2], place: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
+    let split = |place: f64, count: usize| {
+        let place = place.clamp(0.0, (count - 1) as f64);
+        let before = place.floor();
+        (before as usize, (before as usize + 1).min(count - 1), place - before)
+    };
+    let (left, right, along) = split(place[0], width);
+    let (above, below, down) = split(place[1], height);
+    let in_row = |row: usize| {
+        let (left, right) = (at(row * width + left), at(row * width + right));
+        left + along * (right - left)
+    };
+    let (above, below) = (in_row(above), in_row(below));
+    above + down * (below - above)
+}
+
+fn tensor<'a>(
+    file: &SafeTensors<'a>,
+    name: &str,
+    dtype: Dtype,
+    expected: &str,
+) -> Result<TensorView<'a>, StreamsError> {
+    let found = "nothing".to_owned();
+    let missing = |_| StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found };
+    let view = file.tensor(name).map_err(missing)?;
+    if view.dtype() == dtype { Ok(view) } else { Err(wrong(name, expected, &view)) }
+}
+
+fn wrong(name: &str, expected: &str, found: &TensorView<'_>) -> StreamsError {
+    let found = format!("{:?} {:?}", found.dtype(), found.shape());
+    StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found }
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+}

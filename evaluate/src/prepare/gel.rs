@@ -1,0 +1,222 @@
+//! Presses into a simulated gel, as pictures with the force on each pixel.
+//!
+//! Enters: how many presses, of which indenters, on which sensor, and a seed. Leaves: pictures, the picture of the sensor at rest, and
+//! maps of force.
+
+use std::f64::consts::{PI, TAU};
+
+use libm::sin;
+use meissner_models::TensorFile;
+use meissner_models::random::Random;
+use meissner_pipeline::text::grouped;
+use meissner_simulator::SimulatorError;
+use meissner_simulator::gel::{Contact, GelSensor, GelSolver, Indenter, LETTERS, Load, Placed};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::{Prepared, metadata};
+
+/// Indenters of a set of presses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shapes {
+    /// Balls, cylinders, punches, blocks, cones, irregular bodies, and the first half of [`LETTERS`].
+    Seen,
+    /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that [`Self::Seen`] has.
+    Unseen,
+}
+
+/// What is pressed, on what, and how often.
+#[derive(Clone, Copy, Debug)]
+pub struct GelPlan {
+    /// The sensor of all presses; `None`: another one for each press ([`GelSensor::drawn`]).
+    pub sensor: Option<GelSensor>,
+    /// The indenters.
+    pub shapes: Shapes,
+    /// Number of presses.
+    pub presses: usize,
+    /// Pictures of a press, at least 1. The force rises to its greatest in the middle and falls again.
+    pub pictures: usize,
+    /// Width and height of a picture in pixels.
+    pub size: [usize; 2],
+    /// Pixels of the picture for each one of the grid that contacts are solved on, along a side: at least 1. With 2, a press takes a
+    /// quarter of the time, and the edges of a contact are as coarse as that grid.
+    pub coarseness: usize,
+    /// The seed of everything that is drawn.
+    pub seed: u64,
+}
+
+/// Range of the greatest force of a press, in newtons.
+const FORCE_N: [f64; 2] = [0.2, 8.0];
+/// Greatest depth, as a share of the gel's thickness: beyond it a linear gel is too soft.
+const DEEPEST: f64 = 0.3;
+/// Standard deviations of the drift of the light between the picture at rest and those of a press, in grey levels, for each term of a
+/// quadratic in the place. The drift of the real sensor whose lights are fitted reaches 50 grey levels in a corner.
+const DRIFT: [f64; 6] = [5.0, 8.0, 8.0, 6.0, 6.0, 6.0];
+
+/// Pictures of the presses of `plan`.
+///
+/// | tensor | type and shape | values |
+/// |---|---|---|
+/// | `picture` | U8 (pictures, H, W, 3) | red, green, blue |
+/// | `force` | F32 (pictures, H, W) | normal force on the surface of each pixel, in N |
+/// | `depth_mm` | F32 (pictures) | depth of the indenter |
+/// | `start` | I64 (presses + 1) | the first picture of each press, and the number of pictures |
+/// | `reference` | U8 (presses, H, W, 3) | the sensor at rest |
+/// | `pixel_mm` | F32 (presses) | width of a pixel |
+///
+/// The metadata has the name of each press's indenter as `indenters`. The threads of `pool` share the presses; equal plans give equal
+/// bytes.
+///
+/// Complexity: a solution of [`GelSolver::press`] for each picture, 0.1 s at 160 x 120 pixels and 0.7 s at 320 x 240.
+///
+/// # Errors
+/// As [`GelSolver::press`]; for shapes and forces of a plan, never seen.
+pub fn gel_presses(plan: &GelPlan, pool: &ThreadPool) -> Result<Prepared, SimulatorError> {
+    let [width, height] = plan.size;
+    let presses: Vec<Press> =
+        pool.install(|| (0..plan.presses).into_par_iter().map(|i| press(plan, i)).collect::<Result<_, _>>())?;
+    let (mut pictures, mut forces, mut depths, mut references) = (vec![], vec![], vec![], vec![]);
+    let (mut pixels, mut indenters) = (vec![], vec![]);
+    for press in presses {
+        pictures.extend(press.pictures);
+        forces.extend(press.forces);
+        depths.extend(press.depths);
+        references.extend(press.reference);
+        pixels.push(press.pixel_mm);
+        indenters.push(press.indenter);
+    }
+    let count = depths.len();
+    let start: Vec<_> = (0..=plan.presses).map(|i| (i * plan.pictures) as i64).collect();
+    let mut file = TensorFile::new(metadata([("indenters", json!(indenters))]));
+    file.u8("picture", &[count, height, width, 3], &pictures);
+    file.f32("force", &[count, height, width], &forces);
+    file.f32("depth_mm", &[count], &depths);
+    file.i64("start", &[start.len()], &start);
+    file.u8("reference", &[plan.presses, height, width, 3], &references);
+    file.f32("pixel_mm", &[plan.presses], &pixels);
+    let (count, presses) = (grouped(count as u64), grouped(plan.presses as u64));
+    Ok(Prepared { file, contents: format!("{count} pictures of {presses} presses, {width} x {height}") })
+}
+
+/// The tensors of a press.
+struct Press {
+    pictures: Vec<u8>,
+    forces: Vec<f32>,
+    depths: Vec<f32>,
+    reference: Vec<u8>,
+    pixel_mm: f32,
+    indenter: &'static str,
+}
+
+/// Press number `i` of a plan.
+fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
+    // The sequence of a press begins at a number of its own, so that presses can be computed in any order.
+    let mut random = Random::new(Random::new(plan.seed ^ (i as u64) << 32).bits());
+    let random = &mut random;
+    let sensor = plan.sensor.unwrap_or_else(|| GelSensor::drawn(random));
+    let [width, height] = plan.size.map(|side| (side / plan.coarseness).max(1));
+    let grid = sensor.grid(width, height);
+    let (indenter, name) = indenter(plan.shapes, random);
+    let height_mm = grid.height as f64 * grid.pitch_mm;
+    let at_mm = [sensor.width_mm, height_mm].map(|side| between(random, [-0.3, 0.3]) * side);
+    let turn = TAU * random.uniform();
+    let tilts = [(); 2].map(|()| between(random, [-0.04, 0.04]));
+    let heights = Placed { indenter, at_mm, turn, tilts }.heights(&grid);
+    let mut solver = GelSolver::new(sensor.gel, grid)?;
+    let most_n = between(random, FORCE_N);
+    let peak = deepest(&mut solver, &heights, most_n)?;
+    let drift: [[f64; 3]; 6] = DRIFT.map(|deviation| [(); 3].map(|()| deviation * normal(random)));
+    let at_rest = vec![0.0; grid.pixels()];
+    let reference = sensor.camera.picture(&grid, &at_rest, plan.size, Some(random))?;
+    let mut press = Press {
+        pictures: Vec::new(),
+        forces: Vec::new(),
+        depths: Vec::new(),
+        reference: reference.iter().flatten().map(|&level| level.round() as u8).collect(),
+        pixel_mm: (sensor.width_mm / plan.size[0] as f64) as f32,
+        indenter: name,
+    };
+    let [width, height] = plan.size.map(|side| side as f64);
+    for picture in 0..plan.pictures {
+        let rise = sin(PI * (picture + 1) as f64 / (plan.pictures + 1) as f64);
+        let contact = if plan.pictures == 1 {
+            peak.clone()
+        } else {
+            solver.press(&heights, Load::Force(peak.force_n * rise * rise))?
+        };
+        let seen = sensor.camera.picture(&grid, &contact.displacement_mm, plan.size, Some(random))?;
+        for (pixel, level) in seen.iter().enumerate() {
+            let u = 2.0 * (pixel % plan.size[0]) as f64 / width - 1.0;
+            let v = 2.0 * (pixel / plan.size[0]) as f64 / height - 1.0;
+            let terms = [1.0, u, v, u * u, u * v, v * v];
+            press.pictures.extend((0..3).map(|channel| {
+                let drifted: f64 = terms.iter().zip(&drift).map(|(term, drift)| term * drift[channel]).sum();
+                (f64::from(level[channel]) + drifted).round().clamp(0.0, 255.0) as u8
+            }));
+        }
+        let forces = sensor.camera.lens.forces(&grid, &contact.pressure_mpa, plan.size);
+        press.forces.extend(forces.iter().map(|&force| force as f32));
+        press.depths.push(contact.depth_mm as f32);
+    }
+    Ok(press)
+}
+
+/// The contact at this force, or at [`DEEPEST`] where that comes first.
+fn deepest(solver: &mut GelSolver, heights: &[f64], force_n: f64) -> Result<Contact, SimulatorError> {
+    let deepest_mm = DEEPEST * solver.gel().thickness_mm;
+    let contact = solver.press(heights, Load::Depth(deepest_mm))?;
+    if contact.force_n <= force_n { Ok(contact) } else { solver.press(heights, Load::Force(force_n)) }
+}
+
+/// An indenter of these shapes, and the name of its kind. Lengths are in millimetres.
+fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
+    let seed = random.bits();
+    let mut draw = |low: f64, high: f64| between(random, [low, high]);
+    let mut letter = |half: usize| {
+        let index = half * LETTERS.len() / 2 + (seed % (LETTERS.len() as u64 / 2)) as usize;
+        let letter = LETTERS.as_bytes()[index] as char;
+        (Indenter::Letter { letter, size_mm: draw(4.0, 9.0) }, "letter")
+    };
+    let kinds = match shapes {
+        Shapes::Seen => 7,
+        Shapes::Unseen => 4,
+    };
+    // Bits that the letter does not use.
+    let kind = (seed >> 32) % kinds;
+    match (shapes, kind) {
+        (Shapes::Seen, 0) => letter(0),
+        (Shapes::Unseen, 0) => letter(1),
+        (Shapes::Seen, 1) => (Indenter::Ball { radius_mm: draw(2.0, 6.0) }, "ball"),
+        (Shapes::Seen, 2) => {
+            (Indenter::Cylinder { radius_mm: draw(1.5, 5.0), length_mm: draw(3.0, 14.0) }, "cylinder")
+        }
+        (Shapes::Seen, 3) => (Indenter::Punch { radius_mm: draw(1.0, 4.0) }, "punch"),
+        (Shapes::Seen, 4) => {
+            (Indenter::Block { width_mm: draw(2.0, 7.0), length_mm: draw(2.0, 7.0) }, "block")
+        }
+        (Shapes::Seen, 5) => (Indenter::Cone { half_angle: draw(0.9, 1.3) }, "cone"),
+        (Shapes::Seen, _) => (Indenter::Irregular { seed, radius_mm: draw(5.0, 15.0) }, "irregular"),
+        (Shapes::Unseen, 1) => {
+            let radius_mm = draw(2.0, 4.5);
+            (Indenter::Ring { radius_mm, hole_mm: radius_mm * draw(0.4, 0.75) }, "ring")
+        }
+        (Shapes::Unseen, 2) => {
+            (Indenter::Edge { half_angle: draw(0.7, 1.2), length_mm: draw(4.0, 14.0) }, "edge")
+        }
+        (Shapes::Unseen, _) => {
+            let (radius_mm, spacing_mm) = (draw(0.6, 1.2), draw(2.4, 3.5));
+            (Indenter::Dots { radius_mm, spacing_mm, side: 2 + (seed >> 8) as u8 % 3 }, "dots")
+        }
+    }
+}
+
+/// Uniform between both.
+fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
+    low + random.uniform() * (high - low)
+}
+
+/// Roughly normal: the sum of twelve uniform values less six, whose variance is 1.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0
+}

@@ -1,0 +1,88 @@
+//! Balls pressed on a `GelSight` sensor: pictures with the circle of contact, from arrays in a `NumPy` archive.
+
+use std::path::Path;
+
+use crate::error::IoError;
+use crate::{npy, zip};
+
+/// Pictures of one sensor with a ball on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BallPictures {
+    /// Columns of a picture.
+    pub width: usize,
+    /// Rows of a picture.
+    pub height: usize,
+    /// The sensor at rest, row by row, with red, green and blue of a pixel side by side.
+    pub background: Vec<u8>,
+    /// The pictures.
+    pub balls: Vec<Ball>,
+}
+
+/// A picture of a ball that is pressed on the sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ball {
+    /// The picture, like the background. Levels beyond 0 to 255 are cut.
+    pub picture: Vec<u8>,
+    /// Column and row of the middle of the contact, and its radius, in pixels.
+    pub circle: [f64; 3],
+}
+
+impl BallPictures {
+    /// Reads the archive (npz) at `path`: `background` `|u1` (height, width, 3), `difference` `<i2` (pictures, height, width, 3), a
+    /// picture less the background, and `circle` `<f8` (pictures, 3). Other arrays are ignored. O(bytes).
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where the archive cannot be read, an array is missing, has another type, or their shapes do not fit;
+    /// where a circle is not finite.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, IoError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(IoError::file("read", path))?;
+        let (mut background, mut difference, mut circle) = (None, None, None);
+        zip::for_each(&bytes, |name, content| {
+            match name {
+                "background.npy" => {
+                    let npy::Array { shape, values, .. } = npy::array_of::<3, 1>(content, "|u1")?;
+                    background = Some((shape, values.as_flattened().to_vec()));
+                }
+                "difference.npy" => {
+                    let npy::Array { shape, values, .. } = npy::array_of::<4, 2>(content, "<i2")?;
+                    let values: Vec<_> = values.iter().map(|&bytes| i16::from_le_bytes(bytes)).collect();
+                    difference = Some((shape, values));
+                }
+                "circle.npy" => {
+                    let npy::Array { shape, values, .. } = npy::array_of::<2, 8>(content, "<f8")?;
+                    let values: Vec<_> = values.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect();
+                    circle = Some((shape, values));
+                }
+                _ => {}
+            }
+            Ok(())
+        })
+        .map_err(IoError::content(path))?;
+        let missing = |array: &str| IoError::unfit(path, format!("an array {array}"), "none");
+        let ([height, width, colours], background) = background.ok_or_else(|| missing("background"))?;
+        let (differences, difference) = difference.ok_or_else(|| missing("difference"))?;
+        let (circles, circle) = circle.ok_or_else(|| missing("circle"))?;
+        let pictures = differences[0];
+        if colours != 3
+            || width * height == 0
+            || differences != [pictures, height, width, 3]
+            || circles != [pictures, 3]
+        {
+            let expected = "background (height, width, 3), difference (pictures, height, width, 3), circle (pictures, 3)";
+            let found = format!("{:?}, {differences:?}, {circles:?}", [height, width, colours]);
+            return Err(IoError::unfit(path, expected, found));
+        }
+        if let Some(found) = circle.iter().find(|value| !value.is_finite()) {
+            return Err(IoError::unfit(path, "finite circles", found.to_string()));
+        }
+        let picture = |difference: &[i16]| {
+            let levels = difference.iter().zip(&background);
+            levels.map(|(&moved, &level)| (i32::from(level) + i32::from(moved)).clamp(0, 255) as u8).collect()
+        };
+        let balls = difference.chunks_exact(background.len()).zip(circle.as_chunks().0);
+        let balls =
+            balls.map(|(difference, &circle)| Ball { picture: picture(difference), circle }).collect();
+        Ok(Self { width: width as usize, height: height as usize, background, balls })
+    }
+}
