@@ -32,8 +32,9 @@ THRESHOLD_N = 1e-4
 FORCE_SHARE = 0.05
 DECAY = 1e-4
 RISE = 0.05
-# Grey levels: an offset and two slopes of light that are added to a picture in training, and the spread of each colour's gain.
-DRIFT = (4.0, 6.0, 6.0)
+# Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the place, and the spread of
+# each colour's gain.
+DRIFT = (12.0, 12.0, 12.0, 7.0, 7.0, 7.0)
 GAIN = 0.1
 
 
@@ -84,8 +85,9 @@ def batch(presses, chosen, crop, random):
             part = np.s_[row : row + crop[1], column : column + crop[0]]
             difference, pressure = difference[part], pressure[part]
         v, u = (axis[..., None] for axis in np.meshgrid(*(np.linspace(-1, 1, side) for side in pressure.shape), indexing="ij"))
-        level, along, down = (spread * random.normal(size=3) for spread in DRIFT)
-        images.append(difference * (1 + GAIN * random.normal(size=3)) + level + along * u + down * v)
+        terms = (np.ones_like(u), u, v, u * u, u * v, v * v)
+        drift = sum(spread * random.normal(size=3) * term for spread, term in zip(DRIFT, terms))
+        images.append(difference * (1 + GAIN * random.normal(size=3)) + drift)
         pressures.append(pressure)
         areas.append(area)
     return tensors(images, pressures, areas)

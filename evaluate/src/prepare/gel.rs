@@ -51,8 +51,9 @@ const FORCE_N: [f64; 2] = [0.2, 8.0];
 /// Greatest depth, as a share of the gel's thickness: beyond it a linear gel is too soft.
 const DEEPEST: f64 = 0.3;
 /// Standard deviations of the drift of the light between the picture at rest and those of a press, in grey levels, for each term of a
-/// quadratic in the place. The drift of the real sensor whose lights are fitted reaches 50 grey levels in a corner.
-const DRIFT: [f64; 6] = [5.0, 8.0, 8.0, 6.0, 6.0, 6.0];
+/// quadratic in the place from -1 to 1: those of the 20 real pictures that the lights are fitted to, away from their contacts, with equal
+/// values for terms of equal degree.
+const DRIFT: [f64; 6] = [12.0, 12.0, 12.0, 7.0, 7.0, 7.0];
 
 /// Pictures of the presses of `plan`.
 ///

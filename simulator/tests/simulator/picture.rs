@@ -2,7 +2,9 @@
 
 use meissner_models::random::Random;
 use meissner_simulator::SimulatorError;
-use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Lens, Light, Load, Placed};
+use meissner_simulator::gel::{
+    Gel, GelCamera, GelSensor, GelSolver, Grid, Indenter, Lens, Light, Load, Placed,
+};
 
 /// The size of the pictures that the lights were fitted to.
 const GRID: Grid = Grid { width: 120, height: 160, pitch_mm: 0.1 };
@@ -171,4 +173,39 @@ fn a_picture_has_more_pixels_than_its_surface() {
     for (fine, coarse) in fine.iter().zip(&from_coarse) {
         near(*coarse, *fine, 1.5);
     }
+}
+
+#[test]
+fn drawn_sensors_are_spread_about_the_default_and_the_second_one_is_among_them() {
+    let default = GelSensor::default();
+    let drawn: Vec<_> = (0..400).map(|seed| GelSensor::drawn(&mut Random::new(seed))).collect();
+    assert_eq!(drawn[7], GelSensor::drawn(&mut Random::new(7)));
+    // The logarithm of a property over the default's: its mean, its deviation, and the second sensor's.
+    let spread = |of: &dyn Fn(&GelSensor) -> f64| {
+        let logarithm = |sensor: &GelSensor| (of(sensor) / of(&default)).ln();
+        let values: Vec<_> = drawn.iter().map(logarithm).collect();
+        let mean = values.iter().sum::<f64>() / 400.0;
+        let deviation = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 399.0).sqrt();
+        (mean, deviation, logarithm(&GelSensor::second()))
+    };
+    let strength = |light: usize| move |sensor: &GelSensor| sensor.camera.lights[light].colour[light];
+    let cases: [(&dyn Fn(&GelSensor) -> f64, f64); 6] = [
+        (&|sensor| sensor.gel.modulus_mpa, 0.12),
+        (&|sensor| sensor.gel.thickness_mm, 0.1),
+        (&|sensor| sensor.width_mm, 0.07),
+        (&strength(0), 0.2),
+        (&strength(1), 0.2),
+        (&strength(2), 0.2),
+    ];
+    for (i, (of, expected)) in cases.into_iter().enumerate() {
+        let (mean, deviation, second) = spread(of);
+        assert!(
+            mean.abs() < 0.2 * expected && (deviation / expected - 1.0).abs() < 0.15,
+            "{i}: {mean} {deviation}"
+        );
+        assert!((0.5..2.0).contains(&(second.abs() / expected)), "{i}: {second}");
+    }
+    assert!(drawn.iter().all(|sensor| (0.0..=0.5).contains(&sensor.camera.shadow)));
+    let grid = default.grid(320, 240);
+    assert!((grid.pitch_mm - 0.06).abs() < 1e-12 && grid.pixels() == 76_800);
 }
