@@ -21,6 +21,9 @@ class Network(nn.Module):
     def __init__(self, said, unit, dropout, share=1.0):
         super().__init__()
         self.layers, self.unit = said["layers"] + said.get("head", []), torch.as_tensor(unit, dtype=torch.float32)
+        # Up to the readout, and behind it; a frame network has no readout.
+        behind = 1 + max((i for i, layer in enumerate(self.layers) if layer["kind"] == "readout"), default=-1)
+        self.events, self.head = self.layers[:behind], self.layers[behind:]
         self.dense = next(layer["name"] for layer in self.layers if layer["kind"] == "dense")
         self.is_image = bool(said.get("head"))
         self.dropout = nn.Dropout(dropout)
@@ -52,8 +55,12 @@ class Network(nn.Module):
 
     def forward(self, batch):
         """Values (readouts, outputs) in units of `unit`."""
+        return self.values(self.readout(batch))
+
+    def readout(self, batch):
+        """What the layers behind the readout read: frames as they are, sums times `share`."""
         x, done = batch.input, {}
-        for layer in self.layers:
+        for layer in self.events:
             kind, name = layer["kind"], layer["name"]
             if kind == "spline":
                 x = self.part[name](x, batch.levels[layer["level"]])
@@ -71,7 +78,14 @@ class Network(nn.Module):
                     x = maxima(rows, batch.place, cells)
                 x = x.view(batch.readouts, layer["times"], layer["rows"], layer["columns"], -1)
                 x = x.permute(0, 1, 4, 2, 3).flatten(1, 2) if self.is_image else x.flatten(1)
-            elif kind == "conv":
+            done[name] = x
+        return x
+
+    def values(self, x, layers=None):
+        """What `layers`, all behind the readout by default, make of `x`."""
+        for layer in self.head if layers is None else layers:
+            kind, name = layer["kind"], layer["name"]
+            if kind == "conv":
                 x = ACTIVATIONS[layer["activation"]](self.part[name](x))
             elif kind == "average_pool":
                 x = F.avg_pool2d(x, layer["size"])
@@ -81,7 +95,6 @@ class Network(nn.Module):
                 x = x.flatten(1)
             elif kind == "dense":
                 x = ACTIVATIONS[layer["activation"]](self.part[name](self.dropout(x) if name == self.dense else x))
-            done[name] = x
         return x
 
     @torch.no_grad()
