@@ -12,8 +12,10 @@ every pin moves from rest, along the field that was fitted to the training image
     0/test.safetensors       the test images
 
 with the events of all presses as `prepare graphs` reads them, and along the time of each press `truth.depth` in mm, and `truth.tilt_x`
-and `truth.tilt_y` in degrees, as the robot had them. After a rest of 10 to 60 ms, depth rises from 0 to that of the pose within 100 to
-200 ms, as 3 t^2 - 2 t^3; then the press is held for 20 ms. The tilts are constant.
+and `truth.tilt_y` in degrees, as the robot had them. Beside each are the tracks of the pins, PART.tracks.safetensors.
+
+After a rest of 10 to 60 ms, depth rises from 0 to that of the pose within 100 to 200 ms, as 3 t^2 - 2 t^3; then the press is held for
+20 ms. The tilts are constant.
 
 The robot made an image with shear in two steps: it pressed at the pose minus the move, then moved and turned to the pose, at constant
 depth. Here the press takes 60 to 130 ms, and so does the move, as 3 t^2 - 2 t^3 each. Within a move, the field knows each state: it is
@@ -24,7 +26,6 @@ another image of the same set, drawn at random, so that a press is not more exac
 
 import argparse
 import subprocess
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -99,13 +100,12 @@ def tracks(times, states):
 def film(args, number, part, seed, tracks):
     """Films `tracks` with the camera `number`."""
     out = args.folder / str(number) / f"{part}.safetensors"
+    path = out.with_suffix(".tracks.safetensors")
     out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "tracks.safetensors"
-        save_file(tracks, path)
-        sensor = ["--sensor", f"{pins.SIDE}x{pins.SIDE}", "--seed", seed]
-        command = [args.meissner, "simulate", "markers", path, *sensor, "--out", out, *SCENE]
-        subprocess.run([str(word) for word in command], check=True)
+    save_file(tracks, path)
+    sensor = ["--sensor", f"{pins.SIDE}x{pins.SIDE}", "--seed", seed]
+    command = [args.meissner, "simulate", "markers", path, *sensor, "--out", out, *SCENE]
+    subprocess.run([str(word) for word in command], check=True)
 
 
 def main():
