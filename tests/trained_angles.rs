@@ -10,10 +10,17 @@ use meissner_verify::bits;
 use crate::trained_digits::{Golden, agree, network, read};
 
 /// Event graphs.
-const NETWORKS: [&str; 6] =
-    ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past", "tactip", "tactip-past"];
+const NETWORKS: [&str; 7] = [
+    "graphres",
+    "tactigraph",
+    "tactigraph-frozen",
+    "tactigraph-past",
+    "tactip",
+    "tactip-past",
+    "tactip-shear",
+];
 /// These, one that is computed from scratch alone, and a baseline over frames.
-const GOLDEN: [&str; 8] = [
+const GOLDEN: [&str; 9] = [
     "graphres",
     "graphres-published",
     "tactigraph",
@@ -22,6 +29,7 @@ const GOLDEN: [&str; 8] = [
     "tactip",
     "tactip-frames",
     "tactip-past",
+    "tactip-shear",
 ];
 
 fn golden() -> Golden {

@@ -61,6 +61,7 @@ const PURPOSES: &[(&str, &str, &str)] = &[
     ("tactip", ANGLE, "depth and tilts of a real sensor (TacTip), over all nodes of the window"),
     ("tactip-frames", ANGLE, "frame-based baseline of tactip"),
     ("tactip-past", ANGLE, "depth and tilts of a real sensor (TacTip), over earlier nodes"),
+    ("tactip-shear", ANGLE, "as tactip-past, after a sideways move too"),
     ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),
     ("touch-objects", TOUCH, "objects in a gripper, from spikes of 39 taxels"),
 ];

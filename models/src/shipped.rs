@@ -45,7 +45,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 12] = [
+static EVENTS: [Shipped; 13] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),
@@ -56,6 +56,7 @@ static EVENTS: [Shipped; 12] = [
     shipped!("tactigraph-past", file = "angle/tactigraph-past.0"),
     shipped!("tactip", file = "angle/tactip.0"),
     shipped!("tactip-past", file = "angle/tactip-past.0"),
+    shipped!("tactip-shear", file = "angle/tactip-shear.0"),
     shipped!("touch-containers", file = "touch/touch-containers.0"),
     shipped!("touch-objects", file = "touch/touch-objects.0"),
 ];

@@ -56,7 +56,7 @@ fn networks_for_touch_give_a_logit_for_each_class_and_have_a_cell_for_each_taxel
 
 #[test]
 fn networks_for_the_tactip_give_depth_and_tilts_of_cells_of_four_pixels() {
-    for name in ["tactip", "tactip-past"] {
+    for name in ["tactip", "tactip-past", "tactip-shear"] {
         let (description, network) = shipped(name);
         assert_eq!(description.labelled_outputs(), "depth (mm), tilt_x (deg), tilt_y (deg)");
         let place = network.parts().place.expect("places are inputs");

@@ -17,7 +17,10 @@ from frames import Frames
 from graphs import Graphs, inspected
 from network import load
 
-NETWORKS = ["graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past", "tactip", "tactip-frames", "tactip-past"]
+NETWORKS = [
+    *("graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"),
+    *("tactip", "tactip-frames", "tactip-past", "tactip-shear"),
+]
 # The smaller sensor: a description fits any.
 SENSOR = [128, 128]
 # Events and milliseconds; the last stream is shorter than any cell in time.
