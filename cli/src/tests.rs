@@ -66,6 +66,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "memory-growth",
             "presses",
             "pictures",
+            "recordings",
         ],
     ),
     (STATE, &["save-state", "save-every", "resume"]),

@@ -6,10 +6,12 @@
 mod dome;
 mod filmed;
 mod gel;
+mod grasp;
 
 pub use dome::dome_presses;
 pub use filmed::{film_images, film_markers, with_causes};
 pub use gel::{GelPlan, Shapes, gel_presses};
+pub use grasp::grasps;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -58,7 +58,7 @@ impl Streams {
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 
-    fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
         let sensor = header.metadata().as_ref().and_then(|metadata| metadata.get("sensor"));

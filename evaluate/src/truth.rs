@@ -89,6 +89,25 @@ impl Truth {
         Ok((!labels.is_empty()).then_some(Self { start, t_us, labels }))
     }
 
+    /// Labels of streams one after the other: for each, its times and the values of the labels `names` at each of them.
+    ///
+    /// # Panics
+    /// Where a stream has no time.
+    pub(crate) fn of_streams<const N: usize>(names: [&str; N], streams: &[Vec<(i64, [f32; N])>]) -> Self {
+        assert!(streams.iter().all(|stream| !stream.is_empty()), "a time for each stream");
+        let mut start = vec![0];
+        start.extend(streams.iter().scan(0, |end, stream| {
+            *end += stream.len();
+            Some(*end)
+        }));
+        let values = |i: usize| streams.iter().flatten().map(|(_, values)| values[i]).collect();
+        Self {
+            start,
+            t_us: streams.iter().flatten().map(|(t_us, _)| *t_us).collect(),
+            labels: names.iter().enumerate().map(|(i, name)| ((*name).to_owned(), values(i))).collect(),
+        }
+    }
+
     /// Adds the labels to a file of events.
     pub(crate) fn write(&self, file: &mut TensorFile) {
         let start: Vec<i64> = self.start.iter().map(|&start| start as i64).collect();

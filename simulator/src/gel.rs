@@ -153,6 +153,7 @@ const TOLERANCE: f64 = 1e-7;
 const MOST_ITERATIONS: usize = 5000;
 
 /// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction, O(pixels log pixels) each.
+#[derive(Clone)]
 pub struct GelSolver {
     gel: Gel,
     grid: Grid,

@@ -7,7 +7,7 @@
 //! its threshold between two images. [`MarkerTracks`] draws bright discs that move, as a camera sees the markers inside a
 //! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
 //! presses at real speed. [`gel`] presses indenters of any shape into a flat gel, and shows
-//! it under coloured lights.
+//! it under coloured lights. [`grasp`] has two fingers grasp a bolt in front of a camera, with the force along time.
 //!
 //! ```
 //! use meissner_engine::Sensor;
@@ -29,6 +29,7 @@
 mod camera;
 mod error;
 pub mod gel;
+pub mod grasp;
 mod markers;
 mod membrane;
 mod table;

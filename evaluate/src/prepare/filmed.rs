@@ -66,7 +66,8 @@ pub fn with_causes(sensor: Sensor, streams: &[Vec<SimulatedEvent>]) -> Prepared 
     prepared(sensor, streams, None)
 }
 
-fn prepared(sensor: Sensor, streams: &[Vec<SimulatedEvent>], truth: Option<Truth>) -> Prepared {
+/// Simulated `streams` with labels, where there are any.
+pub(super) fn prepared(sensor: Sensor, streams: &[Vec<SimulatedEvent>], truth: Option<Truth>) -> Prepared {
     let mut file = TensorFile::new(metadata([("sensor", json!([sensor.width, sensor.height]))]));
     add_streams(&mut file, streams.iter().map(|stream| stream.iter().map(|simulated| &simulated.event)));
     let cause: Vec<i64> = streams.iter().flatten().map(|simulated| simulated.cause as i64).collect();

@@ -8,6 +8,7 @@ use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlannerScalar};
 
 /// A kernel, and the plans of the transforms of `2 width` x `2 height` values.
+#[derive(Clone)]
 pub(super) struct Convolution {
     width: usize,
     height: usize,

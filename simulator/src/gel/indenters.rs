@@ -180,16 +180,19 @@ impl Placed {
         Self { indenter, at_mm: [0.0; 2], turn: 0.0, tilts: [0.0; 2] }
     }
 
+    /// The height of the underside at a place of the gel, before the lowest point of a grid becomes 0.
+    pub(crate) fn height(&self, x: f64, y: f64) -> f64 {
+        let (cosine, sine) = (cos(self.turn), sin(self.turn));
+        let [slope_x, slope_y] = self.tilts.map(tan);
+        let (x, y) = (x - self.at_mm[0], y - self.at_mm[1]);
+        let (own_x, own_y) = (cosine * x + sine * y, cosine * y - sine * x);
+        self.indenter.height(own_x, own_y) + slope_x * x + slope_y * y
+    }
+
     /// The heights above the lowest point over each pixel, row by row, in millimetres. Of steep sides, the middle of a pixel counts.
     /// O(pixels).
     pub fn heights(&self, grid: &Grid) -> Vec<f64> {
-        let (cosine, sine) = (cos(self.turn), sin(self.turn));
-        let [slope_x, slope_y] = self.tilts.map(tan);
-        let mut heights = grid.heights(|x, y| {
-            let (x, y) = (x - self.at_mm[0], y - self.at_mm[1]);
-            let (own_x, own_y) = (cosine * x + sine * y, cosine * y - sine * x);
-            self.indenter.height(own_x, own_y) + slope_x * x + slope_y * y
-        });
+        let mut heights = grid.heights(|x, y| self.height(x, y));
         let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);
         if lowest.is_finite() {
             heights.iter_mut().for_each(|height| *height -= lowest);

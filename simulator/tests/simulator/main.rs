@@ -2,6 +2,7 @@
 
 mod camera;
 mod gel;
+mod grasp;
 mod markers;
 mod membrane;
 mod noise;
