@@ -117,6 +117,7 @@ impl From<EvaluateError> for CliError {
                     RequestPart::Networks => "--network",
                     RequestPart::Trainings => "--trainings",
                     RequestPart::Settings => "--only",
+                    RequestPart::Every => "--every",
                     _ => "DATA",
                 };
                 usage(option, &expected, &found)

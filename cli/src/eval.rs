@@ -2,7 +2,7 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `touch`, `slip`, `angle`, `area` | the tasks; tables and pictures of the last three |
+//! | `digits`, `touch`, `slip`, `angle`, `force`, `area` | the tasks; tables and pictures of the last four |
 //! | `filters` | what filters of events keep |
 //! | `events` | arguments, tables and picture of tasks on recordings of events |
 
@@ -11,6 +11,7 @@ mod area;
 mod digits;
 mod events;
 mod filters;
+mod force;
 mod slip;
 mod touch;
 
@@ -55,6 +56,8 @@ enum TaskArgs {
     Angle(angle::AngleArgs),
     /// Contact area and normal force from pictures of a gel.
     Area(area::AreaArgs),
+    /// Force of fingers that grasp, hold and release a bolt, by phase and by size.
+    Force(force::ForceArgs),
     /// What filters of events keep of a simulated signal and its noise.
     Filters(filters::FiltersArgs),
 }
@@ -87,6 +90,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
         TaskArgs::Digits(args) => digits::eval(args),
         TaskArgs::Angle(args) => angle::eval(args),
         TaskArgs::Area(args) => area::eval(args),
+        TaskArgs::Force(args) => force::eval(args),
         TaskArgs::Touch(args) => touch::eval(args),
         TaskArgs::Filters(args) => filters::eval(args),
     }

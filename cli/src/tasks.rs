@@ -110,6 +110,28 @@ pub(crate) struct PressTask {
     trainings: Option<PathBuf>,
 }
 
+/// Forces of grasps.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ForceTask {
+    /// Recordings with the force along time (safetensors), such as `simulate grasp` writes.
+    #[arg(value_name = "EVENTS")]
+    pub(crate) events: PathBuf,
+    /// Network [default: every shipped network for force].
+    ///
+    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given several times.
+    /// With --trainings, the default is every shipped network with trainings in the folder.
+    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
+    networks: Vec<String>,
+    /// Weights of the only network [default: those shipped with it].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved.
+    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+    /// Folder of safetensors files, each a training of a network.
+    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
+    trainings: Option<PathBuf>,
+}
+
 impl EventNetworks {
     pub(crate) fn request(&self) -> Request<'_> {
         let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
@@ -128,6 +150,13 @@ impl SlipTask {
 }
 
 impl PressTask {
+    pub(crate) fn request(&self) -> Request<'_> {
+        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
+        Request { networks: &self.networks, weights, trainings }
+    }
+}
+
+impl ForceTask {
     pub(crate) fn request(&self) -> Request<'_> {
         let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
         Request { networks: &self.networks, weights, trainings }

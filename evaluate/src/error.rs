@@ -98,6 +98,8 @@ pub enum RequestPart {
     Trainings,
     /// The names of settings.
     Settings,
+    /// The time between two predictions.
+    Every,
 }
 
 impl EvaluateError {

@@ -8,6 +8,8 @@
 //! | [`events`] | labelled recordings of events: accuracy event by event |
 //! | [`digits`] | N-MNIST, a task of [`events`] |
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
+//! | [`force`] | contact force over time: errors by phase and by size |
+//! | [`distances`] | distances between two series |
 //! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`area`] | contact area and normal force from pictures of a gel |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
@@ -40,9 +42,11 @@
 
 pub mod area;
 pub mod digits;
+pub mod distances;
 pub mod error;
 pub mod events;
 pub mod filters;
+pub mod force;
 pub mod judged;
 pub mod metrics;
 pub mod pareto;

@@ -11,10 +11,10 @@
 //! | predictions | every [`Options::every_us`] before and after contact, and at the end |
 
 mod embedding;
-mod engine;
+pub(crate) mod engine;
 mod errors;
-mod press;
-mod quantity;
+pub(crate) mod press;
+pub(crate) mod quantity;
 
 use std::collections::BTreeMap;
 use std::path::Path;

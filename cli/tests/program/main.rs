@@ -11,6 +11,7 @@ mod equality;
 mod eval_angle;
 mod eval_digits;
 mod eval_digits_trainings;
+mod eval_force;
 mod eval_slip;
 mod eval_slip_trainings;
 mod eval_touch;

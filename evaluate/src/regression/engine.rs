@@ -1,11 +1,12 @@
-//! Networks that read events, behind the same calls: event graphs, and frame networks over a sliding window.
+//! Networks that read events, behind the same calls: event graphs, and frame networks over a sliding or over consecutive windows.
 //!
-//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that they took.
+//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that they took. The value of consecutive
+//! windows is that of the last one that has ended.
 
 use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameShape};
-use meissner_engine::representations::SlidingSigned;
+use meissner_engine::representations::{Completed, Consecutive, ConsecutiveFrames, SlidingSigned};
 use meissner_engine::{EngineError, Event, Options, Sensor};
 use meissner_models::description::Per;
 use meissner_models::description::frames::SignedTiming;
@@ -20,13 +21,14 @@ use crate::trainings::Training;
 
 /// A network that reads events, with its engine.
 #[derive(Clone)]
-pub(super) enum PressEngine {
+pub(crate) enum PressEngine {
     Graph { predictor: Box<EventPredictor>, costs: Arc<GraphCosts> },
     Frames { window: Box<SlidingSigned>, engine: Box<FrameEngine>, costs: Arc<Vec<LayerCost>> },
+    Counts { windows: Box<ConsecutiveFrames>, engine: Box<FrameEngine>, costs: Arc<Vec<LayerCost>> },
 }
 
 /// Multiply-adds of a network over events.
-pub(super) struct GraphCosts {
+pub(crate) struct GraphCosts {
     /// Of a row of each layer.
     row: Vec<u64>,
     /// Of a changed cell of the readout, in the first dense layer.
@@ -37,15 +39,15 @@ pub(super) struct GraphCosts {
 
 /// Counts of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Count {
+pub(crate) struct Count {
     /// Rows of event graphs; 0 for frames.
-    pub(super) rows: u64,
-    pub(super) multiply_adds: u64,
+    pub(crate) rows: u64,
+    pub(crate) multiply_adds: u64,
 }
 
 impl PressEngine {
     /// The network of `description` with the weights of `training`, for events of `sensor`.
-    pub(super) fn new(
+    pub(crate) fn new(
         description: &AnyDescription,
         training: &Training,
         sensor: Sensor,
@@ -108,8 +110,39 @@ impl PressEngine {
         Ok(Self::Frames { window: Box::new(window), engine: Box::new(FrameEngine::new(network)?), costs })
     }
 
-    pub(super) fn reset(&mut self) {
+    /// The network of `description` over counts of events in windows of which the first begins at 0.
+    pub(crate) fn counts(
+        description: &FrameDescription,
+        training: &Training,
+        sensor: Sensor,
+    ) -> Result<Self, EvaluateError> {
+        let (
+            &FrameSource::EventCounts { period_us, place, maximum },
+            FrameShape::Image { height, width, .. },
+        ) = (description.source(), description.input())
+        else {
+            let expected = "networks over events, or over counts of events in consecutive windows";
+            let found = format!("{}, which reads other frames", description.name());
+            return Err(EvaluateError::request(RequestPart::Networks, expected, found));
+        };
+        let weights = (&training.weights, training.label.clone());
+        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
+        // The sides in a description are at most 4096.
+        let crop = place.crop(width as u16, height as u16, sensor);
+        let windows =
+            ConsecutiveFrames::counts(sensor, Consecutive { crop, period_us, start_us: Some(0) }, maximum);
+        let network_name = description.name().to_owned();
+        let windows = windows.map_err(|source| PipelineError::Frames { network: network_name, source })?;
+        let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
+        Ok(Self::Counts { windows: Box::new(windows), engine: Box::new(FrameEngine::new(network)?), costs })
+    }
+
+    pub(crate) fn reset(&mut self) {
         match self {
+            Self::Counts { windows, engine, .. } => {
+                windows.reset();
+                engine.reset();
+            }
             Self::Graph { predictor, .. } => predictor.reset(),
             Self::Frames { window, engine, .. } => {
                 window.reset();
@@ -118,15 +151,21 @@ impl PressEngine {
         }
     }
 
-    pub(super) fn push(&mut self, event: Event) {
+    pub(crate) fn push(&mut self, event: Event) -> Result<(), EngineError> {
         match self {
             Self::Graph { predictor, .. } => drop(predictor.push(event)),
             Self::Frames { window, .. } => drop(window.push(event)),
+            Self::Counts { windows, engine, .. } => {
+                let mut pushed = Ok(());
+                windows.push(event, |completed| take(engine, &completed, &mut pushed));
+                return pushed;
+            }
         }
+        Ok(())
     }
 
     /// Writes the prediction at `t_us` to `values`.
-    pub(super) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<(), EngineError> {
+    pub(crate) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<(), EngineError> {
         values.clear();
         match self {
             Self::Graph { predictor, .. } => {
@@ -138,20 +177,26 @@ impl PressEngine {
                 engine.push(window.frame().values)?;
                 values.extend_from_slice(engine.predict()?.values);
             }
+            Self::Counts { windows, engine, .. } => {
+                let mut pushed = Ok(());
+                windows.advance(t_us, |completed| take(engine, &completed, &mut pushed));
+                pushed?;
+                values.extend_from_slice(engine.predict()?.values);
+            }
         }
         Ok(())
     }
 
     /// The readout of the last prediction; `None` for frame networks and from scratch.
-    pub(super) fn readout(&self) -> Option<Vec<f32>> {
+    pub(crate) fn readout(&self) -> Option<Vec<f32>> {
         match self {
             Self::Graph { predictor, .. } => Some(predictor.engine()?.readout().concat()),
-            Self::Frames { .. } => None,
+            Self::Frames { .. } | Self::Counts { .. } => None,
         }
     }
 
     /// Counts since the engine was made.
-    pub(super) fn count(&self) -> Count {
+    pub(crate) fn count(&self) -> Count {
         match self {
             Self::Graph { predictor, costs } => {
                 let counters = predictor.counters();
@@ -162,10 +207,22 @@ impl PressEngine {
                 let after = cells * costs.cell + (of.read - of.reused) * costs.prediction;
                 Count { rows: rows().sum(), multiply_adds: products + after }
             }
-            Self::Frames { engine, costs, .. } => {
+            Self::Frames { engine, costs, .. } | Self::Counts { engine, costs, .. } => {
                 let layers = costs.iter().zip(&engine.counters().layers);
                 Count { rows: 0, multiply_adds: layers.map(|(cost, layer)| cost.of(layer)).sum() }
             }
+        }
+    }
+}
+
+/// Pushes frames that have ended, unless `pushed` has failed.
+fn take(engine: &mut FrameEngine, completed: &Completed<'_>, pushed: &mut Result<(), EngineError>) {
+    match completed {
+        _ if pushed.is_err() => {}
+        Completed::Frame(frame) => *pushed = engine.push(frame.values),
+        Completed::Empty(run) => {
+            let zeros = vec![0.0; engine.network().input().values()];
+            *pushed = (0..run.count).try_for_each(|_| engine.push(&zeros));
         }
     }
 }

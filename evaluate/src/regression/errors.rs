@@ -161,7 +161,7 @@ impl Work {
         outcome.update_ns.iter().for_each(|&ns| self.update_us.record(Duration::from_nanos(ns)));
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.presses += other.presses;
         self.events += other.events;
         self.predictions += other.predictions;

@@ -19,9 +19,9 @@ const MILLISECOND_US: i64 = 1_000;
 const SETTLED_DEG: f64 = 1.0;
 
 /// The presses of a file.
-pub(super) struct Presses {
-    pub(super) streams: Streams,
-    truth: Truth,
+pub(crate) struct Presses {
+    pub(crate) streams: Streams,
+    pub(crate) truth: Truth,
 }
 
 /// What a network said about a press, in the units of the report.
@@ -49,7 +49,7 @@ pub(super) struct Outcome {
 
 impl Presses {
     /// The presses in the file at `path`.
-    pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
         let mut streams = Streams::read(path)?;
         let truth = streams.truth.take().ok_or_else(|| EvaluateError::Streams {
             path: path.to_owned(),
@@ -62,7 +62,7 @@ impl Presses {
         Ok(Self { streams, truth })
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.streams.parts().len()
     }
 
@@ -72,7 +72,7 @@ impl Presses {
     }
 
     /// `Ok` where there is a label for each output of `network`.
-    pub(super) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<(), EvaluateError> {
+    pub(crate) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<(), EvaluateError> {
         match quantities.iter().find(|quantity| !self.truth.names().any(|name| name == quantity.name)) {
             None => Ok(()),
             Some(Quantity { name, .. }) => {
@@ -130,7 +130,7 @@ impl Presses {
             let clock = Instant::now();
             // An event at the due time belongs to its window.
             while let Some(event) = events.next_if(|event: &Event| event.t_us <= t_us) {
-                engine.push(event);
+                engine.push(event)?;
                 pushed += 1;
             }
             engine.predict(t_us, &mut values)?;
@@ -148,7 +148,7 @@ impl Presses {
         let after = engine.count();
         Ok(Outcome {
             truth: truth_at(end),
-            newest: newest(&found, contact, end, truth_at),
+            newest: newest(&found, contact, end, |held, t_us| held.errors(&truth_at(t_us))),
             settled: settled(&errors_at, quantities).map(|tick| {
                 let t_us = if tick + 1 == errors_at.len() { end } else { contact + tick as i64 * every_us };
                 if end > contact { (t_us - contact) as f64 / (end - contact) as f64 } else { 0.0 }
@@ -167,11 +167,11 @@ impl Presses {
 }
 
 /// A prediction.
-struct Found {
-    t_us: i64,
+pub(crate) struct Found {
+    pub(crate) t_us: i64,
     /// When a reader has it.
-    available_us: f64,
-    values: Vec<f64>,
+    pub(crate) available_us: f64,
+    pub(crate) values: Vec<f64>,
 }
 
 impl Found {
@@ -187,8 +187,13 @@ fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item 
     ticks.take_while(move |&t_us| t_us < end).chain([end])
 }
 
-/// The mean errors of the newest prediction that a reader has at every millisecond from `contact` to `end`.
-fn newest(found: &[Found], contact: i64, end: i64, truth_at: impl Fn(i64) -> Vec<f64>) -> Option<Vec<f64>> {
+/// The means of the `errors` of the newest prediction that a reader has at every millisecond from `contact` to `end`.
+pub(crate) fn newest(
+    found: &[Found],
+    contact: i64,
+    end: i64,
+    errors: impl Fn(&Found, i64) -> Vec<f64>,
+) -> Option<Vec<f64>> {
     let (mut sums, mut count) = (Vec::new(), 0_u32);
     let mut next = 0;
     for t_us in (contact..=end).step_by(MILLISECOND_US as usize) {
@@ -196,7 +201,7 @@ fn newest(found: &[Found], contact: i64, end: i64, truth_at: impl Fn(i64) -> Vec
             next += 1;
         }
         let Some(held) = next.checked_sub(1).map(|held| &found[held]) else { continue };
-        let errors = held.errors(&truth_at(t_us));
+        let errors = errors(held, t_us);
         sums.resize(errors.len(), 0.0);
         sums.iter_mut().zip(errors).for_each(|(sum, error): (&mut f64, f64)| *sum += error);
         count += 1;
@@ -232,9 +237,9 @@ mod tests {
         let found = |t_us: i64, available_us: f64, value| Found { t_us, available_us, values: vec![value] };
         let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
         // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
-        let errors = newest(&predictions, 0, 4_000, |_| vec![0.0]).expect("one came in time");
+        let errors = newest(&predictions, 0, 4_000, |held, _| held.errors(&[0.0])).expect("one came in time");
         assert_eq!(errors, [4.0 * 4.0 / 4.0]);
-        assert!(newest(&predictions, 0, 500, |_| vec![0.0]).is_none());
+        assert!(newest(&predictions, 0, 500, |held, _| held.errors(&[0.0])).is_none());
     }
 
     #[test]

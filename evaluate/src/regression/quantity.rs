@@ -4,16 +4,16 @@ use meissner_models::AnyDescription;
 
 /// An output as it is reported.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Quantity {
-    pub(super) name: String,
-    pub(super) unit: String,
+pub(crate) struct Quantity {
+    pub(crate) name: String,
+    pub(crate) unit: String,
     /// A value times this is in `unit`.
-    pub(super) scale: f64,
+    pub(crate) scale: f64,
 }
 
 impl Quantity {
     /// The outputs of `description`: angles in radians are reported in degrees.
-    pub(super) fn of(description: &AnyDescription) -> Vec<Self> {
+    pub(crate) fn of(description: &AnyDescription) -> Vec<Self> {
         let (names, units) = description.outputs();
         let quantity = |(name, unit): (&String, &String)| match unit.as_str() {
             "rad" => Self { name: name.clone(), unit: "deg".to_owned(), scale: 180.0 / std::f64::consts::PI },
@@ -22,7 +22,7 @@ impl Quantity {
         names.iter().zip(units).map(quantity).collect()
     }
 
-    pub(super) fn is_angle(&self) -> bool {
+    pub(crate) fn is_angle(&self) -> bool {
         self.unit == "deg"
     }
 }

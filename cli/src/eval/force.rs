@@ -1,0 +1,209 @@
+//! `meissner eval force`: errors of networks that predict the force of a grasp.
+
+use std::io::{self, Write};
+
+use meissner_evaluate::force::{ForceErrors, NetworkReport, Options, Report, evaluate};
+use meissner_evaluate::metrics::MeanStd;
+use meissner_evaluate::trainings::seed_name;
+use meissner_pipeline::predictor::Mode;
+use meissner_pipeline::text::grouped;
+use meissner_plot::{Panel, Plane, Series, Style, page};
+
+use super::events::every_us;
+use super::{NONE, OutputArgs, networks, write};
+use crate::args::{MODES, PREDICTIONS, STATUS, choice};
+use crate::error::CliError;
+use crate::tasks::ForceTask;
+use crate::text::{Table, duration, file_name};
+
+/// Recordings in the picture.
+const DRAWN: usize = 3;
+/// What the paper reports of its `ConvLSTM` over all phases, in square newtons.
+const PAPER_MSE: f64 = 0.145;
+
+/// At the end of the long help.
+const METHOD: &str = "\
+How it judges:
+  EVENTS has streams as `meissner simulate grasp` writes them, with the label force along time, and perhaps phase and bolt. The engine is reset before each recording. The force at the end of each frame of 10 ms counts, for every kind of network; frames begin with the first time of the labels.
+  MSE and MAE are means over the frames of all recordings. Their deviations are standard deviations of the recordings' own MSE and MAE.
+  DTW: the mean over recordings of the distance of dynamic time warping between predicted and true force, in N (Sakoe and Chiba 1978; absolute differences, no window). Bhattacharyya: the distance between the histograms of all predicted and all true forces, in bins of 0.1 N.
+  newest: at every millisecond, the squared error of the newest prediction that a reader has, latency included, against the truth at that millisecond. A frame network has a new one every 10 ms, a network over events every TIME (--every).
+  The paper: Baghaei Naeini et al. 2020, on recordings of its own sensor.
+
+Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
+  network     name of the network
+  seed        whole number
+  held_out    JSON list of the recordings of EVENTS that it has not seen, such as [\"17\"], for leave-one-out: all files of a seed together must hold out each recording once; without this key, it has seen no recording of EVENTS
+
+JSON (--json):
+  {\"header\": the command and its input (docs/json.md), \"data\": {\"file\", \"recordings\", \"events\", \"variance\" of the true force, \"notes\", \"warnings\"}, \"every_us\", \"period_us\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"figures\": {\"trainings\", FIGURES, \"each\": [{\"seed\" (null where the weights name none), \"files\", FIGURES}]}}]}
+  FIGURES: \"recordings\", \"parts\": [{\"part\": all, a phase or a bolt, \"frames\", \"mse\", \"mse_std\" (N^2), \"mae\", \"mae_std\" (N)}], \"time_warping\", \"bhattacharyya\" (null where no bin is shared), \"newest\" (null where no prediction came in time), \"work\": as `eval angle` has it, for recordings as presses; outside of \"each\" figures are {\"mean\", \"std\" (null for one training)} over the trainings
+
+Outputs (--logits), at the end of each frame, recording after recording:
+  For every training a tensor NETWORK.SEED, NETWORK.SEED.folds or NETWORK.shipped, of shape (frames, 1).
+
+Examples:
+  meissner simulate grasp --recordings 92 --seed 2 --out test.safetensors
+  meissner eval force test.safetensors --svg force.svg";
+
+/// `meissner eval force`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct ForceArgs {
+    #[command(flatten)]
+    task: ForceTask,
+    /// Time between two predictions of a network over events; it divides 10ms.
+    #[arg(long = "every", value_name = "TIME", default_value = "1ms", value_parser = every_us,
+          help_heading = PREDICTIONS)]
+    every_us: i64,
+    /// Recompute what an event changes, or every row at every prediction.
+    ///
+    /// Both give the same values, bit for bit. Frame networks compute what changes.
+    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
+    mode: Mode,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn eval(args: &ForceArgs) -> Result<(), CliError> {
+    let options = Options { request: args.task.request(), every_us: args.every_us, mode: args.mode };
+    write(&args.output, svg, table, |workers, done| evaluate(&args.task.events, &options, workers, done))
+}
+
+/// The report for people.
+fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let data = &report.data;
+    let (recordings, events) = (grouped(data.recordings as u64), grouped(data.events));
+    writeln!(out, "data         {}: {recordings} recordings, {events} events", data.file)?;
+    writeln!(out, "force        variance {:.4} N^2: the MSE of who always says the mean", data.variance)?;
+    let lines = report.networks.iter().map(|network| (&network.card, network.weights.clone()));
+    networks(out, lines, &data.notes)?;
+    let all: Vec<(&str, &ForceErrors<MeanStd>)> = judged(report).collect();
+    parts(out, &all)?;
+    distances(out, &all)?;
+    seeds(out, report)?;
+    work(out, &all)
+}
+
+/// The name of each network with its figures.
+fn judged(report: &Report) -> impl Iterator<Item = (&str, &ForceErrors<MeanStd>)> {
+    report
+        .networks
+        .iter()
+        .filter_map(|network| Some((network.card.network.name.as_str(), &network.figures.as_ref()?.mean)))
+}
+
+/// Rows as in the paper: a row for each network and part.
+fn parts(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
+    let headings = ["frames", "count", "MSE (N^2)", "std", "MAE (N)", "std"];
+    let rows = judged.iter().flat_map(|(name, errors)| {
+        errors.parts.iter().map(move |part| {
+            let [mse, mse_std, mae, mae_std] =
+                [part.mse, part.mse_std, part.mae, part.mae_std].map(|figure| format!("{:.4}", figure.mean));
+            [format!("{name}, {}", part.part), grouped(part.frames), mse, mse_std, mae, mae_std]
+        })
+    });
+    let none = || NONE.to_owned();
+    let paper = [
+        "the paper, its own sensor: ConvLSTM, all".to_owned(),
+        none(),
+        format!("{PAPER_MSE:.3}"),
+        none(),
+        none(),
+        none(),
+    ];
+    Table::section(out, &headings, rows.chain([paper]))
+}
+
+fn distances(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
+    let optional = |figure: Option<MeanStd>| {
+        figure.map_or_else(|| NONE.to_owned(), |figure| format!("{:.4}", figure.mean))
+    };
+    let rows = judged.iter().map(|(name, errors)| {
+        let warping = format!("{:.3}", errors.time_warping.mean);
+        [(*name).to_owned(), warping, optional(errors.bhattacharyya), optional(errors.newest)]
+    });
+    Table::section(out, &["distances", "DTW (N)", "Bhattacharyya", "MSE of the newest (N^2)"], rows)
+}
+
+/// Each seed, where there are several.
+fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    let all = || report.networks.iter().filter_map(|network| Some((network, network.figures.as_ref()?)));
+    if all().all(|(_, judged)| judged.trainings < 2) {
+        return Ok(());
+    }
+    let rows = all().flat_map(|(network, judged)| {
+        judged.each.iter().map(move |one| {
+            let name = format!("{}, seed {}", network.card.network.name, seed_name(one.seed));
+            let first = one.figures.parts.first();
+            let figure = |of: Option<f64>| of.map_or_else(|| NONE.to_owned(), |of| format!("{of:.4}"));
+            [name, figure(first.map(|part| part.mse)), figure(first.map(|part| part.mae))]
+        })
+    });
+    Table::section(out, &["each seed", "MSE (N^2)", "MAE (N)"], rows)
+}
+
+fn work(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
+    let headings = [
+        "work of a recording",
+        "events",
+        "predictions",
+        "multiply-adds (million)",
+        "update p50 (us)",
+        "p99 (us)",
+    ];
+    let rows = judged.iter().map(|(name, errors)| {
+        let work = &errors.work;
+        let per = |count: u64| count as f64 / work.presses.max(1) as f64;
+        let [p50, p99] = work.update_us.quantiles().map_or_else(
+            || [NONE, NONE].map(str::to_owned),
+            |quantiles| [quantiles.p50, quantiles.p99].map(duration),
+        );
+        let count = |count: u64| grouped(per(count).round() as u64);
+        let products = format!("{:.1}", per(work.multiply_adds) / 1e6);
+        [(*name).to_owned(), count(work.events), count(work.predictions), products, p50, p99]
+    });
+    Table::section(out, &headings, rows)
+}
+
+/// The picture: for each network, predicted and true force over the time of some recordings.
+fn svg(report: &Report) -> String {
+    let about = format!(
+        "{}: {} recordings, {} events",
+        file_name(&report.data.file),
+        grouped(report.data.recordings as u64),
+        grouped(report.data.events)
+    );
+    let period_ms = report.period_us as f64 / 1e3;
+    let panel = |network: &NetworkReport, number: usize| {
+        let trace = &network.traces[number];
+        let series = |name: String, colour: usize, style: Style, of: fn(&(f64, f64)) -> f64| Series {
+            name,
+            colour,
+            style,
+            points: trace
+                .iter()
+                .enumerate()
+                .map(|(i, pair)| ((i + 1) as f64 * period_ms, of(pair)))
+                .collect(),
+        };
+        let squares = trace.iter().map(|(truth, found)| (truth - found) * (truth - found)).sum::<f64>();
+        let mse = squares / trace.len().max(1) as f64;
+        Panel::Plane(Plane {
+            title: format!("{}, recording {number}", network.card.network.name),
+            about: "at the end of each frame".to_owned(),
+            x_title: "time (ms)".to_owned(),
+            y_title: "force (N)".to_owned(),
+            from_zero: true,
+            series: vec![
+                series("true".to_owned(), 5, Style::Dashed, |pair| pair.0),
+                series(format!("predicted, MSE {mse:.3} N\u{b2}"), 0, Style::Line, |pair| pair.1),
+            ],
+        })
+    };
+    let row = |network: &NetworkReport| -> Vec<Panel<'static>> {
+        (0..network.traces.len().min(DRAWN)).map(|number| panel(network, number)).collect()
+    };
+    let rows: Vec<Vec<Panel<'_>>> = report.networks.iter().map(row).collect();
+    page("Force over time", &about, &rows)
+}
