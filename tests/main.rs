@@ -31,5 +31,6 @@ mod tactile;
 mod tolerance;
 mod trained_angles;
 mod trained_digits;
+mod trained_force;
 mod trained_slip;
 mod trained_touch;

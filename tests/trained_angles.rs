@@ -10,7 +10,8 @@ use meissner_verify::bits;
 use crate::trained_digits::{Golden, agree, network, read};
 
 /// Event graphs.
-const NETWORKS: [&str; 7] = [
+const NETWORKS: [&str; 8] = [
+    "force-graph",
     "graphres",
     "tactigraph",
     "tactigraph-frozen",

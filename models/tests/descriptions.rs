@@ -66,8 +66,18 @@ fn networks_for_the_tactip_give_depth_and_tilts_of_cells_of_four_pixels() {
 }
 
 #[test]
+fn the_network_for_force_gives_newtons_over_a_window_longer_than_a_grasp() {
+    let (description, network) = shipped("force-graph");
+    assert_eq!(description.labelled_outputs(), "force (N)");
+    let place = network.parts().place.expect("places are inputs");
+    assert_eq!(place.map(|size| size.to_string()), ["1/12", "1/12"]);
+    assert_eq!((network.outputs(), network.parts().span_us, network.readout_channels()), (1, 500_000, 16));
+}
+
+#[test]
 fn every_other_shipped_network_predicts_roll_and_pitch_in_rad() {
-    let other = |name: &&&str| ["digits-", "touch-", "tactip"].iter().any(|start| name.starts_with(start));
+    let other =
+        |name: &&&str| ["digits-", "touch-", "tactip", "force-"].iter().any(|start| name.starts_with(start));
     for name in Description::shipped_names().iter().filter(|name| !other(name)) {
         let (description, network) = shipped(name);
         let (names, units) = description.outputs();

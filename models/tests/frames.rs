@@ -156,6 +156,7 @@ fn shipped_weights_fit_say_what_they_are_and_are_the_same_every_time() {
         let about = match *name {
             "event-frame-cnn" => "trained on presses of a simulated dome",
             "tactip-frames" => "trained on presses of a real TacTip whose camera is modelled",
+            name if name.starts_with("force-") => "trained on grasps of simulated bolts",
             name if name.starts_with("slip-") => "trained on the Basic objects of biotac_dos, seed 0",
             _ => "drawn, untrained, seed ",
         };
@@ -175,7 +176,7 @@ fn shipped_weights_fit_say_what_they_are_and_are_the_same_every_time() {
 #[test]
 fn drawn_values_have_the_bits_that_another_implementation_gives() {
     // From a script in Python that follows the header of the generator; the seed is 17.
-    let weights = Weights::shipped("force-tdnn").expect("drawn weights");
+    let weights = draw(&shipped("force-tdnn"), 17);
     let hash = |name: &str| {
         let values = weights.get(name).and_then(Tensor::values).expect("floats");
         values.iter().fold(0u32, |hash, v| hash.rotate_left(5) ^ v.to_bits())

@@ -1,6 +1,6 @@
 """The training loop: AdamW on a robust loss of the values, every epoch on other events and at other ages of each press.
 
-A press is read at a random time since contact and at its end: the network is to be right as early as it can be.
+A press is read at random times since contact and at its end: the network is to be right as early as it can be.
 """
 
 import math
@@ -104,9 +104,10 @@ def turned(outputs, mirrors):
 
 
 def times(source, press, settings, random):
-    """A random time since contact, and the end."""
+    """Random times since contact, and the end."""
     contact, end = source.contact_us[press], source.end_us[press]
-    return np.array([random.uniform(contact + settings.youngest * (end - contact), end), end]).astype(np.int64)
+    youngest = contact + settings.youngest * (end - contact)
+    return np.array([*random.uniform(youngest, end, settings.times), end]).astype(np.int64)
 
 
 def prepared(settings, sensor, streams):

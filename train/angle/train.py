@@ -114,6 +114,7 @@ def arguments():
     parser.add_argument("--stride", type=int, default=1, help="thinning that the weights are meant for; default: 1")
     parser.add_argument("--presses", type=int, help="presses of an epoch; default: all")
     parser.add_argument("--youngest", type=float, default=0.1, help="least age as a share of the press; default: 0.1")
+    parser.add_argument("--times", type=int, default=1, help="random times at which a press is read, beside its end; default: 1")
     parser.add_argument("--mirrors", nargs="*", default=[], choices=["columns", "rows"], help="axes of symmetry; default: none")
     parser.add_argument("--check", type=int, default=5, help="epochs from one validation to the next; default: 5")
     parser.add_argument("--about", default=ABOUT, help="remark about the data")

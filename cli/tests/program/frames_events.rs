@@ -98,12 +98,18 @@ fn a_line_and_the_summary_have_the_documented_keys() {
 }
 
 #[test]
-fn people_see_untrained_weights_named_as_such_and_a_table_of_pixels() {
+fn people_see_the_weights_and_a_table_of_pixels() {
     let (_folder, path) = file("events.csv", csv(&events()));
     let output = meissner(&["run", argument(&path), "--sensor", "120x120", "--network", "force-lstm"]);
     let text = text(&output);
-    for expected in ["drawn, untrained, seed", "force (N)", "layer (pixels)", "absorbed", "lstm1", "predict"]
-    {
+    for expected in [
+        "trained on grasps of simulated bolts",
+        "force (N)",
+        "layer (pixels)",
+        "absorbed",
+        "lstm1",
+        "predict",
+    ] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
 }

@@ -210,7 +210,11 @@ fn classes_have_names_and_probabilities_and_lines_fit_in_80_columns() {
 
 #[test]
 fn weights_from_a_seed_are_said_to_mean_nothing() {
-    let drawn = words(&meissner(&["run", "--limit", "100", "--network", "force-tdnn"]));
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let weights = folder.path().join("drawn.safetensors");
+    assert!(meissner(&["draw", "force-tdnn", "--out", argument(&weights)]).status.success());
+    let run = ["run", "--limit", "100", "--network", "force-tdnn", "--weights", argument(&weights)];
+    let drawn = words(&meissner(&run));
     assert!(drawn.contains("drawn from a seed: predictions mean nothing"), "{drawn}");
     let digits = words(&meissner(&["run", "--limit", "100", "--network", "digits-past"]));
     assert!(
