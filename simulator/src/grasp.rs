@@ -2,7 +2,7 @@
 //!
 //! Enters: a plan of motion and light, which a seed can draw. Leaves: events of the camera, and force, depth and phase along time.
 //!
-//! A finger is a flat pad of [`PAD`]: 19.2 mm square and 4 mm thick. The other finger is its mirror image, and the bolt lies free
+//! A finger is a flat pad ([`PAD`]): 19.2 mm square and 4 mm thick. The other finger is its mirror image, and the bolt lies free
 //! between them, so that both press with the same force. The bolt is gripped on its smooth shank, a rigid cylinder that lies across the
 //! pad and may end within it; thread and head are outside. The motor moves the fingers, and not the force: what the pad answers
 //! follows from the contact (`grasp/contact.rs`), and what the camera sees from light (`grasp/view.rs`).
@@ -16,27 +16,20 @@
 //! Left out: sliding, friction and the tilt of a bolt in the grip; the motor's elasticity; large strains, for which silicone is stiffer.
 
 mod contact;
+mod setting;
 mod view;
 
 use std::f64::consts::{PI, TAU};
 
 use libm::{cos, exp, log, sin};
-use meissner_engine::Sensor;
 use meissner_models::random::Random;
 
-use crate::gel::{Gel, GelSolver, Grid, Indenter, Placed};
+use crate::gel::{Gel, GelSolver, Indenter, Placed};
 use crate::{Camera, CameraSettings, SimulatedEvent, SimulatorError};
 pub use contact::PressedPad;
+pub use setting::{DURATION_US, Look, PAD, SENSOR, STEP_US};
 use view::View;
 
-/// The pixels of a pad's surface, on which contacts are solved.
-pub const PAD: Grid = Grid { width: 48, height: 48, pitch_mm: 0.4 };
-/// The part of the camera's picture that sees the pad: the crop of the published networks.
-pub const SENSOR: Sensor = Sensor { width: 115, height: 115 };
-/// Length of a recording: 41 frames of 10 ms.
-pub const DURATION_US: i64 = 410_000;
-/// Time from one picture and one label to the next. An edge of a contact moves by at most half a pixel in it.
-pub const STEP_US: i64 = 2_000;
 /// The diameters of the bolts, in millimetres.
 pub const BOLTS_MM: [f64; 3] = [8.0, 12.0, 16.0];
 /// The greatest force, in newtons.
@@ -121,23 +114,6 @@ pub struct Vibration {
     pub depth: f64,
     /// Amplitudes of the place along x and y, in millimetres.
     pub place_mm: [f64; 2],
-}
-
-/// Light, and how bolt and pad reflect it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Light of a white surface, in lux.
-    pub lux: f64,
-    /// Share of the light that the metal gives back where it faces the camera.
-    pub metal: f64,
-    /// The same share, relative to the metal, where silicone touches it.
-    pub wet: f64,
-    /// Brightness far behind the pad.
-    pub ground: f64,
-    /// Share of the light that the free surface of the pad reflects.
-    pub reflection: f64,
-    /// Contrast of scratches on the bolt, and their phases in radians.
-    pub scratches: (f64, [f64; 3]),
 }
 
 impl Grasp {

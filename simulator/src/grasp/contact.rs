@@ -6,7 +6,7 @@
 use crate::SimulatorError;
 use crate::gel::{GelSolver, Load, Placed, Relaxation};
 
-use super::PAD;
+use super::setting::{PAD, STEP_US};
 
 /// Depths of the table, with 0.
 const DEPTHS: usize = 12;
@@ -93,7 +93,7 @@ impl PressedPad {
     }
 
     /// The greatest depth of a loading that ends with `force_n`: `depths` has its depths at every step of
-    /// [`STEP_US`](super::STEP_US) for a greatest one.
+    /// [`STEP_US`] for a greatest one.
     pub fn depth_of<I: Iterator<Item = f64>>(&self, force_n: f64, depths: impl Fn(f64) -> I) -> f64 {
         let (mut low, mut high) = (0.0, self.deepest_mm());
         // While every pixel is loaded, the sum relaxes as each of them does.
@@ -107,7 +107,7 @@ impl PressedPad {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
             let mut relaxation = Relaxation::new(1, self.relaxes.0, self.relaxes.1);
-            let seconds = super::STEP_US as f64 / 1e6;
+            let seconds = STEP_US as f64 / 1e6;
             let force = depths(middle).map(|depth| relaxation.step(seconds, &[elastic(depth)])[0]).last();
             if force.unwrap_or(0.0) < force_n { low = middle } else { high = middle }
         }

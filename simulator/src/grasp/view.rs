@@ -21,7 +21,8 @@ use std::f64::consts::TAU;
 
 use libm::{cos, exp, sin, sqrt, tan};
 
-use super::{Look, PAD, PressedPad, SENSOR};
+use super::contact::PressedPad;
+use super::setting::{Look, PAD, SENSOR};
 use crate::gel::{Grid, Indenter, Placed};
 
 /// The camera's pixels on the pad.
