@@ -45,7 +45,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 13] = [
+static EVENTS: [Shipped; 14] = [
     shipped!("digits-all", file = "digits/digits-all.0"),
     shipped!("digits-frozen", file = "digits/digits-past.0"),
     shipped!("digits-past", file = "digits/digits-past.0"),

@@ -1,4 +1,4 @@
-//! Pictures of balls: arrays in a NumPy archive.
+//! Pictures of balls: arrays in a `NumPy` archive.
 
 use std::error::Error;
 

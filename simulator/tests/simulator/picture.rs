@@ -177,11 +177,13 @@ fn a_picture_has_more_pixels_than_its_surface() {
 
 #[test]
 fn drawn_sensors_are_spread_about_the_default_and_the_second_one_is_among_them() {
+    type Property<'a> = &'a dyn Fn(&GelSensor) -> f64;
+
     let default = GelSensor::default();
     let drawn: Vec<_> = (0..400).map(|seed| GelSensor::drawn(&mut Random::new(seed))).collect();
     assert_eq!(drawn[7], GelSensor::drawn(&mut Random::new(7)));
     // The logarithm of a property over the default's: its mean, its deviation, and the second sensor's.
-    let spread = |of: &dyn Fn(&GelSensor) -> f64| {
+    let spread = |of: Property<'_>| {
         let logarithm = |sensor: &GelSensor| (of(sensor) / of(&default)).ln();
         let values: Vec<_> = drawn.iter().map(logarithm).collect();
         let mean = values.iter().sum::<f64>() / 400.0;
@@ -189,7 +191,7 @@ fn drawn_sensors_are_spread_about_the_default_and_the_second_one_is_among_them()
         (mean, deviation, logarithm(&GelSensor::second()))
     };
     let strength = |light: usize| move |sensor: &GelSensor| sensor.camera.lights[light].colour[light];
-    let cases: [(&dyn Fn(&GelSensor) -> f64, f64); 6] = [
+    let cases: [(Property<'_>, f64); 6] = [
         (&|sensor| sensor.gel.modulus_mpa, 0.12),
         (&|sensor| sensor.gel.thickness_mm, 0.1),
         (&|sensor| sensor.width_mm, 0.07),
