@@ -47,11 +47,11 @@ enum InputArgs {
     /// The planes have tilts of 0 to 9 degrees in 20 directions; depths are 5 to 15 mm, durations 90 to 200 ms. The dome is
     /// the published one of 40 mm with 169 markers. `simulate markers` turns the tracks into events.
     Dome(DomeArgs),
-    /// Pictures of a gel under coloured lights that is pressed by indenters, with the force on each pixel.
+    /// Pictures of a gel that is pressed by indenters, with the force on each pixel.
     ///
     /// The lights are fitted to pictures of a real sensor. `eval area` and `train/area` read the file.
     Gel(GelArgs),
-    /// Events of two fingers that grasp, hold and release a bolt, with the force along time.
+    /// Events of fingers that grasp and release a bolt, with the force along time.
     ///
     /// A camera behind the transparent silicone of one finger sees a bolt of 8, 12 or 16 mm come, touch, vibrate and leave. Equal
     /// numbers and seeds give equal bytes on every machine.
@@ -187,7 +187,7 @@ struct GelArgs {
     /// Size of a picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = sensor, help_heading = INPUT)]
     size: Sensor,
-    /// Solve contacts on a grid with this number of pixels of the picture for each of its own, along a side.
+    /// Pixels of the picture for each one that contacts are solved on, a side.
     ///
     /// A contact on half of the pixels a side takes a quarter of the time and has coarser edges.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = INPUT)]

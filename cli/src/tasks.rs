@@ -113,7 +113,7 @@ pub(crate) struct PressTask {
 /// Forces of grasps.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ForceTask {
-    /// Recordings with the force along time (safetensors), such as `simulate grasp` writes.
+    /// Recordings with their force (safetensors), such as `simulate grasp` writes.
     #[arg(value_name = "EVENTS")]
     pub(crate) events: PathBuf,
     /// Network [default: every shipped network for force].

@@ -146,7 +146,8 @@ pub(crate) fn judge<'py>(
         }
         ("area", _) => {
             let data = [data];
-            let options = area::Options { request: asked.request(), data: &data, frames: FrameOptions::new() };
+            let options =
+                area::Options { request: asked.request(), data: &data, frames: FrameOptions::new() };
             run(&|| area::evaluate(&options, &workers, done).map(judged))
         }
         _ => return Err(unknown(task)),
