@@ -88,7 +88,7 @@ impl Grid {
     }
 
     /// The value at a place (column, row) between pixels, bilinear from those `at` the pixels around it. Outside, that of the border.
-    fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
+    pub fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
         let split = |place: f64, count: usize| {
             let place = place.clamp(0.0, (count - 1) as f64);
             let before = (place as usize).min(count.saturating_sub(2));

@@ -5,6 +5,7 @@ use std::path::Path;
 use meissner_io::datasets::BallPictures;
 use meissner_models::systems::contact_area::ImageSize;
 use meissner_pipeline::PipelineError;
+use meissner_simulator::gel::Grid;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Serialize;
 
@@ -153,6 +154,7 @@ impl Set {
         let (width, height) = (balls.width, balls.height);
         let is_upright = height > width;
         let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);
+        let grid = Grid { width, height, pitch_mm: 1.0 };
         // Where a place of the enlarged picture is in the real one. Rows become columns, and columns become rows from below.
         let place = |column: usize, row: usize| {
             let [x, y] = [column, row].map(|at| (at as f64 + 0.5) / ENLARGED as f64 - 0.5);
@@ -163,7 +165,7 @@ impl Set {
             for (row, column) in (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| (row, column))) {
                 let place = place(column, row);
                 enlarged.extend((0..3).map(|channel| {
-                    bilinear([width, height], place, |i| f64::from(picture[3 * i + channel])).round() as u8
+                    grid.between(place, |i| f64::from(picture[3 * i + channel])).round() as u8
                 }));
             }
             enlarged
@@ -186,23 +188,6 @@ impl Set {
         let name = name.to_owned();
         Self { name, source: Source::Real, size: ImageSize { width: size[0], height: size[1] }, presses }
     }
-}
-
-/// The value between the pixels around a place; outside, that of the border.
-fn bilinear([width, height]: [usize; 2], place: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
-    let split = |place: f64, count: usize| {
-        let place = place.clamp(0.0, (count - 1) as f64);
-        let before = place.floor();
-        (before as usize, (before as usize + 1).min(count - 1), place - before)
-    };
-    let (left, right, along) = split(place[0], width);
-    let (above, below, down) = split(place[1], height);
-    let in_row = |row: usize| {
-        let (left, right) = (at(row * width + left), at(row * width + right));
-        left + along * (right - left)
-    };
-    let (above, below) = (in_row(above), in_row(below));
-    above + down * (below - above)
 }
 
 fn tensor<'a>(
