@@ -116,10 +116,17 @@ pub(crate) struct ForceTask {
     /// Recordings with their force (safetensors), such as `simulate grasp` writes.
     #[arg(value_name = "EVENTS")]
     pub(crate) events: PathBuf,
-    /// Network [default: every shipped network for force].
+    #[command(flatten)]
+    pub(crate) networks: TrainedNetworks,
+}
+
+/// Networks of a task, with weights or trainings.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TrainedNetworks {
+    /// Network [default: every shipped network for the task].
     ///
-    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given several times.
-    /// With --trainings, the default is every shipped network with trainings in the folder.
+    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
+    /// several times. With --trainings, the default is every shipped network with trainings in the folder.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     networks: Vec<String>,
     /// Weights of the only network [default: those shipped with it].
@@ -128,6 +135,8 @@ pub(crate) struct ForceTask {
     #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
     weights: Option<PathBuf>,
     /// Folder of safetensors files, each a training of a network.
+    ///
+    /// The end of this help explains their metadata.
     #[arg(long, value_name = "DIR", help_heading = NETWORK)]
     trainings: Option<PathBuf>,
 }
@@ -156,7 +165,7 @@ impl PressTask {
     }
 }
 
-impl ForceTask {
+impl TrainedNetworks {
     pub(crate) fn request(&self) -> Request<'_> {
         let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
         Request { networks: &self.networks, weights, trainings }

@@ -1,5 +1,4 @@
 //! `meissner eval area`: contact area and normal force from pictures of a gel.
-#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -7,13 +6,14 @@ use std::path::PathBuf;
 use meissner_engine::frames::{FrameOptions, Skip};
 use meissner_evaluate::area::{DataReport, Figures, NetworkReport, Options, Report, Source, evaluate};
 use meissner_evaluate::metrics::MeanStd;
-use meissner_evaluate::trainings::{Request, seed_name};
+use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Plane, Series, Style, page};
 
 use super::{NONE, OutputArgs, networks, write};
-use crate::args::{APPROXIMATIONS, NETWORK, STATUS};
+use crate::args::{APPROXIMATIONS, STATUS};
 use crate::error::CliError;
+use crate::tasks::TrainedNetworks;
 use crate::text::{Table, file_name};
 
 /// At the end of the long help.
@@ -51,22 +51,8 @@ pub(super) struct AreaArgs {
     /// Files of pictures with labels.
     #[arg(value_name = "PICTURES", required = true)]
     data: Vec<PathBuf>,
-    /// Network [default: every shipped network for the task].
-    ///
-    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
-    /// several times.
-    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
-    networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved.
-    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
-    weights: Option<PathBuf>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval area --help` explains their metadata.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    trainings: Option<PathBuf>,
+    #[command(flatten)]
+    networks: TrainedNetworks,
     /// Compute only what changes by more than this between pictures of a press.
     ///
     /// The unit is that of the network's input, in which one grey level is 0.04 for the shipped networks. Without this
@@ -78,10 +64,9 @@ pub(super) struct AreaArgs {
 }
 
 pub(super) fn eval(args: &AreaArgs) -> Result<(), CliError> {
-    let (weights, trainings) = (args.weights.as_deref(), args.trainings.as_deref());
     let skip = args.tolerance.map_or(Skip::Exact, Skip::Tolerance);
     let options = Options {
-        request: Request { networks: &args.networks, weights, trainings },
+        request: args.networks.request(),
         data: &args.data,
         frames: FrameOptions::new().with_skip(skip),
     };

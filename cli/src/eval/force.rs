@@ -66,7 +66,7 @@ pub(super) struct ForceArgs {
 }
 
 pub(super) fn eval(args: &ForceArgs) -> Result<(), CliError> {
-    let options = Options { request: args.task.request(), every_us: args.every_us, mode: args.mode };
+    let options = Options { request: args.task.networks.request(), every_us: args.every_us, mode: args.mode };
     write(&args.output, svg, table, |workers, done| evaluate(&args.task.events, &options, workers, done))
 }
 
