@@ -74,8 +74,13 @@ impl Set {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
         }
         let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
-        Self::read_bytes(&path.display().to_string(), &bytes)
-            .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
+        let set = Self::read_bytes(&path.display().to_string(), &bytes)
+            .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })?;
+        if set.pictures() == 0 {
+            let found = format!("{}: none", path.display());
+            return Err(EvaluateError::request(RequestPart::Data, "pictures", found));
+        }
+        Ok(set)
     }
 
     pub(super) fn pictures(&self) -> usize {

@@ -187,6 +187,15 @@ fn pictures_of_another_size_and_files_that_do_not_fit_are_refused() {
     std::fs::write(&path, file.into_bytes()).unwrap();
     let found = refused(path.clone());
     assert!(found.contains("tensor force: expected F32 [1, 2, 2], found F32 [1, 2, 1]"), "{found}");
+    let mut file = meissner_models::TensorFile::new(std::collections::BTreeMap::new());
+    file.u8("picture", &[0, 240, 320, 3], &[]);
+    file.u8("reference", &[0, 240, 320, 3], &[]);
+    file.f32("force", &[0, 240, 320], &[]);
+    file.f32("pixel_mm", &[0], &[]);
+    file.i64("start", &[1], &[0]);
+    std::fs::write(&path, file.into_bytes()).unwrap();
+    let found = refused(path.clone());
+    assert!(found.contains("expected pictures, found") && found.contains("none"), "{found}");
     std::fs::write(&path, b"no tensors").unwrap();
     assert!(refused(path).contains("expected a safetensors file"));
 }
