@@ -65,6 +65,12 @@ def drift(x, y, size):
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1)
 
 
+def parts(pictures):
+    """The indices of the pictures that are fitted, and of those of the test."""
+    order = np.random.default_rng(0).permutation(pictures)
+    return order[:FITTED], order[FITTED:]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("balls", type=pathlib.Path)
@@ -76,8 +82,7 @@ def main():
     size = difference.shape[1:3]
     flat = background.reshape(-1, 3)[::7]
     row, column = (grid.ravel().astype(float) for grid in np.mgrid[: size[0], : size[1]])
-    order = np.random.default_rng(0).permutation(len(circle))
-    train, test = order[:FITTED], order[FITTED:]
+    train, test = parts(len(circle))
 
     def sample(i):
         """Every fourth pixel both ways, and every other one about the contact."""

@@ -1,10 +1,11 @@
 """Trains `canf` or `canf-plain` on pictures of `meissner simulate gel`.
 
-    python train.py TRAIN... --valid VALID --out FOLDER [--network canf-plain] [--steps N] [--crop 160 120] [--start WEIGHTS]
+    python train.py TRAIN... --valid VALID --out FOLDER [--network canf-plain] [--steps N] [--crop 160 120] [--start WEIGHTS] [--balls BALLS.npz]
 
 The loss is the mean squared error of the pressure, in units of UNIT_MPA, plus 0.05 times the squared error of the force on the whole
-picture, in N. Pictures enter as differences from the sensor at rest. With --crop, the network sees a part of each picture, which takes less time;
-whole pictures come after that, with --frozen batch norm, whose statistics are taken from whole pictures first.
+picture, in N, plus CONTACT_SHARE times the cross entropy of the contact. Pictures enter as differences from the sensor at rest. With --crop, the
+network sees a part of each picture, which takes less time; whole pictures come after that, with --frozen batch norm, whose statistics are
+taken from whole pictures first. With --balls, one picture in REAL_EVERY is one of the real pictures that the lights are fitted to.
 """
 
 import argparse
@@ -18,7 +19,9 @@ import numpy as np
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file
+from torch.nn import functional
 
+from lights import parts
 from network import Network, squeezing
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -30,6 +33,13 @@ UNIT_LEVELS = 25.5
 PIXEL_MM = 0.06
 THRESHOLD_N = 1e-4
 FORCE_SHARE = 0.05
+# The cross entropy of contact: the share in the loss, and the pressure in UNIT_MPA that takes the odds from even to e.
+CONTACT_SHARE = 0.2
+SOFTNESS = 0.1
+# Real pictures: how often they come, and the pressure in the middle of a contact in UNIT_MPA, that of the default gel under a ball
+# whose radius is 1.25 times that of the contact.
+REAL_EVERY = 8
+MIDDLE = 1.2
 DECAY = 1e-4
 RISE = 0.05
 # Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the place, and the spread of
@@ -63,6 +73,31 @@ class Presses:
         return difference, slices["force"][picture : picture + 1][0] / (area * UNIT_MPA), area
 
 
+class Balls:
+    """The real pictures that the lights are fitted to, turned and enlarged as the program does, with a pressure after Hertz in the
+    circle that was marked by hand."""
+
+    def __init__(self, path):
+        with np.load(path) as file:
+            chosen = parts(len(file["circle"]))[0]
+            differences, circles = file["difference"][chosen].astype("f4"), file["circle"][chosen]
+        height, width = differences.shape[1:3]
+        row, column = np.mgrid[: 2 * width, : 2 * height] / 2 - 0.25
+        x, y = width - 1 - row, column
+        self.pictures = []
+        for difference, circle in zip(differences, circles):
+            share = 1 - ((x - circle[0]) ** 2 + (y - circle[1]) ** 2) / circle[2] ** 2
+            pressure = (MIDDLE * np.sqrt(np.maximum(share, 0))).astype("f4")
+            turned = torch.tensor(np.rot90(difference).transpose(2, 0, 1).copy())[None]
+            enlarged = functional.interpolate(turned, scale_factor=2, mode="bilinear")
+            self.pictures.append((enlarged[0].numpy().transpose(1, 2, 0), pressure, PIXEL_MM**2))
+
+    def draw(self, random):
+        difference, pressure, area = self.pictures[random.integers(len(self.pictures))]
+        flips = np.s_[:: random.choice((-1, 1)), :: random.choice((-1, 1))]
+        return difference[flips], pressure[flips], area
+
+
 def cut(pressure, crop, random):
     """The upper left corner of a part of the picture, most often about a pixel in contact."""
     height, width = pressure.shape
@@ -75,11 +110,12 @@ def cut(pressure, crop, random):
     return np.clip(row, 0, height - crop[1]), np.clip(column, 0, width - crop[0])
 
 
-def batch(presses, chosen, crop, random):
-    """Images (n, 3, H, W) and pressures (n, 1, H, W) for training, and areas (n)."""
+def batch(presses, balls, size, crop, random):
+    """Images (size, 3, H, W) and pressures (size, 1, H, W) for training, and areas (size)."""
     images, pressures, areas = [], [], []
-    for i in chosen:
-        difference, pressure, area = presses[i]
+    for i in random.integers(len(presses), size=size):
+        is_real = balls and random.integers(REAL_EVERY) == 0
+        difference, pressure, area = balls.draw(random) if is_real else presses[i]
         if crop:
             row, column = cut(pressure, crop, random)
             part = np.s_[row : row + crop[1], column : column + crop[0]]
@@ -104,7 +140,7 @@ def output(network, images):
         return network(images).float()
 
 
-def statistics(network, presses, random, pictures=64):
+def statistics(network, presses, balls, random, pictures=64):
     """Takes the statistics of batch norm anew from whole pictures."""
     norms = [layer for layer in network.modules() if isinstance(layer, torch.nn.BatchNorm2d)]
     for layer in norms:
@@ -113,7 +149,7 @@ def statistics(network, presses, random, pictures=64):
     network.train()
     with torch.no_grad():
         for _ in range(pictures // 4):
-            output(network, batch(presses, random.integers(len(presses), size=4), None, random)[0])
+            output(network, batch(presses, balls, 4, None, random)[0])
     for layer in norms:
         layer.momentum = 0.1
 
@@ -139,6 +175,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("train", type=pathlib.Path, nargs="+")
     parser.add_argument("--valid", type=pathlib.Path, required=True)
+    parser.add_argument("--balls", type=pathlib.Path, help="real pictures, as lights.py reads them")
     parser.add_argument("--network", choices=("canf", "canf-plain"), default="canf")
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--steps", type=int, default=10_000)
@@ -154,6 +191,7 @@ def main():
     torch.manual_seed(arguments.seed)
     random = np.random.default_rng(arguments.seed)
     train, valid = Presses(arguments.train), Presses([arguments.valid])
+    balls = Balls(arguments.balls) if arguments.balls else None
 
     network = Network(arguments.network == "canf")
     if arguments.start:
@@ -173,7 +211,7 @@ def main():
         optimiser.load_state_dict(state["optimiser"])
         random.bit_generator.state, first = state["random"], state["step"]
     elif arguments.frozen:
-        statistics(network, train, random)
+        statistics(network, train, balls, random)
 
     def train_mode():
         network.train()
@@ -189,10 +227,13 @@ def main():
         share = done / RISE if done < RISE else 0.01 + 0.99 * (1 + math.cos(math.pi * (done - RISE) / (1 - RISE))) / 2
         for group in optimiser.param_groups:
             group["lr"] = arguments.rate * max(share, 0.01)
-        images, pressures, areas = batch(train, random.integers(len(train), size=arguments.batch), arguments.crop, random)
-        error = output(network, images) - pressures
+        images, pressures, areas = batch(train, balls, arguments.batch, arguments.crop, random)
+        predicted = output(network, images)
+        error = predicted - pressures
         force = error.sum((1, 2, 3)) * areas * UNIT_MPA
-        loss = (error**2).mean() + FORCE_SHARE * (force**2).mean()
+        touch = THRESHOLD_N / (PIXEL_MM**2 * UNIT_MPA)
+        contact = functional.binary_cross_entropy_with_logits((predicted - touch) / SOFTNESS, (pressures > touch).float())
+        loss = (error**2).mean() + FORCE_SHARE * (force**2).mean() + CONTACT_SHARE * contact
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
@@ -208,13 +249,14 @@ def main():
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
             torch.save(state | {"random": random.bit_generator.state, "step": step + 1}, resume)
     if arguments.crop:
-        statistics(network, train, random)
+        statistics(network, train, balls, random)
     iou, force_n = validate(network, valid, 10**6)
     print(f"valid IoU {iou:.3f}  force {force_n:.3f} N")
     remarks = {
         "network": arguments.network,
         "seed": arguments.seed,
-        "trained_on": "pictures of meissner simulate gel, sensors drawn, indenters seen; lights fitted to 20 real pictures",
+        "trained_on": "pictures of meissner simulate gel, sensors drawn, indenters seen; lights fitted to 20 real pictures"
+        + (", which are learned from too" if balls else ""),
         "about": f"trained on simulated pictures; validation IoU {iou:.3f}, force {force_n:.2f} N",
         "sensor": json.dumps([320, 240]),
     }

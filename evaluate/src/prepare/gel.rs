@@ -20,7 +20,7 @@ use super::{Prepared, metadata};
 /// Indenters of a set of presses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shapes {
-    /// Balls, cylinders, punches, blocks, cones, irregular bodies, and the first half of [`LETTERS`].
+    /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, and the first half of [`LETTERS`].
     Seen,
     /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that [`Self::Seen`] has.
     Unseen,
@@ -180,7 +180,7 @@ fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
         (Indenter::Letter { letter, size_mm: draw(4.0, 9.0) }, "letter")
     };
     let kinds = match shapes {
-        Shapes::Seen => 7,
+        Shapes::Seen => 9,
         Shapes::Unseen => 4,
     };
     // Bits that the letter does not use.
@@ -197,6 +197,11 @@ fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
             (Indenter::Block { width_mm: draw(2.0, 7.0), length_mm: draw(2.0, 7.0) }, "block")
         }
         (Shapes::Seen, 5) => (Indenter::Cone { half_angle: draw(0.9, 1.3) }, "cone"),
+        (Shapes::Seen, 6) => (Indenter::Polygon { seed, radius_mm: draw(2.0, 6.0) }, "polygon"),
+        (Shapes::Seen, 7) => {
+            let (radius_mm, bend_mm) = (draw(0.3, 1.2), draw(2.0, 12.0));
+            (Indenter::Wire { radius_mm, bend_mm, arc: (draw(4.0, 12.0) / bend_mm).min(PI) }, "wire")
+        }
         (Shapes::Seen, _) => (Indenter::Irregular { seed, radius_mm: draw(5.0, 15.0) }, "irregular"),
         (Shapes::Unseen, 1) => {
             let radius_mm = draw(2.0, 4.5);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use libm::{cos, fabs, hypot, sin, sqrt, tan};
+use libm::{atan2, cos, fabs, hypot, sin, sqrt, tan};
 use meissner_models::random::Random;
 
 use super::Grid;
@@ -77,6 +77,22 @@ pub enum Indenter {
         /// Its radius of curvature without the waves.
         radius_mm: f64,
     },
+    /// A flat end whose outline is a polygon with corners at drawn distances from its middle, determined by a seed.
+    Polygon {
+        /// The seed.
+        seed: u64,
+        /// Greatest distance of a corner.
+        radius_mm: f64,
+    },
+    /// A round wire bent to an arc, on its side.
+    Wire {
+        /// Radius of the wire.
+        radius_mm: f64,
+        /// Radius of the arc.
+        bend_mm: f64,
+        /// Angle of the arc, at most a full turn.
+        arc: f64,
+    },
 }
 
 /// The letters that [`Indenter::Letter`] knows.
@@ -150,6 +166,30 @@ impl Indenter {
                     0.012 * length * (1.0 - cos(TAU * along / length + phase))
                 });
                 (x * x + y * y) / (2.0 * radius_mm) + waves.sum::<f64>()
+            }
+            Self::Polygon { seed, radius_mm } => {
+                let mut random = Random::new(seed);
+                let corners = 3 + random.bits() % 6;
+                let corners: Vec<_> = (0..corners)
+                    .map(|i| {
+                        let angle = TAU * i as f64 / corners as f64;
+                        let away = radius_mm * (0.25 + 0.75 * random.uniform());
+                        [away * cos(angle), away * sin(angle)]
+                    })
+                    .collect();
+                // The middle sees every corner, so that a place is inside where it is on the inner side of the side that it faces.
+                let left_of = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx >= 0.0;
+                let is_inside = (0..corners.len()).any(|i| {
+                    let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                    let faced = left_of(a, [x, y]) && left_of([x, y], b);
+                    faced && left_of([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]])
+                });
+                flat(is_inside)
+            }
+            Self::Wire { radius_mm, bend_mm, arc } => {
+                // The middle of the arc is the middle of the body.
+                let (away, angle) = (hypot(x + bend_mm, y), atan2(y, x + bend_mm));
+                dome(radius_mm, away - bend_mm) + flat(fabs(angle) <= arc / 2.0)
             }
         }
     }

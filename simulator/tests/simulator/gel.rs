@@ -281,6 +281,8 @@ fn indenters() -> Vec<Indenter> {
         Indenter::Edge { half_angle: 1.2, length_mm: 2.5 },
         Indenter::Dots { radius_mm: 0.5, spacing_mm: 0.8, side: 3 },
         Indenter::Irregular { seed: 5, radius_mm: 6.0 },
+        Indenter::Polygon { seed: 7, radius_mm: 1.8 },
+        Indenter::Wire { radius_mm: 0.5, bend_mm: 1.5, arc: 2.0 },
     ];
     all.extend(LETTERS.chars().map(|letter| Indenter::Letter { letter, size_mm: 3.0 }));
     all
@@ -318,4 +320,24 @@ fn an_indenter_is_moved_and_turned_with_its_pixels() {
     let seeds =
         [1, 2].map(|seed| Placed::upright(Indenter::Irregular { seed, radius_mm: 4.0 }).heights(&grid));
     assert_ne!(seeds[0], seeds[1]);
+}
+
+#[test]
+fn polygons_hold_their_corners_and_wires_follow_their_arc() {
+    for seed in 0..50 {
+        let polygon = Indenter::Polygon { seed, radius_mm: 2.0 };
+        let is_inside = |angle: f64, away: f64| polygon.height(away * angle.cos(), away * angle.sin()) == 0.0;
+        for i in 0..90 {
+            let angle = TAU * (f64::from(i) + 0.5) / 90.0;
+            // Along a ray from the middle it ends once, and within its radius.
+            let inside: Vec<_> = (1..40).map(|step| is_inside(angle, 0.06 * f64::from(step))).collect();
+            assert!(inside.is_sorted_by(|before, after| before >= after) && !inside[33], "{seed}: {angle}");
+            assert!(inside[0], "{seed}: {angle}");
+        }
+    }
+    let wire = Indenter::Wire { radius_mm: 0.5, bend_mm: 2.0, arc: 1.0 };
+    let at = |angle: f64, away: f64| wire.height(away * angle.cos() - 2.0, away * angle.sin());
+    assert_eq!(wire.height(0.0, 0.0), 0.0);
+    assert!(at(0.4, 2.0) < 1e-12 && (at(-0.4, 2.3) - 0.1).abs() < 1e-12);
+    assert!(at(0.6, 2.0).is_infinite() && at(0.0, 2.6).is_infinite());
 }
