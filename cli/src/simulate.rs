@@ -1,5 +1,6 @@
 //! `meissner simulate`: events of the camera model.
 
+mod closed_loop;
 mod grasp;
 
 use std::io::{Write, stdout};
@@ -56,6 +57,11 @@ enum InputArgs {
     /// A camera behind the transparent silicone of one finger sees a bolt of 8, 12 or 16 mm come, touch, vibrate and leave. Equal
     /// numbers and seeds give equal bytes on every machine.
     Grasp(grasp::GraspArgs),
+    /// Control by touch: what the error and the run time of a network do to it.
+    ///
+    /// A ball is pressed so that its force follows a saw-tooth, or a marble is brought back to the middle of the sensor. The sensor is
+    /// that of `simulate gel`, and the controller moves by what a network says of its pictures.
+    Loop(closed_loop::LoopArgs),
 }
 
 /// Tensors of both files.
@@ -210,9 +216,20 @@ enum GelSensorArg {
     Drawn,
 }
 
+impl GelSensorArg {
+    /// The sensor, where it is always the same.
+    fn fixed(self) -> Option<GelSensor> {
+        match self {
+            Self::First => Some(GelSensor::default()),
+            Self::Second => Some(GelSensor::second()),
+            Self::Drawn => None,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ShapesArg {
-    /// Balls, cylinders, punches, blocks, cones, irregular bodies, and letters A to K.
+    /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, letters A to K.
     Seen,
     /// Rings, edges, squares of balls, and letters L to Z.
     Unseen,
@@ -297,6 +314,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
         InputArgs::Dome(args) => (&args.out, dome(args)?),
         InputArgs::Gel(args) => (&args.out, gel(args)?),
         InputArgs::Grasp(args) => (&args.out, grasp::grasp(args)?),
+        InputArgs::Loop(args) => return closed_loop::closed_loop(args, &progress),
     };
     progress.finish();
     let mut out = stdout().lock();
@@ -346,11 +364,7 @@ fn dome(args: &DomeArgs) -> Result<String, CliError> {
 fn gel(args: &GelArgs) -> Result<String, CliError> {
     output::check_writable(&args.out)?;
     let plan = GelPlan {
-        sensor: match args.sensor {
-            GelSensorArg::First => Some(GelSensor::default()),
-            GelSensorArg::Second => Some(GelSensor::second()),
-            GelSensorArg::Drawn => None,
-        },
+        sensor: args.sensor.fixed(),
         shapes: match args.indenters {
             ShapesArg::Seen => Shapes::Seen,
             ShapesArg::Unseen => Shapes::Unseen,

@@ -171,7 +171,10 @@ pub fn evaluate(
 }
 
 /// The network of a candidate with the weights of a training.
-fn model(candidate: &Candidate<FrameDescription>, training: &Training) -> Result<FrameModel, EvaluateError> {
+pub(crate) fn model(
+    candidate: &Candidate<FrameDescription>,
+    training: &Training,
+) -> Result<FrameModel, EvaluateError> {
     let weights = (&training.weights, training.label.clone());
     Ok(FrameModel::of(&candidate.description, weights, Convolution::Direct, false)?)
 }

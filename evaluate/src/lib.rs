@@ -12,6 +12,7 @@
 //! | [`distances`] | distances between two series |
 //! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`area`] | contact area and normal force from pictures of a gel |
+//! | [`closed_loop`] | control by touch: what a network's error and run time do to it |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`streams`] | streams of events with labels along time, such as presses |
 //! | [`filters`] | what filters of events keep of a simulated signal and its noise |
@@ -41,6 +42,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod area;
+pub mod closed_loop;
 pub mod digits;
 pub mod distances;
 pub mod error;

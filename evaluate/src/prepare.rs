@@ -10,6 +10,7 @@ mod grasp;
 
 pub use dome::dome_presses;
 pub use filmed::{film_images, film_markers, with_causes};
+pub(crate) use gel::{DEEPEST, Drift, bytes};
 pub use gel::{GelPlan, Shapes, gel_presses};
 pub use grasp::grasps;
 

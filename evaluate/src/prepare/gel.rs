@@ -48,8 +48,8 @@ pub struct GelPlan {
 
 /// Range of the greatest force of a press, in newtons.
 const FORCE_N: [f64; 2] = [0.2, 8.0];
-/// Greatest depth, as a share of the gel's thickness: beyond it a linear gel is too soft.
-const DEEPEST: f64 = 0.3;
+/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too soft.
+pub(crate) const DEEPEST: f64 = 0.3;
 /// Standard deviations of the drift of the light between the picture at rest and those of a press, in grey levels, for each term of a
 /// quadratic in the place from -1 to 1: those of the 20 real pictures that the lights are fitted to, away from their contacts, with equal
 /// values for terms of equal degree.
@@ -127,18 +127,17 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
     let mut solver = GelSolver::new(sensor.gel, grid)?;
     let most_n = between(random, FORCE_N);
     let peak = deepest(&mut solver, &heights, most_n)?;
-    let drift: [[f64; 3]; 6] = DRIFT.map(|deviation| [(); 3].map(|()| deviation * normal(random)));
+    let drift = Drift::drawn(random);
     let at_rest = vec![0.0; grid.pixels()];
     let reference = sensor.camera.picture(&grid, &at_rest, plan.size, Some(random))?;
     let mut press = Press {
         pictures: Vec::new(),
         forces: Vec::new(),
         depths: Vec::new(),
-        reference: reference.iter().flatten().map(|&level| level.round() as u8).collect(),
+        reference: bytes(&reference, plan.size, None),
         pixel_mm: (sensor.width_mm / plan.size[0] as f64) as f32,
         indenter: name,
     };
-    let [width, height] = plan.size.map(|side| side as f64);
     for picture in 0..plan.pictures {
         let rise = sin(PI * (picture + 1) as f64 / (plan.pictures + 1) as f64);
         let contact = if plan.pictures == 1 {
@@ -147,20 +146,41 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
             solver.press(&heights, Load::Force(peak.force_n * rise * rise))?
         };
         let seen = sensor.camera.picture(&grid, &contact.displacement_mm, plan.size, Some(random))?;
-        for (pixel, level) in seen.iter().enumerate() {
-            let u = 2.0 * (pixel % plan.size[0]) as f64 / width - 1.0;
-            let v = 2.0 * (pixel / plan.size[0]) as f64 / height - 1.0;
-            let terms = [1.0, u, v, u * u, u * v, v * v];
-            press.pictures.extend((0..3).map(|channel| {
-                let drifted: f64 = terms.iter().zip(&drift).map(|(term, drift)| term * drift[channel]).sum();
-                (f64::from(level[channel]) + drifted).round().clamp(0.0, 255.0) as u8
-            }));
-        }
+        press.pictures.extend(bytes(&seen, plan.size, Some(&drift)));
         let forces = sensor.camera.lens.forces(&grid, &contact.pressure_mpa, plan.size);
         press.forces.extend(forces.iter().map(|&force| force as f32));
         press.depths.push(contact.depth_mm as f32);
     }
     Ok(press)
+}
+
+/// How the light of a sensor has changed since its picture at rest: a quadratic in the place, for each colour, in grey levels.
+pub(crate) struct Drift([[f64; 3]; 6]);
+
+impl Drift {
+    /// A change as large as those of the real sensor.
+    pub(crate) fn drawn(random: &mut Random) -> Self {
+        Self(DRIFT.map(|deviation| [(); 3].map(|()| deviation * normal(random))))
+    }
+
+    /// The change of red, green and blue at a place from -1 to 1.
+    fn at(&self, [u, v]: [f64; 2]) -> [f64; 3] {
+        let terms = [1.0, u, v, u * u, u * v, v * v];
+        [0, 1, 2].map(|channel| terms.iter().zip(&self.0).map(|(term, drift)| term * drift[channel]).sum())
+    }
+}
+
+/// The bytes of a picture of this width and height, from its grey levels, in a light that has drifted.
+pub(crate) fn bytes(levels: &[[f32; 3]], size: [usize; 2], drift: Option<&Drift>) -> Vec<u8> {
+    let [width, height] = size.map(|side| side as f64);
+    let pixels = levels.iter().enumerate().flat_map(|(pixel, level)| {
+        let (column, row) = ((pixel % size[0]) as f64, (pixel / size[0]) as f64);
+        let place = [2.0 * column / width - 1.0, 2.0 * row / height - 1.0];
+        let drifted = drift.map_or([0.0; 3], |drift| drift.at(place));
+        [0, 1, 2]
+            .map(|channel| (f64::from(level[channel]) + drifted[channel]).round().clamp(0.0, 255.0) as u8)
+    });
+    pixels.collect()
 }
 
 /// The contact at this force, or at [`DEEPEST`] where that comes first.

@@ -1,0 +1,131 @@
+//! A network between a camera and a controller, in the time of the simulation.
+//!
+//! The network takes one picture at a time. A picture that comes while it is busy waits, in place of the one that waited before.
+
+use std::time::Duration;
+
+use meissner_models::random::Random;
+
+use super::Delays;
+use super::plant::Reading;
+
+/// What a network says of a picture, and the time that it took.
+pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(Reading, Duration), E> + 'a;
+
+/// A reading with its times in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Timed {
+    /// When the picture was taken.
+    pub(super) taken_us: f64,
+    /// When the controller has the reading.
+    pub(super) ready_us: f64,
+    /// How long the network took.
+    pub(super) run_us: f64,
+    pub(super) reading: Reading,
+}
+
+/// Pictures on their way, and readings that came of them.
+pub(super) struct Line {
+    delays: Delays,
+    random: Random,
+    free_us: f64,
+    waiting: Option<(f64, Vec<u8>)>,
+    /// All readings in the order of their pictures, which is that of their arrival too.
+    pub(super) readings: Vec<Timed>,
+    /// Pictures that were lost on their way.
+    pub(super) lost: u64,
+}
+
+impl Line {
+    pub(super) fn new(delays: Delays, seed: u64) -> Self {
+        let random = Random::new(seed);
+        Self { delays, random, free_us: 0.0, waiting: None, readings: Vec::new(), lost: 0 }
+    }
+
+    /// A picture is taken at `now_us`, not before the last one.
+    pub(super) fn push<E>(
+        &mut self,
+        now_us: f64,
+        picture: impl FnOnce() -> Result<Vec<u8>, E>,
+        estimate: &mut Estimate<'_, E>,
+    ) -> Result<(), E> {
+        self.advance(now_us, estimate)?;
+        if self.random.uniform() < self.delays.lost {
+            self.lost += 1;
+            return Ok(());
+        }
+        self.waiting = Some((now_us, picture()?));
+        self.advance(now_us, estimate)
+    }
+
+    /// Lets the network begin with the picture that waits, if it is free by `now_us`.
+    pub(super) fn advance<E>(&mut self, now_us: f64, estimate: &mut Estimate<'_, E>) -> Result<(), E> {
+        if self.free_us > now_us {
+            return Ok(());
+        }
+        let Some((taken_us, picture)) = self.waiting.take() else { return Ok(()) };
+        let begin_us = self.free_us.max(taken_us);
+        let (reading, took) = estimate(&picture)?;
+        let run_us = took.as_secs_f64() * 1e6 * self.delays.slower;
+        self.free_us = begin_us + run_us;
+        let ready_us = self.free_us + self.delays.stale_us as f64;
+        self.readings.push(Timed { taken_us, ready_us, run_us, reading });
+        Ok(())
+    }
+
+    /// The newest reading that the controller has at `now_us`.
+    pub(super) fn newest(&self, now_us: f64) -> Option<&Timed> {
+        self.readings.iter().rev().find(|timed| timed.ready_us <= now_us)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::time::Duration;
+
+    use super::{Line, Reading};
+    use crate::closed_loop::Delays;
+
+    /// A network that takes a millisecond and says the first byte of a picture.
+    #[expect(clippy::unnecessary_wraps, reason = "networks may fail")]
+    fn says(picture: &[u8]) -> Result<(Reading, Duration), Infallible> {
+        let reading = Reading { force_n: picture[0].into(), middle_mm: None };
+        Ok((reading, Duration::from_millis(1)))
+    }
+
+    fn line(delays: Delays, pictures: &[f64]) -> Line {
+        let mut line = Line::new(delays, 3);
+        for (number, &now_us) in pictures.iter().enumerate() {
+            let pushed = line.push(now_us, || Ok(vec![number as u8]), &mut says);
+            pushed.expect("it never fails");
+        }
+        line
+    }
+
+    #[test]
+    fn a_busy_network_takes_the_newest_picture_when_it_is_free() {
+        let delays = Delays { slower: 2.5, stale_us: 300, ..Delays::default() };
+        let mut line = line(delays, &[0.0, 1000.0, 2000.0, 3000.0]);
+        line.advance(9000.0, &mut says).expect("it never fails");
+        let found: Vec<_> = line
+            .readings
+            .iter()
+            .map(|timed| (timed.reading.force_n, timed.taken_us, timed.ready_us))
+            .collect();
+        // Picture 1 is replaced by 2 at 2000, which begins at 2500; 3 waits until 5000.
+        assert_eq!(found, [(0.0, 0.0, 2800.0), (2.0, 2000.0, 5300.0), (3.0, 3000.0, 7800.0)]);
+        assert_eq!(line.newest(2799.0), None);
+        assert_eq!(line.newest(5299.0).map(|timed| timed.taken_us), Some(0.0));
+        assert_eq!(line.newest(1e9).map(|timed| timed.taken_us), Some(3000.0));
+    }
+
+    #[test]
+    fn lost_pictures_are_about_their_share_and_a_network_never_sees_them() {
+        let times: Vec<f64> = (0..1000).map(|i| 10_000.0 * f64::from(i)).collect();
+        let half = line(Delays { lost: 0.5, ..Delays::default() }, &times);
+        assert!((400..600).contains(&half.lost), "{}", half.lost);
+        assert_eq!(half.readings.len() as u64 + half.lost, 1000);
+        assert_eq!(line(Delays { lost: 1.0, ..Delays::default() }, &times).readings.len(), 0);
+    }
+}

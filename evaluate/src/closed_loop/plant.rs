@@ -1,0 +1,122 @@
+//! A ball on a simulated sensor, which a controller moves.
+
+use meissner_models::random::Random;
+use meissner_simulator::SimulatorError;
+use meissner_simulator::gel::{Contact, GelSensor, GelSolver, Grid, Indenter, Load, Placed};
+
+use crate::prepare::{DEEPEST, Drift, bytes};
+
+/// Pixels of the picture for each one of the grid that contacts are solved on, along a side.
+const COARSENESS: usize = 2;
+/// The ball stays within this share of the surface around its middle, along each side.
+const WITHIN: f64 = 0.6;
+
+/// What is true, or what a network says of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Reading {
+    pub(super) force_n: f64,
+    /// The middle of the contact from the middle of the picture, in millimetres; `None` without contact.
+    pub(super) middle_mm: Option<[f64; 2]>,
+}
+
+/// A ball on a gel under a camera.
+pub(super) struct Plant {
+    sensor: GelSensor,
+    solver: GelSolver,
+    ball_mm: f64,
+    size: [usize; 2],
+    drift: Drift,
+    random: Random,
+    /// How deep the ball is, negative above the gel, and where.
+    depth_mm: f64,
+    at_mm: [f64; 2],
+    contact: Option<Contact>,
+}
+
+impl Plant {
+    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture at rest.
+    pub(super) fn new(
+        sensor: &GelSensor,
+        ball_mm: f64,
+        size: [usize; 2],
+        seed: u64,
+    ) -> Result<(Self, Vec<u8>), SimulatorError> {
+        let grid = grid(sensor, size);
+        let mut random = Random::new(seed);
+        let drift = Drift::drawn(&mut random);
+        let at_rest = sensor.camera.picture(&grid, &vec![0.0; grid.pixels()], size, Some(&mut random))?;
+        let solver = GelSolver::new(sensor.gel, grid)?;
+        let (depth_mm, at_mm, contact) = (0.0, [0.0; 2], None);
+        let plant = Self { sensor: *sensor, solver, ball_mm, size, drift, random, depth_mm, at_mm, contact };
+        Ok((plant, bytes(&at_rest, size, None)))
+    }
+
+    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went: deeper, then along x and y.
+    ///
+    /// # Errors
+    /// As [`GelSolver::press`].
+    pub(super) fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3], SimulatorError> {
+        let grid = self.solver.grid();
+        let deepest_mm = DEEPEST * self.sensor.gel.thickness_mm;
+        let depth_mm = (self.depth_mm + deeper_mm).clamp(-deepest_mm, deepest_mm);
+        let most = [grid.width, grid.height].map(|side| side as f64 * grid.pitch_mm * WITHIN / 2.0);
+        let at_mm = [
+            (self.at_mm[0] + x_mm).clamp(-most[0], most[0]),
+            (self.at_mm[1] + y_mm).clamp(-most[1], most[1]),
+        ];
+        let moved = [depth_mm - self.depth_mm, at_mm[0] - self.at_mm[0], at_mm[1] - self.at_mm[1]];
+        (self.depth_mm, self.at_mm) = (depth_mm, at_mm);
+        let ball = Placed { at_mm, ..Placed::upright(Indenter::Ball { radius_mm: self.ball_mm }) };
+        self.contact = if depth_mm > 0.0 {
+            Some(self.solver.press(&ball.heights(&grid), Load::Depth(depth_mm))?)
+        } else {
+            None
+        };
+        Ok(moved)
+    }
+
+    /// What is true now.
+    pub(super) fn truth(&self) -> Reading {
+        let Some(contact) = &self.contact else { return Reading::default() };
+        Reading { force_n: contact.force_n, middle_mm: (contact.force_n > 0.0).then_some(self.at_mm) }
+    }
+
+    /// What the camera sees now: red, green and blue of each pixel, row by row.
+    ///
+    /// # Errors
+    /// None for a plant that was made.
+    pub(super) fn picture(&mut self) -> Result<Vec<u8>, SimulatorError> {
+        let grid = self.solver.grid();
+        let flat;
+        let displacement_mm = if let Some(contact) = &self.contact {
+            &contact.displacement_mm
+        } else {
+            flat = vec![0.0; grid.pixels()];
+            &flat
+        };
+        let levels = self.sensor.camera.picture(&grid, displacement_mm, self.size, Some(&mut self.random))?;
+        Ok(bytes(&levels, self.size, Some(&self.drift)))
+    }
+}
+
+/// The depth in millimetres at which a ball presses on a gel like `sensor`'s with `force_n`.
+///
+/// # Errors
+/// As [`GelSolver::press`].
+pub(super) fn depth_mm(
+    sensor: &GelSensor,
+    ball_mm: f64,
+    size: [usize; 2],
+    force_n: f64,
+) -> Result<f64, SimulatorError> {
+    let grid = grid(sensor, size);
+    let ball = Placed::upright(Indenter::Ball { radius_mm: ball_mm });
+    let contact = GelSolver::new(sensor.gel, grid)?.press(&ball.heights(&grid), Load::Force(force_n))?;
+    Ok(contact.depth_mm)
+}
+
+/// The grid on which contacts are solved.
+fn grid(sensor: &GelSensor, size: [usize; 2]) -> Grid {
+    let [width, height] = size.map(|side| (side / COARSENESS).max(1));
+    sensor.grid(width, height)
+}

@@ -1,0 +1,154 @@
+use meissner_simulator::gel::GelSensor;
+
+use super::plant::Plant;
+use super::{
+    BALL_MM, Delays, Goal, MARBLE_DEPTH_MM, MOST_N, PERIOD_S, Plan, Report, Variation, run, saw_tooth,
+};
+use crate::error::EvaluateError;
+use crate::trainings::Request;
+
+/// A network that says of a pixel a hundredth of the change of its red; the forces are wrong, the middle is about right.
+const NETWORK: &str = r#"
+[network]
+name = "red"
+[input]
+kind = "image"
+channels = 3
+height = 24
+width = 32
+frames = "picture"
+difference = true
+mean = [0.0, 0.0, 0.0]
+std = [1.0, 1.0, 1.0]
+force_mean = 0.0
+force_std = 0.02
+pixel_mm = [0.6, 0.6]
+threshold_n = 0.004
+[[layer]]
+name = "head"
+kind = "conv"
+channels = 1
+kernel = 1
+[output]
+names = ["force"]
+unit = "N per pixel"
+"#;
+
+/// The folder with the network and its weights.
+fn folder() -> (tempfile::TempDir, Vec<String>, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let network = folder.path().join("red.toml");
+    std::fs::write(&network, NETWORK).unwrap();
+    let weights = folder.path().join("red.safetensors");
+    let mut file = meissner_models::TensorFile::new([("seed".to_owned(), "3".to_owned())].into());
+    file.f32("head.weight", &[1, 3, 1, 1], &[1.0, 0.0, 0.0]);
+    file.f32("head.bias", &[1], &[0.0]);
+    std::fs::write(&weights, file.into_bytes()).unwrap();
+    (folder, vec![network.display().to_string()], weights)
+}
+
+fn report(goal: Goal, seconds: f64, variations: &[Variation]) -> Result<Report, EvaluateError> {
+    let (_folder, networks, weights) = folder();
+    let request = Request { networks: &networks, weights: Some(&weights), trainings: None };
+    let sensor = GelSensor::second();
+    run(&Plan { request, goal, sensor, seconds, rate_hz: 25.0, seed: 4, variations })
+}
+
+#[test]
+fn a_saw_tooth_rises_evenly_and_falls_at_once() {
+    assert_eq!(saw_tooth(0.0), 0.4);
+    assert!((saw_tooth(PERIOD_S / 2.0) - 1.0).abs() < 1e-12);
+    assert!((saw_tooth(PERIOD_S - 1e-9) - MOST_N).abs() < 1e-6 && saw_tooth(PERIOD_S) == 0.4);
+}
+
+#[test]
+fn a_controller_that_knows_the_truth_follows_but_for_the_fall() {
+    let report = report(Goal::SawTooth, 6.0, &[]).unwrap();
+    let row = &report.truth;
+    assert_eq!((row.pictures, row.read, row.pictures_lost, row.reading_error), (150, 150, 0, Some(0.0)));
+    // While the goal rises the error is that of a wrong model of the gel, and it is small.
+    let rising = row.trace.iter().filter(|(at_s, ..)| (1.0..4.0).contains(at_s) || *at_s > 4.5);
+    let worst = rising.map(|(_, goal, is)| (goal - is).abs()).fold(0.0, f64::max);
+    assert!(worst < 0.05, "{worst} N");
+    assert!(row.error < 0.06 && row.rms > row.error, "{} {}", row.error, row.rms);
+}
+
+#[test]
+fn a_pushed_marble_comes_back_to_the_middle() {
+    let report = report(Goal::Marble, 4.0, &[]).unwrap();
+    let at = |step: usize| report.truth.trace[step].2;
+    assert!((at(0) - 4.0).abs() < 1e-9 && (at(50) - 4.0).abs() < 1e-9);
+    for before_push in [49, 99] {
+        assert!(at(before_push) < 1e-3, "{} mm", at(before_push));
+    }
+    // It cannot roll faster than it may: 20 mm/s is 0.8 mm a picture.
+    let trace = &report.truth.trace;
+    assert!(trace.windows(2).all(|pair| pair[0].2 - pair[1].2 < 0.8 + 1e-9));
+}
+
+#[test]
+fn a_network_that_sees_the_marble_brings_it_nearer_and_the_same_seed_gives_the_same_loop() {
+    // A run time that no machine reaches: the loop then depends on the seed alone.
+    let delays = Delays { slower: 1e-9, ..Delays::default() };
+    let variations = [
+        Variation { tolerance: None, delays },
+        Variation { tolerance: None, delays: Delays { stale_us: 400_000, ..delays } },
+        Variation { tolerance: None, delays: Delays { lost: 1.0, ..delays } },
+    ];
+    let [one, two] = [(); 2].map(|()| report(Goal::Marble, 4.0, &variations).unwrap());
+    let rows = &one.networks[0].rows;
+    for (row, again) in rows.iter().zip(&two.networks[0].rows) {
+        assert_eq!(row.trace, again.trace);
+    }
+    let [fresh, stale, blind] = [0, 1, 2].map(|i| &rows[i]);
+    assert!(
+        fresh.error < stale.error && stale.error < blind.error,
+        "{} {} {}",
+        fresh.error,
+        stale.error,
+        blind.error
+    );
+    assert!(
+        (blind.error - 4.0).abs() < 1e-9 && (blind.read, blind.pictures_lost) == (0, 100),
+        "nothing is seen"
+    );
+    assert_eq!((blind.run_us, blind.age_us, blind.reading_error), (None, None, None));
+    assert!(stale.age_us > Some(400_000.0), "{:?}", stale.age_us);
+    assert!(one.truth.error < fresh.error);
+}
+
+#[test]
+fn a_network_without_time_for_every_picture_takes_the_newest() {
+    let delays = Delays { slower: 1e6, ..Delays::default() };
+    let report = report(Goal::SawTooth, 2.0, &[Variation { tolerance: None, delays }]).unwrap();
+    let row = &report.networks[0].rows[0];
+    assert!(row.read < row.pictures && row.pictures_lost == 0, "{} of {}", row.read, row.pictures);
+}
+
+#[test]
+fn a_ball_stays_on_the_sensor_and_within_its_depth() {
+    let (mut plant, at_rest) = Plant::new(&GelSensor::default(), BALL_MM, [64, 48], 1).unwrap();
+    assert_eq!(at_rest.len(), 64 * 48 * 3);
+    assert_eq!(plant.truth().force_n, 0.0);
+    let moved = plant.move_by([-5.0, 0.0, 0.0]).unwrap();
+    assert!((moved[0] + 1.2).abs() < 1e-12 && plant.truth().middle_mm.is_none());
+    assert_eq!(plant.picture().unwrap().len(), at_rest.len());
+    let moved = plant.move_by([1e9, 1e9, -1e9]).unwrap();
+    assert!((moved[0] - 2.4).abs() < 1e-12 && (moved[1] - 5.76).abs() < 1e-9 && moved[2] < -4.0, "{moved:?}");
+    assert!(plant.truth().force_n > 1.6);
+    let deep = plant.truth().force_n;
+    plant.move_by([MARBLE_DEPTH_MM - 1.2, -5.76, 0.0]).unwrap();
+    assert!(plant.truth().force_n < deep);
+}
+
+#[test]
+fn what_is_no_loop_is_refused() {
+    let lost = |lost: f64| Variation { tolerance: None, delays: Delays { lost, ..Delays::default() } };
+    let slower = |slower: f64| Variation { tolerance: None, delays: Delays { slower, ..Delays::default() } };
+    for (seconds, variation) in
+        [(0.0, lost(0.0)), (f64::NAN, lost(0.0)), (1.0, lost(1.5)), (1.0, slower(0.0))]
+    {
+        let error = report(Goal::Marble, seconds, &[variation]).err().expect("it is refused");
+        assert!(matches!(error, EvaluateError::Request { .. }), "{error}");
+    }
+}
