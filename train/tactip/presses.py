@@ -10,6 +10,8 @@ every pin moves from rest, along the field that was fitted to the training image
     FILM/train.safetensors   all training images but the last 500, once for each of the cameras FILM = 0, 1, ...
     0/valid.safetensors      these 500, to choose by
     0/test.safetensors       the test images
+    FILM/train.safetensors   with `--set shear --drawn N`, for the N cameras after these: as many presses, at poses and after moves that the
+                             robot did not take
 
 with the events of all presses as `prepare graphs` reads them, and along the time of each press `truth.depth` in mm, and `truth.tilt_x`
 and `truth.tilt_y` in degrees, as the robot had them. Beside each are the tracks of the pins, PART.tracks.safetensors.
@@ -21,7 +23,8 @@ The robot made an image with shear in two steps: it pressed at the pose minus th
 depth. Here the press takes 60 to 130 ms, and so does the move, as 3 t^2 - 2 t^3 each. Within a move, the field knows each state: it is
 that of an image with a smaller move. The tilts are those of the press until the move begins, and then turn to those of the pose. What
 the field misses of an image grows with the move. No image shows the end of the press: there the pins are off the field by as much as in
-another image of the same set, drawn at random, so that a press is not more exact than an image.
+another image of the same set, drawn at random, so that a press is not more exact than an image. A drawn press has the depth, the tilts and
+the move of training images drawn at random, each on its own, and is off the field by as much as another one.
 """
 
 import argparse
@@ -62,10 +65,9 @@ def taps(field, pose, seen, random):
     return tracks(times, states)
 
 
-def shears(field, pose, move, seen, random):
-    """The tracks of presses that are followed by a move."""
+def shears(field, pose, move, residual, random):
+    """The tracks of presses that are followed by a move, at whose end the pins are off the field by `residual`."""
     times = knots(random, len(pose), PART_US, PART_US)
-    residual = np.nan_to_num(seen - field(pose, move))
     other = random.permutation(residual)
     pressed = pose - np.column_stack([np.zeros(len(pose)), move[:, 2:4]])
     states = []
@@ -110,7 +112,7 @@ def film(args, number, part, seed, tracks):
 
 def main():
     args = arguments()
-    train, test = (tapped if args.set == "tap" else sheared)(args.data)
+    train, test, drawn = (tapped if args.set == "tap" else sheared)(args.data)
     random = np.random.default_rng(args.seed)
     # Every press of every film has a camera of its own.
     seed = 1_000_000 * args.seed
@@ -118,6 +120,9 @@ def main():
         film(args, number, "train", seed + 100_000 * number, train(slice(None, -VALID), random))
     film(args, 0, "valid", seed + 800_000, train(slice(-VALID, None), random))
     film(args, 0, "test", seed + 900_000, test(slice(None), random))
+    for number in range(args.films, args.films + args.drawn):
+        random = np.random.default_rng((args.seed, number))
+        film(args, number, "train", seed + 100_000 * number, drawn(slice(None, -VALID), random))
 
 
 def tapped(data):
@@ -131,6 +136,7 @@ def tapped(data):
     return (
         lambda part, random: taps(field, pose[part], seen[part], random),
         lambda part, random: taps(field, test[part], there[part], random),
+        None,
     )
 
 
@@ -144,9 +150,18 @@ def sheared(data):
     blobs, test, after = shear.read(data / "shear_test.npz")
     there = shear.followed(blobs, field(test, after))
     said("test", there, field(test, after))
+    residual = np.nan_to_num(seen - field(pose, move))
+    missed = np.nan_to_num(there - field(test, after))
+
+    def drawn(part, random):
+        other = [random.permutation(len(pose[part])) for _ in range(4)]
+        chosen = np.column_stack([pose[part][other[0], :1], pose[part][other[1], 1:]])
+        return shears(field, chosen, move[part][other[2]], residual[part][other[3]], random)
+
     return (
-        lambda part, random: shears(field, pose[part], move[part], seen[part], random),
-        lambda part, random: shears(field, test[part], after[part], there[part], random),
+        lambda part, random: shears(field, pose[part], move[part], residual[part], random),
+        lambda part, random: shears(field, test[part], after[part], missed[part], random),
+        drawn,
     )
 
 
@@ -162,9 +177,13 @@ def arguments():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--set", choices=["tap", "shear"], default="tap", help="default: %(default)s")
     parser.add_argument("--films", type=int, default=2, help="times that the training presses are filmed; default: 2")
+    parser.add_argument("--drawn", type=int, default=0, help="films of presses at drawn poses, with `--set shear`; default: 0")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
+    args = parser.parse_args()
+    if args.drawn and args.set == "tap":
+        parser.error("--drawn: expected --set shear")
+    return args
 
 
 if __name__ == "__main__":

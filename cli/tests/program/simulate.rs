@@ -168,3 +168,63 @@ fn tracks_and_settings_that_do_not_fit_are_refused_by_name() {
     fails(&simulate(&tracks, &out, &[]), 1, &["tracks.safetensors", "stream 0", "times must ascend"]);
     assert!(!out.exists());
 }
+
+/// A network over pictures whose force on a pixel grows with its red.
+const RED: &str = r#"
+[network]
+name = "red"
+[input]
+kind = "image"
+channels = 3
+height = 24
+width = 32
+frames = "picture"
+difference = true
+mean = [0.0, 0.0, 0.0]
+std = [1.0, 1.0, 1.0]
+force_mean = 0.0
+force_std = 0.02
+pixel_mm = [0.6, 0.6]
+threshold_n = 0.004
+[[layer]]
+name = "head"
+kind = "conv"
+channels = 1
+kernel = 1
+[output]
+names = ["force"]
+unit = "N per pixel"
+"#;
+
+#[test]
+fn a_loop_has_a_row_for_each_variation_of_each_network() {
+    let (folder, network) = file("red.toml", RED);
+    let mut weights = TensorFile::new([("seed".to_owned(), "3".to_owned())].into());
+    weights.f32("head.weight", &[1, 3, 1, 1], &[1.0, 0.0, 0.0]);
+    weights.f32("head.bias", &[1], &[0.0]);
+    let [file, json, svg] = ["red.safetensors", "loop.json", "loop.svg"].map(|name| folder.path().join(name));
+    std::fs::write(&file, weights.into_bytes()).expect("it can be written");
+    let common = ["simulate", "loop", "--goal", "marble", "--seconds", "1", "--network", argument(&network)];
+    let weights = ["--weights", argument(&file)];
+    let files = ["--json", argument(&json), "--svg", argument(&svg)];
+    let varied = ["--tolerance", "0.05", "--slower", "2,1e6", "--stale", "80ms", "--drop", "1"];
+    let output = meissner(&[&common[..], &weights, &varied, &files].concat());
+    assert!(output.status.success(), "{}", message(&output));
+    let shown = text(&output);
+    for row in ["as it is", "tolerance 0.05", "2 times slower", "80 ms later", "100 % lost", "the truth"] {
+        assert!(shown.contains(row), "{row}: {shown}");
+    }
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&json).expect("it was written")).expect("it is JSON");
+    let rows = report["networks"][0]["rows"].as_array().expect("a list");
+    assert_eq!((report["goal"].as_str(), rows.len(), rows[0]["pictures"].as_u64()), (Some("marble"), 6, Some(25)));
+    // Whoever loses all pictures leaves the marble where it is.
+    assert_eq!((rows[5]["read"].as_u64(), rows[5]["error"].as_f64()), (Some(0), Some(4.0)));
+    assert!(rows[5]["run_us"].is_null() && report["truth"]["error"].as_f64() < Some(4.0));
+    let drawn = std::fs::read_to_string(&svg).expect("it was written");
+    assert!(drawn.contains("mean tracking error (mm)") && drawn.contains("distance from the middle (mm)"));
+
+    let lost = meissner(&[&common[..], &weights, &["--drop", "1.5"]].concat());
+    fails(&lost, 1, &["expected a share of lost pictures from 0 to 1", "1.5"]);
+    fails(&meissner(&["simulate", "loop", "--network", "slip-tuned"]), 1, &["networks over pictures"]);
+}
