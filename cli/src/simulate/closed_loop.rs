@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
 use crate::tasks::TrainedNetworks;
-use crate::text::{Table, duration};
+use crate::text::Table;
 
 /// What stands in a cell without a value.
 const NONE: &str = "-";
@@ -70,7 +70,7 @@ pub(super) struct LoopArgs {
     /// Also compute only what changes by more than this between pictures.
     ///
     /// The unit is that of the network's input, in which one grey level is 0.04 for the shipped networks.
-    #[arg(long, value_name = "CHANGE", value_delimiter = ',', default_values_t = [0.1, 0.2], help_heading = APPROXIMATIONS)]
+    #[arg(long, value_name = "CHANGE", value_delimiter = ',', default_values_t = [0.2, 0.4], help_heading = APPROXIMATIONS)]
     tolerance: Vec<f32>,
     /// Also with networks that take so many times as long.
     #[arg(long, value_name = "TIMES", value_delimiter = ',', default_values_t = [4.0], help_heading = INPUT)]
@@ -143,7 +143,7 @@ fn name(variation: &Variation) -> String {
     let parts = [
         tolerance.map(|tolerance| format!("tolerance {tolerance}")),
         (slower != 1.0).then(|| format!("{slower} times slower")),
-        (stale_us > 0).then(|| format!("{} later", duration(stale_us as f64))),
+        (stale_us > 0).then(|| format!("{} ms later", stale_us as f64 / 1e3)),
         (lost > 0.0).then(|| format!("{:.0} % lost", 100.0 * lost)),
     ];
     let parts: Vec<String> = parts.into_iter().flatten().collect();
@@ -167,9 +167,10 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     report.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
     let unit = report.goal.unit();
     let [error, rms, reading] = ["error", "rms", "reading"].map(|figure| format!("{figure} ({unit})"));
-    let headings = [title(report.goal), &error, &rms, &reading, "run", "age", "pictures", "read", "lost"];
+    let headings =
+        [title(report.goal), &error, &rms, &reading, "run (ms)", "age (ms)", "pictures", "read", "lost"];
     let cells = |name: String, row: &Row| {
-        let time = |us: Option<f64>| us.map_or_else(|| NONE.to_owned(), duration);
+        let time = |us: Option<f64>| us.map_or_else(|| NONE.to_owned(), |us| format!("{:.1}", us / 1e3));
         let reading = row.reading_error.map_or_else(|| NONE.to_owned(), |error| format!("{error:.3}"));
         let [pictures, read, lost] = [row.pictures, row.read, row.pictures_lost].map(grouped);
         let (run, age) = (time(row.run_us), time(row.age_us));
@@ -216,7 +217,7 @@ fn svg(report: &Report) -> String {
             error: row.error,
             interval: None,
             on_front: row.on_front,
-            tooltip: format!("{of}, {name}: {}, {:.3} {unit}", duration(run_us), row.error),
+            tooltip: format!("{of}, {name}: {:.1} ms, {:.3} {unit}", run_us / 1e3, row.error),
             label: Some(name),
         })
     };
