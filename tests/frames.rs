@@ -88,10 +88,15 @@ proptest! {
     }
 
     #[test]
-    fn a_reset_engine_is_as_new(style in frame_style(), seed in any::<u64>(), sparse in any::<bool>()) {
+    fn a_reset_engine_is_as_new(
+        style in frame_style(),
+        seed in any::<u64>(),
+        sparse in any::<bool>(),
+        skip in prop_oneof![Just(Skip::Exact), Just(Skip::Tolerance(0.1))],
+    ) {
         let size = [2, 8, 12];
         let parts = network(style, size, 8, seed);
-        let options = FrameOptions::new().with_sparse(sparse);
+        let options = FrameOptions::new().with_sparse(sparse).with_skip(skip);
         let (mut used, mut new) =
             (engine(&parts, Convolution::Direct, options), engine(&parts, Convolution::Direct, options));
         for frame in sequence(5, size, seed) {

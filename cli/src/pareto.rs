@@ -13,7 +13,7 @@ use std::path::Path;
 
 use meissner_evaluate::digits::Digits;
 use meissner_evaluate::events::EventTask;
-use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, events, slip};
+use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, area, events, force, slip};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_pipeline::bench::Part;
@@ -49,6 +49,16 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             let workers = threads::pool(args.common.threads)?.into();
             let options = args.common.options();
             write(slip(&args.task.data, args.task.request(), &options, &workers)?, &args.common)
+        }
+        StudyArgs::Area(args) => {
+            let workers = threads::pool(args.common.threads)?.into();
+            let (request, options) = (args.task.networks.request(), args.common.options());
+            write(area(&args.task.data, request, &options, &workers)?, &args.common)
+        }
+        StudyArgs::Force(args) => {
+            let workers = threads::pool(args.common.threads)?.into();
+            let (request, options) = (args.task.networks.request(), args.common.options());
+            write(force(&args.task.events, request, &options, &workers)?, &args.common)
         }
     }
 }

@@ -120,6 +120,18 @@ pub(crate) struct ForceTask {
     pub(crate) networks: TrainedNetworks,
 }
 
+/// Contact area and normal force from pictures.
+#[derive(Debug, clap::Args)]
+pub(crate) struct AreaTask {
+    /// Files of pictures with labels.
+    ///
+    /// A file is one that `simulate gel` writes, or an archive (.npz) of real pictures of balls.
+    #[arg(value_name = "PICTURES", required = true)]
+    pub(crate) data: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) networks: TrainedNetworks,
+}
+
 /// Networks of a task, with weights or trainings.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TrainedNetworks {
@@ -136,7 +148,7 @@ pub(crate) struct TrainedNetworks {
     weights: Option<PathBuf>,
     /// Folder of safetensors files, each a training of a network.
     ///
-    /// The end of this help explains their metadata.
+    /// `meissner eval area --help` and `meissner eval force --help` explain their metadata.
     #[arg(long, value_name = "DIR", help_heading = NETWORK)]
     trainings: Option<PathBuf>,
 }

@@ -4,8 +4,9 @@
 //! [`Report`] and the maps of force. Each press begins with a reset; its figures are computed from its pictures in their order, so
 //! that the number of threads changes no bit, except in measured times.
 
-mod figures;
-mod pictures;
+pub(crate) mod figures;
+pub(crate) mod pictures;
+pub(crate) mod run;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -22,12 +23,11 @@ pub use figures::{BaselineFigures, Figures, KindFigures};
 pub use pictures::Source;
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
-use crate::trainings::{
-    Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
-};
+use crate::trainings::{Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name};
 use crate::workers::Workers;
 use figures::{Outcome, baseline};
 use pictures::{Press, Set};
+use run::How;
 
 /// The task of contact area and normal force.
 #[derive(Clone, Copy, Debug)]
@@ -128,7 +128,7 @@ pub fn evaluate(
     let mut models = Vec::new();
     for candidate in &candidates {
         for training in &candidate.trainings {
-            let model = model(candidate, training)?;
+            let model = model(&candidate.description, training, Convolution::Direct)?;
             let predictor = ContactPredictor::new(&model, options.frames)?;
             sets.iter().try_for_each(|set| set.check(&model.name, predictor.size()))?;
             models.push((candidate, training, model));
@@ -145,12 +145,13 @@ pub fn evaluate(
         let costs: Vec<_> = model.description.layers().iter().map(LayerCost::new).collect();
         let mut figures = Vec::new();
         for (index, set) in sets.iter().enumerate() {
-            let work = |(): &mut (), press: &Press| Outcome::of(&model, options.frames, &costs, press);
+            let how = How { options: options.frames, every: 1 };
+            let work = |(): &mut (), press: &Press| Outcome::of(&model, how, &costs, press);
             let outcomes = workers.for_each(&(), &set.presses, work)?;
             let maps: Vec<f32> = outcomes.iter().flat_map(|outcome| outcome.maps.iter().copied()).collect();
             let name = format!("{}.{}.{index}", model.name, seed_name(training.seed));
             logits.f32(&name, &[set.pictures(), set.size.height, set.size.width], &maps);
-            figures.push(Figures::new(&outcomes));
+            figures.push(Figures::new(&outcomes.iter().collect::<Vec<_>>()));
         }
         done(&training.label, start.elapsed());
         let report = TrainingReport { seed: training.seed, files: training.files(), sets: figures };
@@ -170,13 +171,14 @@ pub fn evaluate(
     Ok(Evaluation { report: Report { header, data, notes, networks }, logits, took: start.elapsed() })
 }
 
-/// The network of a candidate with the weights of a training.
+/// The network of `description` with the weights of a training.
 pub(crate) fn model(
-    candidate: &Candidate<FrameDescription>,
+    description: &FrameDescription,
     training: &Training,
+    convolution: Convolution,
 ) -> Result<FrameModel, EvaluateError> {
     let weights = (&training.weights, training.label.clone());
-    Ok(FrameModel::of(&candidate.description, weights, Convolution::Direct, false)?)
+    Ok(FrameModel::of(description, weights, convolution, false)?)
 }
 
 fn data_report(set: &Set, workers: &Workers) -> Result<DataReport, EvaluateError> {

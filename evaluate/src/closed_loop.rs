@@ -21,7 +21,7 @@ mod plant;
 use std::f64::consts::TAU;
 
 use libm::{cbrt, cos, hypot, sin};
-use meissner_engine::frames::{FrameOptions, Skip};
+use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_models::FrameDescription;
 use meissner_models::random::Random;
 use meissner_pipeline::model::FrameModel;
@@ -190,7 +190,10 @@ pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
     check(plan)?;
     let (candidates, notes) = candidates::<Area>(plan.request)?;
     let models = candidates.iter().flat_map(|candidate| {
-        candidate.trainings.iter().map(move |training| Ok((candidate, model(candidate, training)?)))
+        candidate.trainings.iter().map(move |training| {
+            let model = model(&candidate.description, training, Convolution::Direct)?;
+            Ok((candidate, model))
+        })
     });
     let models: Vec<(&Candidate<FrameDescription>, FrameModel)> =
         models.collect::<Result<_, EvaluateError>>()?;

@@ -6,7 +6,7 @@
 //! number of threads changes no bit, except in measured times and in what depends on them.
 
 mod errors;
-mod recording;
+pub(crate) mod recording;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub use errors::{ForceErrors, PartErrors};
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
 use crate::judged;
-use crate::regression::engine::PressEngine;
+use crate::regression::engine::{HowCounts, PressEngine};
 use crate::regression::press::Presses;
 use crate::regression::quantity::Quantity;
 use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
@@ -225,7 +225,9 @@ impl Judge<'_> {
                     AnyDescription::Events(_) => {
                         PressEngine::new(description, training, sensor, self.options.mode)
                     }
-                    AnyDescription::Frames(frames) => PressEngine::counts(frames, training, sensor),
+                    AnyDescription::Frames(frames) => {
+                        PressEngine::counts(frames, training, sensor, HowCounts::default())
+                    }
                 }?;
                 self.workers.for_each(&engine, chosen, |engine: &mut PressEngine, &number: &usize| {
                     judge(engine, self.recordings, number, self.stride, (every_us, PERIOD_US))

@@ -3,6 +3,9 @@
 //! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so they are equal on every
 //! machine.
 
+mod clusters;
+
+pub(crate) use clusters::{Cluster, clustered_95};
 pub use meissner_pipeline::answer::largest;
 use serde::ser::{Serialize, Serializer};
 

@@ -1,30 +1,37 @@
 //! Run time against error: networks exactly, and with each approximation.
 //!
-//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`]). Leaves: a [`Report`] with times, work and errors of every
+//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`], [`area`], [`force`]). Leaves: a [`Report`] with times, work and errors of every
 //! setting of every network, and the settings that no other one beats. Finished measurements are kept in a [`State`] and not
 //! repeated.
 
 mod event_network;
 mod frame_network;
+mod frame_settings;
+mod grasps;
 mod measurement;
+mod pictures;
 mod report;
 mod settings;
 mod state;
 mod studies;
+mod task_error;
 
 use meissner_kernels::Isa;
 
 use crate::error::{EvaluateError, RequestPart};
-pub use measurement::{EXACT, Measurement, Numerical, TaskError, Time, Timing};
+pub use grasps::force;
+pub use measurement::{EXACT, Measurement, Numerical, Time, Timing};
+pub use pictures::area;
 pub use report::{Compared, DataReport, Fastest, NetworkReport, Report, SettingReport, pareto_front};
 use state::Key;
 pub use state::State;
 pub use studies::{AngleOptions, angle, events, slip};
+pub use task_error::{ErrorKind, TaskError};
 
 /// What is measured, and how often.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// About how many events are timed in each repeat, or windows of frame networks; `None` for 20,000 events or 400 windows.
+    /// About how many events, windows, pictures or recordings are timed in each repeat; `None` for 20,000, 400, 40 or 20.
     pub timed: Option<usize>,
     /// Repeats of each measurement of time; at least 1.
     pub repeats: u32,
@@ -35,9 +42,9 @@ pub struct Options {
 /// The networks of a system over one data set.
 pub struct Study<'a> {
     system: &'static str,
-    /// Unit of the times: "event" or "window".
+    /// Unit of the times: "event", "window", "picture" or "recording".
     unit: &'static str,
-    /// Number of events or windows that were asked for.
+    /// Number of these that were asked for.
     asked: usize,
     data: DataReport,
     networks: Vec<NetworkStudy<'a>>,

@@ -38,7 +38,7 @@ pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
 pub use latency::{Distribution, LatencyCurve};
 pub use network::{Network, Node};
 pub use plane::{Plane, Series, Style};
-pub use trade_off::{Setting, TradeOff};
+pub use trade_off::{Errors, Setting, TradeOff};
 
 use svg::{GREY, Svg};
 

@@ -30,13 +30,23 @@ pub struct TradeOff {
     pub error_title: String,
     /// A note beside the title of the axis of errors.
     pub about: String,
-    /// Whether errors are percentages: the axis is linear or logarithmic after their range, and all networks share one
-    /// front. Otherwise the axis is logarithmic with a place for 0, and each network has its own front.
-    pub percent: bool,
+    /// What the errors are.
+    pub errors: Errors,
     /// Names of the networks.
     pub networks: Vec<String>,
     /// The settings of all networks.
     pub points: Vec<Setting>,
+}
+
+/// What errors are, which decides on their axis and on the fronts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Errors {
+    /// Percentages, at most 100: the axis is linear or logarithmic after their range, and all networks share one front.
+    Percentages,
+    /// Quantities in one unit, such as forces: the same, without a greatest value.
+    Quantities,
+    /// Differences from the exact outputs of each network: the axis is logarithmic with a place for 0, and each network has its own front.
+    Differences,
 }
 
 /// A point of a [`TradeOff`].
@@ -102,14 +112,23 @@ impl TradeOff {
             })
         };
         let pixels = (FIELD.bottom, FIELD.top);
-        let y = if !self.percent {
+        let is_wide =
+            || ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MOST_LINEAR * least);
+        // The greatest value, and the shortest linear axis: 2 points, or a tenth of the greatest error.
+        let (most, least) = match self.errors {
+            Errors::Percentages => (100.0, 2.0),
+            Errors::Quantities | Errors::Differences => {
+                (f64::INFINITY, ends(errors()).map_or(1.0, |(_, most)| most / 10.0).max(1e-6))
+            }
+        };
+        let y = if self.errors == Errors::Differences {
             Axis::logarithmic(widened(errors().map(f64::log10), 1.0), pixels).with_zero()
-        } else if ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MOST_LINEAR * least) {
+        } else if is_wide() {
             let (low, high) = widened(errors().map(f64::log10), 0.5);
-            Axis::logarithmic((low, high.min(2.0)), pixels)
+            Axis::logarithmic((low, high.min(most.log10())), pixels)
         } else {
-            let (low, high) = widened(errors(), 2.0);
-            Axis::linear((low.max(0.0), high.min(100.0)), pixels)
+            let (low, high) = widened(errors(), least);
+            Axis::linear((low.max(0.0), high.min(most)), pixels)
         };
         Field { area: FIELD, x: Axis::logarithmic(widened(times, 0.5), (FIELD.left, FIELD.right)), y }
     }
@@ -145,10 +164,10 @@ impl TradeOff {
             let before = |i: usize| places[i.saturating_sub(1)].1;
             (0..places.len()).flat_map(|i| [(places[i].0, before(i)), places[i]]).collect()
         };
-        if self.percent {
-            vec![(corners(None), FRAME)]
-        } else {
+        if self.errors == Errors::Differences {
             (0..self.networks.len()).map(|network| (corners(Some(network)), colour(network))).collect()
+        } else {
+            vec![(corners(None), FRAME)]
         }
     }
 }

@@ -100,7 +100,7 @@ fn judged<R: Serialize>(evaluation: Evaluation<R>) -> Judged {
 }
 
 fn unknown(task: &str) -> Failure {
-    let expected = "\"digits\", \"objects\", \"containers\", \"slip\", \"angle\" or \"area\"";
+    let expected = "\"digits\", \"objects\", \"containers\", \"slip\", \"angle\" or \"area\" (or, for pareto, \"force\")";
     Failure::input(format!("task: expected {expected}, found {task:?}"))
 }
 
@@ -183,7 +183,7 @@ pub(crate) fn measure(
         return Err(Failure::input("repeats: expected at least 1, found 0"));
     }
     let known = Recordings::of(task);
-    if known.is_none() && !matches!(task, "slip" | "angle") {
+    if known.is_none() && !matches!(task, "slip" | "angle" | "area" | "force") {
         return Err(unknown(task));
     }
     let (watch, parts) = (Watch::default(), Parts::default());
@@ -201,6 +201,11 @@ pub(crate) fn measure(
                 run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?)
             }
             None if task == "slip" => run(pareto::slip(&data, asked.request(), &options, &workers)?),
+            None if task == "area" => {
+                let files = std::slice::from_ref(&data);
+                run(pareto::area(files, asked.request(), &options, &workers)?)
+            }
+            None if task == "force" => run(pareto::force(&data, asked.request(), &options, &workers)?),
             None => {
                 let source = Source::open(Some(&data), &ReadOptions::default(), sensor.is_some(), true)?;
                 let asked = AngleOptions {

@@ -293,3 +293,25 @@ def test_pictures_are_judged_by_the_maps_of_forces(tmp_path):
     assert records[None]["iou"] == pytest.approx(np.mean(expected))
     with pytest.raises(meissner.InputError):
         evaluation.confusion("canf-plain")
+    found = meissner.pareto("area", path, networks="canf-plain", only="every 2nd", timed=2, repeats=1)
+    assert [record["setting"] for record in found.records] == ["exact", "every 2nd frame"]
+    assert found.records[0]["error"] == pytest.approx(1 - records[None]["iou"])
+    # A single press says nothing about others.
+    assert found.records[0]["error_low"] is None
+
+
+def test_run_time_against_error_of_the_force_is_over_recordings(tmp_path):
+    """Two recordings of 30 ms without events, under a force that rises to 1 N."""
+    path = tmp_path / "grasps.safetensors"
+    arrays = {name: np.zeros(0, "i8") for name in ("t_us", "x", "y", "on")}
+    arrays |= {"start": np.zeros(3, "i8"), "truth.start": np.array([0, 2, 4], "i8")}
+    arrays |= {"truth.t_us": np.array([0, 30_000] * 2, "i8"), "truth.force": np.array([0, 1, 0, 1], "f4")}
+    tensors(path, arrays, {"sensor": "[115, 115]"})
+    found = meissner.pareto("force", path, networks=["force-graph", "force-tdnn"], only="exact", timed=1, repeats=1)
+    assert found.report["unit"] == "recording" and [record["network"] for record in found.records] == ["force-graph", "force-tdnn"]
+    for record, network in zip(found.records, found.report["networks"], strict=True):
+        squared, absolute = network["settings"][0]["task"]
+        assert (squared["kind"], absolute["kind"], squared["trials"]) == ("squared_force", "absolute_force", 6)
+        assert record["error"] == squared["error"]
+        # Both recordings are equal, so the mean over them is known.
+        assert record["error_low"] == pytest.approx(squared["error"]) == record["error_high"]

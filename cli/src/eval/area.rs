@@ -1,7 +1,6 @@
 //! `meissner eval area`: contact area and normal force from pictures of a gel.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
 
 use meissner_engine::frames::{FrameOptions, Skip};
 use meissner_evaluate::area::{DataReport, Figures, NetworkReport, Options, Report, Source, evaluate};
@@ -13,7 +12,7 @@ use meissner_plot::{Panel, Plane, Series, Style, page};
 use super::{NONE, OutputArgs, networks, write};
 use crate::args::{APPROXIMATIONS, STATUS};
 use crate::error::CliError;
-use crate::tasks::TrainedNetworks;
+use crate::tasks::AreaTask;
 use crate::text::{Table, file_name};
 
 /// At the end of the long help.
@@ -48,11 +47,8 @@ const PAPER: &str = "the paper, on its own sensor, unseen indenters: IoU 0.718, 
 #[derive(Debug, clap::Args)]
 #[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
 pub(super) struct AreaArgs {
-    /// Files of pictures with labels.
-    #[arg(value_name = "PICTURES", required = true)]
-    data: Vec<PathBuf>,
     #[command(flatten)]
-    networks: TrainedNetworks,
+    task: AreaTask,
     /// Compute only what changes by more than this between pictures of a press.
     ///
     /// The unit is that of the network's input, in which one grey level is 0.04 for the shipped networks. Without this
@@ -66,8 +62,8 @@ pub(super) struct AreaArgs {
 pub(super) fn eval(args: &AreaArgs) -> Result<(), CliError> {
     let skip = args.tolerance.map_or(Skip::Exact, Skip::Tolerance);
     let options = Options {
-        request: args.networks.request(),
-        data: &args.data,
+        request: args.task.networks.request(),
+        data: &args.task.data,
         frames: FrameOptions::new().with_skip(skip),
     };
     write(&args.output, svg, table, |workers, done| evaluate(&options, workers, done))

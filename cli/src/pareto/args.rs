@@ -10,33 +10,38 @@ use meissner_pipeline::streams::is_stdin;
 use meissner_pipeline::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
-use crate::tasks::{DigitsTask, EventNetworks, SlipTask, TouchData};
+use crate::tasks::{AreaTask, DigitsTask, EventNetworks, ForceTask, SlipTask, TouchData};
 
 /// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
 How it measures:
   Each network is run exactly, then with each approximation that changes the network, and with some approximations together. The errors of a setting are differences from the exact form of the same network. The exact setting is measured like all others: its time ratio shows which differences in time are noise.
-  Time: on one thread, while nothing else runs. A setting and the exact network process the same events in turns of 1,000 events, or 10 windows, --repeat times. The time of an event is the median over the repeats. All repeats compute the same, so an interruption of one repeat changes no figure. Mean, p50 and p99 are over the events. The ratio is the mean of the setting divided by the mean of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio multiplied by the time of the exact setting: no point moves if the machine is slower during one setting.
+  Time: on one thread, while nothing else runs. A setting and the exact network process the same events in turns of 1,000 events, 10 windows, one press or one recording, --repeat times. The time of an event is the median over the repeats. All repeats compute the same, so an interruption of one repeat changes no figure. Mean, p50 and p99 are over the events. The ratio is the mean of the setting divided by the mean of the exact network in the same run. Times in the plot, on the front and in the last paragraph are the ratio multiplied by the time of the exact setting: no point moves if the machine is slower during one setting.
   Networks over events: the time of an event of the input, with filters, push and prediction. An event that a filter drops costs only the filter, and the last prediction stays valid.
   Frame networks: the time of a window of readings, from the reset. The time of push is that of the frames of the window.
+  Area: the time of a picture, in presses of which each begins with a reset and the picture of the sensor at rest. These two do not count. The time of push is that of the picture as the network's input.
+  Force: the time of a recording of a grasp, so that networks of both kinds are on one front: all its events, and a prediction at the end of each frame of 10 ms. An event of an event graph is pushed when it comes; an event of a frame network is counted, and the frame is pushed at its end.
   Work: computed rows of events and cells (pixels of frame networks), and multiply-adds at full neighbourhoods, as `meissner inspect` lists them. Winograd convolutions count like direct ones.
-  Numerical error: over all predictions at the same moments, after each event, in the order of time, and for each tenth of the streams. The max and RMS error are in the units of the outputs. The relative RMS error is a share of the RMS of the exact outputs. A stale readout is compared with the exact prediction of that moment.
+  Numerical error: over all predictions at the same moments, after each event (of the timed presses and recordings: each picture, each frame), in the order of time, and for each tenth of the streams. The max and RMS error are in the units of the outputs. The relative RMS error is a share of the RMS of the exact outputs. A stale readout is compared with the exact prediction of that moment.
   Wrong answers: with 95 % Wilson intervals. For several trainings, errors and bounds are means. Digits and touch are judged on the split test, or by cross-validation over all recordings if --trainings has folds of a network. Slip is judged on unseen objects, and folds are left out. Windows of one recording depend on each other, so the intervals for windows are too narrow. If predictions depend on earlier reads (tolerance, stale readout), a prediction is read after each event.
-  Front: the settings that no other setting beats in time and error; equal settings are all on the front. With labels there is one front over all networks. Without labels there is one for each network, because errors are in the units of its outputs. The last paragraph names the fastest settings whose error is at most a bound above the exact one. A setting that is less than 1.02 times as fast does not count as faster.
+  Area: 1 - IoU in percent, the mean over all pictures of all files, and the mean absolute error of the force where it is known. Force: the mean squared error over all frames of all recordings, and the mean absolute error. Both are those of `meissner eval` for the exact setting. Their 95 % intervals are of a mean over presses or recordings, which are independent of each other (a ratio of sums, Cochran 1977, with Student's t); a single one gives none.
+  Front: the settings that no other setting beats in time and error; equal settings are all on the front. With labels there is one front over all networks. Without labels there is one for each network, because errors are in the units of its outputs. The last paragraph names the fastest settings whose error is at most a bound above the exact one: points of a percentage, or a share of the exact mean squared error. A setting that is less than 1.02 times as fast does not count as faster.
 
 Settings:
   Networks over events: tolerance; fewer neighbours than the network has; a shorter span, as a share of the network's; every Nth event (stride); a rate limit as a share of the mean rate of the events; the activity filter at 1250us; a stale readout.
-  Frame networks: Winograd convolutions and a tolerance, if the network has layers for them; only the last readings of a window.
+  Frame networks: Winograd convolutions and a tolerance, if the network has layers for them; for windows, only the last readings; for pictures and for frames of grasps, every second one. The answer to the one before then stands for the one that is left out. A network with a state makes a step for each frame that it sees: of a grasp it sees half of the events and half of the steps.
+  Area: tolerances are in the unit of the network's input, in which a grey level of the camera is 0.04 for the shipped networks, and hold for every layer.
+  Force: a stale readout of 10 ms or less changes nothing, because a prediction is read every 10 ms.
 
 State (--state):
   One line of JSON for each measurement: {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement in the file is not repeated. An unfinished last line is cut off. Any other line that cannot be read is an error. All times in a file should be from one machine.
 
 JSON (--json):
   {\"header\": the command and its input (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\": the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}], \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
-  SETTING: \"setting\", \"us\": time as compared, \"speed_up\", \"error\": as compared, \"interval_95\" (null without labels), \"on_front\", \"timed\", \"entered\": share that no filter dropped, \"push_us\" and \"push_predict_us\": {\"mean\", \"p50\", \"p99\"}, \"exact_us\": mean of the exact network in the same runs, \"ratio\", \"rows\", \"multiply_adds\", \"numerical\": {\"max\", \"rms\", \"relative_rms\", \"max_by_tenth\", \"rms_by_tenth\"}, \"task\": [{\"of\", \"error\", \"interval_95\", \"trials\", \"trainings\"}]
+  SETTING: \"setting\", \"us\": time as compared, \"speed_up\", \"error\": as compared, \"interval_95\" (null without labels, and for a single press or recording), \"on_front\", \"timed\", \"entered\": share that no filter dropped and no setting left out, \"push_us\" and \"push_predict_us\": {\"mean\", \"p50\", \"p99\"}, \"exact_us\": mean of the exact network in the same runs, \"ratio\", \"rows\", \"multiply_adds\", \"numerical\": {\"max\", \"rms\", \"relative_rms\", \"max_by_tenth\", \"rms_by_tenth\"}, \"task\": [{\"of\", \"kind\": wrong_answers or one_minus_iou (shares), squared_force (N^2) or absolute_force (N), \"error\", \"interval_95\", \"trials\", \"trainings\"}]
 
 CSV (--csv):
-  The same figures, with a line for each setting, without the tenths.";
+  The same figures, with a line for each setting, without the tenths. error_unit is share, N^2 or N; errors without labels have none.";
 
 /// `meissner pareto`.
 #[derive(Debug, clap::Args)]
@@ -56,6 +61,10 @@ pub(super) enum StudyArgs {
     Angle(AngleArgs),
     /// Direction of slip, frame networks: time against wrong answers on unseen objects.
     Slip(SlipArgs),
+    /// Contact area from pictures of a gel: time against what the IoU lacks to 1.
+    Area(AreaArgs),
+    /// Force of grasps, networks of both kinds: time against the mean squared error.
+    Force(ForceArgs),
 }
 
 /// `meissner pareto digits`.
@@ -125,6 +134,26 @@ pub(super) struct SlipArgs {
     pub(super) common: Common,
 }
 
+/// `meissner pareto area`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct AreaArgs {
+    #[command(flatten)]
+    pub(super) task: AreaTask,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// `meissner pareto force`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+pub(super) struct ForceArgs {
+    #[command(flatten)]
+    pub(super) task: ForceTask,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
 /// Options of all studies.
 #[derive(Debug, clap::Args)]
 pub(super) struct Common {
@@ -138,16 +167,17 @@ pub(super) struct Common {
     only: Vec<String>,
     /// Approximate number of events that are timed in each repeat [default: 20000].
     ///
-    /// `pareto digits` and `pareto touch` take whole recordings. For `pareto slip` it is the number of windows, 400 by default.
+    /// `pareto digits` and `pareto touch` take whole recordings. For `pareto slip` it is the number of windows, 400 by default; for `pareto
+    /// area` that of pictures, of whole presses, 40 by default; for `pareto force` that of recordings, 20 by default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
     timed_events: Option<u32>,
     /// Repeats of each measurement of time.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000),
           help_heading = MEASUREMENT)]
     repeat: u32,
-    /// Threads that count wrong answers [default: the machine's cores].
+    /// Threads that judge answers [default: the machine's cores].
     ///
-    /// The counts are the same for any number. Times are always measured on one thread.
+    /// The errors are the same for any number. Times are always measured on one thread.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
     pub(super) threads: Option<u16>,
     /// Write one JSON object to this file; - for standard output.

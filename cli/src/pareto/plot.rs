@@ -6,7 +6,7 @@
 mod tests;
 
 use meissner_pipeline::text::grouped;
-use meissner_plot::{Panel, Setting, TradeOff, page};
+use meissner_plot::{Errors, Panel, Setting, TradeOff, page};
 
 use crate::text::file_name;
 use meissner_evaluate::pareto::{Compared, EXACT, Report, SettingReport};
@@ -22,7 +22,11 @@ pub(super) fn svg(report: &Report) -> String {
         report.repeats,
         report.isa
     );
-    let percent = report.compared == Compared::TaskError;
+    let (errors, has_interval) = match report.compared {
+        Compared::Task(kind) if kind.is_share() => (Errors::Percentages, true),
+        Compared::Task(_) => (Errors::Quantities, true),
+        Compared::RelativeRms => (Errors::Differences, false),
+    };
     let tasks = report.networks.iter().flat_map(|network| &network.exact().measurement.task);
     let of = tasks.map(|task| task.of.as_str()).next().unwrap_or_default();
     let settings = |network: usize| {
@@ -31,12 +35,12 @@ pub(super) fn svg(report: &Report) -> String {
     let trade_off = TradeOff {
         time_title: report.time_name(),
         error_title: report.error_name().to_owned(),
-        about: if percent {
+        about: if has_interval {
             format!("{of}; bars: 95 % interval")
         } else {
             "against the exact outputs, as a share of their RMS".to_owned()
         },
-        percent,
+        errors,
         networks: report.networks.iter().map(|network| network.network.clone()).collect(),
         points: (0..report.networks.len()).flat_map(settings).collect(),
     };
@@ -47,15 +51,18 @@ fn point(report: &Report, network: usize, setting: &SettingReport) -> Setting {
     let name = &report.networks[network].network;
     let error = setting.error_text(report.compared);
     let of_network = if report.networks.len() > 1 { format!("{name}, ") } else { String::new() };
-    let figure = setting.interval_95.map_or_else(String::new, |_| format!(", {error} %"));
+    let (figure, shown): (String, Box<dyn Fn(f64) -> f64>) = match report.compared {
+        Compared::Task(kind) => {
+            (format!(", {error} {}", kind.unit()), Box::new(move |error| kind.shown(error)))
+        }
+        Compared::RelativeRms => (String::new(), Box::new(|error| error)),
+    };
     let is_named = setting.on_front || setting.setting == EXACT;
-    // Shares of wrong answers are shown in percent.
-    let unit = if report.compared == Compared::TaskError { 100.0 } else { 1.0 };
     Setting {
         network,
         time: setting.us,
-        error: unit * setting.error,
-        interval: setting.interval_95.map(|(low, high)| (unit * low, unit * high)),
+        error: shown(setting.error),
+        interval: setting.interval_95.map(|(low, high)| (shown(low), shown(high))),
         on_front: setting.on_front,
         label: is_named.then(|| format!("{of_network}{}{figure}", setting.setting)),
         tooltip: format!(

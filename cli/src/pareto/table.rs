@@ -2,16 +2,18 @@
 
 use std::io::{self, Write};
 
-use meissner_evaluate::pareto::{Compared, NetworkReport, Report, SettingReport};
+use meissner_evaluate::pareto::{Compared, ErrorKind, NetworkReport, Report, SettingReport, TaskError};
 use meissner_pipeline::text::grouped;
 
-use crate::text::{Table, interval, percent};
+use crate::text::{Table, file_name};
 
 /// Writes everything.
 pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let (data, unit) = (&report.data, report.unit);
     let [recordings, size, timed] = [data.recordings, data.size, data.timed].map(grouped);
-    writeln!(out, "data         {}: {recordings} recordings, {size} {unit}s", data.name)?;
+    // A press of pictures is a recording of them; recordings are their own unit in one study.
+    let parts = if unit == "recording" { String::new() } else { format!("{recordings} recordings, ") };
+    writeln!(out, "data         {}: {parts}{size} {unit}s", data.name)?;
     writeln!(
         out,
         "timed        {timed} {unit}s, {} repeats by turns with the exact network, one thread, {} kernels",
@@ -22,7 +24,7 @@ pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     }
     report.notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))?;
     report.networks.iter().try_for_each(|network| settings(out, report, network))?;
-    if report.compared == Compared::TaskError {
+    if matches!(report.compared, Compared::Task(_)) {
         tasks(out, report)?;
     }
     drift(out, report)?;
@@ -33,14 +35,17 @@ pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 fn settings(out: &mut dyn Write, report: &Report, network: &NetworkReport) -> io::Result<()> {
     let (unit, time) = (report.unit, report.time_name());
     let mut headings = vec![network.network.as_str(), &time, "speed-up", report.error_name()];
-    if report.compared == Compared::TaskError {
+    if matches!(report.compared, Compared::Task(_)) {
         headings.push("95 % interval");
     }
     let rows = network.settings.iter().map(|setting| {
         let mark = if setting.on_front { " *" } else { "" };
         let name = format!("{}{mark}", setting.setting);
         let (speed_up, error) = (format!("{:.2}", setting.speed_up), setting.error_text(report.compared));
-        let interval = setting.interval_95.map(interval);
+        let interval = match report.compared {
+            Compared::Task(kind) => Some(interval(kind, setting.interval_95)),
+            Compared::RelativeRms => None,
+        };
         [name, setting.time_text(), speed_up, error].into_iter().chain(interval)
     });
     Table::section(out, &headings, rows)?;
@@ -76,22 +81,43 @@ fn measured(setting: &SettingReport) -> [String; 9] {
     ]
 }
 
-/// Wrong answers of each part, where there are several.
+/// Errors of each part of the data, a table for each kind; those that the settings are compared by only where there are several.
 fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    for network in report.networks.iter().filter(|network| network.exact().measurement.task.len() > 1) {
-        let parts = network.exact().measurement.task.iter();
-        let parts = parts.map(|task| format!("{} ({})", task.of, grouped(task.trials)));
-        let headings: Vec<_> =
-            std::iter::once(format!("{}, wrong %", network.network)).chain(parts).collect();
-        let rows = network.settings.iter().map(|setting| {
-            let tasks = setting.measurement.task.iter();
-            let shares =
-                tasks.map(|task| format!("{} ({})", percent(task.error), interval(task.interval_95)));
-            std::iter::once(setting.setting.clone()).chain(shares)
+    for network in &report.networks {
+        let exact = &network.exact().measurement.task;
+        let mut kinds: Vec<ErrorKind> = Vec::new();
+        exact.iter().for_each(|task| {
+            if !kinds.contains(&task.kind) {
+                kinds.push(task.kind);
+            }
         });
-        Table::section(out, &headings, rows)?;
+        let of = |tasks: &[TaskError], kind| -> Vec<TaskError> {
+            tasks.iter().filter(|task| task.kind == kind).cloned().collect()
+        };
+        for kind in kinds {
+            let parts = of(exact, kind);
+            if report.compared == Compared::Task(kind) && parts.len() < 2 {
+                continue;
+            }
+            let parts =
+                parts.iter().map(|task| format!("{} ({})", file_name(&task.of), grouped(task.trials)));
+            let heading = format!("{}, {}", network.network, kind.short());
+            let headings: Vec<_> = std::iter::once(heading).chain(parts).collect();
+            let rows = network.settings.iter().map(|setting| {
+                let errors = of(&setting.measurement.task, kind)
+                    .into_iter()
+                    .map(|task| format!("{} ({})", kind.text(task.error), interval(kind, task.interval_95)));
+                std::iter::once(setting.setting.clone()).chain(errors)
+            });
+            Table::section(out, &headings, rows)?;
+        }
     }
     Ok(())
+}
+
+/// An interval, or a mark where a single press or recording gives none.
+fn interval(kind: ErrorKind, interval: Option<(f64, f64)>) -> String {
+    interval.map_or_else(|| "-".to_owned(), |interval| kind.interval_text(interval))
 }
 
 /// Errors over time: whether they grow.
@@ -145,7 +171,17 @@ const COLUMNS: &[(&str, Field)] = &[
     ("max_error", |_, _, of| of.measurement.numerical.max.to_string()),
     ("rms", |_, _, of| of.measurement.numerical.rms.to_string()),
     ("relative_rms", |_, _, of| optional(of.measurement.numerical.relative_rms)),
+    ("error_unit", |report, _, _| error_unit(report).to_owned()),
 ];
+
+/// The unit of the errors that settings are compared by, as numbers: shares are not in percent here. Empty without labels.
+fn error_unit(report: &Report) -> &'static str {
+    match report.compared {
+        Compared::Task(kind) if kind.is_share() => "share",
+        Compared::Task(kind) => kind.unit(),
+        Compared::RelativeRms => "",
+    }
+}
 
 /// A line for each setting.
 pub(super) fn csv(report: &Report) -> String {

@@ -28,6 +28,8 @@ fn help_and_version_succeed() {
         &["pareto", "digits", "--help"],
         &["pareto", "angle", "--help"],
         &["pareto", "slip", "--help"],
+        &["pareto", "area", "--help"],
+        &["pareto", "force", "--help"],
         &["stress", "--help"],
         &["networks"],
         &["networks", "--json"],
@@ -75,6 +77,8 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["pareto", "digits", "data", "--folds", "10"],
         &["pareto", "digits", "data", "--weights", "a", "--trainings", "b"],
         &["pareto", "slip", "data", "--threads", "0"],
+        &["pareto", "area"],
+        &["pareto", "force", "data", "--weights", "a", "--trainings", "b"],
         &["nothing"],
     ] {
         fails(&meissner(arguments), 2, &["error: "]);

@@ -30,6 +30,7 @@ mod manual;
 mod output;
 mod pareto;
 mod pareto_digits;
+mod pareto_force;
 mod pareto_slip;
 mod play;
 mod prepare;

@@ -183,6 +183,11 @@ impl FrameNetwork {
         self.units.iter().any(|unit| unit.eager)
     }
 
+    /// Whether Winograd's algorithm computes a layer: that was asked for, and there is a 3 x 3 convolution of maps with channels last.
+    pub fn has_winograd(&self) -> bool {
+        self.units.iter().any(|unit| matches!(unit.kernel, Kernel::Winograd(_)))
+    }
+
     /// Multiply-adds of one frame and one prediction if nothing is skipped.
     pub fn multiply_adds(&self) -> u64 {
         self.units.iter().map(|unit| unit.multiply_adds).sum()

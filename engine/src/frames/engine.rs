@@ -142,7 +142,7 @@ impl FrameEngine {
 
     /// Returns to the state before the first frame. Counters are kept.
     pub fn reset(&mut self) {
-        self.state.reset(&self.network);
+        self.state.reset(&self.network, self.options);
     }
 
     /// A copy of the current state, to return to.

@@ -222,22 +222,23 @@ impl State {
         }
     }
 
-    pub(super) fn reset(&mut self, network: &FrameNetwork) {
+    pub(super) fn reset(&mut self, network: &FrameNetwork, options: FrameOptions) {
         self.memories.iter_mut().for_each(Memory::reset);
         self.frames = 0;
+        // With a tolerance, values are compared with stored ones, which must not be those from before the reset.
+        let compares = matches!(options.skip, Skip::Tolerance(_));
         // As before the first frame, the outputs of layers with a state, and the frame itself, are zeros.
         for (i, value) in network.values.iter().enumerate() {
-            if i == 0 || self.memories[i - 1].is_some() {
+            if i == 0 || compares || self.memories[i - 1].is_some() {
                 self.changed.become_none(value.shape.marks());
                 self.buffers[value.buffer].clear();
                 self.changed.set_all();
                 self.tell(network, i, true);
             }
         }
-        if let Some(Background { reached, .. }) = &mut self.background
-            && let Some(Some(reached)) = reached.first_mut()
-        {
-            reached.clear();
+        if let Some(Background { reached, .. }) = &mut self.background {
+            let forgotten = if compares { reached.len() } else { 1 };
+            reached.iter_mut().take(forgotten).flatten().for_each(Changes::clear);
         }
     }
 

@@ -5,17 +5,17 @@
 
 use std::collections::BTreeMap;
 
-use meissner_engine::frames::FrameOptions;
 use meissner_models::systems::contact_area::{
     Centroid, DifferenceBaseline, DifferenceSettings, PixelSize, iou,
 };
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::latency::microseconds;
 use meissner_pipeline::model::{FrameModel, LayerCost};
-use meissner_pipeline::run::{BLUR_RADIUS, ContactPredictor};
+use meissner_pipeline::run::BLUR_RADIUS;
 use serde::Serialize;
 
 use super::pictures::{Labelled, Press, Set, Truth};
+use super::run::{Answer, How, Run};
 use crate::error::EvaluateError;
 use crate::metrics::MeanStd;
 use crate::workers::Workers;
@@ -68,12 +68,12 @@ pub struct BaselineFigures {
 const THRESHOLDS: [f32; 12] = [5.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0, 36.0, 44.0, 52.0];
 
 /// What a network made of the pictures of a press.
-pub(super) struct Outcome {
+pub(crate) struct Outcome {
     kind: String,
     pictures: Vec<Contact>,
     multiply_adds: u64,
     /// Predicted force on each pixel of each picture, in N.
-    pub(super) maps: Vec<f32>,
+    pub(crate) maps: Vec<f32>,
 }
 
 /// A predicted contact against the true one.
@@ -88,23 +88,24 @@ struct Contact {
 
 impl Outcome {
     /// Runs `model` over the pictures of `press`.
-    pub(super) fn of(
+    pub(crate) fn of(
         model: &FrameModel,
-        options: FrameOptions,
+        how: How,
         costs: &[LayerCost],
         press: &Press,
     ) -> Result<Self, EvaluateError> {
-        let mut predictor = ContactPredictor::new(model, options)?;
-        predictor.set_reference(&press.reference);
-        let own_mm = predictor.pixel().sides_mm()[0];
+        let mut run = Run::new(model, how)?;
+        run.begin(press);
+        let own_mm = run.predictor.pixel().sides_mm()[0];
         let pixel_mm = press.pixel_mm.unwrap_or(own_mm);
         let (scale, pixel) = ((pixel_mm / own_mm) * (pixel_mm / own_mm), PixelSize::new(pixel_mm, pixel_mm));
         let pixel = pixel.map_err(PipelineError::from)?;
         let mut outcome =
             Self { kind: press.kind.clone(), pictures: Vec::new(), multiply_adds: 0, maps: Vec::new() };
         for picture in &press.pictures {
-            let report = predictor.measure(&picture.rgb)?;
-            let update_us = microseconds(predictor.take_update());
+            let Answer { report, push_predict, .. } = run.measure(&picture.rgb)?;
+            let predictor = &run.predictor;
+            let update_us = microseconds(push_predict);
             let mask = true_mask(&picture.truth, pixel_mm);
             let found = predictor.mask();
             let width = predictor.size().width;
@@ -117,15 +118,29 @@ impl Outcome {
             });
             outcome.maps.extend(predictor.force().iter().map(|force| (f64::from(*force) * scale) as f32));
         }
-        let counters = predictor.counters();
+        let counters = run.predictor.counters();
         outcome.multiply_adds = costs.iter().zip(&counters.layers).map(|(cost, layer)| cost.of(layer)).sum();
         Ok(outcome)
     }
 }
 
+impl Outcome {
+    /// The sum of what the intersections over union lack to 1, and the number of pictures.
+    pub(crate) fn lacking(&self) -> (f64, u64) {
+        (self.pictures.iter().map(|contact| 1.0 - contact.iou).sum(), self.pictures.len() as u64)
+    }
+
+    /// The sum of the absolute errors of the total force in N, and the number of pictures with a true force.
+    pub(crate) fn force_error(&self) -> (f64, u64) {
+        let errors = self.pictures.iter().filter_map(|contact| contact.force_n);
+        let errors = errors.map(|(expected, found)| (found - expected).abs());
+        errors.fold((0.0, 0), |(sum, count), error| (sum + error, count + 1))
+    }
+}
+
 impl Figures {
     /// The figures of all pictures of `outcomes`, of which there is at least one.
-    pub(super) fn new(outcomes: &[Outcome]) -> Self {
+    pub(crate) fn new(outcomes: &[&Outcome]) -> Self {
         let all: Vec<&Contact> = outcomes.iter().flat_map(|outcome| &outcome.pictures).collect();
         let mut kinds: BTreeMap<String, Vec<&Contact>> = BTreeMap::new();
         for outcome in outcomes {
@@ -156,7 +171,7 @@ impl Figures {
 }
 
 /// The figures of image differences on the pictures of `set`.
-pub(super) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, EvaluateError> {
+pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, EvaluateError> {
     let judge = |(): &mut (), press: &Press| -> Result<Vec<Vec<Contact>>, PipelineError> {
         let pixel_mm = press.pixel_mm.unwrap_or(1.0);
         let pixel = PixelSize::new(pixel_mm, pixel_mm)?;

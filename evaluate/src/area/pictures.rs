@@ -23,31 +23,31 @@ pub enum Source {
 }
 
 /// A file of pictures, all of one size.
-pub(super) struct Set {
-    pub(super) name: String,
-    pub(super) source: Source,
-    pub(super) size: ImageSize,
-    pub(super) presses: Vec<Press>,
+pub(crate) struct Set {
+    pub(crate) name: String,
+    pub(crate) source: Source,
+    pub(crate) size: ImageSize,
+    pub(crate) presses: Vec<Press>,
 }
 
 /// Pictures one after another of one press.
-pub(super) struct Press {
-    pub(super) kind: String,
+pub(crate) struct Press {
+    pub(crate) kind: String,
     /// The sensor at rest.
-    pub(super) reference: Vec<u8>,
+    pub(crate) reference: Vec<u8>,
     /// Width of a pixel on the surface; `None` where it is not known.
-    pub(super) pixel_mm: Option<f64>,
-    pub(super) pictures: Vec<Labelled>,
+    pub(crate) pixel_mm: Option<f64>,
+    pub(crate) pictures: Vec<Labelled>,
 }
 
 /// A picture, interleaved RGB.
-pub(super) struct Labelled {
-    pub(super) rgb: Vec<u8>,
-    pub(super) truth: Truth,
+pub(crate) struct Labelled {
+    pub(crate) rgb: Vec<u8>,
+    pub(crate) truth: Truth,
 }
 
 /// What is true of a picture.
-pub(super) enum Truth {
+pub(crate) enum Truth {
     /// Normal force on the surface of each pixel in N.
     Force(Vec<f32>),
     /// Pixels in contact.
@@ -56,7 +56,7 @@ pub(super) enum Truth {
 
 impl Labelled {
     /// The total force.
-    pub(super) fn force_n(&self) -> Option<f64> {
+    pub(crate) fn force_n(&self) -> Option<f64> {
         match &self.truth {
             Truth::Force(force) => Some(force.iter().map(|&force| f64::from(force)).sum()),
             Truth::Contact(_) => None,
@@ -69,7 +69,7 @@ const ENLARGED: usize = 2;
 
 impl Set {
     /// The pictures in the file at `path`: an archive of balls (.npz), or a file of `meissner simulate gel`.
-    pub(super) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
         if path.extension().is_some_and(|extension| extension == "npz") {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
         }
@@ -83,12 +83,12 @@ impl Set {
         Ok(set)
     }
 
-    pub(super) fn pictures(&self) -> usize {
+    pub(crate) fn pictures(&self) -> usize {
         self.presses.iter().map(|press| press.pictures.len()).sum()
     }
 
     /// Refuses a network for pictures of another size.
-    pub(super) fn check(&self, network: &str, size: ImageSize) -> Result<(), EvaluateError> {
+    pub(crate) fn check(&self, network: &str, size: ImageSize) -> Result<(), EvaluateError> {
         if self.size == size {
             return Ok(());
         }
@@ -102,7 +102,7 @@ impl Set {
     }
 
     /// The pictures of a file of `meissner simulate gel`.
-    pub(super) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Self, StreamsError> {
+    pub(crate) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Self, StreamsError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
         let pictures = tensor(&file, "picture", Dtype::U8, "U8 (pictures, H, W, 3)")?;
@@ -155,7 +155,7 @@ impl Set {
     }
 
     /// Pictures of balls, enlarged, and turned by a quarter where they are higher than wide, as the pictures of the simulated sensor are.
-    pub(super) fn of_balls(name: &str, balls: &BallPictures) -> Self {
+    pub(crate) fn of_balls(name: &str, balls: &BallPictures) -> Self {
         let (width, height) = (balls.width, balls.height);
         let is_upright = height > width;
         let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);

@@ -93,7 +93,11 @@ impl ForceErrors {
 
 impl PartErrors {
     /// The errors of the frames that are in the part; `None` for no frames.
-    fn of(part: &str, outcomes: &[Outcome], is_in: impl Fn(&Outcome, usize) -> bool) -> Option<Self> {
+    pub(crate) fn of(
+        part: &str,
+        outcomes: &[Outcome],
+        is_in: impl Fn(&Outcome, usize) -> bool,
+    ) -> Option<Self> {
         let (mut squares, mut absolutes) = (Vec::new(), Vec::new());
         let (mut own_squares, mut own_absolutes) = (Vec::new(), Vec::new());
         for outcome in outcomes {

@@ -9,33 +9,43 @@ use crate::regression::engine::{Count, PressEngine};
 use crate::regression::press::{Found, Presses, newest};
 
 /// The label of the force.
-pub(super) const FORCE: &str = "force";
+pub(crate) const FORCE: &str = "force";
 /// The labels of the phase's number and of the bolt's diameter.
 const PHASE: &str = "phase";
 const BOLT: &str = "bolt";
 
 /// What a network said about a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Outcome {
+pub(crate) struct Outcome {
     /// Predicted and true force at the end of each frame, in newtons.
-    pub(super) values: Vec<f64>,
-    pub(super) truth: Vec<f64>,
+    pub(crate) values: Vec<f64>,
+    pub(crate) truth: Vec<f64>,
     /// The number of the phase at the end of each frame; `None` where the file does not say.
-    pub(super) phases: Vec<Option<usize>>,
+    pub(crate) phases: Vec<Option<usize>>,
     /// Diameter of the bolt, where the file has it.
-    pub(super) bolt_mm: Option<f64>,
+    pub(crate) bolt_mm: Option<f64>,
     /// Mean squared error of the newest prediction that a reader has, over the milliseconds.
-    pub(super) newest: Option<f64>,
+    pub(crate) newest: Option<f64>,
     /// Number of pushed events.
-    pub(super) events: u64,
-    pub(super) count: Count,
+    pub(crate) events: u64,
+    pub(crate) count: Count,
     /// Time for each prediction, with the events since the one before it, in nanoseconds.
-    pub(super) update_ns: Vec<u64>,
+    pub(crate) update_ns: Vec<u64>,
+    /// The part of it for the events, all together.
+    pub(crate) push_ns: u64,
+}
+
+impl Outcome {
+    /// The sum of `figure` of the error at each frame, and the number of frames.
+    pub(crate) fn sum(&self, figure: impl Fn(f64) -> f64) -> (f64, u64) {
+        let errors = self.values.iter().zip(&self.truth).map(|(value, truth)| figure(value - truth));
+        (errors.sum(), self.values.len() as u64)
+    }
 }
 
 /// Lets `engine` predict during recording `number`, from every `stride`-th event, every `every_us`, which divides `period_us`. The force
 /// at the end of each `period_us` counts.
-pub(super) fn judge(
+pub(crate) fn judge(
     engine: &mut PressEngine,
     recordings: &Presses,
     number: usize,
@@ -51,7 +61,7 @@ pub(super) fn judge(
     // Frames begin with the truth, and so do the engine's times.
     let since_start = |event: &Event| Event::new(event.t_us - start, event.x, event.y, event.on);
     let mut events = part.iter().step_by(stride).map(since_start).peekable();
-    let (mut values, mut pushed, mut free_us) = (Vec::new(), 0, 0.0_f64);
+    let (mut values, mut pushed, mut push_ns, mut free_us) = (Vec::new(), 0, 0, 0.0_f64);
     let (mut found, mut update_ns): (Vec<Found>, Vec<u64>) = (Vec::new(), Vec::new());
     for t_us in (every_us..=end - start).step_by(every_us as usize) {
         let clock = Instant::now();
@@ -60,6 +70,7 @@ pub(super) fn judge(
             engine.push(event)?;
             pushed += 1;
         }
+        push_ns += clock.elapsed().as_nanos() as u64;
         engine.predict(t_us, &mut values)?;
         let spent = clock.elapsed().as_nanos();
         update_ns.push(spent as u64);
@@ -88,5 +99,6 @@ pub(super) fn judge(
             multiply_adds: after.multiply_adds - before.multiply_adds,
         },
         update_ns,
+        push_ns,
     })
 }

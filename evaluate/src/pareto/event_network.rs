@@ -15,12 +15,14 @@ use meissner_models::Description;
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::predictor::{EventPredictor, Mode};
 
-use super::measurement::{Differences, Lap, Measurement, TaskError, take_turns};
-use super::settings::{Setting, mean_rate, row_costs, settings};
+use super::measurement::{Differences, Lap, Measurement, take_turns};
+use super::settings::{Setting, mean_rate, settings};
+use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy};
 use crate::error::{EvaluateError, weights_error};
 use crate::events::EventData;
 use crate::metrics::predicted;
+use crate::regression::engine::row_costs;
 use crate::trainings::Training;
 use crate::trials::Trial;
 use crate::workers::Workers;
@@ -64,7 +66,7 @@ struct Run {
 impl<'a> EventNetwork<'a> {
     /// The study of this network, for a `report` without settings.
     pub(super) fn study(self, report: NetworkReport) -> Result<NetworkStudy<'a>, EvaluateError> {
-        let settings = settings(&self.network, mean_rate(&self.streams));
+        let settings = settings(&self.network, mean_rate(&self.streams), 0);
         // A network that a setting does not fit is refused before anything is measured.
         settings.iter().try_for_each(|setting| setting.network(&self.network).map(drop))?;
         let names = settings.iter().map(|setting| setting.name.clone()).enumerate().collect();

@@ -9,14 +9,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::EngineError;
-use meissner_engine::frames::{
-    Convolution, FrameEngine, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
-};
-use meissner_kernels::WinogradTile;
+use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameNetworkParts};
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::model::LayerCost;
 
-use super::measurement::{Differences, EXACT, Lap, Measurement, TaskError, take_turns};
+use super::frame_settings::{FrameSetting, Thinning, common, has_pixels_to_keep};
+use super::measurement::{Differences, Lap, Measurement, take_turns};
+use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy};
 use crate::error::EvaluateError;
 use crate::metrics::predicted;
@@ -46,72 +45,27 @@ pub(super) struct FramesNetwork<'a> {
     pub(super) exact: OnceCell<Outputs>,
 }
 
-/// A frame network with some approximations.
-#[derive(Clone, Copy, Debug, Default)]
-struct Setting {
-    convolution: Convolution,
-    tolerance: Option<f32>,
-    /// Readings of a window that are left out, from the first on.
-    left_out: usize,
-}
-
 /// The settings of a network of `parts` over windows of `steps` readings.
-fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<Setting> {
-    let exact = Setting::default();
-    let mut settings = vec![exact];
-    if has_convolutions(parts) {
-        let tiles = [WinogradTile::Two, WinogradTile::Four];
-        settings.extend(tiles.map(|tile| Setting { convolution: Convolution::Winograd(tile), ..exact }));
-    }
-    let tolerant = has_pixels_to_keep(parts);
-    if tolerant {
-        let tolerances = [1e-3, 1e-2, 3e-2, 1e-1];
-        settings.extend(tolerances.map(|tolerance| Setting { tolerance: Some(tolerance), ..exact }));
-    }
-    settings.extend((1..steps.min(4)).map(|left_out| Setting { left_out, ..exact }));
-    if tolerant {
-        let both = |left_out| Setting { left_out, tolerance: Some(1e-2), ..exact };
+fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<FrameSetting> {
+    let mut settings = common(parts, &[1e-3, 1e-2, 3e-2, 1e-1]);
+    let without = |left_out| Thinning::Last { kept: steps - left_out, of: steps };
+    let shorter = |left_out| FrameSetting { thinning: without(left_out), ..FrameSetting::default() };
+    settings.extend((1..steps.min(4)).map(shorter));
+    if has_pixels_to_keep(parts) {
+        let both = |left_out| FrameSetting { tolerance: Some(1e-2), ..shorter(left_out) };
         settings.extend((1..steps.min(3)).map(both));
     }
     settings
 }
 
-/// Whether there are convolutions that Winograd's algorithm can compute.
-pub(super) fn has_convolutions(parts: &FrameNetworkParts) -> bool {
-    parts.layers.iter().any(|layer| matches!(layer.kind, FrameLayerKind::Conv { kernel: 3, .. }))
+/// Readings of a window of `whole` that the network sees.
+fn steps(setting: FrameSetting, whole: usize) -> usize {
+    if let Thinning::Last { kept, .. } = setting.thinning { kept } else { whole }
 }
 
-/// Whether a tolerance can keep any pixel: recurrent layers couple all pixels, and vectors have none.
-pub(super) fn has_pixels_to_keep(parts: &FrameNetworkParts) -> bool {
-    use FrameLayerKind as Kind;
-    let keeps = |kind: &Kind| {
-        matches!(kind, Kind::Conv { .. } | Kind::UpConv { .. } | Kind::MaxPool | Kind::AveragePool { .. })
-    };
-    parts.layers.iter().any(|layer| keeps(&layer.kind))
-}
-
-impl Setting {
-    /// Its name for windows of `steps` readings.
-    fn name(self, steps: usize) -> String {
-        let mut names = Vec::new();
-        match self.convolution {
-            Convolution::Direct => {}
-            Convolution::Winograd(WinogradTile::Two) => names.push("winograd 2x2".to_owned()),
-            Convolution::Winograd(WinogradTile::Four) => names.push("winograd 4x4".to_owned()),
-        }
-        if self.left_out > 0 {
-            names.push(format!("steps {} of {steps}", steps - self.left_out));
-        }
-        names.extend(self.tolerance.map(|tolerance| format!("tolerance {tolerance}")));
-        if names.is_empty() { EXACT.to_owned() } else { names.join(" + ") }
-    }
-
-    /// An engine of a network of `parts`.
-    fn engine(self, parts: &FrameNetworkParts) -> Result<FrameEngine, EngineError> {
-        let skip = self.tolerance.map_or(Skip::Exact, Skip::Tolerance);
-        let network = FrameNetwork::new(parts.clone(), self.convolution)?;
-        FrameEngine::with_options(network, FrameOptions::new().with_skip(skip))
-    }
+/// An engine of a network of `parts`.
+fn engine(setting: FrameSetting, parts: &FrameNetworkParts) -> Result<FrameEngine, EngineError> {
+    FrameEngine::with_options(FrameNetwork::new(parts.clone(), setting.convolution)?, setting.options())
 }
 
 /// An engine that is timed over the last `steps` readings of windows.
@@ -123,20 +77,19 @@ struct Run {
 impl<'a> FramesNetwork<'a> {
     /// The study of this network, for a `report` without settings.
     pub(super) fn study(self, report: NetworkReport) -> NetworkStudy<'a> {
-        let steps = self.windows.steps;
-        let all = settings(&self.trainings[0], steps);
-        let settings = all.iter().map(|setting| setting.name(steps)).enumerate().collect();
+        let all = settings(&self.trainings[0], self.windows.steps);
+        let settings = FrameSetting::names(&all);
         let measure = Box::new(move |setting: usize| self.measure(all[setting]));
         NetworkStudy { report, settings, measure }
     }
 
-    fn measure(&self, setting: Setting) -> Result<Measurement, EvaluateError> {
+    fn measure(&self, setting: FrameSetting) -> Result<Measurement, EvaluateError> {
         let whole = self.windows.steps;
-        let run = |setting: Setting| {
-            let engine = setting.engine(&self.trainings[0])?;
-            Ok::<_, EngineError>(Run { engine, steps: whole - setting.left_out })
+        let run = |setting: FrameSetting| {
+            let engine = engine(setting, &self.trainings[0])?;
+            Ok::<_, EngineError>(Run { engine, steps: steps(setting, whole) })
         };
-        let (mut own, mut exact) = (run(setting)?, run(Setting::default())?);
+        let (mut own, mut exact) = (run(setting)?, run(FrameSetting::default())?);
         let mut counters = own.engine.counters().clone();
         let timing = take_turns(
             (&mut exact, &mut own),
@@ -151,7 +104,7 @@ impl<'a> FramesNetwork<'a> {
         let outputs = self.outputs(setting)?;
         if self.exact.get().is_none() {
             // There is nothing in it yet.
-            let _ = self.exact.set(self.outputs(Setting::default())?);
+            let _ = self.exact.set(self.outputs(FrameSetting::default())?);
         }
         Ok(Measurement {
             timed: self.timed.len() as u64,
@@ -179,11 +132,11 @@ impl<'a> FramesNetwork<'a> {
         Ok(())
     }
 
-    fn outputs(&self, setting: Setting) -> Result<Outputs, EvaluateError> {
-        let steps = self.windows.steps - setting.left_out;
+    fn outputs(&self, setting: FrameSetting) -> Result<Outputs, EvaluateError> {
+        let steps = steps(setting, self.windows.steps);
         let failed = EvaluateError::from;
         let of =
-            |parts| self.windows.logits(self.workers, &setting.engine(parts)?, &self.unseen, steps, failed);
+            |parts| self.windows.logits(self.workers, &engine(setting, parts)?, &self.unseen, steps, failed);
         self.trainings.iter().map(of).collect()
     }
 
@@ -226,7 +179,7 @@ impl<'a> FramesNetwork<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::settings;
+    use super::{FrameSetting, settings};
     use meissner_models::{FrameDescription, Weights};
 
     #[test]
@@ -234,7 +187,7 @@ mod tests {
         let names = |name: &str| -> Vec<String> {
             let weights = Weights::shipped(name).expect("shipped");
             let parts = FrameDescription::shipped(name).expect("shipped").network_parts(&weights);
-            settings(&parts.expect("they fit"), 5).into_iter().map(|setting| setting.name(5)).collect()
+            settings(&parts.expect("they fit"), 5).into_iter().map(FrameSetting::name).collect()
         };
         let (slip, canf) = (names("slip-tuned"), names("canf"));
         assert_eq!((slip[0].as_str(), canf[1].as_str()), ("exact", "winograd 2x2"));

@@ -13,11 +13,10 @@
 
 use std::time::Duration;
 
-use meissner_engine::EngineError;
 use meissner_pipeline::latency::{Latency, microseconds};
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::{MeanStd, mean_interval, wilson_95};
+use super::task_error::TaskError;
 
 /// Name of the setting without approximations.
 pub const EXACT: &str = "exact";
@@ -25,12 +24,13 @@ pub const EXACT: &str = "exact";
 /// Number of parts of each stream whose errors are formed apart.
 const PARTS: usize = 10;
 
-/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of the input or of a window.
+/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of the input, of a
+/// window, of a picture or of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
-    /// Events or windows that were timed in each repeat.
+    /// Events, windows, pictures or recordings that were timed in each repeat.
     pub timed: u64,
-    /// Share of these that no filter dropped.
+    /// Share of these that no filter dropped and no setting left out.
     pub entered: f64,
     /// Times.
     #[serde(flatten)]
@@ -41,26 +41,11 @@ pub struct Measurement {
     pub multiply_adds: f64,
     /// Errors against the exact network.
     pub numerical: Numerical,
-    /// Wrong answers; settings are compared by the first. Empty without labels.
+    /// Errors of the task; settings are compared by the first. Empty without labels.
     pub task: Vec<TaskError>,
 }
 
-/// Share of wrong answers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskError {
-    /// The part of the data set.
-    pub of: String,
-    /// Share of wrong answers, the mean over the trainings.
-    pub error: f64,
-    /// 95 % Wilson interval; for several trainings the mean of their bounds.
-    pub interval_95: (f64, f64),
-    /// Number of answers of each training.
-    pub trials: u64,
-    /// Number of trainings.
-    pub trainings: usize,
-}
-
-/// Times in microseconds of an event or of a window.
+/// Times in microseconds of an event, a window, a picture or a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Time {
@@ -101,7 +86,7 @@ impl Measurement {
     /// The error by which settings are compared, and its interval if there is one.
     pub fn error(&self) -> (f64, Option<(f64, f64)>) {
         match self.task.first() {
-            Some(task) => (task.error, Some(task.interval_95)),
+            Some(task) => (task.error, task.interval_95),
             None => (self.numerical.compared(), None),
         }
     }
@@ -114,34 +99,19 @@ impl Numerical {
     }
 }
 
-impl TaskError {
-    /// The error of (wrong, all) answers of each training; `None` where a training has no answers, and for no trainings.
-    pub(super) fn new(of: impl Into<String>, counts: &[(u64, u64)]) -> Option<Self> {
-        let intervals = counts.iter().map(|&(wrong, all)| wilson_95(wrong, all));
-        let intervals = intervals.collect::<Option<Vec<_>>>()?;
-        Some(Self {
-            of: of.into(),
-            error: MeanStd::over(counts, |&(wrong, all)| wrong as f64 / all as f64)?.mean,
-            interval_95: mean_interval(&intervals)?,
-            trials: counts[0].1,
-            trainings: counts.len(),
-        })
-    }
-}
-
 /// Times of the events of a repeat: those of filters and push, and the same with the prediction.
 pub(super) type Lap = Vec<(Duration, Duration)>;
 
 /// Times two networks over `streams`, `repeats` times, in turns of `turn` items each, so that a slower machine slows both. The
 /// order alternates: neither network always finds the caches of the other. `begin` begins a stream, `run` pushes items. In the
 /// first repeat, `after` is called after each turn with the index of its first item and the number of items of the stream.
-pub(super) fn take_turns<N, I>(
+pub(super) fn take_turns<N, I, E>(
     (exact, own): (&mut N, &mut N),
     (streams, repeats, turn): (&[Vec<I>], u32, usize),
-    begin: impl Fn(&mut N) -> Result<(), EngineError>,
-    run: impl Fn(&mut N, &[I], &mut Lap) -> Result<(), EngineError>,
+    begin: impl Fn(&mut N) -> Result<(), E>,
+    run: impl Fn(&mut N, &[I], &mut Lap) -> Result<(), E>,
     mut after: impl FnMut((usize, usize), &N, &N),
-) -> Result<Timing, EngineError> {
+) -> Result<Timing, E> {
     let mut laps = Vec::new();
     for repeat in 0..repeats {
         let (mut own_lap, mut exact_lap) = (Lap::new(), Lap::new());

@@ -6,10 +6,11 @@
 
 use meissner_kernels::Isa;
 use meissner_pipeline::provenance::{Header, InputCard};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::measurement::{EXACT, Measurement};
 use super::state::Fingerprint;
+use super::task_error::ErrorKind;
 
 /// Results of all networks.
 #[derive(Debug, Serialize)]
@@ -17,7 +18,7 @@ use super::state::Fingerprint;
 pub struct Report {
     pub header: Header,
     pub system: &'static str,
-    /// Unit of the times: "event" or "window".
+    /// Unit of the times: "event", "window", "picture" or "recording".
     pub unit: &'static str,
     pub data: DataReport,
     /// Repeats of each measurement of time.
@@ -40,8 +41,9 @@ pub struct Report {
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DataReport {
     pub name: String,
+    /// Number of recordings, or of presses.
     pub recordings: u64,
-    /// Number of events or windows.
+    /// Number of events, windows, pictures or recordings.
     pub size: u64,
     /// Number of these that are timed in each repeat.
     pub timed: u64,
@@ -49,13 +51,51 @@ pub struct DataReport {
 }
 
 /// The error that settings are compared by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
-    /// Share of wrong answers.
-    TaskError,
+    /// Error of the task.
+    Task(ErrorKind),
     /// Error against the exact outputs, as a share of their RMS.
     RelativeRms,
+}
+
+impl Serialize for Compared {
+    /// A word; errors of a task state their kind themselves.
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.serialize_str(match self {
+            Self::Task(_) => "task_error",
+            Self::RelativeRms => "relative_rms",
+        })
+    }
+}
+
+impl Compared {
+    /// The first kind of error of a task that all settings have; without one, the error against the exact outputs.
+    fn of(networks: &[NetworkReport]) -> Self {
+        let settings = || networks.iter().flat_map(|network| &network.settings);
+        let kind = |setting: &SettingReport| setting.measurement.task.first().map(|task| task.kind);
+        let first = settings().next().and_then(kind);
+        first
+            .filter(|_| settings().all(|setting| kind(setting) == first))
+            .map_or(Self::RelativeRms, Self::Task)
+    }
+
+    /// An error as text.
+    fn text(self, error: f64) -> String {
+        match self {
+            Self::Task(kind) => kind.text(error),
+            Self::RelativeRms if error == 0.0 => "0".to_owned(),
+            Self::RelativeRms => format!("{error:.1e}"),
+        }
+    }
+
+    /// The same with its unit, in a sentence.
+    fn in_words(self, error: f64) -> String {
+        match self {
+            Self::Task(kind) => format!("{} {}", kind.text(error), kind.unit()),
+            Self::RelativeRms => self.text(error),
+        }
+    }
 }
 
 /// Results of a network.
@@ -80,7 +120,7 @@ pub struct SettingReport {
     pub speed_up: f64,
     /// Error as it is compared.
     pub error: f64,
-    /// 95 % interval of the error; `None` without labels.
+    /// 95 % interval of the error; `None` without labels, and for a single press or recording.
     pub interval_95: Option<(f64, f64)>,
     /// Whether no other setting beats it.
     pub on_front: bool,
@@ -93,8 +133,11 @@ pub struct SettingReport {
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Fastest {
     pub network: String,
-    /// Largest error above that of the exact setting.
+    /// Largest error above that of the exact setting, in the unit of the error.
     pub within: f64,
+    /// The same in words.
+    #[serde(skip)]
+    pub bound: String,
     pub setting: String,
     pub speed_up: f64,
     pub error: f64,
@@ -109,11 +152,9 @@ impl Report {
         notes: Vec<String>,
         mut networks: Vec<NetworkReport>,
     ) -> Self {
-        let mut settings = networks.iter().flat_map(|network| &network.settings);
-        let labels = settings.all(|setting| !setting.measurement.task.is_empty());
-        let compared = if labels { Compared::TaskError } else { Compared::RelativeRms };
+        let compared = Compared::of(&networks);
         match compared {
-            Compared::TaskError => mark_front(networks.iter_mut().flat_map(|network| &mut network.settings)),
+            Compared::Task(_) => mark_front(networks.iter_mut().flat_map(|network| &mut network.settings)),
             Compared::RelativeRms => {
                 networks.iter_mut().for_each(|network| mark_front(&mut network.settings));
             }
@@ -134,7 +175,7 @@ impl Report {
     pub fn error_name(&self) -> &'static str {
         let relative = |network: &NetworkReport| network.exact().measurement.numerical.relative_rms.is_some();
         match self.compared {
-            Compared::TaskError => "wrong answers (%)",
+            Compared::Task(kind) => kind.name(),
             Compared::RelativeRms if self.networks.iter().all(relative) => "relative RMS error",
             Compared::RelativeRms => "RMS error",
         }
@@ -175,17 +216,8 @@ impl SettingReport {
 
     /// Its error, as a cell under [`Report::error_name`].
     pub fn error_text(&self, compared: Compared) -> String {
-        match compared {
-            Compared::TaskError => percent(self.error),
-            Compared::RelativeRms if self.error == 0.0 => "0".to_owned(),
-            Compared::RelativeRms => format!("{:.1e}", self.error),
-        }
+        compared.text(self.error)
     }
-}
-
-/// `share` in percent.
-fn percent(share: f64) -> String {
-    format!("{:.2}", 100.0 * share)
 }
 
 /// Marks the settings on the Pareto front.
@@ -218,11 +250,19 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// Errors above the exact one: shares of wrong answers, or of the RMS of the outputs.
-fn bounds(compared: Compared) -> [f64; 3] {
+/// Bounds above an error of `exact`, and their words: points of a percentage, shares of an error in a unit of its own, or shares of the
+/// RMS of the outputs.
+fn bounds(compared: Compared, exact: f64) -> [(f64, String); 3] {
     match compared {
-        Compared::TaskError => [0.005, 0.01, 0.02],
-        Compared::RelativeRms => [1e-3, 1e-2, 1e-1],
+        Compared::Task(kind) if kind.is_share() => {
+            [0.005, 0.01, 0.02].map(|within| (within, format!("within {} points", 100.0 * within)))
+        }
+        Compared::Task(_) => {
+            [5.0, 10.0, 25.0].map(|percent| (percent / 100.0 * exact, format!("within {percent} % more")))
+        }
+        Compared::RelativeRms => {
+            [1e-3, 1e-2, 1e-1].map(|within| (within, format!("within {within} of their RMS")))
+        }
     }
 }
 
@@ -234,15 +274,17 @@ const NOTICEABLE: f64 = 1.02;
 fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
     let mut all = Vec::new();
     for network in networks {
-        for within in bounds(compared) {
+        let exact = network.exact().error;
+        for (within, bound) in bounds(compared, exact) {
             // Differences of shares such as 0.11 - 0.1 exceed 0.01 in the last bit.
-            let most = network.exact().error + within + 1e-12;
+            let most = exact + within + 1e-12;
             let faster = |setting: &SettingReport| setting.setting == EXACT || setting.speed_up >= NOTICEABLE;
             let fits = network.settings.iter().filter(|setting| setting.error <= most && faster(setting));
             let fastest = fits.reduce(|best, other| if other.us < best.us { other } else { best });
             all.extend(fastest.map(|fastest| Fastest {
                 network: network.network.clone(),
                 within,
+                bound,
                 setting: fastest.setting.clone(),
                 speed_up: fastest.speed_up,
                 error: fastest.error,
@@ -257,15 +299,21 @@ fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) 
     let sentence = |network: &NetworkReport| {
         let own = fastest.iter().filter(|fastest| fastest.network == network.network);
         let parts: Vec<String> = own.map(|fastest| part(fastest, network.exact(), compared)).collect();
+        let (name, error) = (&network.network, compared.in_words(network.exact().error));
         let exact = match compared {
-            Compared::TaskError => {
-                format!(
-                    "{} is wrong in {} % of its answers when it is exact",
-                    network.network,
-                    percent(network.exact().error)
-                )
+            Compared::Task(ErrorKind::WrongAnswers) => {
+                format!("{name} is wrong in {error} of its answers when it is exact")
             }
-            Compared::RelativeRms => format!("{} against its exact outputs", network.network),
+            Compared::Task(ErrorKind::OneMinusIou) => {
+                format!("{name} lacks {error} to an IoU of 1 when it is exact")
+            }
+            Compared::Task(ErrorKind::SquaredForce) => {
+                format!("{name} has a mean squared error of {error} when it is exact")
+            }
+            Compared::Task(ErrorKind::AbsoluteForce) => {
+                format!("{name} has a mean absolute error of {error} when it is exact")
+            }
+            Compared::RelativeRms => format!("{name} against its exact outputs"),
         };
         format!("{exact}: {}.", parts.join("; "))
     };
@@ -273,18 +321,12 @@ fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) 
 }
 
 fn part(fastest: &Fastest, exact: &SettingReport, compared: Compared) -> String {
-    let within = match compared {
-        Compared::TaskError => format!("within {} points", 100.0 * fastest.within),
-        Compared::RelativeRms => format!("within {} of their RMS", fastest.within),
-    };
-    if fastest.setting == exact.setting {
-        return format!("{within} nothing is faster");
+    let Fastest { bound, setting, speed_up, .. } = fastest;
+    if *setting == exact.setting {
+        return format!("{bound} nothing is faster");
     }
-    let error = match compared {
-        Compared::TaskError => format!("{} %", percent(fastest.error)),
-        Compared::RelativeRms => format!("{:.1e}", fastest.error),
-    };
-    format!("{within} the fastest is {}, {:.2} times as fast ({error})", fastest.setting, fastest.speed_up)
+    let error = compared.in_words(fastest.error);
+    format!("{bound} the fastest is {setting}, {speed_up:.2} times as fast ({error})")
 }
 
 #[cfg(test)]

@@ -60,6 +60,7 @@ const SETTINGS: &[&[Change]] = &[
     &[Stale(1)],
     &[Stale(5)],
     &[Stale(10)],
+    &[Stale(20)],
     // Several stages, each made cheaper.
     &[Tolerance(1e-2), Stale(5)],
     &[Neighbours(4), Tolerance(1e-2)],
@@ -74,9 +75,11 @@ const SETTINGS: &[&[Change]] = &[
     &[Activity(1250), Tolerance(1e-2), Stale(5)],
 ];
 
-/// The settings of `network` over events with a mean rate of `rate` per second.
-pub(super) fn settings(network: &Network, rate: f64) -> Vec<Setting> {
-    let fitting = SETTINGS.iter().filter(|changes| changes.iter().all(|change| change.fits(network)));
+/// The settings of `network` over events with a mean rate of `rate` per second, where a prediction is read every `every_us`, or after each
+/// event for 0.
+pub(super) fn settings(network: &Network, rate: f64, every_us: i64) -> Vec<Setting> {
+    let fits = |change: &Change| change.fits(network, every_us);
+    let fitting = SETTINGS.iter().filter(|changes| changes.iter().all(fits));
     fitting.map(|changes| Setting::of(changes, rate)).collect()
 }
 
@@ -106,8 +109,8 @@ impl Setting {
 }
 
 impl Change {
-    /// Whether it changes anything about `network`.
-    fn fits(self, network: &Network) -> bool {
+    /// Whether it changes anything about `network`, or about predictions every `every_us`.
+    fn fits(self, network: &Network, every_us: i64) -> bool {
         let parts = network.parts();
         match self {
             // Rows that are computed once, on arrival, have no older values to be kept.
@@ -116,7 +119,9 @@ impl Change {
             }
             Neighbours(most) => usize::from(most) < parts.graph.reach.most(),
             Span(part, whole) => parts.span_us * part / whole > 0,
-            Stride(_) | Rate(..) | Activity(_) | Stale(_) => true,
+            // A prediction is repeated while it is younger than the bound.
+            Stale(ms) => 1000 * ms > every_us,
+            Stride(_) | Rate(..) | Activity(_) => true,
         }
     }
 
@@ -150,21 +155,6 @@ impl Change {
     }
 }
 
-/// Largest number of multiply-adds of a row, for each of [`Network::layers`]: at the event level with all in-edges that the
-/// network allows, at a pooled level with all adjacent cells; 0 for a pooling.
-pub(super) fn row_costs(network: &Network) -> Vec<u64> {
-    let parts = network.parts();
-    let events = parts.graph.reach.most();
-    let mut costs: Vec<u64> =
-        parts.events.blocks.iter().map(|block| block.conv.multiply_adds(events) as u64).collect();
-    for (pooling, level) in &parts.pooled {
-        let touching = if pooling.time.is_some() { 26 } else { 8 };
-        costs.push(0);
-        costs.extend(level.blocks.iter().map(|block| block.conv.multiply_adds(touching) as u64));
-    }
-    costs
-}
-
 /// Events a second over all of `streams`, each from its first event to its last; 0 where no time passes.
 pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
     let length = |events: &[Event]| {
@@ -178,9 +168,11 @@ pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{mean_rate, row_costs, settings};
+    use super::{mean_rate, settings};
+    use crate::regression::engine::row_costs;
     use meissner_engine::Event;
     use meissner_models::{Description, Weights};
+    use meissner_pipeline::model::Model;
 
     fn shipped(name: &str) -> meissner_engine::Network {
         let weights = Weights::shipped(name).expect("shipped");
@@ -191,7 +183,7 @@ mod tests {
     fn the_first_setting_is_exact_and_names_are_different() {
         for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
             let names: Vec<String> =
-                settings(&shipped(name), 1000.0).into_iter().map(|setting| setting.name).collect();
+                settings(&shipped(name), 1000.0, 0).into_iter().map(|setting| setting.name).collect();
             assert_eq!(names[0], "exact");
             let mut sorted = names.clone();
             sorted.sort();
@@ -203,7 +195,7 @@ mod tests {
     #[test]
     fn every_setting_makes_a_network() {
         let network = shipped("tactigraph");
-        for setting in settings(&network, 1000.0) {
+        for setting in settings(&network, 1000.0, 0) {
             let adapted = setting.network(&network).expect("it fits");
             assert!(setting.name != "exact" || adapted.parts().span_us == network.parts().span_us);
             assert_eq!(row_costs(&adapted).len(), network.layers().len(), "{}", setting.name);
@@ -212,7 +204,7 @@ mod tests {
 
     #[test]
     fn settings_that_change_nothing_are_left_out() {
-        let names = |name| settings(&shipped(name), 1000.0).into_iter().map(|setting| setting.name);
+        let names = |name| settings(&shipped(name), 1000.0, 0).into_iter().map(|setting| setting.name);
         let of_past: Vec<String> = names("tactigraph-past").collect();
         assert!(
             !of_past.iter().any(|name| name.contains("tolerance")),
@@ -221,6 +213,26 @@ mod tests {
         assert!(!of_past.iter().any(|name| name.contains("neighbours 8")), "it has 8: {of_past:?}");
         assert!(!names("digits-frozen").any(|name| name.contains("tolerance")), "its cells have no blocks");
         assert!(names("digits-past").any(|name| name.contains("tolerance")));
+    }
+
+    #[test]
+    fn a_readout_that_is_never_stale_when_it_is_read_is_left_out() {
+        let stale = |every_us| -> Vec<String> {
+            let settings = settings(&shipped("force-graph"), 1000.0, every_us);
+            settings.into_iter().map(|setting| setting.name).filter(|name| name.contains("stale")).collect()
+        };
+        assert_eq!(stale(10_000), ["stale 20 ms"]);
+        assert!(stale(0).iter().any(|name| name == "stale 1 ms"));
+    }
+
+    #[test]
+    fn costs_of_rows_are_those_that_inspect_lists() {
+        for name in ["graphres", "tactigraph", "tactigraph-past", "digits-past", "force-graph"] {
+            let (description, weights) = (Description::shipped(name), Weights::shipped(name));
+            let (description, weights) = (description.expect("shipped"), weights.expect("shipped"));
+            let model = Model::of(&description, (&weights, String::new()), false).expect("they fit");
+            assert_eq!(row_costs(&model.network), model.multiply_adds, "{name}");
+        }
     }
 
     #[test]

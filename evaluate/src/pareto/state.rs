@@ -27,7 +27,7 @@ pub(super) struct Key {
     pub(super) setting: String,
     /// Fingerprint of the data.
     pub(super) data: String,
-    /// Timed events or windows, repeats, instruction set.
+    /// Timed events, windows, pictures or recordings, repeats, instruction set.
     pub(super) options: String,
     /// Version of the program.
     pub(super) version: String,
@@ -115,7 +115,7 @@ fn parse(bytes: &[u8]) -> Result<(Vec<Line>, usize), (usize, serde_json::Error)>
 pub(super) struct Fingerprint(FnvHasher);
 
 impl Fingerprint {
-    fn bytes(&mut self, bytes: &[u8]) {
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
         self.0.write(bytes);
     }
 

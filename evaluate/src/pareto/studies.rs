@@ -13,7 +13,8 @@ use meissner_pipeline::model::{LayerCost, Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
 
 use super::event_network::{EventNetwork, Judge};
-use super::frame_network::{FramesNetwork, has_convolutions, has_pixels_to_keep};
+use super::frame_network::FramesNetwork;
+use super::frame_settings;
 use super::report::DataReport;
 use super::state::Fingerprint;
 use super::{NetworkReport, NetworkStudy, Options, Study};
@@ -165,12 +166,12 @@ pub fn events<'a, T: EventTask>(
 }
 
 /// Source of the weights of so many trainings.
-fn timed_label(trainings: usize, first: &str) -> String {
+pub(super) fn timed_label(trainings: usize, first: &str) -> String {
     if trainings == 1 { first.to_owned() } else { format!("{trainings} trainings, timed with {first}") }
 }
 
 /// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count` events.
-fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Vec<usize> {
+pub(super) fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Vec<usize> {
     let all: usize = chosen.iter().map(|&place| events(place)).sum();
     // A recording has at least one event.
     let mean = (all / chosen.len()).max(1);
@@ -178,7 +179,7 @@ fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Ve
 }
 
 /// `count` of `items`, as far apart as possible.
-fn evenly<T: Copy>(items: &[T], count: usize) -> Vec<T> {
+pub(super) fn evenly<T: Copy>(items: &[T], count: usize) -> Vec<T> {
     (0..count).map(|i| items[(2 * i + 1) * items.len() / (2 * count)]).collect()
 }
 
@@ -227,12 +228,7 @@ pub fn slip<'a>(
             fingerprint.weights(&training.weights);
             parts.push(description.network_parts(&training.weights).map_err(weights_error(&training.label))?);
         }
-        if !has_convolutions(&parts[0]) {
-            notes.push(format!("{name}: no 3 x 3 convolution outside recurrent layers, so none by Winograd"));
-        }
-        if !has_pixels_to_keep(&parts[0]) {
-            notes.push(format!("{name}: no pixel that a tolerance could keep, so none with one"));
-        }
+        notes.extend(frame_settings::notes(&name, &parts[0]));
         let network = FramesNetwork {
             trainings: parts,
             costs: description.layers().iter().map(LayerCost::new).collect(),

@@ -76,16 +76,32 @@ impl ContactPredictor {
         self.reference = Some(rgb.to_vec());
     }
 
-    /// The contact in the next picture, interleaved RGB.
+    /// The contact in the next picture, interleaved RGB: [`Self::push`] and [`Self::predict`].
     ///
     /// # Errors
     /// The picture or the reference has another size, or a force is not finite.
     pub fn measure(&mut self, rgb: &[u8]) -> Result<ContactReport, PipelineError> {
+        self.push(rgb)?;
+        self.predict()
+    }
+
+    /// Takes the next picture, interleaved RGB.
+    ///
+    /// # Errors
+    /// The picture or the reference has another size.
+    pub fn push(&mut self, rgb: &[u8]) -> Result<(), PipelineError> {
         let start = Instant::now();
         let reference = self.difference.then(|| &**self.reference.get_or_insert_with(|| rgb.to_vec()));
         self.images.apply(rgb, reference, &mut self.planes)?;
         self.predictor.prepared(start.elapsed());
-        self.predictor.push(&self.planes)?;
+        Ok(self.predictor.push(&self.planes)?)
+    }
+
+    /// The contact in the last picture.
+    ///
+    /// # Errors
+    /// A force is not finite.
+    pub fn predict(&mut self) -> Result<ContactReport, PipelineError> {
         self.predictor.predict(|predicted| {
             for (force, &y) in self.force.iter_mut().zip(predicted.values) {
                 *force = self.forces.force(y);

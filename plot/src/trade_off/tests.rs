@@ -2,7 +2,7 @@
 
 use roxmltree::{Document, Node};
 
-use super::{Setting, TradeOff};
+use super::{Errors, Setting, TradeOff};
 use crate::svg::Area;
 use crate::{Panel, page};
 
@@ -35,7 +35,7 @@ fn crowded() -> TradeOff {
         time_title: "time per event (us)".to_owned(),
         error_title: "wrong answers (%)".to_owned(),
         about: String::new(),
-        percent: true,
+        errors: Errors::Percentages,
         networks,
         points,
     }
@@ -128,8 +128,32 @@ fn an_error_of_0_has_a_place_on_a_logarithmic_axis() {
         tooltip: String::new(),
     };
     let points = vec![point(0.0), point(1e-4), point(1e-7)];
-    let trade_off = TradeOff { percent: false, points, ..crowded() };
+    let trade_off = TradeOff { errors: Errors::Differences, points, ..crowded() };
     let field = trade_off.field();
     let [none, large, small] = [0.0, 1e-4, 1e-7].map(|error| field.y.place(error));
     assert!(large < small && small < none && none < field.area.bottom, "{large} {small} {none}");
+}
+
+#[test]
+fn the_axis_of_quantities_is_as_fine_as_they_are_and_has_no_greatest_value() {
+    let axis = |errors: &[f64]| {
+        let point = |&error: &f64| Setting {
+            network: 0,
+            time: 1.0,
+            error,
+            interval: Some((0.0, 1.5 * error)),
+            on_front: true,
+            label: None,
+            tooltip: String::new(),
+        };
+        let points = errors.iter().map(point).collect();
+        let field = TradeOff { errors: Errors::Quantities, points, ..crowded() }.field();
+        [errors[0], errors[1]].map(|error| field.y.place(error))
+    };
+    // Forces squared of a hundredth, and of several hundred N^2.
+    for errors in [[0.01, 0.02], [200.0, 400.0]] {
+        let [small, large] = axis(&errors);
+        assert!(small - large > 100.0, "{errors:?}: {small} {large}");
+    }
+    assert!(axis(&[0.0, 0.0]).iter().all(|place| place.is_finite()));
 }

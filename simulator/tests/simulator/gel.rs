@@ -1,6 +1,6 @@
 //! A gel under an indenter: closed forms, slow twins, and refusals.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation};

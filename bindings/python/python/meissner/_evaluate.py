@@ -76,7 +76,7 @@ def evaluate(
     """Judges networks on a labelled data set, as `meissner eval TASK` does.
 
     - `task`, `data`: "digits" and a folder of N-MNIST; "objects" or "containers" and a folder of NeuTouch; "slip" and a folder of
-      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel (not for `pareto`).
+      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel.
     - `networks`: names of shipped networks or description files; none for every shipped one of the task ("tactigraph-past" for
       "angle").
     - `weights`, `trainings`, `folds`: a file of weights for the only network, or a folder of trainings and the number of folds of
@@ -128,9 +128,10 @@ def pareto(
     """Measures run time against error of networks, exact and with each approximation, as `meissner pareto TASK` does.
 
     - `task`, `data`, `networks`, `weights`, `trainings`, `folds`, `threads`: as for `evaluate`; for "angle" `data` is a recording,
-      and errors are those against the exact network.
+      and errors are those against the exact network; "force" and a safetensors file of grasps.
     - `only`: parts of "NETWORK, SETTING"; other settings are left out, the exact ones excepted.
-    - `timed`: events (or windows) that are timed in each of `repeats` repeats; about 20,000 events or 400 windows by default.
+    - `timed`: events (windows for "slip", pictures for "area", recordings for "force") that are timed in each of `repeats` repeats; about
+      20,000 events, 400 windows, 40 pictures or 20 recordings by default.
     - `state`: a file that keeps what was measured, so that a stopped study goes on from there.
     - `sensor`, `from_us`: for "angle", in place of the recording's, and the microseconds at its beginning that are left out.
     - `progress`: a callback (done, total, setting), True or False; None for a bar on a terminal and in a notebook.

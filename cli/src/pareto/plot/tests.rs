@@ -4,22 +4,22 @@ use roxmltree::Document;
 
 use super::svg;
 use meissner_evaluate::pareto::{
-    Compared, DataReport, Measurement, NetworkReport, Report, SettingReport, TaskError,
+    Compared, DataReport, ErrorKind, Measurement, NetworkReport, Report, SettingReport, TaskError,
 };
 use meissner_pipeline::provenance::Header;
 
-/// Two networks with three settings each.
-fn report() -> Report {
+/// Two networks with three settings each, compared by an error of `kind`.
+fn report(kind: ErrorKind) -> Report {
     let setting = |(name, us, error, on_front): (&str, f64, f64, bool)| {
-        let interval_95 = (0.8 * error, 1.2 * error);
+        let interval_95 = Some((0.8 * error, 1.2 * error));
         let of = "cross-validation".to_owned();
-        let task = TaskError { of, error, interval_95, trials: 1100, trainings: 1 };
+        let task = TaskError { of, kind, error, interval_95, trials: 1100, trainings: 1 };
         SettingReport {
             setting: name.to_owned(),
             us,
             speed_up: 1.0,
             error,
-            interval_95: Some(interval_95),
+            interval_95,
             on_front,
             measurement: Measurement { task: vec![task], ..Measurement::default() },
         }
@@ -53,7 +53,7 @@ fn report() -> Report {
         repeats: 3,
         isa: "avx512",
         notes: Vec::new(),
-        compared: Compared::TaskError,
+        compared: Compared::Task(kind),
         networks,
         fastest_within: Vec::new(),
         summary: String::new(),
@@ -62,7 +62,8 @@ fn report() -> Report {
 
 #[test]
 fn every_point_on_the_front_is_named_with_network_setting_and_figure() {
-    let (report, drawing) = (report(), svg(&report()));
+    let report = report(ErrorKind::WrongAnswers);
+    let drawing = svg(&report);
     let document = Document::parse(&drawing).expect("it is well-formed XML");
     let found: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
     for network in &report.networks {
@@ -76,7 +77,8 @@ fn every_point_on_the_front_is_named_with_network_setting_and_figure() {
 
 #[test]
 fn the_axes_are_named_as_the_columns_are() {
-    let (report, drawing) = (report(), svg(&report()));
+    let report = report(ErrorKind::WrongAnswers);
+    let drawing = svg(&report);
     let document = Document::parse(&drawing).expect("it is well-formed XML");
     let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
     let mut table = Vec::new();
@@ -90,5 +92,29 @@ fn the_axes_are_named_as_the_columns_are() {
         let title = format!("{}: {} {time},", setting.setting, report.time_name());
         assert!(texts.iter().any(|text| text.contains(&title)), "{title}");
         assert!(table.lines().any(|line| line.contains(&setting.setting) && line.contains(&time)), "{time}");
+    }
+}
+
+#[test]
+fn an_error_in_a_unit_of_its_own_has_it_in_picture_table_and_comma_separated_values() {
+    for (kind, label, unit) in [
+        (ErrorKind::SquaredForce, "digits-past, exact, 0.0410 N^2", "N^2"),
+        (ErrorKind::OneMinusIou, "digits-past, exact, 4.10 %", "share"),
+    ] {
+        let report = report(kind);
+        let drawing = svg(&report);
+        let document = Document::parse(&drawing).expect("it is well-formed XML");
+        let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();
+        assert!(texts.contains(&label) && texts.contains(&kind.name()), "{label}: {texts:?}");
+        let mut table = Vec::new();
+        crate::pareto::table::write(&mut table, &report).expect("a vector takes everything");
+        let table = String::from_utf8(table).expect("text");
+        assert!(table.contains(kind.name()) && table.contains(&kind.text(0.041)), "{table}");
+        let csv = crate::pareto::table::csv(&report);
+        let column =
+            csv.lines().next().and_then(|names| names.split(',').position(|name| name == "error_unit"));
+        let units: Vec<_> =
+            csv.lines().skip(1).map(|line| line.split(',').nth(column.expect("a column"))).collect();
+        assert_eq!(units, [Some(unit); 6], "{csv}");
     }
 }

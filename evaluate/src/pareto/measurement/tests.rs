@@ -1,18 +1,9 @@
-//! Times, errors and wrong answers.
+//! Times and errors.
 
 use std::time::Duration;
 
-use super::{Differences, Lap, TaskError, Timing, median};
+use super::{Differences, Lap, Timing, median};
 
-#[test]
-fn several_trainings_count_alike() {
-    let task = TaskError::new("test", &[(1, 10), (3, 10)]).expect("asked");
-    assert!((task.error - 0.2).abs() < 1e-12);
-    assert_eq!((task.trials, task.trainings), (10, 2));
-    assert!(task.interval_95.0 < 0.2 && 0.2 < task.interval_95.1);
-    assert_eq!(TaskError::new("test", &[]), None);
-    assert_eq!(TaskError::new("test", &[(0, 0)]), None);
-}
 #[test]
 fn equal_values_have_no_error() {
     let mut differences = Differences::default();

@@ -1,6 +1,7 @@
 //! Lines of a state that were cut or changed; fingerprints.
 
 use super::{Fingerprint, Key, Line, parse};
+use crate::pareto::ErrorKind;
 use crate::pareto::measurement::{Differences, Measurement};
 
 fn line(setting: &str) -> String {
@@ -30,6 +31,19 @@ fn lines_are_read_as_they_were_written() {
     let (lines, keep) = parse(text.as_bytes()).expect("both are whole");
     assert_eq!((settings(&lines), keep), (vec!["exact", "stride 2"], text.len()));
     assert_eq!(serde_json::to_string(&lines[0]).expect("a line") + "\n", line("exact"));
+}
+
+/// A line as programs wrote it before errors had a kind.
+const OLD: &str = r#"{"key":{"system":"digits","network":"digits-past","weights":"1","setting":"exact","data":"2","options":"3","version":"0.1.0"},"measurement":{"timed":10,"entered":1.0,"push_us":{"mean":1.0,"p50":1.0,"p99":2.0},"push_predict_us":{"mean":3.0,"p50":3.0,"p99":4.0},"exact_us":3.0,"ratio":1.0,"rows":4.5,"multiply_adds":1000.0,"numerical":{"max":0.0,"rms":0.0,"relative_rms":0.0,"max_by_tenth":[0.0],"rms_by_tenth":[0.0]},"task":[{"of":"split test","error":0.03,"interval_95":[0.02,0.05],"trials":1100,"trainings":1}]}}
+"#;
+
+#[test]
+fn a_line_of_an_older_program_has_errors_of_wrong_answers() {
+    let (lines, keep) = parse(OLD.as_bytes()).expect("it is whole");
+    let task = &lines[0].measurement.task[0];
+    assert_eq!((keep, task.kind, task.interval_95), (OLD.len(), ErrorKind::WrongAnswers, Some((0.02, 0.05))));
+    let again = serde_json::to_string(&lines[0]).expect("a line") + "\n";
+    assert_eq!(parse(again.as_bytes()).expect("it is whole").0, lines);
 }
 
 #[test]

@@ -1,0 +1,198 @@
+//! Errors of a task: what they measure, in which unit, and their 95 % intervals.
+//!
+//! A share of wrong answers has the interval of Wilson. A mean over pictures or frames has that of a mean over presses or recordings,
+//! which are independent of each other while the pictures of one press are not.
+
+use serde::{Deserialize, Serialize};
+
+use crate::metrics::{Cluster, MeanStd, clustered_95, mean_interval, wilson_95};
+
+/// What an error of a task measures; 0 is the best.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorKind {
+    /// Share of wrong answers.
+    #[default]
+    WrongAnswers,
+    /// What the intersection over union of predicted and true contact lacks to 1, as a share: the mean over pictures.
+    OneMinusIou,
+    /// Squared error of the force in N^2, the mean over frames.
+    SquaredForce,
+    /// Absolute error of the force in N, the mean over pictures or frames.
+    AbsoluteForce,
+}
+
+/// An error of a task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskError {
+    /// The part of the data set.
+    pub of: String,
+    /// What it measures; wrong answers in files that do not say it.
+    #[serde(default)]
+    pub kind: ErrorKind,
+    /// The error in the unit of its kind, shares from 0 to 1: the mean over the trainings.
+    pub error: f64,
+    /// 95 % interval; for several trainings the mean of their bounds. `None` for a single press or recording.
+    pub interval_95: Option<(f64, f64)>,
+    /// Number of answers, pictures or frames of each training.
+    pub trials: u64,
+    /// Number of trainings.
+    pub trainings: usize,
+}
+
+impl ErrorKind {
+    /// Heading of such errors, with the unit.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WrongAnswers => "wrong answers (%)",
+            Self::OneMinusIou => "1 - IoU (%)",
+            Self::SquaredForce => "mean squared error (N^2)",
+            Self::AbsoluteForce => "mean absolute error (N)",
+        }
+    }
+
+    /// The same for the column of a table.
+    pub fn short(self) -> &'static str {
+        match self {
+            Self::WrongAnswers => "wrong %",
+            Self::OneMinusIou => "1 - IoU %",
+            Self::SquaredForce => "MSE (N^2)",
+            Self::AbsoluteForce => "MAE (N)",
+        }
+    }
+
+    /// The unit that errors are shown in.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::WrongAnswers | Self::OneMinusIou => "%",
+            Self::SquaredForce => "N^2",
+            Self::AbsoluteForce => "N",
+        }
+    }
+
+    /// Whether errors are shares, which are shown in percent and do not exceed 1.
+    pub fn is_share(self) -> bool {
+        matches!(self, Self::WrongAnswers | Self::OneMinusIou)
+    }
+
+    /// An error in its shown unit.
+    pub fn shown(self, error: f64) -> f64 {
+        if self.is_share() { 100.0 * error } else { error }
+    }
+
+    /// An error under a heading with the unit.
+    pub fn text(self, error: f64) -> String {
+        format!("{:.*}", if self.is_share() { 2 } else { 4 }, self.shown(error))
+    }
+
+    /// An interval under a heading with the unit.
+    pub fn interval_text(self, (low, high): (f64, f64)) -> String {
+        format!("{} to {}", self.text(low), self.text(high))
+    }
+
+    /// An interval within what such an error can be.
+    fn possible(self, (low, high): (f64, f64)) -> (f64, f64) {
+        let most = if self.is_share() { 1.0 } else { f64::INFINITY };
+        (low.clamp(0.0, most), high.clamp(0.0, most))
+    }
+}
+
+/// The error of one training, with its interval and the number of figures.
+struct Judged(f64, Option<(f64, f64)>, u64);
+
+impl TaskError {
+    /// The error of (wrong, all) answers of each training; `None` where a training has no answers, and for no trainings.
+    pub(super) fn new(of: impl Into<String>, counts: &[(u64, u64)]) -> Option<Self> {
+        let judged = |&(wrong, all): &(u64, u64)| {
+            Some(Judged(wrong as f64 / all as f64, Some(wilson_95(wrong, all)?), all))
+        };
+        let each: Vec<Judged> = counts.iter().map(judged).collect::<Option<_>>()?;
+        Self::over(of.into(), ErrorKind::WrongAnswers, &each)
+    }
+
+    /// The mean of figures of each training, with the figures of each press or recording. `None` where a training has no figures, and for
+    /// no trainings.
+    pub(super) fn mean(
+        of: impl Into<String>,
+        kind: ErrorKind,
+        trainings: impl IntoIterator<Item = (f64, Vec<Cluster>)>,
+    ) -> Option<Self> {
+        let judged = |(mean, clusters): (f64, Vec<Cluster>)| {
+            let figures = clusters.iter().map(|(_, size)| size).sum();
+            let interval = clustered_95(&clusters).map(|interval| kind.possible(interval));
+            (figures > 0).then_some(Judged(mean, interval, figures))
+        };
+        let each: Vec<Judged> = trainings.into_iter().map(judged).collect::<Option<_>>()?;
+        Self::over(of.into(), kind, &each)
+    }
+
+    fn over(of: String, kind: ErrorKind, each: &[Judged]) -> Option<Self> {
+        let intervals: Option<Vec<(f64, f64)>> = each.iter().map(|judged| judged.1).collect();
+        Some(Self {
+            of,
+            kind,
+            error: MeanStd::over(each, |judged| judged.0)?.mean,
+            interval_95: intervals.and_then(|intervals| mean_interval(&intervals)),
+            trials: each[0].2,
+            trainings: each.len(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ErrorKind, TaskError};
+
+    #[test]
+    fn several_trainings_count_alike() {
+        let task = TaskError::new("test", &[(1, 10), (3, 10)]).expect("asked");
+        assert!((task.error - 0.2).abs() < 1e-12);
+        assert_eq!((task.kind, task.trials, task.trainings), (ErrorKind::WrongAnswers, 10, 2));
+        assert!(task.interval_95.is_some_and(|(low, high)| low < 0.2 && 0.2 < high));
+        assert_eq!(TaskError::new("test", &[]), None);
+        assert_eq!(TaskError::new("test", &[(0, 0)]), None);
+    }
+
+    #[test]
+    fn the_interval_of_a_mean_is_that_of_its_presses_and_stays_where_errors_can_be() {
+        // Means 1, 2 and 3 of presses: the deviation is 1, and t of 2 degrees of freedom 4.3027.
+        let presses = vec![(2.0, 2), (4.0, 2), (6.0, 2)];
+        let task =
+            TaskError::mean("all", ErrorKind::SquaredForce, [(2.0, presses.clone())]).expect("figures");
+        let (low, high) = task.interval_95.expect("three presses");
+        assert!(low == 0.0 && (high - (2.0 + 4.302_652_73 / 3.0_f64.sqrt())).abs() < 1e-7, "{low} {high}");
+        assert_eq!((task.error, task.trials, task.trainings), (2.0, 6, 1));
+        let share = TaskError::mean("all", ErrorKind::OneMinusIou, [(0.9, vec![(0.8, 1), (1.0, 1)])]);
+        assert_eq!(share.and_then(|share| share.interval_95).map(|(_, high)| high), Some(1.0));
+        // The second training is exactly right: bounds are means, too.
+        let both = [(2.0, presses), (0.0, vec![(0.0, 3), (0.0, 3)])];
+        let task = TaskError::mean("all", ErrorKind::SquaredForce, both).expect("figures");
+        assert!(
+            task.error == 1.0 && task.interval_95.is_some_and(|both| (both.1 - high / 2.0).abs() < 1e-12)
+        );
+    }
+
+    #[test]
+    fn a_single_press_has_no_interval_and_no_picture_no_error() {
+        let one = TaskError::mean("all", ErrorKind::AbsoluteForce, [(0.5, vec![(1.0, 2), (0.0, 0)])]);
+        assert_eq!(one.map(|one| (one.error, one.interval_95)), Some((0.5, None)));
+        assert_eq!(TaskError::mean("all", ErrorKind::AbsoluteForce, [(f64::NAN, vec![(0.0, 0)])]), None);
+        assert_eq!(TaskError::mean("all", ErrorKind::AbsoluteForce, []), None);
+    }
+
+    #[test]
+    fn an_error_that_states_no_kind_is_one_of_wrong_answers() {
+        let old = r#"{"of":"test","error":0.25,"interval_95":[0.1,0.4],"trials":20,"trainings":1}"#;
+        let task: TaskError = serde_json::from_str(old).expect("a line of an older program");
+        assert_eq!((task.kind, task.interval_95), (ErrorKind::WrongAnswers, Some((0.1, 0.4))));
+    }
+
+    #[test]
+    fn shares_are_shown_in_percent_and_forces_in_newtons() {
+        assert_eq!(ErrorKind::OneMinusIou.text(0.1234), "12.34");
+        assert_eq!(ErrorKind::SquaredForce.interval_text((0.01, 0.123_45)), "0.0100 to 0.1235");
+        for kind in [ErrorKind::WrongAnswers, ErrorKind::SquaredForce, ErrorKind::AbsoluteForce] {
+            assert!(kind.name().contains(&format!("({})", kind.unit())), "{kind:?}");
+        }
+    }
+}
