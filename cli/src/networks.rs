@@ -127,7 +127,7 @@ impl Entry {
 
 /// Writes a table for each system, with the purpose of each network below its row.
 fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
-    let mut table = Table::new(&["network", "weights", "sensor", "input", "outputs"]).left_aligned();
+    let mut table = Table::new(&["network", "sensor", "input", "outputs"]).left_aligned();
     let ordered =
         || SYSTEMS.iter().flat_map(|system| entries.iter().filter(move |entry| entry.system == *system));
     for entry in ordered() {
@@ -136,14 +136,7 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
             None if entry.input == "24 electrodes" => "-".to_owned(),
             None => "any".to_owned(),
         };
-        let weights = if entry.trained { "trained" } else { "untrained" };
-        table.row([
-            entry.name.to_owned(),
-            weights.to_owned(),
-            sensor,
-            entry.input.to_owned(),
-            entry.labelled.clone(),
-        ]);
+        table.row([entry.name.to_owned(), sensor, entry.input.to_owned(), entry.labelled.clone()]);
     }
     let mut lines = table.lines().into_iter();
     lines.next().map_or(Ok(()), |headings| writeln!(out, "{headings}"))?;
@@ -155,11 +148,7 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
         }
         writeln!(out, "{line}\n      {}", entry.purpose)?;
     }
-    writeln!(
-        out,
-        "\nUntrained weights are drawn from a seed: their predictions mean nothing.\n\
-         `meissner inspect NETWORK` shows the layers."
-    )
+    writeln!(out, "\nAll weights are trained. `meissner inspect NETWORK` shows the layers.")
 }
 
 #[cfg(test)]
@@ -176,9 +165,9 @@ mod tests {
     }
 
     #[test]
-    fn a_network_of_drawn_weights_is_called_untrained() {
-        let trained = |name: &'static str| Entry::of(name).map(|entry| entry.trained);
-        assert_eq!(["digits-past", "force-lstm", "slip-best"].map(trained), [Some(true); 3]);
-        assert_eq!(["canf", "canf-plain"].map(trained), [Some(false); 2]);
+    fn every_shipped_network_is_trained() {
+        for name in AnyDescription::shipped_names() {
+            assert!(Entry::of(name).is_some_and(|entry| entry.trained), "{name}");
+        }
     }
 }

@@ -16,6 +16,7 @@ use fnv::FnvHasher;
 
 use crate::description::Role;
 use crate::random::Random;
+use crate::weights::card::DRAWN_BY;
 use crate::weights::{Tensor, Weights};
 
 /// A description whose tensors can be drawn.
@@ -47,6 +48,17 @@ pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
         let tensor = Tensor::new(needed.shape, values).expect("as many values as the shape has");
         (needed.name, tensor)
     }))
+}
+
+/// The bytes of a safetensors file with weights that are [drawn](draw()) from `seed` and a card that says so. Equal
+/// descriptions and seeds give equal bytes.
+pub fn drawn_file(description: &impl Drawable, seed: u64) -> Vec<u8> {
+    let entries = [
+        ("about", format!("drawn, untrained, seed {seed}")),
+        ("network", description.network_name().to_owned()),
+        ("generator", DRAWN_BY.to_owned()),
+    ];
+    draw(description, seed).to_safetensors(&entries.map(|(key, value)| (key.to_owned(), value)).into())
 }
 
 /// The next value of a tensor with this role.

@@ -37,8 +37,8 @@ pub use description::{
     Agreement, AnyDescription, ConvolutionKind, Description, DescriptionError, Layer, LayerKind, Problem,
     ProblemKind,
 };
-pub use draw::{Drawable, draw};
+pub use draw::{Drawable, draw, drawn_file};
 pub use error::{ModelError, TensorProblem, TensorProblemKind};
 pub use inspect::Summary;
-pub use shipped::{DEFAULT_NETWORK, drawn_file};
+pub use shipped::DEFAULT_NETWORK;
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

@@ -53,6 +53,7 @@ impl Weights {
     }
 
     /// The same tensors with this metadata.
+    #[cfg(test)]
     pub(crate) fn with_metadata(self, metadata: BTreeMap<String, String>) -> Self {
         Self { metadata, ..self }
     }

@@ -157,8 +157,8 @@ fn shipped_weights_fit_say_what_they_are_and_are_the_same_every_time() {
             "event-frame-cnn" => "trained on presses of a simulated dome",
             "tactip-frames" => "trained on presses of a real TacTip whose camera is modelled",
             name if name.starts_with("force-") => "trained on grasps of simulated bolts",
-            name if name.starts_with("slip-") => "trained on the Basic objects of biotac_dos, seed 0",
-            _ => "drawn, untrained, seed ",
+            name if name.starts_with("canf") => "trained on simulated pictures",
+            _ => "trained on the Basic objects of biotac_dos, seed 0",
         };
         assert!(weights.metadata()["about"].starts_with(about), "{name}");
         assert_eq!(weights.metadata()["network"], *name);

@@ -1,6 +1,6 @@
 """The lights of a GelSight-like sensor, fitted to pictures of balls pressed on it.
 
-    python lights.py BALLS.npz [--out lights.json] [--pictures FOLDER]
+    python lights.py BALLS.npz [--out lights.json] [--pictures FOLDER] [--test TEST.npz]
 
 BALLS.npz has `background` (height, width, 3) in grey levels, `difference` (n, height, width, 3), a picture minus the background, and
 `circle` (n, 3), the middle and the radius of the contact in pixels, marked by hand. 20 pictures, drawn by a fixed seed, are fitted; the
@@ -76,6 +76,7 @@ def main():
     parser.add_argument("balls", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--pictures", type=pathlib.Path, help="a folder for real and fitted pictures side by side")
+    parser.add_argument("--test", type=pathlib.Path, help="a file for the pictures of the test; nothing is fitted then")
     arguments = parser.parse_args()
     with np.load(arguments.balls) as file:
         background, difference, circle = (file[name].astype(float) for name in ("background", "difference", "circle"))
@@ -83,6 +84,11 @@ def main():
     flat = background.reshape(-1, 3)[::7]
     row, column = (grid.ravel().astype(float) for grid in np.mgrid[: size[0], : size[1]])
     train, test = parts(len(circle))
+    if arguments.test:
+        chosen = {"background": "u1", "difference": "i2", "circle": "f8"}
+        test_only = (background, difference[test], circle[test])
+        np.savez(arguments.test, **{name: value.astype(chosen[name]) for name, value in zip(chosen, test_only)})
+        return
 
     def sample(i):
         """Every fourth pixel both ways, and every other one about the contact."""

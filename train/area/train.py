@@ -1,11 +1,11 @@
 """Trains `canf` or `canf-plain` on pictures of `meissner simulate gel`.
 
-    python train.py TRAIN... --valid VALID --out FOLDER [--network canf-plain] [--steps N] [--crop 160 120] [--start WEIGHTS] [--balls BALLS.npz]
+    python train.py TRAIN... --valid VALID --balls BALLS.npz --network canf --crop 160 120 --statistics --out FOLDER
 
 The loss is the mean squared error of the pressure, in units of UNIT_MPA, plus 0.05 times the squared error of the force on the whole
-picture, in N, plus CONTACT_SHARE times the cross entropy of the contact. Pictures enter as differences from the sensor at rest. With --crop, the
-network sees a part of each picture, which takes less time; whole pictures come after that, with --frozen batch norm, whose statistics are
-taken from whole pictures first. With --balls, one picture in REAL_EVERY is one of the real pictures that the lights are fitted to.
+picture, in N, plus CONTACT_SHARE times the cross entropy of the contact. Pictures enter as differences from the sensor at rest. With --crop,
+the network sees a part of each picture, which takes less time; whole pictures may come after that, with --frozen batch norm. With
+--balls, one picture in REAL_EVERY is one of the real pictures that the lights are fitted to.
 """
 
 import argparse
@@ -150,8 +150,6 @@ def statistics(network, presses, balls, random, pictures=64):
     with torch.no_grad():
         for _ in range(pictures // 4):
             output(network, batch(presses, balls, 4, None, random)[0])
-    for layer in norms:
-        layer.momentum = 0.1
 
 
 def validate(network, presses, most):
@@ -183,7 +181,8 @@ def main():
     parser.add_argument("--rate", type=float, default=1e-3)
     parser.add_argument("--crop", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"))
     parser.add_argument("--start", type=pathlib.Path, help="weights to start from, of the same network or of canf-plain")
-    parser.add_argument("--frozen", action="store_true", help="batch norm keeps its statistics, after they were taken anew")
+    parser.add_argument("--frozen", action="store_true", help="batch norm keeps its statistics")
+    parser.add_argument("--statistics", action="store_true", help="batch norm gets its statistics from whole pictures at the end")
     parser.add_argument("--check", type=int, default=250, help="steps from one validation to the next")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -210,8 +209,6 @@ def main():
         network.load_state_dict(state["network"])
         optimiser.load_state_dict(state["optimiser"])
         random.bit_generator.state, first = state["random"], state["step"]
-    elif arguments.frozen:
-        statistics(network, train, balls, random)
 
     def train_mode():
         network.train()
@@ -248,7 +245,7 @@ def main():
             train_mode()
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict()}
             torch.save(state | {"random": random.bit_generator.state, "step": step + 1}, resume)
-    if arguments.crop:
+    if arguments.statistics:
         statistics(network, train, balls, random)
     iou, force_n = validate(network, valid, 10**6)
     print(f"valid IoU {iou:.3f}  force {force_n:.3f} N")

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use meissner_evaluate::closed_loop::{Delays, Goal, NetworkReport, Plan, Report, Row, Variation, run};
 use meissner_models::random::Random;
 use meissner_pipeline::text::{grouped, span_us};
-use meissner_plot::{Panel, Plane, Series, Setting, Style, TradeOff, page};
+use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page};
 use meissner_simulator::gel::GelSensor;
 
 use super::GelSensorArg;
@@ -225,7 +225,7 @@ fn svg(report: &Report) -> String {
         time_title: "run time of a picture (ms)".to_owned(),
         error_title: format!("mean tracking error ({unit})"),
         about: format!("with the truth in place of a network: {:.3} {unit}", report.truth.error),
-        percent: false,
+        errors: Errors::Quantities,
         networks: report.networks.iter().map(|network| network.card.network.name.clone()).collect(),
         points: rows(report).filter_map(point).collect(),
     };

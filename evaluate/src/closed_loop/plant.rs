@@ -6,8 +6,8 @@ use meissner_simulator::gel::{Contact, GelSensor, GelSolver, Grid, Indenter, Loa
 
 use crate::prepare::{DEEPEST, Drift, bytes};
 
-/// Pixels of the picture for each one of the grid that contacts are solved on, along a side.
-const COARSENESS: usize = 2;
+/// Pixels of the picture for each one of the grid that contacts are solved on, along a side: a ball is smooth.
+const COARSENESS: usize = 4;
 /// The ball stays within this share of the surface around its middle, along each side.
 const WITHIN: f64 = 0.6;
 

@@ -1,8 +1,9 @@
 use meissner_simulator::gel::GelSensor;
 
-use super::plant::Plant;
+use super::plant::{Plant, depth_mm};
 use super::{
-    BALL_MM, Delays, Goal, MARBLE_DEPTH_MM, MOST_N, PERIOD_S, Plan, Report, Variation, run, saw_tooth,
+    BALL_MM, Delays, Goal, LEAST_N, MARBLE_DEPTH_MM, MOST_N, PERIOD_S, Plan, Report, Variation, run,
+    saw_tooth,
 };
 use crate::error::EvaluateError;
 use crate::trainings::Request;
@@ -150,5 +151,16 @@ fn what_is_no_loop_is_refused() {
     {
         let error = report(Goal::Marble, seconds, &[variation]).err().expect("it is refused");
         assert!(matches!(error, EvaluateError::Request { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_coarse_grid_is_fine_enough_for_a_ball() {
+    let sensor = GelSensor::default();
+    for force_n in [LEAST_N, MOST_N] {
+        // Pictures of twice as many pixels a side are solved on a grid twice as fine.
+        let [coarse, fine] =
+            [[320, 240], [640, 480]].map(|size| depth_mm(&sensor, BALL_MM, size, force_n).unwrap());
+        assert!((coarse / fine - 1.0).abs() < 0.02, "{force_n} N: {coarse} mm, {fine} mm");
     }
 }
