@@ -4,6 +4,7 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, Sensor};
@@ -13,6 +14,7 @@ use meissner_pipeline::bench::Part;
 use meissner_pipeline::predictor::Mode;
 pub(crate) use meissner_pipeline::schedule::Every;
 use meissner_pipeline::text::{length_us, span_us};
+use meissner_simulator::gel::GelSensor;
 
 // Headings of the help. Each option names its heading, because the heading of a group of arguments would also apply to
 // the options that follow the group.
@@ -39,6 +41,28 @@ Exit status:
 Environment:
   MEISSNER_LOG  off, error, warn (the default), info, debug or trace: what is told on standard error
   NO_COLOR      no colours in the help";
+
+/// A sensor of `simulate gel`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum GelSensorArg {
+    /// The one whose lights are fitted.
+    First,
+    /// Another one of the same kind.
+    Second,
+    /// Another one for each press.
+    Drawn,
+}
+
+impl GelSensorArg {
+    /// The sensor, where it is always the same.
+    pub(crate) fn fixed(self) -> Option<GelSensor> {
+        match self {
+            Self::First => Some(GelSensor::default()),
+            Self::Second => Some(GelSensor::second()),
+            Self::Drawn => None,
+        }
+    }
+}
 
 /// How a recording is read.
 #[derive(Clone, Copy, Debug, clap::Args)]

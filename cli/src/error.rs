@@ -118,6 +118,10 @@ impl From<EvaluateError> for CliError {
                     RequestPart::Trainings => "--trainings",
                     RequestPart::Settings => "--only",
                     RequestPart::Every => "--every",
+                    RequestPart::Seconds => "--seconds",
+                    RequestPart::Rate => "--rate",
+                    RequestPart::Slower => "--slower",
+                    RequestPart::Lost => "--drop",
                     _ => "DATA",
                 };
                 usage(option, &expected, &found)

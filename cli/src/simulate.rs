@@ -15,10 +15,9 @@ use meissner_evaluate::prepare::{
 use meissner_io::{Format, ImageSequence};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::{grouped, span_us};
-use meissner_simulator::gel::GelSensor;
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
+use crate::args::{GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::{output, threads};
@@ -204,27 +203,6 @@ struct GelArgs {
     /// File to write (safetensors); it is replaced where it exists.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum GelSensorArg {
-    /// The one whose lights are fitted.
-    First,
-    /// Another one of the same kind.
-    Second,
-    /// Another one for each press.
-    Drawn,
-}
-
-impl GelSensorArg {
-    /// The sensor, where it is always the same.
-    fn fixed(self) -> Option<GelSensor> {
-        match self {
-            Self::First => Some(GelSensor::default()),
-            Self::Second => Some(GelSensor::second()),
-            Self::Drawn => None,
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -35,6 +35,7 @@ use crate::error::{EvaluateError, RequestPart};
 use crate::metrics::MeanStd;
 use crate::pareto::pareto_front;
 use crate::trainings::{Candidate, Request, candidates};
+pub use line::Delays;
 use line::{Line, Timed};
 use plant::{Plant, Reading, depth_mm};
 
@@ -105,23 +106,6 @@ pub struct Variation {
     /// What happens on the way.
     #[serde(flatten)]
     pub delays: Delays,
-}
-
-/// What happens to pictures and readings on their way.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Delays {
-    /// The network takes so many times as long.
-    pub slower: f64,
-    /// Time from a reading to the controller in microseconds.
-    pub stale_us: u64,
-    /// Share of pictures that are lost.
-    pub lost: f64,
-}
-
-impl Default for Delays {
-    fn default() -> Self {
-        Self { slower: 1.0, stale_us: 0, lost: 0.0 }
-    }
 }
 
 /// Errors and times of all loops, with the keys of the JSON report.
@@ -218,21 +202,22 @@ pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
 }
 
 fn check(plan: &Plan<'_>) -> Result<(), EvaluateError> {
-    let refused =
-        |expected: &str, found: String| Err(EvaluateError::request(RequestPart::Settings, expected, found));
+    let refused = |part: RequestPart, expected: &str, found: f64| {
+        Err(EvaluateError::request(part, expected, found.to_string()))
+    };
     let is_positive = |value: f64| value > 0.0 && value.is_finite();
     if !is_positive(plan.seconds) || plan.seconds > 3600.0 {
-        return refused("a time above 0, of at most an hour", format!("{} s", plan.seconds));
+        return refused(RequestPart::Seconds, "above 0, and at most 3600", plan.seconds);
     }
     if !is_positive(plan.rate_hz) || plan.rate_hz > 10_000.0 {
-        return refused("a rate above 0, of at most 10000 pictures a second", plan.rate_hz.to_string());
+        return refused(RequestPart::Rate, "above 0, and at most 10000", plan.rate_hz);
     }
     for Variation { delays: Delays { slower, lost, .. }, .. } in plan.variations {
         if !is_positive(*slower) {
-            return refused("a network that takes more than 0 times as long", slower.to_string());
+            return refused(RequestPart::Slower, "above 0", *slower);
         }
         if !(0.0..=1.0).contains(lost) {
-            return refused("a share of lost pictures from 0 to 1", lost.to_string());
+            return refused(RequestPart::Lost, "a share from 0 to 1", *lost);
         }
     }
     Ok(())

@@ -100,6 +100,14 @@ pub enum RequestPart {
     Settings,
     /// The time between two predictions.
     Every,
+    /// The time that a loop lasts.
+    Seconds,
+    /// The rate of the pictures of a loop.
+    Rate,
+    /// How much slower a network of a loop is.
+    Slower,
+    /// The share of pictures that a loop loses.
+    Lost,
 }
 
 impl EvaluateError {

@@ -10,8 +10,7 @@ use meissner_pipeline::text::{grouped, span_us};
 use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page};
 use meissner_simulator::gel::GelSensor;
 
-use super::GelSensorArg;
-use crate::args::{APPROXIMATIONS, INPUT, MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;

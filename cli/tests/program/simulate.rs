@@ -228,6 +228,10 @@ fn a_loop_has_a_row_for_each_variation_of_each_network() {
     assert!(drawn.contains("mean tracking error (mm)") && drawn.contains("distance from the middle (mm)"));
 
     let lost = meissner(&[&common[..], &weights, &["--drop", "1.5"]].concat());
-    fails(&lost, 1, &["expected a share of lost pictures from 0 to 1", "1.5"]);
-    fails(&meissner(&["simulate", "loop", "--network", "slip-tuned"]), 1, &["networks over pictures"]);
+    fails(&lost, 2, &["--drop", "expected a share from 0 to 1", "1.5"]);
+    fails(
+        &meissner(&["simulate", "loop", "--network", "slip-tuned"]),
+        2,
+        &["--network", "networks over pictures"],
+    );
 }

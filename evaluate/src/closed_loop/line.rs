@@ -5,9 +5,26 @@
 use std::time::Duration;
 
 use meissner_models::random::Random;
+use serde::Serialize;
 
-use super::Delays;
 use super::plant::Reading;
+
+/// What happens to pictures and readings on their way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Delays {
+    /// The network takes so many times as long.
+    pub slower: f64,
+    /// Time from a reading to the controller in microseconds.
+    pub stale_us: u64,
+    /// Share of pictures that are lost.
+    pub lost: f64,
+}
+
+impl Default for Delays {
+    fn default() -> Self {
+        Self { slower: 1.0, stale_us: 0, lost: 0.0 }
+    }
+}
 
 /// What a network says of a picture, and the time that it took.
 pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(Reading, Duration), E> + 'a;
@@ -84,8 +101,7 @@ mod tests {
     use std::convert::Infallible;
     use std::time::Duration;
 
-    use super::{Line, Reading};
-    use crate::closed_loop::Delays;
+    use super::{Delays, Line, Reading};
 
     /// A network that takes a millisecond and says the first byte of a picture.
     #[expect(clippy::unnecessary_wraps, reason = "networks may fail")]
