@@ -159,7 +159,7 @@ fn rows(report: &Report) -> impl Iterator<Item = (usize, &str, &Row)> {
 
 /// The report for people.
 fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    writeln!(out, "{}", about(report))?;
+    writeln!(out, "loop         {}", about(report))?;
     for network in &report.networks {
         writeln!(out, "network      {}: {}", network.card.network.name, network.weights)?;
     }
@@ -202,7 +202,7 @@ fn title(goal: Goal) -> &'static str {
 
 fn about(report: &Report) -> String {
     let Report { seconds, rate_hz, seed, .. } = report;
-    format!("loop         {}: {seconds} s, {rate_hz} pictures a second, seed {seed}", title(report.goal))
+    format!("{}: {seconds} s, {rate_hz} pictures a second, seed {seed}", title(report.goal))
 }
 
 /// The picture: run time against error, and below it each network as it is, over time.
