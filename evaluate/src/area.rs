@@ -196,4 +196,6 @@ fn data_report(set: &Set, workers: &Workers) -> Result<DataReport, EvaluateError
 }
 
 #[cfg(test)]
+pub(crate) mod small;
+#[cfg(test)]
 mod tests;

@@ -1,45 +1,11 @@
 //! Time against the error of quantities: forces of simulated grasps, and contacts in simulated pictures.
 
-use meissner_models::{FrameDescription, draw};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 use crate::exit_status::fails;
 use crate::pareto::{errors, is_a_front, number, report, setting, settings};
-use crate::support::{argument, meissner, message, text};
-
-/// A network over pictures of 32 x 24 pixels.
-const PICTURES: &str = r#"
-[network]
-name = "two"
-[input]
-kind = "image"
-channels = 3
-height = 24
-width = 32
-frames = "picture"
-difference = true
-mean = [0.0, 0.0, 0.0]
-std = [0.1, 0.1, 0.1]
-force_mean = 0.0
-force_std = 0.01
-pixel_mm = [0.6, 0.6]
-threshold_n = 0.001
-[[layer]]
-name = "first"
-kind = "conv"
-channels = 8
-kernel = 3
-activation = "relu"
-[[layer]]
-name = "head"
-kind = "conv"
-channels = 1
-kernel = 3
-[output]
-names = ["force"]
-unit = "N per pixel"
-"#;
+use crate::support::{argument, meissner, message, picture_network, text};
 
 /// What `simulate` writes with these arguments.
 fn simulated(folder: &Path, arguments: &[&str]) -> PathBuf {
@@ -117,11 +83,7 @@ fn pictures_of_presses_have_the_errors_of_eval_and_one_file_is_as_good_as_severa
     let folder = tempfile::tempdir().expect("a folder");
     let plan = ["gel", "--presses", "3", "--pictures", "3", "--size", "32x24", "--coarseness", "1"];
     let data = simulated(folder.path(), &plan);
-    let [network, weights] = ["two.toml", "two.safetensors"].map(|name| folder.path().join(name));
-    std::fs::write(&network, PICTURES).expect("it is written");
-    let description = FrameDescription::load(&network).expect("a description");
-    let drawn = draw(&description, 5).to_safetensors(&[("seed".to_owned(), "5".to_owned())].into());
-    std::fs::write(&weights, drawn).expect("it is written");
+    let [network, weights] = picture_network(folder.path());
     let network = ["--network", argument(&network), "--weights", argument(&weights)];
     let few = ["--repeat", "1", "--only", "winograd 4x4", "--only", "every 2nd"];
     let one = [&["area", argument(&data)], &network[..], &few[..]].concat();

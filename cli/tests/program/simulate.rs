@@ -6,7 +6,7 @@ use meissner_models::TensorFile;
 use safetensors::SafeTensors;
 
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, message, text};
+use crate::support::{argument, file, meissner, message, picture_network, text};
 
 /// Two streams: a marker that rests, and one that moves 8 pixels to the right.
 fn tracks() -> Vec<u8> {
@@ -169,43 +169,13 @@ fn tracks_and_settings_that_do_not_fit_are_refused_by_name() {
     assert!(!out.exists());
 }
 
-/// A network over pictures whose force on a pixel grows with its red.
-const RED: &str = r#"
-[network]
-name = "red"
-[input]
-kind = "image"
-channels = 3
-height = 24
-width = 32
-frames = "picture"
-difference = true
-mean = [0.0, 0.0, 0.0]
-std = [1.0, 1.0, 1.0]
-force_mean = 0.0
-force_std = 0.02
-pixel_mm = [0.6, 0.6]
-threshold_n = 0.004
-[[layer]]
-name = "head"
-kind = "conv"
-channels = 1
-kernel = 1
-[output]
-names = ["force"]
-unit = "N per pixel"
-"#;
-
 #[test]
 fn a_loop_has_a_row_for_each_variation_of_each_network() {
-    let (folder, network) = file("red.toml", RED);
-    let mut weights = TensorFile::new([("seed".to_owned(), "3".to_owned())].into());
-    weights.f32("head.weight", &[1, 3, 1, 1], &[1.0, 0.0, 0.0]);
-    weights.f32("head.bias", &[1], &[0.0]);
-    let [file, json, svg] = ["red.safetensors", "loop.json", "loop.svg"].map(|name| folder.path().join(name));
-    std::fs::write(&file, weights.into_bytes()).expect("it can be written");
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let [network, weights] = picture_network(folder.path());
+    let [json, svg] = ["loop.json", "loop.svg"].map(|name| folder.path().join(name));
     let common = ["simulate", "loop", "--goal", "marble", "--seconds", "1", "--network", argument(&network)];
-    let weights = ["--weights", argument(&file)];
+    let weights = ["--weights", argument(&weights)];
     let files = ["--json", argument(&json), "--svg", argument(&svg)];
     let varied = ["--tolerance", "0.05", "--slower", "2,1e6", "--stale", "80ms", "--drop", "1"];
     let output = meissner(&[&common[..], &weights, &varied, &files].concat());

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use meissner_models::{FrameDescription, draw};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -108,4 +109,47 @@ pub(crate) fn argument(path: &Path) -> &str {
 /// The embedded recording as a file of the repository.
 pub(crate) fn default_recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipeline/assets/dome_press.evt3")
+}
+
+/// A network over pictures of 32 x 24 pixels.
+const PICTURES: &str = r#"
+[network]
+name = "two"
+[input]
+kind = "image"
+channels = 3
+height = 24
+width = 32
+frames = "picture"
+difference = true
+mean = [0.0, 0.0, 0.0]
+std = [0.1, 0.1, 0.1]
+force_mean = 0.0
+force_std = 0.01
+pixel_mm = [0.6, 0.6]
+threshold_n = 0.001
+[[layer]]
+name = "first"
+kind = "conv"
+channels = 8
+kernel = 3
+activation = "relu"
+[[layer]]
+name = "head"
+kind = "conv"
+channels = 1
+kernel = 3
+[output]
+names = ["force"]
+unit = "N per pixel"
+"#;
+
+/// Writes a small network over pictures with drawn weights into `folder`. Returns its description and its weights.
+pub(crate) fn picture_network(folder: &Path) -> [PathBuf; 2] {
+    let [network, weights] = ["two.toml", "two.safetensors"].map(|name| folder.join(name));
+    std::fs::write(&network, PICTURES).expect("it is written");
+    let description = FrameDescription::load(&network).expect("a description");
+    let drawn = draw(&description, 5).to_safetensors(&[("seed".to_owned(), "5".to_owned())].into());
+    std::fs::write(&weights, drawn).expect("it is written");
+    [network, weights]
 }

@@ -4,37 +4,11 @@ use meissner_engine::frames::FrameOptions;
 use meissner_models::systems::contact_area::ContactMeter;
 use rayon::ThreadPoolBuilder;
 
+use super::small::red;
 use super::{Options, Report, Source, evaluate};
 use crate::prepare::{GelPlan, Shapes, gel_presses};
 use crate::trainings::Request;
 use crate::workers::Workers;
-
-/// A network whose force on a pixel is a hundredth of the change of its red, in N per pixel.
-const NETWORK: &str = r#"
-[network]
-name = "red"
-[input]
-kind = "image"
-channels = 3
-height = 24
-width = 32
-frames = "picture"
-difference = true
-mean = [0.0, 0.0, 0.0]
-std = [1.0, 1.0, 1.0]
-force_mean = 0.0
-force_std = 0.01
-pixel_mm = [0.6, 0.6]
-threshold_n = 0.001
-[[layer]]
-name = "head"
-kind = "conv"
-channels = 1
-kernel = 1
-[output]
-names = ["force"]
-unit = "N per pixel"
-"#;
 
 fn workers(threads: usize) -> Workers {
     Workers::from(ThreadPoolBuilder::new().num_threads(threads).build().unwrap())
@@ -43,13 +17,8 @@ fn workers(threads: usize) -> Workers {
 /// The folder with a network, its weights and a file of presses of several pictures.
 fn folder() -> (tempfile::TempDir, Vec<String>, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
-    let network = folder.path().join("red.toml");
-    std::fs::write(&network, NETWORK).unwrap();
-    let weights = folder.path().join("red.safetensors");
-    let mut file = meissner_models::TensorFile::new([("seed".to_owned(), "3".to_owned())].into());
-    file.f32("head.weight", &[1, 3, 1, 1], &[1.0, 0.0, 0.0]);
-    file.f32("head.bias", &[1], &[0.0]);
-    std::fs::write(&weights, file.into_bytes()).unwrap();
+    // A hundredth of the change of red, in N.
+    let (networks, weights) = red(folder.path(), [0.01, 0.001]);
     let data = folder.path().join("gel.safetensors");
     let plan = GelPlan {
         sensor: None,
@@ -62,7 +31,7 @@ fn folder() -> (tempfile::TempDir, Vec<String>, PathBuf, PathBuf) {
     };
     let pool = ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     std::fs::write(&data, gel_presses(&plan, &pool).unwrap().file.into_bytes()).unwrap();
-    (folder, vec![network.display().to_string()], weights, data)
+    (folder, networks, weights, data)
 }
 
 fn judged(networks: &[String], weights: &Path, data: &[PathBuf], threads: usize) -> (Report, Vec<u8>) {

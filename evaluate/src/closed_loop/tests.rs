@@ -5,51 +5,14 @@ use super::{
     BALL_MM, Delays, Goal, LEAST_N, MARBLE_DEPTH_MM, MOST_N, PERIOD_S, Plan, Report, Variation, run,
     saw_tooth,
 };
+use crate::area::small::red;
 use crate::error::EvaluateError;
 use crate::trainings::Request;
 
-/// A network that says of a pixel a hundredth of the change of its red; the forces are wrong, the middle is about right.
-const NETWORK: &str = r#"
-[network]
-name = "red"
-[input]
-kind = "image"
-channels = 3
-height = 24
-width = 32
-frames = "picture"
-difference = true
-mean = [0.0, 0.0, 0.0]
-std = [1.0, 1.0, 1.0]
-force_mean = 0.0
-force_std = 0.02
-pixel_mm = [0.6, 0.6]
-threshold_n = 0.004
-[[layer]]
-name = "head"
-kind = "conv"
-channels = 1
-kernel = 1
-[output]
-names = ["force"]
-unit = "N per pixel"
-"#;
-
-/// The folder with the network and its weights.
-fn folder() -> (tempfile::TempDir, Vec<String>, std::path::PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let network = folder.path().join("red.toml");
-    std::fs::write(&network, NETWORK).unwrap();
-    let weights = folder.path().join("red.safetensors");
-    let mut file = meissner_models::TensorFile::new([("seed".to_owned(), "3".to_owned())].into());
-    file.f32("head.weight", &[1, 3, 1, 1], &[1.0, 0.0, 0.0]);
-    file.f32("head.bias", &[1], &[0.0]);
-    std::fs::write(&weights, file.into_bytes()).unwrap();
-    (folder, vec![network.display().to_string()], weights)
-}
-
 fn report(goal: Goal, seconds: f64, variations: &[Variation]) -> Result<Report, EvaluateError> {
-    let (_folder, networks, weights) = folder();
+    // The forces are wrong, the middle is about right.
+    let folder = tempfile::tempdir().unwrap();
+    let (networks, weights) = red(folder.path(), [0.02, 0.004]);
     let request = Request { networks: &networks, weights: Some(&weights), trainings: None };
     let sensor = GelSensor::second();
     run(&Plan { request, goal, sensor, seconds, rate_hz: 25.0, seed: 4, variations })

@@ -7,7 +7,7 @@ use meissner_models::{FrameDescription, TensorFile, draw};
 use rayon::ThreadPoolBuilder;
 
 use super::area;
-use crate::area::{self as judged, Figures};
+use crate::area::{self as judged, Figures, small};
 use crate::pareto::{Compared, ErrorKind, Options, Report, SettingReport, State};
 use crate::prepare::{GelPlan, Shapes, gel_presses};
 use crate::trainings::Request;
@@ -16,22 +16,7 @@ use crate::workers::Workers;
 const PIXELS: usize = 24 * 32;
 
 /// Two convolutions of 3 x 3 over differences of pictures; weights are drawn.
-const NETWORK: &str = r#"
-[network]
-name = "two"
-[input]
-kind = "image"
-channels = 3
-height = 24
-width = 32
-frames = "picture"
-difference = true
-mean = [0.0, 0.0, 0.0]
-std = [0.1, 0.1, 0.1]
-force_mean = 0.0
-force_std = 0.01
-pixel_mm = [0.6, 0.6]
-threshold_n = 0.001
+const LAYERS: &str = r#"
 [[layer]]
 name = "first"
 kind = "conv"
@@ -43,9 +28,6 @@ name = "head"
 kind = "conv"
 channels = 1
 kernel = 3
-[output]
-names = ["force"]
-unit = "N per pixel"
 "#;
 
 struct Folder {
@@ -58,7 +40,7 @@ impl Folder {
     fn new() -> Self {
         let path = tempfile::tempdir().unwrap();
         let [network, weights] = ["two.toml", "two.safetensors"].map(|name| path.path().join(name));
-        std::fs::write(&network, NETWORK).unwrap();
+        std::fs::write(&network, small::description("two", 0.1, [0.01, 0.001], LAYERS)).unwrap();
         let description = FrameDescription::load(&network).unwrap();
         let drawn = draw(&meissner_models::AnyDescription::Frames(description), 5);
         std::fs::write(&weights, drawn.to_safetensors(&[("seed".to_owned(), "5".to_owned())].into()))
