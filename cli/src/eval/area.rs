@@ -51,8 +51,8 @@ pub(super) struct AreaArgs {
     task: AreaTask,
     /// Compute only what changes by more than this between pictures of a press.
     ///
-    /// The unit is that of the network's input, in which one grey level is 0.04 for the shipped networks. Without this
-    /// option, whatever changes is computed.
+    /// It holds for the input, in which one grey level is 0.04 for the shipped networks, and for the values of every layer.
+    /// Without this option, whatever changes is computed.
     #[arg(long, value_name = "CHANGE", help_heading = APPROXIMATIONS)]
     tolerance: Option<f32>,
     #[command(flatten)]
