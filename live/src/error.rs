@@ -23,6 +23,14 @@ pub enum LiveError {
     /// The worker's thread could not be started.
     #[error("the worker's thread cannot be started")]
     Thread(#[source] std::io::Error),
+    /// The worker's thread cannot be pinned to the core that was asked for.
+    #[error("the worker cannot be pinned to core {core}: expected one of {cores:?}")]
+    Core {
+        /// The core.
+        core: usize,
+        /// The cores that this process may use.
+        cores: Vec<usize>,
+    },
     /// The worker panicked.
     #[error("the worker panicked: {message}")]
     Panicked {

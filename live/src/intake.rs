@@ -18,7 +18,7 @@ use meissner_engine::frames::Frame;
 use crate::{Overload, QueueCounters};
 
 /// An item of the queue: an [`Event`] or a [`Frame`].
-pub trait Item: Clone + Send + 'static {
+pub trait Item: Clone + std::fmt::Debug + Send + 'static {
     /// Its time in microseconds.
     fn t_us(&self) -> i64;
     /// The event that filters check; `None` if filters do not apply.

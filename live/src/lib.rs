@@ -10,6 +10,7 @@
 //! |---|---|
 //! | [`Input`] | sensor's side: offers events; waits only under [`Overload::Block`] |
 //! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`Timely`] prediction and its age |
+//! | [`Fleet`] | many sensors in one process, each with an engine, a queue and counters of its own |
 //! | [`Asked`] | a prediction that was asked for, for a caller that cannot only wait |
 //! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
 //! | [`QueueCounters`] | counts of offered, delivered, waiting and dropped events |
@@ -43,7 +44,9 @@
 //! threads, bit for bit. Under overload, the machine's speed decides which events are in the sequence.
 #![forbid(unsafe_code)]
 
+mod cores;
 mod error;
+mod fleet;
 mod input;
 mod intake;
 mod live;
@@ -53,7 +56,9 @@ mod recorded;
 mod shared;
 mod worker;
 
+pub use cores::cores;
 pub use error::LiveError;
+pub use fleet::Fleet;
 pub use input::Input;
 pub use intake::Item;
 pub use live::{Asked, Live, Timely};

@@ -1,13 +1,13 @@
 //! The handle of the controller's side.
 
 use std::any::Any;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::intake::{Intake, Item};
 use crate::shared::{Answer, Request, Shared};
-use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
+use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores, worker};
 
 /// An engine that runs in its own thread, and its newest prediction.
 ///
@@ -20,6 +20,8 @@ pub struct Live<P: Predictor<Input: Item>> {
     /// Panic message, if the worker ended by itself.
     panic: String,
     values: Vec<f32>,
+    /// When the first event that no fresh prediction covers was offered, as far as predictions were asked for.
+    uncovered: Option<Instant>,
 }
 
 /// A prediction that is available by the deadline, with its age.
@@ -44,6 +46,9 @@ pub struct Timely<'a> {
     pub age: Duration,
     /// Time since the call.
     pub waited: Duration,
+    /// Time since the first event was offered that this fresh prediction is the first to cover: how long the sensor's news took, at most.
+    /// `None` if the prediction is not fresh or nothing was offered since the last fresh one.
+    pub latency: Option<Duration>,
 }
 
 /// A prediction that was asked for and may still be computed.
@@ -61,13 +66,13 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
     ///
     /// # Errors
     /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] if the first prediction fails,
-    /// [`LiveError::Thread`] if the thread cannot be started.
+    /// [`LiveError::Thread`] if the thread cannot be started, [`LiveError::Core`] if it cannot be pinned.
     pub fn spawn(mut predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
         options.check()?;
         let mut answer = Answer::new(Instant::now());
         answer.copy(predictor.predict()?);
         let values = answer.values.clone();
-        let QueueOptions { capacity, mut overload, batch } = options;
+        let QueueOptions { capacity, mut overload, batch, core } = options;
         let filters = match &mut overload {
             Overload::Filter(chain) => Some(std::mem::take(chain)),
             _ => None,
@@ -75,10 +80,18 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let shared = Arc::new(Shared::new(Intake::new(capacity, overload), answer));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new().name("meissner-live".to_owned());
-        let worker =
-            thread.spawn(move || worker::run(predictor, &theirs, batch)).map_err(LiveError::Thread)?;
-        let input = Input::new(Arc::clone(&shared), filters);
-        Ok((input, Self { shared, worker: Some(worker), panic: String::new(), values }))
+        let (pinned, is_pinned) = mpsc::sync_channel(1);
+        let work = move || {
+            // Nobody waits for it any more if the receiver is gone.
+            let _ = pinned.send(core.is_none_or(cores::pin));
+            worker::run(predictor, &theirs, batch)
+        };
+        let worker = Some(thread.spawn(work).map_err(LiveError::Thread)?);
+        let live = Self { shared, worker, panic: String::new(), values, uncovered: None };
+        if let Some(core) = core.filter(|_| is_pinned.recv() != Ok(true)) {
+            return Err(LiveError::Core { core, cores: cores::cores() });
+        }
+        Ok((Input::new(Arc::clone(&live.shared), filters), live))
     }
 }
 
@@ -104,6 +117,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
     pub fn ask(&mut self, deadline: Duration) -> Asked {
         let at = Instant::now();
         let (request, state) = self.shared.ask(at.checked_add(deadline));
+        self.uncovered = self.uncovered.or(request.offered);
         Asked { request, stamps_us: state.intake.stamps_us(), at }
     }
 
@@ -144,18 +158,20 @@ impl<P: Predictor<Input: Item>> Live<P> {
         let behind_us = stamps_us
             .map_or(0, |(first, newest)| newest.saturating_sub(answer.covered_us.unwrap_or(first)).max(0));
         let own = answer.request == request.number;
-        if !own || behind_events > 0 {
+        let fresh = own && behind_events == 0;
+        if !fresh {
             tracing::debug!(request.number, own, behind_events, behind_us, "not fresh");
         }
         Ok(Timely {
             t_us: answer.t_us,
             nodes: answer.nodes,
-            fresh: own && behind_events == 0,
+            fresh,
             own,
             behind_events,
             behind_us: behind_us.unsigned_abs(),
             age: answer.begun.elapsed(),
             waited: at.elapsed(),
+            latency: self.uncovered.take_if(|_| fresh).map(|offered| offered.elapsed()),
             values: &self.values,
         })
     }

@@ -67,11 +67,13 @@ pub struct QueueOptions {
     /// Largest number of events that the worker inserts before it checks whether a prediction is due, 1 to
     /// [`Self::LARGEST`]. Default: 64.
     pub batch: usize,
+    /// Core that the worker's thread is pinned to, one of [`cores`](crate::cores). Default: the system places it.
+    pub core: Option<usize>,
 }
 
 impl Default for QueueOptions {
     fn default() -> Self {
-        Self { capacity: 1 << 16, overload: Overload::DropOldest, batch: 64 }
+        Self { capacity: 1 << 16, overload: Overload::DropOldest, batch: 64, core: None }
     }
 }
 
@@ -97,6 +99,16 @@ impl QueueOptions {
     /// Sets [`Self::batch`].
     pub fn with_batch(self, batch: usize) -> Self {
         Self { batch, ..self }
+    }
+
+    /// Sets [`Self::core`].
+    pub fn with_core(self, core: Option<usize>) -> Self {
+        Self { core, ..self }
+    }
+
+    /// Bytes that a queue of `T` and the batch of its worker take for as long as they live.
+    pub fn bytes<T>(&self) -> usize {
+        (self.capacity + self.batch) * size_of::<T>()
     }
 
     pub(crate) fn check(&self) -> Result<(), LiveError> {

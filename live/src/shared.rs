@@ -27,6 +27,8 @@ pub(crate) struct Request {
     pub(crate) advance_us: Option<i64>,
     /// Deadline of the answer.
     pub(crate) due: Option<Instant>,
+    /// When the first event after those of the request before was offered.
+    pub(crate) offered: Option<Instant>,
 }
 
 /// The newest finished prediction.
@@ -91,6 +93,8 @@ pub(crate) struct State<T> {
     covered: u64,
     asked: u64,
     request: Option<Request>,
+    /// When the first event since the newest request was offered.
+    offered: Option<Instant>,
     pub(crate) answer: Answer,
     /// Whether the worker is waiting.
     idle: bool,
@@ -128,6 +132,7 @@ impl<T: Item> Shared<T> {
             covered: 0,
             asked: 0,
             request: None,
+            offered: None,
             answer,
             idle: false,
             blocked: false,
@@ -162,6 +167,7 @@ impl<T: Item> Shared<T> {
                 return taken;
             }
             taken += state.intake.offer(&events[taken..], passes.get(taken..).unwrap_or_default());
+            state.offered.get_or_insert_with(Instant::now);
             self.wake_worker(&mut state);
             if taken == events.len() {
                 return taken;
@@ -190,7 +196,7 @@ impl<T: Item> Shared<T> {
         let target = state.intake.entered();
         // Events after a clock advance have later times and advance the clock themselves.
         let advance_us = state.moved.filter(|&(position, _)| position == target).map(|(_, t_us)| t_us);
-        let request = Request { number: state.asked, target, advance_us, due };
+        let request = Request { number: state.asked, target, advance_us, due, offered: state.offered.take() };
         state.request = Some(request);
         self.wake_worker(&mut state);
         (request, state)

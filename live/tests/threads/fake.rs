@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use meissner_engine::{EngineError, Event, Outcome, Prediction};
-use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions};
+use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores};
 
 /// Longest time that a test waits for something that takes no time: the machine may do other things.
 pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
@@ -26,6 +26,8 @@ pub(crate) struct Fake {
     pub(crate) verbs: Vec<Verb>,
     pub(crate) taken: usize,
     pub(crate) values: [f32; 1],
+    /// The only core that it may run on, at its last event; `None` if there are several.
+    pub(crate) core: Option<usize>,
 }
 
 /// An event in this column makes the next prediction fail.
@@ -55,6 +57,10 @@ impl Predictor for Fake {
         assert!(event.x != PANIC_COLUMN, "asked to panic");
         self.verbs.push(Verb::Push(event.t_us));
         self.taken += 1;
+        self.core = match cores()[..] {
+            [core] => Some(core),
+            _ => None,
+        };
         self.values = [if event.x == NAN_COLUMN { f32::NAN } else { self.taken as f32 }];
         Outcome::Accepted
     }

@@ -4,6 +4,7 @@
 mod deadlines;
 mod ends;
 mod fake;
+mod fleet;
 mod frames;
 mod overload;
 mod recorded;

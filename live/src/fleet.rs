@@ -1,0 +1,98 @@
+//! Live engines for many sensors in one process.
+//!
+//! Each sensor has an engine in a thread of its own, a queue with its own capacity and overload rule, and its own counters. Nothing is
+//! shared between sensors but the weights, which nobody writes. A sensor that floods fills its own queue; one whose engine fails
+//! or panics gets that error, and the others their predictions.
+
+use std::time::Duration;
+
+use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, Timely};
+
+/// Live engines of many sensors, which are asked for predictions together. Engines that were made of one
+/// `Arc<Network>` share one copy of its weights.
+///
+/// ```
+/// use std::sync::Arc;
+/// use std::time::Duration;
+///
+/// use meissner_engine::{Engine, Event, Sensor};
+/// use meissner_live::{Fleet, QueueOptions};
+/// use meissner_models::{Description, Weights};
+///
+/// let description = Description::shipped("tactigraph-past").expect("a shipped network");
+/// let network = Arc::new(description.network(&Weights::shipped("tactigraph-past").expect("its weights"))?);
+/// let sensor = Sensor::new(240, 180);
+/// let fingertip = || Ok((Engine::new(Arc::clone(&network), sensor)?, QueueOptions::new()));
+/// let fingertips = (0..3).map(|_| fingertip()).collect::<Result<Vec<_>, meissner_engine::EngineError>>()?;
+///
+/// let (mut inputs, mut fleet) = Fleet::spawn(fingertips)?;
+/// inputs[1].push_slice(&[Event::new(0, 120, 90, true); 100])?;
+/// let mut nodes = [0; 3];
+/// fleet.predict(Duration::from_secs(60), 0..3, |sensor, timely| nodes[sensor] = timely.map_or(0, |timely| timely.nodes));
+/// assert_eq!(nodes, [0, 100, 0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Fleet<P: Predictor<Input: Item>> {
+    sensors: Vec<Live<P>>,
+    asked: Vec<(usize, Asked)>,
+}
+
+impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
+    /// Starts a worker for each of `sensors`, as [`Live::spawn`]; the sensors' numbers are their places.
+    ///
+    /// # Errors
+    /// As [`Live::spawn`], of the first sensor that cannot start; no worker is left running.
+    #[expect(clippy::type_complexity, reason = "as `Live::spawn`, once for each sensor")]
+    pub fn spawn(
+        sensors: impl IntoIterator<Item = (P, QueueOptions)>,
+    ) -> Result<(Vec<Input<P::Input>>, Self), LiveError> {
+        let spawned = sensors.into_iter().map(|(predictor, options)| Live::spawn(predictor, options));
+        let (inputs, sensors): (Vec<_>, Vec<_>) = spawned.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let asked = Vec::with_capacity(sensors.len());
+        Ok((inputs, Self { sensors, asked }))
+    }
+}
+
+impl<P: Predictor<Input: Item>> Fleet<P> {
+    /// The predictions of `sensors` by one deadline, as [`Live::predict`]. All are asked before the first answer is waited for.
+    /// `each` gets every sensor's number and its prediction or error, in the order of `sensors`.
+    ///
+    /// # Panics
+    /// A number is not below [`Self::len`].
+    pub fn predict(
+        &mut self,
+        deadline: Duration,
+        sensors: impl IntoIterator<Item = usize>,
+        mut each: impl FnMut(usize, Result<Timely<'_>, LiveError>),
+    ) {
+        let Self { sensors: all, asked } = self;
+        asked.clear();
+        asked.extend(sensors.into_iter().map(|sensor| (sensor, all[sensor].ask(deadline))));
+        for (sensor, asked) in asked {
+            let live = &mut all[*sensor];
+            let timely = live.wait(asked, deadline).and_then(|_| live.timely(asked));
+            each(*sensor, timely);
+        }
+    }
+
+    /// The live engine of each sensor.
+    pub fn sensors(&mut self) -> &mut [Live<P>] {
+        &mut self.sensors
+    }
+
+    /// The number of sensors.
+    pub fn len(&self) -> usize {
+        self.sensors.len()
+    }
+
+    /// Whether there is no sensor.
+    pub fn is_empty(&self) -> bool {
+        self.sensors.is_empty()
+    }
+
+    /// Ends every worker, and returns each sensor's engine or what ended it, as [`Live::close`].
+    pub fn close(self) -> Vec<Result<P, LiveError>> {
+        self.sensors.into_iter().map(Live::close).collect()
+    }
+}
