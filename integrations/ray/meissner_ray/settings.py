@@ -73,15 +73,14 @@ class Settings:
 
     def check(self) -> None:
         """Raises what Meissner raises about these settings, before thousands of recordings do."""
-        # Settings are read before the data. Only data can be missing.
+        # Settings are read before the data, which are missing here.
         nowhere = Path(os.devnull, "nothing")
+        judge = meissner.evaluate if self.command == "eval" else meissner.pareto
         try:
-            if self.command == "eval":
-                meissner.evaluate(self.task, nowhere, **self.arguments())
-            else:
-                meissner.pareto(self.task, nowhere, **self.arguments())
-        except (meissner.RecordingError, meissner.FileError):
-            return
+            judge(self.task, nowhere, **self.arguments())
+        except meissner.Error as error:
+            if str(nowhere) not in str(error):
+                raise
 
     def files(self) -> dict[str, tuple[int, int]]:
         """Size in bytes and time of the last change in nanoseconds of each file that a worker will read."""
