@@ -19,6 +19,7 @@ from typing import Any
 from .errors import ClusterError, SettingsError
 
 _MIB = 2**20
+_FOLDER = "meissner-ray-"
 
 # One for all sessions of a process, because Ray keeps the first.
 _TOKEN = secrets.token_hex(32)
@@ -40,7 +41,8 @@ def started(workers: int | None) -> Iterator[int]:
     if workers < 1:
         raise SettingsError(f"workers: expected at least 1, found {workers}")
     # Sockets are in this folder, and their paths must be short.
-    folder = Path(tempfile.mkdtemp(prefix="meissner-ray-"))
+    _sweep()
+    folder = Path(tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-"))
     try:
         with _loopback():
             ray.init(
@@ -59,6 +61,18 @@ def started(workers: int | None) -> Iterator[int]:
     finally:
         ray.shutdown()
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep() -> None:
+    """Removes the folders of programs that were killed."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDER}[0-9]*-*"):
+        program = int(folder.name.removeprefix(_FOLDER).partition("-")[0])
+        try:
+            os.kill(program, 0)
+        except ProcessLookupError:
+            shutil.rmtree(folder, ignore_errors=True)
+        except PermissionError:
+            continue
 
 
 @contextmanager

@@ -22,12 +22,12 @@ Row = dict[str, Any]
 Cards = list[dict[str, Any]]
 
 
-def rows_of(recording: Recording, settings: Settings, cards: Cards) -> list[Row]:
-    """The rows of a recording; `cards` are those of the settings."""
+def rows_of(recording: Recording, settings: Settings, cards: Cards, scratch: Path | None = None) -> list[Row]:
+    """The rows of a recording; `cards` are those of the settings, and `scratch` is a folder for what is written on the way."""
     stamp = recording.stamp() or (None, None)
     head = {"recording": recording.name, "bytes": stamp[0], "modified_ns": stamp[1], "failure": None}
     try:
-        with staged(settings.task, recording) as data:
+        with staged(settings.task, recording, scratch) as data:
             try:
                 judged = _evaluated if settings.command == "eval" else _measured
                 return [head | row for row in judged(data, settings, cards)]

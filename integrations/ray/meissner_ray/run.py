@@ -158,7 +158,7 @@ def judge(recording: Recording, job: Job) -> list[Row]:
     started_s, cpu_s = time.time(), time.process_time()
     if job.settings.files() != job.files:
         raise SettingsError(f"networks: expected files that stay as they are, found a change in {sorted(job.files)}")
-    rows = rows_of(recording, job.settings, job.cards)
+    rows = rows_of(recording, job.settings, job.cards, job.folder / "work")
     return _kept(recording, rows, job, started_s, time.process_time() - cpu_s)
 
 

@@ -14,8 +14,8 @@ _TIMES = {"run": _TEXT, "worker": _TEXT, "started_s": _REAL, "ended_s": _REAL, "
 _SPEEDS = ("us", "speed_up", "on_front", "push_p50_us", "push_p99_us", "p50_us", "p99_us")
 
 MEASURED = frozenset({*_ORIGIN, *_TIMES, *_SPEEDS, "newest_mae"})
-"""Columns that differ from run to run: origins, times, and what depends on times. `newest_mae` is the error of the newest prediction
-that there is while the next one is computed. All other columns are determined by recording and settings."""
+"""Columns that differ from run to run: origins, times, and what depends on times. `newest_mae` is the error of the newest
+prediction that there is while the next one is computed. All other columns are determined by recording and settings."""
 
 _LABEL = {"label": _TEXT, "class": _INT, "answers": pa.list_(_INT)}
 _OUTPUTS = {"outputs": pa.list_(pa.float32()), "outputs_shape": pa.list_(_INT), "outputs_sha256": _TEXT}

@@ -16,13 +16,16 @@ from .recordings import ARCHIVES, Recording
 
 
 @contextmanager
-def staged(task: str, recording: Recording) -> Iterator[Path]:
-    """The path that `meissner.evaluate` and `meissner.pareto` take. What is written for it is removed at the end."""
+def staged(task: str, recording: Recording, scratch: Path | None) -> Iterator[Path]:
+    """The path that `meissner.evaluate` and `meissner.pareto` take.
+
+    What is written for it is in the folder `scratch` (or in that of the system), and removed at the end.
+    """
     path = Path(recording.path)
     if task not in ("digits", "slip", *ARCHIVES):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="meissner-recording-") as name:
+    with tempfile.TemporaryDirectory(prefix="meissner-recording-", dir=scratch) as name:
         folder = Path(name)
         if task in ARCHIVES:
             _copy_array(recording, folder / ARCHIVES[task])

@@ -2,6 +2,7 @@
 
     settings.json      identity of the settings, written before anything is computed
     rows/KEY.parquet   the rows of one finished recording
+    work/              what tasks write on their way, removed at the end of a run
     results.parquet    the rows of all recordings, written at the end of a run; their files in rows/ are then removed
 
 A file appears as a whole or not at all: it is written under another name, synchronised, and renamed.
@@ -79,6 +80,9 @@ class Results:
         self._identity = json.dumps(identity, indent=1, sort_keys=True)
         self._check(folder / "settings.json")
         (folder / "rows").mkdir(exist_ok=True)
+        # Those of tasks that were killed go.
+        shutil.rmtree(folder / "work", ignore_errors=True)
+        (folder / "work").mkdir()
         self._runs: list[dict[str, Any]] = []
         self.rows: dict[str, list[Row]] = {}
         if (folder / "results.parquet").exists():
@@ -127,7 +131,8 @@ class Results:
         metadata = {_SETTINGS: self._identity.encode(), _RUNS: json.dumps(self._runs).encode()}
 
         def write(file: BinaryIO) -> None:
-            with pq.ParquetWriter(file, self.columns) as writer:
+            # The names of list items are those of Arrow, so that what is read has the schema of what was written.
+            with pq.ParquetWriter(file, self.columns, use_compliant_nested_type=False) as writer:
                 writer.write_table(table)
                 if run is not None:
                     self._runs.append(run | {"ended_s": time.time(), "rows": len(ordered)})
@@ -136,6 +141,7 @@ class Results:
 
         atomically(self.folder / "results.parquet", write)
         shutil.rmtree(self.folder / "rows")
+        shutil.rmtree(self.folder / "work")
         return table.replace_schema_metadata(metadata)
 
 

@@ -60,7 +60,7 @@ def test_the_rows_of_every_task_are_those_of_a_loop_bit_for_bit(cluster, tmp_pat
     assert results.num_rows >= 3 and results["failure"].null_count == results.num_rows
     assert determined(results) == determined(in_a_loop("eval", task, data, NETWORKS[task]))
     # What was returned is what was written.
-    assert meissner_ray.read(tmp_path / "out").equals(results)
+    assert meissner_ray.read(tmp_path / "out").equals(results, check_metadata=True)
 
 
 def test_recordings_of_events_have_the_outputs_and_figures_of_the_whole_data_set(cluster, digits, tmp_path):
