@@ -139,6 +139,8 @@ def in_a_loop(command, task, data, network, **more):
 def determined(table: pa.Table) -> bytes:
     """The bits of all columns that recording and settings determine."""
     columns = table.drop_columns([name for name in table.column_names if name in MEASURED]).replace_schema_metadata(None)
+    # The same values have the same buffers, whether they were read or computed.
+    columns = pa.Table.from_pylist(columns.to_pylist(), columns.schema)
     out = pa.BufferOutputStream()
     with pa.ipc.new_stream(out, columns.schema) as writer:
         writer.write_table(columns.combine_chunks())
