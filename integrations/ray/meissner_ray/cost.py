@@ -5,8 +5,8 @@ With n recordings on c cores, one worker a core:
     least = startup + n (recording + overhead) / c + shutdown + n write
     most  = least + (1 - 1 / c) longest
 
-`recording` is the mean time of a task, `overhead` the mean time from the end of a task to the start of the next one of the same
-worker, `startup` the time from the call to the first task of a worker (median of the workers), `shutdown` that of Ray, and
+`recording` is the mean time of judging in a task, `overhead` the mean time from there to the start of the next task of the same
+worker: the file of its rows, and scheduling; `startup` the time from the call to the first task of a worker (median of the workers), `shutdown` that of Ray, and
 `write` the time of the last file for each recording. `most` is the bound of a list schedule: no core is idle before the last task
 begins, which is the longest at worst (Graham, 1969).
 """

@@ -5,7 +5,8 @@
     work/              what tasks write on their way, removed at the end of a run
     results.parquet    the rows of all recordings, written at the end of a run; their files in rows/ are then removed
 
-A file appears as a whole or not at all: it is written under another name, synchronised, and renamed.
+A file appears as a whole or not at all: it is written under another name and renamed. Files that stay are synchronised with the disk.
+Those in rows/ are not: after a loss of power, one that cannot be read is computed again.
 """
 
 from __future__ import annotations
@@ -31,14 +32,15 @@ _RUNS = b"meissner_ray.runs"
 _SETTINGS = b"meissner_ray.settings"
 
 
-def atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Lets `write` fill the file at `path`, which changes when all of it is on disk."""
+def atomically(path: Path, write: Callable[[BinaryIO], object], synchronised: bool = True) -> None:
+    """Lets `write` fill the file at `path`, which changes when all of it is written."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("wb") as file:
             write(file)
             file.flush()
-            os.fsync(file.fileno())
+            if synchronised:
+                os.fsync(file.fileno())
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
@@ -47,7 +49,7 @@ def atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
 def keep(folder: Path, recording: Recording, rows: list[Row], columns: pa.Schema) -> None:
     """Writes the rows of a finished recording."""
     table = pa.Table.from_pylist(rows, columns)
-    atomically(folder / "rows" / f"{recording.key}.parquet", lambda file: pq.write_table(table, file))
+    atomically(folder / "rows" / f"{recording.key}.parquet", lambda file: pq.write_table(table, file), synchronised=False)
 
 
 def read(folder: PathLike) -> pa.Table:
@@ -93,7 +95,7 @@ class Results:
             try:
                 self._take(pq.read_table(path))
             except (OSError, pa.ArrowInvalid):
-                # Not by us, whose files are whole. It is computed again.
+                # A loss of power, or another program. It is computed again.
                 path.unlink()
 
     def _check(self, path: Path) -> None:
