@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("network")
     parser.add_argument("--rounds", type=int, default=5)
     asked = parser.parse_args()
-    os.environ["RAY_worker_niceness"] = "0"
+    os.environ["RAY_worker_niceness"] = "0"  # noqa: SIM112
     recordings = meissner_ray.find("eval", asked.task, asked.data)
     settings = Settings.of("eval", asked.task, asked.network, None, None)
     cards = settings.cards()

@@ -114,7 +114,7 @@ def _cost(asked: argparse.Namespace) -> int:
     print(f"  startup   {found.startup_s:9.3f} s    shutdown {found.shutdown_s:9.3f} s")
     print(f"  recording {1e3 * found.recording_s:9.3f} ms   longest  {1e3 * found.longest_s:9.3f} ms")
     print(f"  its CPU   {1e3 * found.cpu_s:9.3f} ms")
-    print(f"  overhead  {1e3 * found.overhead_s:9.3f} ms   write    {1e3 * found.write_s:9.3f} ms a row")
+    print(f"  overhead  {1e3 * found.overhead_s:9.3f} ms   write    {1e3 * found.write_s:9.3f} ms")
     print(f"computed: {asked.recordings} such recordings")
     for one in costs:
         note = f"; more cores than the {found.workers} measured: arithmetic, not a measurement" if one.extrapolated else ""

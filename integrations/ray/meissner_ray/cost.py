@@ -5,10 +5,10 @@ With n recordings on c cores, one worker a core:
     least = startup + n (recording + overhead) / c + shutdown + n write
     most  = least + (1 - 1 / c) longest
 
-`recording` is the mean time of judging in a task, `overhead` the mean time from there to the start of the next task of the same
-worker: the file of its rows, and scheduling; `startup` the time from the call to the first task of a worker (median of the workers), `shutdown` that of Ray, and
-`write` the time of the last file for each recording. `most` is the bound of a list schedule: no core is idle before the last task
-begins, which is the longest at worst (Graham, 1969).
+`recording` is the mean time of judging in a task, and `overhead` the mean time from there to the start of the next task of the
+same worker: the file of its rows, and scheduling. `startup` is the time from the call to the first task of a worker (median of
+the workers), `shutdown` that of Ray, and `write` the time of the last file for the rows of a recording.
+`most` is the bound of a list schedule: no core is idle before the last task begins, which is the longest at worst (Graham, 1969).
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Cost:
 def measured(results: pa.Table) -> Measured:
     """The costs of the run with the most recordings; of equal ones the last. Raises `ResultsError` where there is none."""
     tasks: dict[str, dict[str, dict[str, Any]]] = {}
-    for row in results.to_pylist():
+    records = results.to_pylist()
+    for row in records:
         tasks.setdefault(row["run"], {})[row["recording"]] = row
     known = [run for run in runs(results) if run["run"] in tasks]
     if not known:
@@ -81,7 +82,8 @@ def measured(results: pa.Table) -> Measured:
         cpu_s=statistics.fmean(row["cpu_s"] for row in rows),
         overhead_s=statistics.fmean(gaps) if gaps else 0.0,
         shutdown_s=run["stopped_s"] - run["judged_s"],
-        write_s=(run["ended_s"] - run["stopped_s"]) / run["rows"],
+        # The file has the rows of all runs.
+        write_s=(run["ended_s"] - run["stopped_s"]) / run["rows"] * sum(row["run"] == run["run"] for row in records) / len(rows),
         wall_s=run["ended_s"] - run["begun_s"],
     )
 

@@ -5,8 +5,8 @@
     work/              what tasks write on their way, removed at the end of a run
     results.parquet    the rows of all recordings, written at the end of a run; their files in rows/ are then removed
 
-A file appears as a whole or not at all: it is written under another name and renamed. Files that stay are synchronised with the disk.
-Those in rows/ are not: after a loss of power, one that cannot be read is computed again.
+A file appears as a whole or not at all: it is written under another name and renamed. Files that stay are synchronised with the
+disk. Those in rows/ are not: after a loss of power, one that cannot be read is computed again.
 """
 
 from __future__ import annotations
