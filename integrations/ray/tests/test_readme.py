@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 
 import meissner
-from conftest import DAVIS, make_events, write_digits
+from conftest import DAVIS, make_events, write_digits, write_slips
 
 from meissner_ray.cli import main
 
@@ -15,6 +15,7 @@ README = (Path(__file__).parent.parent / "README.md").read_text()
 def test_the_commands_and_the_program_of_the_readme_run(cluster, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_digits(Path("NMNIST"))
+    write_slips(Path("SLIPS"))
     Path("RECORDINGS").mkdir()
     meissner.write("RECORDINGS/one.npy", make_events(600, 1, DAVIS), DAVIS)
     commands = [shlex.split(line) for line in re.findall(r"^python -m meissner_ray (.*)$", README, re.MULTILINE)]
