@@ -140,6 +140,9 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Line>, Failure> {
 /// The file cannot be written, or the daemon cannot be reached.
 pub(crate) fn run(options: &RecordOptions) -> Result<(), Failure> {
     let file = |source| Failure::File { path: options.file.display().to_string(), source };
+    if let Some(folder) = options.file.parent() {
+        std::fs::create_dir_all(folder).map_err(file)?;
+    }
     let opened = OpenOptions::new().create(true).append(true).open(&options.file).map_err(file)?;
     let mut to = BufWriter::new(opened);
     let (outputs, mut inputs) = start()?;
