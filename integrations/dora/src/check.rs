@@ -36,19 +36,19 @@ pub(crate) struct CheckOptions {
 #[derive(Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Found {
     /// Sensors in the record.
-    sensors: usize,
+    pub(crate) sensors: usize,
     /// Predictions that were compared, bit for bit.
-    predictions: u64,
+    pub(crate) predictions: u64,
     /// Events that the sources sent.
-    sent: u64,
+    pub(crate) sent: u64,
     /// Events that were given to engines.
-    accepted: u64,
+    pub(crate) accepted: u64,
     /// Events that were not, by reason.
-    dropped: BTreeMap<String, u64>,
+    pub(crate) dropped: BTreeMap<String, u64>,
     /// Lives of the inference node.
-    lives: usize,
+    pub(crate) lives: usize,
     /// Messages of the inference node that are not in the record.
-    missed: u64,
+    pub(crate) missed: u64,
 }
 
 /// Checks the record, and prints what was found.
@@ -69,7 +69,12 @@ enum Said<'a> {
 }
 
 /// Checks the lines of a record of sources that each sent `events` of `sensor`.
-fn check(lines: &[Line], network: &Arc<Network>, sensor: Sensor, events: &[Event]) -> Result<Found, Failure> {
+pub(crate) fn check(
+    lines: &[Line],
+    network: &Arc<Network>,
+    sensor: Sensor,
+    events: &[Event],
+) -> Result<Found, Failure> {
     let mut found = Found::default();
     let mut said = BTreeMap::<(&str, i64), Vec<((i64, u64), Said<'_>)>>::new();
     let mut told = BTreeMap::<(&str, &str, &str), u64>::new();

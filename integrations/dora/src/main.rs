@@ -22,6 +22,8 @@
 mod check;
 mod control;
 mod coverage;
+#[cfg(test)]
+mod harness;
 mod http;
 mod infer;
 mod kept;

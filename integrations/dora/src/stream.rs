@@ -21,15 +21,16 @@ const WAITING: usize = 1 << 16;
 
 /// Which events a source sends.
 #[derive(Clone, Debug, Args)]
+#[cfg_attr(test, derive(Default))]
 pub(crate) struct StreamOptions {
     /// A recording, or a stream such as udp://HOST:PORT; without it, the embedded recording of a simulated press
     pub(crate) recording: Option<PathBuf>,
     /// Columns and rows of the sensor, for a recording or a stream that does not state them
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = sensor)]
-    sensor: Option<Sensor>,
+    pub(crate) sensor: Option<Sensor>,
     /// How often a recording is sent, one run after the other; its times go on
     #[arg(long, default_value_t = 1)]
-    runs: u32,
+    pub(crate) runs: u32,
 }
 
 fn sensor(text: &str) -> Result<Sensor, String> {
