@@ -65,12 +65,11 @@ impl Numbers {
 
     /// The message of this number has arrived: how many before it are missing and why. `None` if it is late or a repetition.
     pub(crate) fn arrived(&mut self, number: u64) -> Option<(u64, Reason)> {
-        let expected = self.next.unwrap_or(number);
-        let missing = number.checked_sub(expected)?;
-        let reason = if self.next.is_none() {
-            Reason::Down
-        } else if missing <= self.dropped {
+        let missing = number.checked_sub(self.next.unwrap_or(0))?;
+        let reason = if missing <= self.dropped {
             Reason::Queue
+        } else if self.next.is_none() {
+            Reason::Down
         } else if self.dropped == 0 {
             Reason::Link
         } else {
@@ -197,13 +196,22 @@ mod tests {
     #[test]
     fn what_the_queue_dropped_is_told_from_what_the_link_lost() {
         let mut numbers = Numbers::default();
-        assert_eq!(numbers.arrived(0), Some((0, Reason::Down)));
-        numbers.dropped(2);
-        assert_eq!(numbers.arrived(3), Some((2, Reason::Queue)));
-        assert_eq!(numbers.arrived(6), Some((2, Reason::Link)));
         numbers.dropped(1);
-        assert_eq!(numbers.arrived(9), Some((2, Reason::QueueOrLink)));
-        assert_eq!(numbers.arrived(10), Some((0, Reason::Queue)));
+        assert_eq!(numbers.arrived(1), Some((1, Reason::Queue)));
+        numbers.dropped(2);
+        assert_eq!(numbers.arrived(4), Some((2, Reason::Queue)));
+        assert_eq!(numbers.arrived(7), Some((2, Reason::Link)));
+        numbers.dropped(1);
+        assert_eq!(numbers.arrived(10), Some((2, Reason::QueueOrLink)));
+        assert_eq!(numbers.arrived(11), Some((0, Reason::Queue)));
+    }
+
+    #[test]
+    fn what_was_sent_before_the_first_message_that_arrives_was_sent_while_the_node_was_down() {
+        let mut numbers = Numbers::default();
+        assert_eq!(numbers.arrived(3), Some((3, Reason::Down)));
+        assert_eq!(numbers.arrived(4), Some((0, Reason::Queue)));
+        assert_eq!(numbers.arrived(4), None);
     }
 
     #[test]

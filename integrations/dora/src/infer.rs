@@ -101,6 +101,8 @@ struct Inference {
     outputs: Outputs,
     options: LaneOptions,
     lanes: BTreeMap<String, Lane>,
+    /// Messages that queues dropped before the input had a lane.
+    dropped: BTreeMap<String, u64>,
     /// Messages that could not be placed, by input.
     refused: BTreeMap<String, u64>,
     /// Messages sent, on any output.
@@ -122,14 +124,26 @@ impl Inference {
                 let _ = lane::write(&path, &state).map_err(|error| failing.send(error));
             }
         });
-        let (lanes, refused) = (BTreeMap::new(), BTreeMap::new());
-        Self { outputs, options, lanes, refused, order: 0, events: Vec::new(), saver, failed, saving }
+        let (lanes, dropped, refused) = Default::default();
+        Self {
+            outputs,
+            options,
+            lanes,
+            dropped,
+            refused,
+            order: 0,
+            events: Vec::new(),
+            saver,
+            failed,
+            saving,
+        }
     }
 
     fn note_dropped(&mut self, inputs: &mut Inputs) {
         for (input, count) in inputs.dropped() {
-            if let Some(lane) = self.lanes.get_mut(&input) {
-                lane.dropped(count);
+            match self.lanes.get_mut(&input) {
+                Some(lane) => lane.dropped(count),
+                None => *self.dropped.entry(input).or_default() += count,
             }
         }
     }
@@ -156,7 +170,8 @@ impl Inference {
             self.lanes.remove(input).map_or(Ok(()), Lane::close).map_err(failed)?;
         }
         if !self.lanes.contains_key(input) {
-            let (lane, refused) = Lane::start(input, &header, &self.options).map_err(failed)?;
+            let (mut lane, refused) = Lane::start(input, &header, &self.options).map_err(failed)?;
+            lane.dropped(self.dropped.remove(input).unwrap_or(0));
             self.lanes.insert(input.clone(), lane);
             if let Some(error) = refused {
                 self.outputs.warn(&format!("{input}: the state is not used: {error}"));

@@ -120,29 +120,29 @@ impl Inputs {
     /// The messages that are there, in order of arrival on each input; waits at most `most` for the first. Empty if none has come.
     pub(crate) fn take(&mut self, most: Duration) -> Vec<Message> {
         let mut messages = Vec::new();
-        let first = if most.is_zero() { None } else { self.events.recv_timeout(most) };
-        self.note(first, !most.is_zero(), &mut messages);
-        if !self.has_ended {
-            match self.events.drain() {
-                Some(events) => {
-                    events.into_iter().for_each(|event| self.note(Some(event), false, &mut messages));
-                }
+        if !most.is_zero() {
+            match self.events.recv_timeout(most) {
+                Some(event) => self.note(event, &mut messages),
                 None => self.has_ended = true,
             }
+        }
+        // After the end too: what had arrived before it comes after it.
+        match self.events.drain() {
+            Some(events) => events.into_iter().for_each(|event| self.note(event, &mut messages)),
+            None => self.has_ended = true,
         }
         messages
     }
 
-    fn note(&mut self, event: Option<Event>, waited: bool, messages: &mut Vec<Message>) {
+    fn note(&mut self, event: Event, messages: &mut Vec<Message>) {
         match event {
-            Some(Event::Input { id, metadata, data }) => messages.push(Message {
+            Event::Input { id, metadata, data } => messages.push(Message {
                 input: id.to_string(),
                 metadata: metadata.parameters,
                 data,
                 received_ns: now_ns(),
             }),
-            Some(Event::Stop(_)) => self.has_ended = true,
-            None if waited => self.has_ended = true,
+            Event::Stop(_) => self.has_ended = true,
             // A wait that ended without a message is an error event too.
             _ => (),
         }

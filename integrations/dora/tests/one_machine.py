@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""The dataflows of one machine, as they are and with sources that are too fast: every event is accounted for.
+
+    python3 tests/one_machine.py --dora DORA --nodes target/debug/meissner-dora
+"""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parent.parent
+
+
+def flow(dora, nodes, name, runs, *changes):
+    """Runs the dataflow of this name with some of its text changed; what the check of its record has found."""
+    with tempfile.TemporaryDirectory(prefix="meissner-dora-") as folder:
+        folder = Path(folder)
+        (folder / "target/release").mkdir(parents=True)
+        (folder / "target/release/meissner-dora").symlink_to(nodes)
+        text = (FOLDER / f"{name}.yml").read_text()
+        # A port that is free, more or less: another user of the usual one would stop the metrics.
+        for before, after in [*changes, ("127.0.0.1:9464", "127.0.0.1:0")]:
+            assert before in text, before
+            text = text.replace(before, after)
+        (folder / "flow.yml").write_text(text)
+        environment = {**os.environ, "DORA_ZENOH_CONFIG_OVERLAY": str(FOLDER / "zenoh.json5"), "DORA_ZENOH_MULTICAST": "off"}
+        # A session of its own, so that all of it can be ended.
+        dataflow = subprocess.Popen([dora, "run", "flow.yml"], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+        try:
+            log = dataflow.communicate(timeout=180)[0]
+        except BaseException:
+            # The nodes notice that who started them has gone.
+            dataflow.send_signal(signal.SIGKILL)
+            dataflow.wait()
+            raise
+        if dataflow.returncode != 0:
+            raise RuntimeError(log)
+        record = folder / "out" / f"{name}.jsonl"
+        checked = subprocess.run([nodes, "check", record, "--runs", str(runs)], capture_output=True, text=True)
+        if checked.returncode != 0:
+            raise RuntimeError(checked.stderr)
+        latency = subprocess.run([nodes, "latency", record], check=True, capture_output=True, text=True).stdout
+        return json.loads(checked.stdout), latency
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--dora", required=True, type=Path, help="the command line program of dora 1.1.0")
+    parser.add_argument("--nodes", required=True, type=Path, help="the program meissner-dora")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
+    dora, nodes = str(arguments.dora.resolve()), arguments.nodes.resolve()
+
+    def show(what, runs, *rest):
+        began = time.monotonic()
+        found, latency = flow(dora, nodes, *rest[:1], runs, *rest[1:])
+        print(f"{what}: {time.monotonic() - began:.1f} s, {json.dumps(found)}\n{latency}", flush=True)
+        assert found["sent"] == found["accepted"] + sum(found["dropped"].values()), found
+        assert found["lives"] == 1 and found["predictions"] > 0, found
+        return found
+
+    slow = ("source --runs 20\n", "source --runs 4 --speed 0.25\n")
+    found = show("one fingertip", 4, "one_fingertip", slow)
+    assert found["sent"] == 4 * 32_330 and found["sensors"] == 1, found
+    # As fast as the source can, into queues that are too short.
+    fast = ("source --runs 20\n", "source --runs 20 --speed 0 --most 64\n")
+    found = show("too fast", 20, "one_fingertip", fast, ("finger/events, queue_size: 1024", "finger/events, queue_size: 2"))
+    assert found["dropped"].get("queue", 0) + found["dropped"].get("queue_or_link", 0) > 0, found
+    short = ("source --runs 20 --speed 0.02\n", "source --runs 1 --speed 0.02\n")
+    found = show("twenty fingertips", 1, "twenty_fingertips", short)
+    assert found["sent"] == 20 * 32_330 and found["sensors"] == 20, found
+
+
+if __name__ == "__main__":
+    main()
