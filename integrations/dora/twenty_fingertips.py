@@ -20,7 +20,7 @@ flow = f"""\
 nodes:
 {sources}
   - id: inference
-{NODE}    args: infer --network tactigraph-past --state out/twenty_fingertips
+{NODE}    args: infer --network tactigraph-past --every-ms 10 --state out/twenty_fingertips
     inputs:
 {events}    outputs: [predictions, losses, counters]
     restart_policy: on-failure

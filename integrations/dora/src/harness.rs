@@ -49,7 +49,7 @@ impl Node {
     /// The node in its life `boot`, which goes on from the state in `states`.
     pub(crate) fn start(sensor: Sensor, boot: i64, capacity: usize, states: Option<&Path>) -> Self {
         let states = states.map(|folder| (folder.to_owned(), Duration::ZERO));
-        let options = LaneOptions { network: network(), capacity, states };
+        let options = LaneOptions { network: network(), capacity, every: Duration::ZERO, states };
         let (lane, refused) = Lane::start(FINGER, &header(sensor, STREAM, 0, 0), &options).unwrap();
         assert!(refused.is_none(), "{refused:?}");
         Self { lane, lines: Vec::new(), boot, order: 0, sensor }

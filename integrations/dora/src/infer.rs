@@ -37,6 +37,9 @@ pub(crate) struct InferOptions {
     /// Milliseconds that a prediction may take; then it covers the events that the engine has taken
     #[arg(long, value_name = "MS", default_value_t = 20)]
     deadline_ms: u64,
+    /// Milliseconds between two predictions of a sensor; 0 predicts whenever there is news
+    #[arg(long, value_name = "MS", default_value_t = 0)]
+    every_ms: u64,
     /// Most events of a sensor that wait for its engine; a message that does not fit is dropped and counted
     #[arg(long, value_name = "EVENTS", default_value_t = 65_536)]
     capacity: usize,
@@ -72,6 +75,7 @@ pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
     let lanes = LaneOptions {
         network: network(options)?,
         capacity: options.capacity,
+        every: Duration::from_millis(options.every_ms),
         states: options.state.clone().map(|folder| (folder, save)),
     };
     let (outputs, mut inputs) = start()?;
@@ -80,13 +84,12 @@ pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
     let every = Duration::from_millis(options.counters_ms);
     let mut told = Instant::now();
     while !inputs.have_ended() {
-        let wait = if node.is_due() { Duration::ZERO } else { every };
-        let messages = inputs.take(wait);
+        let messages = inputs.take(node.until_due().min(every));
         node.note_dropped(&mut inputs);
         for message in messages {
             node.take(&message, deadline)?;
         }
-        node.predict(deadline)?;
+        node.predict(deadline, false)?;
         node.keep();
         if told.elapsed() >= every {
             told = Instant::now();
@@ -166,7 +169,7 @@ impl Inference {
                 return Ok(());
             }
             // What the old life sent is predicted on before it is forgotten.
-            self.predict(deadline.max(AT_THE_END))?;
+            self.predict(deadline.max(AT_THE_END), true)?;
             self.lanes.remove(input).map_or(Ok(()), Lane::close).map_err(failed)?;
         }
         if !self.lanes.contains_key(input) {
@@ -213,13 +216,15 @@ impl Inference {
         self.outputs.send("losses", entries, loss_array(loss))
     }
 
-    fn is_due(&self) -> bool {
-        self.lanes.values().any(Lane::is_due)
+    /// Time until the first prediction is due.
+    fn until_due(&self) -> Duration {
+        self.lanes.values().map(Lane::until_due).min().unwrap_or(Duration::MAX)
     }
 
-    /// Sends a prediction of each sensor with news.
-    fn predict(&mut self, deadline: Duration) -> Result<(), Failure> {
-        let due = self.lanes.values_mut().filter(|lane| lane.is_due());
+    /// Sends a prediction of each sensor for which one is due; with `at_once`, of each sensor with news.
+    fn predict(&mut self, deadline: Duration, at_once: bool) -> Result<(), Failure> {
+        let is_due = |lane: &Lane| if at_once { lane.has_news() } else { lane.until_due().is_zero() };
+        let due = self.lanes.values_mut().filter(|lane| is_due(lane));
         let asked: Vec<_> = due.map(|lane| (lane.ask(deadline), lane)).collect();
         for (asked, lane) in asked {
             let (sensor, stream) = (lane.sensor().to_owned(), lane.stream());
@@ -271,7 +276,7 @@ impl Inference {
 
     /// Predicts on what is left, sends the last counts and writes the states.
     fn end(mut self) -> Result<(), Failure> {
-        self.predict(AT_THE_END)?;
+        self.predict(AT_THE_END, true)?;
         self.tell()?;
         let Self { lanes, saver, saving, .. } = self;
         drop(saver);

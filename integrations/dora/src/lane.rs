@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use meissner::io::{IoError, replace_file};
 use meissner::live::{Asked, Input, Live, LiveError, Overload, QueueOptions};
@@ -43,6 +43,8 @@ pub(crate) struct LaneOptions {
     pub(crate) network: Arc<Network>,
     /// Most events that wait for an engine.
     pub(crate) capacity: usize,
+    /// Time between two predictions.
+    pub(crate) every: Duration,
     /// Folder of the states, and the time between two of them.
     pub(crate) states: Option<(PathBuf, Duration)>,
 }
@@ -77,6 +79,9 @@ pub(crate) struct Lane {
     entered: u64,
     /// Events that the newest prediction covers.
     shown: Option<u64>,
+    every: Duration,
+    /// When the newest prediction was asked for.
+    asked: Option<Instant>,
     state: Option<PathBuf>,
 }
 
@@ -124,6 +129,8 @@ impl Lane {
             coverage,
             entered: 0,
             shown: None,
+            every: options.every,
+            asked: None,
             state,
         };
         Ok((lane, refused))
@@ -191,12 +198,19 @@ impl Lane {
     }
 
     /// Whether there are events that no prediction covers.
-    pub(crate) fn is_due(&self) -> bool {
+    pub(crate) fn has_news(&self) -> bool {
         self.entered > 0 && self.shown != Some(self.entered)
+    }
+
+    /// Time until a prediction is due; for ever without news.
+    pub(crate) fn until_due(&self) -> Duration {
+        let since = self.asked.map_or(self.every, |asked| asked.elapsed());
+        if self.has_news() { self.every.saturating_sub(since) } else { Duration::MAX }
     }
 
     /// Asks for a prediction of everything that has arrived.
     pub(crate) fn ask(&mut self, deadline: Duration) -> Asked {
+        self.asked = Some(Instant::now());
         self.live.ask(deadline)
     }
 

@@ -17,31 +17,41 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent.parent
 
 
+def run(dora, nodes, name, folder, *changes):
+    """Runs the dataflow of this name with some of its text changed; what it prints."""
+    (folder / "target/release").mkdir(parents=True)
+    (folder / "target/release/meissner-dora").symlink_to(nodes)
+    (folder / "python").symlink_to(FOLDER / "python")
+    text = (FOLDER / f"{name}.yml").read_text()
+    for before, after in changes:
+        assert before in text, before
+        text = text.replace(before, after)
+    (folder / "flow.yml").write_text(text)
+    # The Python of dora runs the nodes in Python.
+    paths = os.pathsep.join([str(Path(dora).parent), os.environ["PATH"]])
+    environment = {**os.environ, "DORA_ZENOH_CONFIG_OVERLAY": str(FOLDER / "zenoh.json5"), "DORA_ZENOH_MULTICAST": "off",
+                   "PATH": paths}
+    # A session of its own, so that signals of a terminal reach it through this script only.
+    dataflow = subprocess.Popen([dora, "run", "flow.yml"], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        log = dataflow.communicate(timeout=180)[0]
+    except BaseException:
+        # The nodes notice that who started them has gone.
+        dataflow.send_signal(signal.SIGKILL)
+        dataflow.wait()
+        raise
+    if dataflow.returncode != 0:
+        raise RuntimeError(log)
+    return log
+
+
 def flow(dora, nodes, name, runs, *changes):
-    """Runs the dataflow of this name with some of its text changed; what the check of its record has found."""
+    """Runs a dataflow with a record; what the check of its record has found, and its latencies."""
     with tempfile.TemporaryDirectory(prefix="meissner-dora-") as folder:
         folder = Path(folder)
-        (folder / "target/release").mkdir(parents=True)
-        (folder / "target/release/meissner-dora").symlink_to(nodes)
-        text = (FOLDER / f"{name}.yml").read_text()
         # A port that is free, more or less: another user of the usual one would stop the metrics.
-        for before, after in [*changes, ("127.0.0.1:9464", "127.0.0.1:0")]:
-            assert before in text, before
-            text = text.replace(before, after)
-        (folder / "flow.yml").write_text(text)
-        environment = {**os.environ, "DORA_ZENOH_CONFIG_OVERLAY": str(FOLDER / "zenoh.json5"), "DORA_ZENOH_MULTICAST": "off"}
-        # A session of its own, so that all of it can be ended.
-        dataflow = subprocess.Popen([dora, "run", "flow.yml"], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
-                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
-        try:
-            log = dataflow.communicate(timeout=180)[0]
-        except BaseException:
-            # The nodes notice that who started them has gone.
-            dataflow.send_signal(signal.SIGKILL)
-            dataflow.wait()
-            raise
-        if dataflow.returncode != 0:
-            raise RuntimeError(log)
+        run(dora, nodes, name, folder, ("127.0.0.1:9464", "127.0.0.1:0"), *changes)
         record = folder / "out" / f"{name}.jsonl"
         checked = subprocess.run([nodes, "check", record, "--runs", str(runs)], capture_output=True, text=True)
         if checked.returncode != 0:
@@ -76,6 +86,11 @@ def main():
     short = ("source --runs 20 --speed 0.02\n", "source --runs 1 --speed 0.02\n")
     found = show("twenty fingertips", 1, "twenty_fingertips", short)
     assert found["sent"] == 20 * 32_330 and found["sensors"] == 20, found
+    with tempfile.TemporaryDirectory(prefix="meissner-dora-") as folder:
+        log = run(dora, nodes, "python_nodes", Path(folder))
+        # The number of the event after the newest that a prediction covers.
+        assert " show: 2000 " in log, log
+        print("nodes in Python: their last prediction is of all events")
 
 
 if __name__ == "__main__":

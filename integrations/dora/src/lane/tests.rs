@@ -102,7 +102,7 @@ fn a_state_of_another_life_of_the_source_is_not_used_and_a_damaged_one_is_refuse
     node.predict();
     node.lane.close().unwrap();
     let states = Some((folder.path().to_owned(), Duration::from_secs(1)));
-    let options = LaneOptions { network: network(), capacity: 1000, states };
+    let options = LaneOptions { network: network(), capacity: 1000, every: Duration::ZERO, states };
     let known = |lane: &Lane| lane.counters().find(|counter| counter.name == "events_known").unwrap().value;
     for (stream, expected) in [(STREAM, 100), (STREAM + 1, 0)] {
         let (lane, refused) = Lane::start(FINGER, &header(sensor, stream, 5, 100), &options).unwrap();
@@ -123,20 +123,36 @@ fn a_state_of_another_life_of_the_source_is_not_used_and_a_damaged_one_is_refuse
 fn silence_asks_for_nothing_and_keeps_nothing() {
     let (sensor, events) = recording(LEN);
     let mut node = Node::start(sensor, 1, 1000, None);
-    assert!(!node.lane.is_due());
+    assert!(!node.lane.has_news());
     for number in 0..100 {
         node.take(number, 0, &[]);
     }
     node.predict();
-    assert!(!node.lane.is_due() && node.lines.is_empty());
+    assert!(!node.lane.has_news() && node.lines.is_empty());
     node.take(100, 0, &events);
-    assert!(node.lane.is_due());
+    assert!(node.lane.has_news());
     node.predict();
     for number in 101..200 {
         node.take(number, LEN, &[]);
     }
     node.predict();
     assert_eq!(node.lines.len(), 1);
-    assert!(!node.lane.is_due());
+    assert!(!node.lane.has_news());
     assert!(crate::kept::lock(&node.lane.desk).marks.len() <= 2);
+}
+
+#[test]
+fn a_prediction_is_due_when_its_time_has_come_and_there_is_news() {
+    let (sensor, events) = recording(2 * LEN);
+    let hour = Duration::from_hours(1);
+    let options = LaneOptions { network: network(), capacity: 1000, every: hour, states: None };
+    let (mut lane, _) = Lane::start(FINGER, &header(sensor, STREAM, 0, 0), &options).unwrap();
+    assert_eq!(lane.until_due(), Duration::MAX);
+    lane.take(&header(sensor, STREAM, 0, 0), Some(&events[..LEN]), LEN, 0).unwrap().for_each(drop);
+    assert_eq!(lane.until_due(), Duration::ZERO);
+    let asked = lane.ask(hour);
+    assert!(lane.answer(&asked, hour).unwrap().is_some_and(|predicted| predicted.fresh));
+    assert_eq!(lane.until_due(), Duration::MAX);
+    lane.take(&header(sensor, STREAM, 1, 100), Some(&events[LEN..]), LEN, 0).unwrap().for_each(drop);
+    assert!(lane.until_due() > hour / 2 && lane.until_due() < hour);
 }
