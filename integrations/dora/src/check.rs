@@ -100,6 +100,11 @@ pub(crate) fn check(
     lives.dedup();
     found.lives = lives.len();
     let streams: Vec<_> = said.keys().copied().collect();
+    for (&(name, _, _), &sent) in told.iter().filter(|((_, what, _), _)| *what == "events_sent") {
+        if sent > 0 && !streams.iter().any(|&(known, _)| known == name) {
+            return Err(Failure::Check(format!("{name}: nothing is said of its {sent} events")));
+        }
+    }
     for ((name, stream), mut said) in said {
         said.sort_by_key(|&(place, _)| place);
         let wrong = |what: String| Failure::Check(format!("{name}: {what}"));

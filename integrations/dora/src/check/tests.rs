@@ -79,3 +79,9 @@ fn a_wrong_count_is_found() {
     lines.pop();
     assert_eq!(refusal(&lines), "finger: the source has told no count");
 }
+
+#[test]
+fn a_sensor_of_which_only_the_source_speaks_is_found() {
+    let lines = [Line::Counters { boot: 1, counters: vec![Counter::new("finger", "events_sent", 5)] }];
+    assert_eq!(refusal(&lines), "finger: nothing is said of its 5 events");
+}
