@@ -36,7 +36,8 @@ nodes:
 {NODE}    args: record out/twenty_fingertips.jsonl
     inputs:
       predictions: {{ source: inference/predictions, queue_size: 16384 }}
-      losses: {{ source: inference/losses, queue_size: 4096 }}
+      # Each is worth having: through the daemons, which drop nothing.
+      losses: {{ source: inference/losses, queue_size: 4096, queue_policy: backpressure }}
       counters: {{ source: inference/counters, queue_size: 256 }}
 {counters}      commands: {{ source: controller/commands, queue_size: 4096 }}
 

@@ -37,6 +37,8 @@ pub(crate) struct CheckOptions {
 pub(crate) struct Found {
     /// Sensors in the record.
     pub(crate) sensors: usize,
+    /// Lives of their sources.
+    pub(crate) streams: usize,
     /// Predictions that were compared, bit for bit.
     pub(crate) predictions: u64,
     /// Events that the sources sent.
@@ -75,6 +77,25 @@ pub(crate) fn check(
     sensor: Sensor,
     events: &[Event],
 ) -> Result<Found, Failure> {
+    check_lines(lines, network, sensor, events).map_err(|failure| {
+        let missed = lines.iter().filter_map(|line| match line {
+            Line::Missed { input, messages, .. } => Some(format!("{messages} of {input}")),
+            _ => None,
+        });
+        let missed: Vec<_> = missed.collect();
+        if missed.is_empty() {
+            return failure;
+        }
+        Failure::Check(format!("{failure}; the record lacks messages: {}", missed.join(", ")))
+    })
+}
+
+fn check_lines(
+    lines: &[Line],
+    network: &Arc<Network>,
+    sensor: Sensor,
+    events: &[Event],
+) -> Result<Found, Failure> {
     let mut found = Found::default();
     let mut said = BTreeMap::<(&str, i64), Vec<((i64, u64), Said<'_>)>>::new();
     let mut told = BTreeMap::<(&str, &str, &str), u64>::new();
@@ -100,6 +121,7 @@ pub(crate) fn check(
     lives.dedup();
     found.lives = lives.len();
     let streams: Vec<_> = said.keys().copied().collect();
+    found.streams = streams.len();
     for (&(name, _, _), &sent) in told.iter().filter(|((_, what, _), _)| *what == "events_sent") {
         if sent > 0 && !streams.iter().any(|&(known, _)| known == name) {
             return Err(Failure::Check(format!("{name}: nothing is said of its {sent} events")));

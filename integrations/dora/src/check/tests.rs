@@ -54,6 +54,10 @@ fn an_event_that_nobody_accounts_for_is_found() {
     lines.retain(|line| !matches!(line, Line::Loss { .. }));
     assert_eq!(refusal(&lines), "finger: up to event 500: expected 500 accepted events, got 400");
 
+    let missed = Line::Missed { input: "losses".to_owned(), messages: 1, reason: "link".to_owned() };
+    lines.push(missed);
+    assert!(refusal(&lines).ends_with("got 400; the record lacks messages: 1 of losses"));
+
     // The last prediction: the events after the one before are neither predicted on nor dropped.
     let mut lines = record();
     lines.remove(lines.len() - 2);
