@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use dora_node_api::Parameter;
-use meissner::{Event, Network};
+use meissner::Event;
 use meissner_pipeline::model::Model;
 
 use crate::lane::{self, Lane, LaneError, LaneOptions};
@@ -30,10 +30,10 @@ const AT_THE_END: Duration = Duration::from_secs(2);
 pub(crate) struct InferOptions {
     /// Name of a shipped network over events, or path of its description
     #[arg(long, default_value = "tactigraph-past")]
-    pub(crate) network: String,
+    network: String,
     /// File with its weights; without it, those that are shipped
     #[arg(long, value_name = "FILE")]
-    pub(crate) weights: Option<PathBuf>,
+    weights: Option<PathBuf>,
     /// Milliseconds that a prediction may take; then it covers the events that the engine has taken
     #[arg(long, value_name = "MS", default_value_t = 20)]
     deadline_ms: u64,
@@ -54,29 +54,21 @@ pub(crate) struct InferOptions {
     counters_ms: u64,
 }
 
-/// The network that `options` name.
-///
-/// # Errors
-/// There is no such network over events, or its weights do not fit.
-pub(crate) fn network(options: &InferOptions) -> Result<Arc<Network>, Failure> {
-    Ok(Arc::new(Model::named(&options.network, options.weights.as_deref(), false)?.network))
-}
-
 /// Runs the node until the dataflow ends.
 ///
 /// # Errors
 /// The daemon cannot be reached, a state cannot be read, or an engine fails.
 pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
-    let save = Duration::from_millis(options.save_ms);
     if let Some(folder) = &options.state {
         std::fs::create_dir_all(folder)
             .map_err(|source| Failure::File { path: folder.display().to_string(), source })?;
     }
+    let model = Model::named(&options.network, options.weights.as_deref(), false)?;
     let lanes = LaneOptions {
-        network: network(options)?,
+        network: Arc::new(model.network),
         capacity: options.capacity,
         every: Duration::from_millis(options.every_ms),
-        states: options.state.clone().map(|folder| (folder, save)),
+        states: options.state.clone().map(|folder| (folder, Duration::from_millis(options.save_ms))),
     };
     let (outputs, mut inputs) = start()?;
     let deadline = Duration::from_millis(options.deadline_ms);

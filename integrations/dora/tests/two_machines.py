@@ -17,13 +17,13 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent.parent
 ADDRESSES = {"sensors": "10.83.7.1", "computer": "10.83.7.2"}
 # Runs of the embedded recording, and stream seconds per second: about 30 seconds in all.
 RUNS, SPEED = 24, 0.25
+EVENTS = 32_330
 # Longer than the lease of zenoh.json5, so that links are closed and dialled again.
 CUT_SECONDS = 4.0
 
@@ -161,8 +161,10 @@ def once(dora, nodes, keep):
         (folder / "target/release").mkdir(parents=True)
         (folder / "target/release/meissner-dora").symlink_to(nodes)
         flow = (FOLDER / "two_machines.yml").read_text()
-        assert "source --runs 20\n" in flow
-        flow = flow.replace("source --runs 20\n", f"source --runs {RUNS} --speed {SPEED} --linger-ms 4000\n")
+        own = "source --runs 20\n"
+        assert own in flow, flow
+        # After its end the source goes on telling the number of its events, until nothing can be on its way any more.
+        flow = flow.replace(own, f"source --runs {RUNS} --speed {SPEED} --linger-ms 4000\n")
         (folder / "flow.yml").write_text(flow)
         record = Record(folder)
         with Machines(dora, folder) as machines:
@@ -191,6 +193,7 @@ def once(dora, nodes, keep):
         if checked.returncode != 0:
             raise RuntimeError(checked.stderr)
         found = json.loads(checked.stdout)
+        assert found["sent"] == RUNS * EVENTS, found
         assert found["sent"] == found["accepted"] + sum(found["dropped"].values()), found
         assert found["dropped"]["link"] > 0 and found["dropped"]["down"] > 0, found
         assert found["lives"] == 2 and found["predictions"] > 150, found
