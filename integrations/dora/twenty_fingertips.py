@@ -7,7 +7,7 @@ FINGERS = [f"finger{number:02}" for number in range(20)]
 NODE = "    path: target/release/meissner-dora\n"
 
 sources = "".join(
-    f"  - id: {finger}\n{NODE}    args: source --runs 20 --speed 0.02\n    outputs: [events, counters]\n"
+    f"  - id: {finger}\n{NODE}    args: source --runs 20 --speed 0.02 --every-us 5000\n    outputs: [events, counters]\n"
     for finger in FINGERS
 )
 events = "".join(f"      {finger}: {{ source: {finger}/events, queue_size: 256 }}\n" for finger in FINGERS)

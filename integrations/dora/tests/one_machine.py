@@ -106,7 +106,7 @@ def main():
     fast = ("source --runs 20\n", "source --runs 20 --speed 0 --most 64\n")
     found = show("too fast", 20, "one_fingertip", fast, ("finger/events, queue_size: 1024", "finger/events, queue_size: 2"))
     assert found["dropped"].get("queue", 0) + found["dropped"].get("queue_or_link", 0) > 0, found
-    short = ("source --runs 20 --speed 0.02\n", "source --runs 1 --speed 0.02\n")
+    short = ("source --runs 20 --speed 0.02", "source --runs 1 --speed 0.02")
     found = show("twenty fingertips", 1, "twenty_fingertips", short)
     assert found["sent"] == 20 * 32_330 and found["sensors"] == 20, found
     with tempfile.TemporaryDirectory(prefix="meissner-dora-") as folder:
