@@ -6,21 +6,29 @@ use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 
-/// Writes the input, the network with its `mode`, the weights, and the window or the frames. `frames` is given for a
+/// Writes the inputs, the network with its `mode`, the weights, and the window or the frames. `frames` is given for a
 /// frame network.
 pub(crate) fn header(
     out: &mut impl Write,
-    input: &InputCard,
+    inputs: &[InputCard],
     card: &ModelCard,
     mode: &str,
     frames: Option<&FrameModel>,
 ) -> io::Result<()> {
-    let sensor = input.sensor.map(|[width, height]| format!(", {width}x{height} pixels"));
-    let events = input.events.map(|events| format!(", {} events", grouped(events)));
-    let about = [Some(input.format.clone()), sensor, events].into_iter().flatten().collect::<String>();
-    let key = if frames.is_some() { "input" } else { "recording" };
-    writeln!(out, "{key:<12} {}\n             {about}", input.name)?;
-    write_model(out, card, mode, input.sensor.filter(|_| frames.is_none()))?;
+    for (number, input) in inputs.iter().enumerate() {
+        let sensor = input.sensor.map(|[width, height]| format!(", {width}x{height} pixels"));
+        let events = input.events.map(|events| format!(", {} events", grouped(events)));
+        let about = [Some(input.format.clone()), sensor, events].into_iter().flatten().collect::<String>();
+        let key = if inputs.len() > 1 {
+            format!("input {number}")
+        } else {
+            if frames.is_some() { "input" } else { "recording" }.to_owned()
+        };
+        writeln!(out, "{key:<12} {}\n             {about}", input.name)?;
+    }
+    // Of several inputs, each has its sensor beside it.
+    let sensor = if let [input] = inputs { input.sensor } else { None };
+    write_model(out, card, mode, sensor.filter(|_| frames.is_none()))?;
     if let Some(model) = frames {
         writeln!(out, "frames       {}: {}", model.description.input(), model.source)?;
     }

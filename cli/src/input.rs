@@ -87,12 +87,12 @@ impl Input {
 
     /// The source, of which every `stride`-th event is taken if the weights of `card` say so.
     pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
-        let source = self.read.open(
-            self.recording.as_deref(),
-            self.part.part(),
-            self.sensor.is_some(),
-            self.strict,
-        )?;
+        self.source_of(self.recording.as_deref(), card)
+    }
+
+    /// The same with `recording` in place of the first one.
+    pub(crate) fn source_of(&self, recording: Option<&Path>, card: &ModelCard) -> Result<Source, CliError> {
+        let source = self.read.open(recording, self.part.part(), self.sensor.is_some(), self.strict)?;
         Ok(source.every(card.network.stride).with_advice(advice))
     }
 }

@@ -1,29 +1,35 @@
-//! `meissner play`: plays a recording at real speed, or a stream, through a bounded queue, with reports by their deadlines.
+//! `meissner play`: plays recordings at real speed, or a stream, through bounded queues, with reports by their deadlines.
 
 mod args;
 
-use meissner_pipeline::play::Play;
+use meissner_live::cores;
+use meissner_pipeline::play::{Play, PlayInput};
 use meissner_pipeline::provenance::InputCard;
+use meissner_pipeline::streams;
 
 use crate::error::CliError;
 use crate::report::{About, Report, TableKind};
 pub(crate) use args::PlayArgs;
 
-/// Plays the recording as `args` say, and writes the reports to standard output.
+/// Plays the recordings as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     check(args)?;
     let model = args.input.model()?;
-    let source = args.input.source(&model.card)?;
-    let sensor = source.sensor(args.input.sensor)?;
-    let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
-    let options = args.options(sensor)?;
-    let policy = options.overload.name().replace('_', " ");
-    let play = Play::new(&model, source, sensor, options)?;
+    let mut inputs = vec![args.open(args.input.recording.as_deref(), &model.card)?];
+    for other in &args.others {
+        inputs.push(args.open(Some(other), &model.card)?);
+    }
+    let cards = inputs.iter().map(|PlayInput { source, sensor, .. }| {
+        InputCard::events(&source.name, &source.format, *sensor, source.recorded())
+    });
+    let cards = cards.collect();
+    let policy = inputs[0].overload.name().replace('_', " ");
+    let play = Play::new(&model, inputs, args.options())?;
     let about = About {
         command: "play",
         json: args.json,
         live: true,
-        input,
+        inputs: cards,
         card: &model.card,
         mode: format!("live, {} s of stream time a second, queue: {policy}", args.speed),
         frames: None,
@@ -31,13 +37,37 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
         total: play.reports(),
     };
     let mut report = Report::begin(about)?;
-    let summary = play.run(&mut report)?;
-    report.end_play(&summary)?;
-    if summary.verified.is_some_and(|verified| !verified.equal) { Err(CliError::NotEqual) } else { Ok(()) }
+    let mut ended = play.run(&mut report)?;
+    if let [Err(_)] = ended[..]
+        && let Some(Err(error)) = ended.pop()
+    {
+        return Err(error.into());
+    }
+    report.end_play(&ended)?;
+    for summary in ended {
+        if summary?.verified.is_some_and(|verified| !verified.equal) {
+            return Err(CliError::NotEqual);
+        }
+    }
+    Ok(())
 }
 
-/// Refuses approximations that `--verify` cannot check.
+/// Refuses cores that are not there, streams among several inputs, and approximations that `--verify` cannot check.
 fn check(args: &PlayArgs) -> Result<(), CliError> {
+    let there = cores();
+    if let Some(core) = args.pin.iter().find(|core| !there.contains(core)) {
+        return Err(CliError::usage("--pin", &format!("cores of {there:?}"), &core.to_string()));
+    }
+    let mut all = args.input.recording.iter().chain(&args.others);
+    if let Some(stream) = all.find(|path| streams::is_live(path)) {
+        let name = streams::name(stream);
+        if !args.others.is_empty() {
+            return Err(CliError::usage("INPUT", "recordings, if there are several", &name));
+        }
+        if args.repeat > 1 {
+            return Err(CliError::usage("--repeat", "a recording", &name));
+        }
+    }
     match args.input.approximations.reuses().filter(|_| args.verify) {
         None => Ok(()),
         Some(option) => Err(CliError::usage(

@@ -8,6 +8,7 @@ pub(crate) mod summary;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
+use meissner_pipeline::error::{PipelineError, chain};
 use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::play::PlaySummary;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
@@ -45,11 +46,23 @@ enum Form {
 /// Rows for people.
 struct Rows {
     columns: Columns,
-    /// The part of the input that the last row was in, of [`SHOWN`] equal parts.
+    /// The number of equal parts of the input, each of which shows a prediction.
+    parts: u64,
+    /// The part that the last shown row was in, and how much had been taken then.
     part: Option<u64>,
+    taken: Option<u64>,
     shown: u64,
-    /// The newest row, if it has not been shown.
-    held: Option<String>,
+    /// The newest rows, if they have not been shown: one of each input.
+    held: Vec<(u64, String)>,
+}
+
+/// What is about an input of a play.
+#[derive(Serialize)]
+struct Of<'a, T> {
+    /// Its number, from 0.
+    input: usize,
+    #[serde(flatten)]
+    about: &'a T,
 }
 
 /// The subject of a report.
@@ -59,7 +72,8 @@ pub(crate) struct About<'a> {
     pub(crate) json: bool,
     /// Whether each prediction is written at once.
     pub(crate) live: bool,
-    pub(crate) input: InputCard,
+    /// One, or the inputs of the sensors of a play.
+    pub(crate) inputs: Vec<InputCard>,
     pub(crate) card: &'a ModelCard,
     /// How the network runs.
     pub(crate) mode: String,
@@ -73,22 +87,25 @@ pub(crate) struct About<'a> {
 impl Report {
     /// Begins a report, and logs warnings about the network and its input.
     pub(crate) fn begin(about: About<'_>) -> Result<Self, CliError> {
-        let About { command, json, live, input, card, mode, frames, table, total } = about;
-        let header = Header::new(command, input.clone(), card.clone());
-        header.warn();
+        let About { command, json, live, inputs, card, mode, frames, table, total } = about;
+        let headers = inputs.iter().map(|input| Header::new(command, input.clone(), card.clone()));
+        let headers: Vec<_> = headers.inspect(Header::warn).collect();
         let mut out = out(json);
         let form = if json {
-            line(&mut out, &BTreeMap::from([("header", &header)]))?;
+            for header in &headers {
+                line(&mut out, &BTreeMap::from([("header", header)]))?;
+            }
             if live {
                 out.flush()?;
             }
             Form::Json { live }
         } else {
-            let columns = Columns::new(table, card);
-            header::header(&mut out, &input, card, &mode, frames)?;
+            let columns = Columns::new(table, card, inputs.len());
+            header::header(&mut out, &inputs, card, &mode, frames)?;
             writeln!(out, "{}", columns.headings())?;
             out.flush()?;
-            Form::People(Rows { columns, part: None, shown: 0, held: None })
+            let parts = (SHOWN / inputs.len().max(1) as u64).max(2);
+            Form::People(Rows { columns, parts, part: None, taken: None, shown: 0, held: Vec::new() })
         };
         let progress = Progress::new(total.filter(|_| !live), json);
         Ok(Self { out, progress, total, form })
@@ -113,9 +130,27 @@ impl Report {
         result.and(written.map_err(CliError::from))
     }
 
-    /// Writes the summary of a play.
-    pub(crate) fn end_play(mut self, summary: &PlaySummary) -> io::Result<()> {
-        self.summary(summary, summary.reports.made, |out| summary::play(out, summary))
+    /// Writes the summaries of the inputs of a play, or how they failed.
+    pub(crate) fn end_play(mut self, ended: &[Result<PlaySummary, PipelineError>]) -> io::Result<()> {
+        if let [Ok(summary)] = ended {
+            return self.summary(&Of { input: 0, about: summary }, summary.reports.made, |out| {
+                summary::play(out, summary)
+            });
+        }
+        if let Form::Json { .. } = self.form {
+            for (input, ended) in ended.iter().enumerate() {
+                match ended {
+                    Ok(about) => line(&mut self.out, &BTreeMap::from([("summary", Of { input, about })]))?,
+                    Err(error) => {
+                        let about = BTreeMap::from([("error", chain(error))]);
+                        line(&mut self.out, &BTreeMap::from([("failed", Of { input, about: &about })]))?;
+                    }
+                }
+            }
+            return self.out.flush();
+        }
+        let made = ended.iter().flatten().map(|summary| summary.reports.made).sum();
+        self.summary(&(), made, |out| summary::plays(out, ended))
     }
 
     fn summary(
@@ -128,7 +163,7 @@ impl Report {
         match form {
             Form::Json { .. } => line(out, &BTreeMap::from([("summary", summary)]))?,
             Form::People(rows) => {
-                if let Some(row) = rows.held.take() {
+                for (_, row) in std::mem::take(&mut rows.held) {
                     rows.show(out, &row)?;
                 }
                 progress.finish();
@@ -156,12 +191,14 @@ impl Observer for Report {
             }
             Form::People(rows) => {
                 let (taken, row) = rows.columns.row(prediction, *total);
-                let part = total.map(|total| taken.saturating_mul(SHOWN) / total.max(1));
-                if part.is_some() && rows.part == part {
-                    rows.held = Some(row);
+                let part = total.map(|total| taken.saturating_mul(rows.parts) / total.max(1));
+                rows.held.retain(|&(before, _)| before == taken);
+                if part.is_some() && rows.part == part && rows.taken != Some(taken) {
+                    rows.held.push((taken, row));
                     return Ok(());
                 }
-                (rows.part, rows.held) = (part, None);
+                (rows.part, rows.taken) = (part, Some(taken));
+                rows.held.clear();
                 rows.show(out, &row)
             }
         }

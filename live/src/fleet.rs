@@ -81,6 +81,11 @@ impl<P: Predictor<Input: Item>> Fleet<P> {
         &mut self.sensors
     }
 
+    /// The live engine of each sensor, for callers that end them one by one.
+    pub fn into_sensors(self) -> Vec<Live<P>> {
+        self.sensors
+    }
+
     /// The number of sensors.
     pub fn len(&self) -> usize {
         self.sensors.len()

@@ -37,6 +37,9 @@ pub enum PipelineError {
         /// The part that can be read, if the recording is truncated.
         salvaged: Option<Box<Salvaged>>,
     },
+    /// One of several inputs is a stream, whose first event the others would wait for.
+    #[error("{0}: expected recordings, where there are several inputs; found a stream")]
+    SeveralStreams(String),
     /// A line of a text is malformed, and the source is strict.
     #[error("{recording}: {problem}")]
     Line {

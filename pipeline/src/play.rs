@@ -1,81 +1,91 @@
-//! Plays a recording at real speed, or what arrives on a stream, through a bounded queue that may overflow, with reports by their
-//! deadlines.
+//! Plays recordings at real speed, each of a sensor of its own, or what arrives on a stream, through bounded queues that may overflow,
+//! with reports by their deadlines.
 //!
-//! One thread offers the events when they are due or arrive, a second thread pushes and predicts, and the
-//! caller's thread requests a prediction at the time of every report. After the end, one more prediction covers all
-//! waiting events.
+//! Each input has a thread that offers the events when they are due or arrive, and a thread that pushes and predicts. The caller's
+//! thread requests the predictions of all inputs at the time of every report. After the end, one more prediction covers all
+//! waiting events. An input whose engine fails ends there, and the others go on.
 
 mod reader;
+mod summary;
+mod tally;
 
-use std::collections::BTreeMap;
 use std::panic;
 use std::sync::Arc;
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use meissner_engine::filters::Chain;
 use meissner_engine::{
     BatchEngine, Event, LatePolicy, Network, Options, Propose, Search, Sensor, StaleReadout,
 };
-use meissner_live::{Live, Overload, Predictor, QueueCounters, QueueOptions, Recorded, Timely};
-use serde::Serialize;
+use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Recorded, Timely};
 
-use crate::answer::{Classes, Values, exact_digits};
-use crate::approximations::{ApproximationReport, Approximations};
+use crate::answer::{Classes, Values};
+use crate::approximations::Approximations;
 use crate::clock::Clock;
 use crate::error::PipelineError;
 use crate::interrupt;
-use crate::latency::{Latencies, Latency, microseconds};
-use crate::losses::LossWarning;
+use crate::latency::microseconds;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
-use crate::run::{Observer, Prediction, ReportPrediction, ReportState};
+use crate::run::{Observer, Prediction, ReportPrediction};
 use crate::schedule::times_before;
 use crate::skips::dropped;
 use crate::source::Source;
-use reader::Reader;
+use reader::{Laps, Reader};
+pub use summary::{LastPrediction, PlaySummary, QueueReport, ReportCounts, Verified};
+use tally::{Tally, state};
 
 /// Options of a play.
 #[derive(Clone, Debug)]
 pub struct PlayOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// Largest number of events that wait in the queue.
+    /// The number of times that recordings are played, one after the other without a reset; at least 1.
+    pub repeat: u32,
+    /// Largest number of events that wait in a queue.
     pub queue: usize,
-    /// Policy when events arrive faster than the engine takes them.
-    pub overload: Overload,
+    /// Cores that the threads of the engines are pinned to, in turn; the system places them if there are none.
+    pub cores: Vec<usize>,
     /// Stream time between two reports; at least a microsecond.
     pub report_every: Duration,
-    /// Longest wait for the prediction of a report.
+    /// Longest wait for the predictions of a report.
     pub deadline: Duration,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
     /// Approximations. Filters act before the queue.
     pub approximations: Approximations,
-    /// Largest number of events to take.
+    /// Largest number of events to take of an input.
     pub limit: Option<u64>,
     /// If given, the last prediction is compared with one from scratch. This function proposes the candidate
     /// neighbours.
     pub verify: Option<Propose>,
 }
 
-impl PlayOptions {
-    fn limit(&self) -> usize {
-        self.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX)
-    }
+/// An input of a play.
+pub struct PlayInput {
+    /// The events.
+    pub source: Source,
+    /// The sensor that they come from.
+    pub sensor: Sensor,
+    /// Policy when events arrive faster than the engine takes them.
+    pub overload: Overload,
 }
 
-/// A network over events with its recording, before the play.
+/// A network over events with its recordings, before the play.
 pub struct Play {
     network: Arc<Network>,
     classes: Classes,
-    source: Source,
-    sensor: Sensor,
+    tracks: Vec<Track>,
+    options: PlayOptions,
+    /// When stream time begins to pass, if it has begun.
+    started: Option<Instant>,
+}
+
+/// An input with the times at which its reports are due.
+struct Track {
+    input: PlayInput,
     /// All events of a recording, or the first one of a stream.
     events: Vec<Event>,
-    /// When the first event of a stream arrived; `None` for a recording.
-    arrived: Option<Instant>,
-    options: PlayOptions,
     due: Due,
 }
 
@@ -98,182 +108,278 @@ impl Due {
     fn elapsed_us(self, number: u64) -> i128 {
         i128::from(self.period_us) * i128::from(number)
     }
+
+    /// Whether a report of this number is due.
+    fn has(self, number: u64) -> bool {
+        self.reports.is_none_or(|reports| number <= reports)
+    }
 }
+
+/// A thread that offers the events of an input; it returns what it read from.
+type Offering = JoinHandle<Result<(Reader, PlayInput), PipelineError>>;
 
 /// The outcome of a play.
 struct Played {
     tally: Tally,
-    queue: QueueCounters,
-    chain: Chain,
-    lag: Duration,
-    /// Number of events of the recording that were due.
-    taken: u64,
+    reader: Reader,
+    input: PlayInput,
     drain: Duration,
     last: LastPrediction,
 }
 
 impl Play {
-    /// A play of the events of `source`, which come from `sensor`. Waits for the first event of a stream.
+    /// A play of `inputs` at once. Waits for the first event of a stream. Recordings begin together, whatever their times.
     ///
     /// # Errors
-    /// The source cannot be read.
-    pub fn new(
-        model: &Model,
-        mut source: Source,
-        sensor: Sensor,
-        options: PlayOptions,
-    ) -> Result<Self, PipelineError> {
-        let live = source.is_live();
-        if live {
-            // From now on a signal ends the wait for an event.
-            interrupt::listen();
+    /// An input cannot be read, or one of several is a stream: another one could not begin before its first event.
+    pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self, PipelineError> {
+        let several = inputs.len() > 1;
+        let mut started = None;
+        let mut tracks = Vec::with_capacity(inputs.len());
+        for mut input in inputs {
+            let live = input.source.is_live();
+            if live {
+                if several {
+                    return Err(PipelineError::SeveralStreams(input.source.name));
+                }
+                // From now on a signal ends the wait for an event.
+                interrupt::listen();
+            }
+            let limit = limit(&options);
+            let events = input.source.by_ref().take(if live { limit.min(1) } else { limit });
+            let events = events.collect::<Result<Vec<_>, _>>()?;
+            started = (live && !events.is_empty()).then(Instant::now);
+            let first_us = events.first().map_or(0, |event| event.t_us);
+            let last_us = events.iter().map(|event| event.t_us).max();
+            let period_us = options.report_every.as_micros() as i64;
+            // Up to the first time at or after the last event.
+            let reports = last_us.map_or(0, |last_us| times_before(first_us, last_us, period_us).max(1));
+            let reports = reports.saturating_mul(options.repeat.into());
+            let due = Due { first_us, period_us, reports: started.is_none().then_some(reports) };
+            tracks.push(Track { input, events, due });
         }
-        let limit = options.limit();
-        let events = source.by_ref().take(if live { limit.min(1) } else { limit });
-        let events = events.collect::<Result<Vec<_>, _>>()?;
-        let arrived = (live && !events.is_empty()).then(Instant::now);
-        let first_us = events.first().map_or(0, |event| event.t_us);
-        let last_us = events.iter().map(|event| event.t_us).max();
-        let period_us = options.report_every.as_micros() as i64;
-        // Up to the first time at or after the last event.
-        let reports = last_us.map_or(0, |last_us| times_before(first_us, last_us, period_us).max(1));
-        let reports = arrived.is_none().then_some(reports);
         let network = Arc::new(model.network.clone());
         let classes = Classes::new(model.card.classes.clone());
-        let due = Due { first_us, period_us, reports };
-        Ok(Self { network, classes, source, sensor, events, arrived, options, due })
+        Ok(Self { network, classes, tracks, options, started })
     }
 
-    /// The number of reports that will be due, if it is known.
+    /// The number of reports that will be due, if it is known: as many as the longest input has.
     pub fn reports(&self) -> Option<u64> {
-        self.due.reports
+        self.tracks
+            .iter()
+            .map(|track| track.due.reports)
+            .try_fold(0, |most, reports| Some(reports?.max(most)))
     }
 
-    /// Plays all events, or the events up to a [requested](interrupt::requested) end.
+    /// Plays all events, or the events up to a [requested](interrupt::requested) end. Returns the summary of each input, or the error
+    /// that ended it.
     ///
     /// # Errors
-    /// The engine or the queue refuses an option, a thread cannot be started, a result is not a number, or the observer
-    /// cannot show a report.
-    pub fn run(self, observer: &mut dyn Observer) -> Result<PlaySummary, PipelineError> {
-        let Self { sensor, .. } = self;
-        let late = self.options.late;
-        let options = Options::new().with_late(late);
-        let readout = self.options.approximations.readout(Arc::clone(&self.network), sensor, options)?;
-        interrupt::listen();
-        let Some(propose) = self.options.verify else {
-            let (play, played, readout) = self.play(readout, observer)?;
-            return Ok(play.summary(played, &readout, None));
+    /// An engine or a queue refuses an option, a thread cannot be started, or the observer cannot show a report.
+    pub fn run(
+        self,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<Result<PlaySummary, PipelineError>>, PipelineError> {
+        let options = self.options.clone();
+        let sensors: Vec<_> = self.tracks.iter().map(|track| track.input.sensor).collect();
+        let readout = |&sensor: &Sensor| {
+            let exact = Options::new().with_late(options.late);
+            options.approximations.readout(Arc::clone(&self.network), sensor, exact)
         };
-        let batch = BatchEngine::new(Arc::clone(&self.network), sensor)?.with_late(late);
-        let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
-        let (play, played, mut recorded) = self.play(Recorded::new(readout, batch), observer)?;
-        let verified = verify(&mut recorded, &played.last.value)?;
-        Ok(play.summary(played, recorded.predictor(), Some(verified)))
+        interrupt::listen();
+        let Some(propose) = options.verify else {
+            let readouts = sensors.iter().map(readout).collect::<Result<_, _>>()?;
+            let played = self.play(readouts, observer)?.into_iter();
+            let summary = |(played, readout): (Played, _)| played.summary(&options, &readout, None);
+            return Ok(played.map(|played| played.map(summary)).collect());
+        };
+        let recorded = |sensor: &Sensor| {
+            let batch = BatchEngine::new(Arc::clone(&self.network), *sensor)?.with_late(options.late);
+            let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
+            Ok::<_, PipelineError>(Recorded::new(readout(sensor)?, batch))
+        };
+        let recorded = sensors.iter().map(recorded).collect::<Result<_, _>>()?;
+        let verified = |(played, mut recorded): (Played, Recorded<StaleReadout>)| {
+            let verified = verify(&mut recorded, &played.last.value)?;
+            Ok(played.summary(&options, recorded.predictor(), Some(verified)))
+        };
+        Ok(self.play(recorded, observer)?.into_iter().map(|played| played.and_then(verified)).collect())
     }
 
-    /// Plays into `predictor`, and returns it.
+    /// Plays each input into its predictor, and returns both.
+    #[expect(clippy::type_complexity, reason = "the outcome and the predictor of each input, or its error")]
     fn play<P: Predictor<Input = Event> + Send + 'static>(
-        mut self,
-        predictor: P,
+        self,
+        predictors: Vec<P>,
         observer: &mut dyn Observer,
-    ) -> Result<(Self, Played, P), PipelineError> {
-        let PlayOptions { queue: capacity, deadline, speed, .. } = self.options;
-        let overload = self.options.overload.clone();
-        let options = QueueOptions::new().with_capacity(capacity).with_overload(overload);
-        let chain = self.options.approximations.chain(self.sensor)?;
-        let (input, mut live) = Live::spawn(predictor, options)?;
-        let due = self.due;
-        let clock = Clock::new(self.arrived.unwrap_or_else(Instant::now), due.first_us, speed);
-        let reader = Reader { clock, input, chain, lag: Duration::ZERO, taken: 0 };
-        // It ends when `live` is dropped, and on a stream when the next event arrives after that: nobody waits for it if this fails.
-        let (events, mut source, limit) = (self.events, self.source, self.options.limit());
-        let reader = thread::spawn(move || {
-            let reader = if let Some(reports) = due.reports {
-                reader.read(&events, due.at_us(reports))?
-            } else {
-                reader.follow(&mut events.into_iter().map(Ok).chain(&mut source).take(limit))?
-            };
-            Ok::<_, PipelineError>((reader, source))
-        });
-        self.events = Vec::new();
+    ) -> Result<Vec<Result<(Played, P), PipelineError>>, PipelineError> {
+        let Self { mut classes, tracks, options, started, .. } = self;
+        let dues: Vec<_> = tracks.iter().map(|track| track.due).collect();
+        let queue = |(index, predictor): (usize, P)| {
+            let core = options.cores.get(index % options.cores.len().max(1)).copied();
+            let queue = QueueOptions::new().with_capacity(options.queue).with_core(core);
+            (predictor, queue.with_overload(tracks[index].input.overload.clone()))
+        };
+        let (queues, mut fleet) = Fleet::spawn(predictors.into_iter().enumerate().map(queue))?;
+        let start = started.unwrap_or_else(Instant::now);
+        let offering =
+            tracks.into_iter().zip(queues).map(|(track, queue)| track.offer(queue, start, &options));
+        let offering = offering.collect::<Result<Vec<_>, _>>()?;
 
-        let reports = ReportCounts { due: due.reports.unwrap_or(0), ..ReportCounts::default() };
-        let [waited, age, behind] = std::array::from_fn(|_| Latency::new());
-        let mut tally = Tally { reports, waited, age, behind };
-        for number in 1..=due.reports.unwrap_or(u64::MAX) {
-            let at_us = due.at_us(number);
-            if !clock.wait(at_us, || due.reports.is_none() && reader.is_finished()) {
+        let mut tallies: Vec<_> = dues.iter().map(|due| Tally::new(due.reports.unwrap_or(0))).collect();
+        let mut failed: Vec<_> = dues.iter().map(|_| None).collect();
+        let (clock, mut shown) = (Clock::new(start, 0, options.speed), Ok(()));
+        for number in 1.. {
+            // A stream ends when its thread does.
+            let ended = || {
+                dues.iter().zip(&offering).all(|(due, thread)| match due.reports {
+                    Some(reports) => number > reports,
+                    None => thread.is_finished(),
+                })
+            };
+            let at_us = i64::try_from(dues[0].elapsed_us(number)).unwrap_or(i64::MAX);
+            if ended() || !clock.wait(at_us, ended) {
                 break;
             }
             let late = Instant::now().saturating_duration_since(clock.at(at_us));
-            let timely = live.predict(deadline)?;
-            tally.count(&timely, deadline, late);
-            self.classes.update(timely.values);
-            let report = ReportPrediction {
-                at_us,
-                t_us: timely.t_us,
-                value: Values(timely.values),
-                answer: self.classes.answer(),
-                nodes: timely.nodes,
-                state: state(&timely),
-                behind_events: timely.behind_events,
-                behind_us: timely.behind_us,
-                age_us: microseconds(timely.age),
-                waited_us: microseconds(timely.waited),
-                number,
-                elapsed_us: due.elapsed_us(number),
-            };
-            observer.prediction(&Prediction::Report(report)).map_err(PipelineError::Output)?;
+            let asked: Vec<_> =
+                (0..dues.len()).filter(|&input| failed[input].is_none() && dues[input].has(number)).collect();
+            fleet.predict(options.deadline, asked.iter().copied(), |input, timely| match timely {
+                Ok(timely) => {
+                    tallies[input].count(&timely, options.deadline, late);
+                    if shown.is_ok() {
+                        let report = report(input, number, dues[input], &timely, &mut classes);
+                        shown = observer.prediction(&Prediction::Report(report));
+                    }
+                }
+                Err(error) => failed[input] = Some(PipelineError::from(error)),
+            });
+            if shown.is_err() || failed.iter().all(Option::is_some) {
+                break;
+            }
         }
-        if due.reports.is_none() {
-            tally.reports.due = tally.reports.made;
-        }
-        let (reader, source) = reader.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
-        self.source = source;
-        let ended = Instant::now();
-        let last = live.predict(Duration::MAX)?;
-        let played = Played {
-            last: LastPrediction { t_us: last.t_us, value: last.values.to_vec(), nodes: last.nodes },
-            drain: ended.elapsed(),
-            tally,
-            queue: reader.input.counters(),
-            chain: reader.chain,
-            lag: reader.lag,
-            taken: reader.taken,
+        shown.map_err(PipelineError::Output)?;
+        let lives = fleet.into_sensors().into_iter();
+        let inputs = lives.zip(offering).zip(tallies).zip(failed).zip(&dues);
+        let end = |((((live, offering), tally), failed), due): ((((Live<P>, Offering), Tally), _), &Due)| {
+            match failed {
+                // The thread that offers ends because the queue has no other side any more.
+                Some(error) => Err(error),
+                None => end(live, offering, tally, *due),
+            }
         };
-        Ok((self, played, live.close()?))
+        Ok(inputs.map(end).collect())
     }
+}
 
-    fn summary(&self, played: Played, readout: &StaleReadout, verified: Option<Verified>) -> PlaySummary {
-        let counters = readout.engine().counters();
-        let Played { tally, queue, chain, lag, taken, drain, last } = played;
-        let PlayOptions { overload, approximations, .. } = &self.options;
+impl Track {
+    /// Starts the thread that offers the events to `queue`.
+    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering, PipelineError> {
+        let Self { mut input, events, due } = self;
+        let chain = options.approximations.chain(input.sensor)?;
+        let clock = Clock::new(start, due.first_us, options.speed);
+        let reader = Reader { clock, input: queue, chain, lag: Duration::ZERO, taken: 0 };
+        let limit = limit(options);
+        let repeat = options.repeat;
+        // It ends when the queue's other side does, and on a stream when the next event arrives after that: nobody waits for it if
+        // another input cannot start.
+        Ok(thread::spawn(move || {
+            let reader = if let Some(reports) = due.reports {
+                let laps = Laps { number: repeat, us: due.elapsed_us(reports / u64::from(repeat)) };
+                reader.read(&events, laps, due.at_us(reports))?
+            } else {
+                reader.follow(&mut events.into_iter().map(Ok).chain(&mut input.source).take(limit))?
+            };
+            Ok((reader, input))
+        }))
+    }
+}
+
+/// Ends an input: everything that waits is taken, and one more prediction covers it.
+fn end<P: Predictor<Input = Event>>(
+    mut live: Live<P>,
+    offering: Offering,
+    mut tally: Tally,
+    due: Due,
+) -> Result<(Played, P), PipelineError> {
+    if due.reports.is_none() {
+        tally.reports.due = tally.reports.made;
+    }
+    let (reader, input) = offering.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
+    let ended = Instant::now();
+    let last = live.predict(Duration::MAX)?;
+    tally.covered(&last);
+    let last = LastPrediction { t_us: last.t_us, value: last.values.to_vec(), nodes: last.nodes };
+    let drain = ended.elapsed();
+    Ok((Played { tally, reader, input, drain, last }, live.close()?))
+}
+
+/// A report of an input.
+fn report<'a>(
+    input: usize,
+    number: u64,
+    due: Due,
+    timely: &Timely<'a>,
+    classes: &'a mut Classes,
+) -> ReportPrediction<'a> {
+    classes.update(timely.values);
+    ReportPrediction {
+        input,
+        at_us: due.at_us(number),
+        t_us: timely.t_us,
+        value: Values(timely.values),
+        answer: classes.answer(),
+        nodes: timely.nodes,
+        state: state(timely),
+        behind_events: timely.behind_events,
+        behind_us: timely.behind_us,
+        age_us: microseconds(timely.age),
+        waited_us: microseconds(timely.waited),
+        number,
+        elapsed_us: due.elapsed_us(number),
+    }
+}
+
+/// The largest number of events to take of an input.
+fn limit(options: &PlayOptions) -> usize {
+    options.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX)
+}
+
+impl Played {
+    fn summary(
+        self,
+        options: &PlayOptions,
+        readout: &StaleReadout,
+        verified: Option<Verified>,
+    ) -> PlaySummary {
+        let Self { tally, reader, input, drain, last } = self;
+        let Reader { input: queue, chain, lag, taken, .. } = reader;
+        let (counters, offered) = (readout.engine().counters(), queue.counters());
+        let PlayInput { source, sensor, overload } = input;
+        let declared = QueueOptions::new().with_capacity(options.queue).bytes::<Event>() as u64;
         PlaySummary {
             events: taken,
-            lines_refused: self.source.lines_refused(),
-            warnings: self.source.losses(counters.events, self.sensor).warn(&self.source.name),
-            offered: queue.offered,
-            delivered: queue.delivered,
+            lines_refused: source.lines_refused(),
+            warnings: source.losses(counters.events, sensor).warn(&source.name),
+            offered: offered.offered,
+            delivered: offered.delivered,
             accepted: counters.events.accepted,
-            dropped: queue.dropped_by_reason().into_iter().chain(dropped(&counters.events)).collect(),
+            dropped: offered.dropped_by_reason().into_iter().chain(dropped(&counters.events)).collect(),
             queue: QueueReport {
-                capacity: self.options.queue as u64,
+                capacity: options.queue as u64,
                 overload: overload.name(),
-                high_water: queue.high_water,
-                blocked_us: microseconds(queue.blocked),
+                high_water: offered.high_water,
+                blocked_us: microseconds(offered.blocked),
             },
             reports: tally.reports,
-            latency_us: Latencies::of([
-                ("waited", &tally.waited),
-                ("age", &tally.age),
-                ("behind", &tally.behind),
-            ]),
+            latency_us: tally.latencies(),
             reader_lag_max_us: microseconds(lag),
             drain_us: microseconds(drain),
             last,
             verified,
+            bytes: u64::try_from(readout.engine().state_bytes()).unwrap_or(u64::MAX).saturating_add(declared),
             peak_resident_bytes: peak_resident_bytes(),
-            approximations: approximations.report(&chain, &counters, readout.stale()),
+            approximations: options.approximations.report(&chain, &counters, readout.stale()),
         }
     }
 }
@@ -288,142 +394,4 @@ fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verif
         equal: bits(&batch) == bits(values),
         batch_us: microseconds(start.elapsed()),
     })
-}
-
-/// How current the prediction of `timely` is.
-fn state(timely: &Timely<'_>) -> ReportState {
-    match timely {
-        Timely { fresh: true, .. } => ReportState::Fresh,
-        Timely { own: true, .. } => ReportState::Behind,
-        _ => ReportState::Old,
-    }
-}
-
-/// Counts and times of reports.
-struct Tally {
-    reports: ReportCounts,
-    waited: Latency,
-    age: Latency,
-    behind: Latency,
-}
-
-impl Tally {
-    /// Counts a report with this `deadline`. It was requested `late` after it was due.
-    fn count(&mut self, timely: &Timely<'_>, deadline: Duration, late: Duration) {
-        let reports = &mut self.reports;
-        reports.made += 1;
-        match state(timely) {
-            ReportState::Fresh => reports.fresh += 1,
-            ReportState::Behind => reports.behind += 1,
-            ReportState::Old => reports.old += 1,
-        }
-        let past = timely.waited.saturating_sub(deadline);
-        reports.past_deadline += u64::from(!past.is_zero());
-        reports.past_deadline_max_us = reports.past_deadline_max_us.max(microseconds(past));
-        reports.asked_late_max_us = reports.asked_late_max_us.max(microseconds(late));
-        self.waited.record(timely.waited);
-        self.age.record(timely.age);
-        self.behind.record(Duration::from_micros(timely.behind_us));
-    }
-}
-
-/// The summary of a play.
-#[derive(Debug, Serialize)]
-#[non_exhaustive]
-pub struct PlaySummary {
-    /// Events taken from the recording.
-    pub events: u64,
-    /// Lines of a text that could not be read; they do not count as events.
-    pub lines_refused: u64,
-    /// Unintended losses of input.
-    pub warnings: Vec<LossWarning>,
-    /// Events offered to the queue.
-    pub offered: u64,
-    /// Events delivered to the engine.
-    pub delivered: u64,
-    /// Events accepted by the engine.
-    pub accepted: u64,
-    /// Events dropped by the queue and by the engine, by reason.
-    pub dropped: BTreeMap<&'static str, u64>,
-    /// The queue.
-    pub queue: QueueReport,
-    /// Counts of reports.
-    pub reports: ReportCounts,
-    /// Times of reports: since the request, since the start of the prediction, and stream time that is not covered.
-    pub latency_us: Latencies,
-    /// Longest time from the due time of an event until it was offered.
-    pub reader_lag_max_us: f64,
-    /// Time from the end of the recording until all waiting events were covered.
-    pub drain_us: f64,
-    /// The prediction after the last event.
-    #[serde(rename = "final")]
-    pub last: LastPrediction,
-    /// The comparison with a prediction from scratch, if one was made.
-    pub verified: Option<Verified>,
-    /// Peak resident memory of the process; `None` if the platform does not report it.
-    pub peak_resident_bytes: Option<u64>,
-    /// The approximations; `None` if results are exact.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub approximations: Option<ApproximationReport>,
-}
-
-/// Counts of reports.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-#[non_exhaustive]
-pub struct ReportCounts {
-    /// Reports that were due.
-    pub due: u64,
-    /// Reports that were made.
-    pub made: u64,
-    /// Reports that covered all events that had entered the queue.
-    pub fresh: u64,
-    /// Reports that covered only the events that the engine had taken.
-    pub behind: u64,
-    /// Reports with the prediction of an earlier report.
-    pub old: u64,
-    /// Reports that returned after the deadline.
-    pub past_deadline: u64,
-    /// Longest time after the deadline.
-    pub past_deadline_max_us: f64,
-    /// Longest time from the due time of a report until it was requested.
-    pub asked_late_max_us: f64,
-}
-
-/// The queue between the reader and the engine.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct QueueReport {
-    /// Capacity in events.
-    pub capacity: u64,
-    /// Name of the overload policy.
-    pub overload: &'static str,
-    /// Largest number of events that waited.
-    pub high_water: u64,
-    /// Time that the reader waited for room.
-    pub blocked_us: f64,
-}
-
-/// The prediction after the last event.
-#[derive(Clone, Debug, Serialize)]
-#[non_exhaustive]
-pub struct LastPrediction {
-    /// Time of the newest event that it covers; `None` before the first.
-    pub t_us: Option<i64>,
-    /// The values.
-    #[serde(serialize_with = "exact_digits")]
-    pub value: Vec<f32>,
-    /// Events in the window.
-    pub nodes: usize,
-}
-
-/// The last prediction compared with one from scratch.
-#[derive(Clone, Copy, Debug, Serialize)]
-#[non_exhaustive]
-pub struct Verified {
-    /// Number of events in the prediction from scratch.
-    pub events: usize,
-    /// Whether all bits are equal.
-    pub equal: bool,
-    /// Time of the prediction from scratch.
-    pub batch_us: f64,
 }

@@ -1,14 +1,17 @@
 //! `meissner play`: its arguments.
 
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
 use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Refractory};
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions};
-use meissner_pipeline::play::PlayOptions;
+use meissner_pipeline::play::{PlayInput, PlayOptions};
+use meissner_pipeline::provenance::ModelCard;
 
-use crate::args::{Input, OUTPUT, PREDICTIONS, QUEUE, STATUS, speed};
+use crate::args::{INPUT, Input, OUTPUT, PREDICTIONS, QUEUE, STATUS, speed};
+use crate::error::CliError;
 use meissner_pipeline::text::{length_us, span_us};
 
 /// Examples, at the end of the long help.
@@ -17,13 +20,14 @@ Examples:
   meissner play touch.aedat4 --network tactigraph-past --deadline 2ms
   meissner play burst.raw --sensor 640x480 --overload filter:1250us --verify
   meissner play burst.raw --sensor 640x480 --overload drop-newest --speed 0.1
+  meissner play thumb.dat index.dat ring.dat --pin 0,1 --report-every 1ms --deadline 3ms
   meissner play udp://127.0.0.1:5000 --sensor 346x260 --report-every 1ms --deadline 500us";
 
 /// The keys that `--json` prints.
 const JSON: &str = "\
-JSON (--json): one object per line: a header with network and input, reports, then a summary (docs/json.md).
-  A report: {\"at_us\": when it was due, \"t_us\": time of the newest event that its prediction covers (null before the first), \"value\": [each output], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"state\": \"fresh\", \"behind\" or \"old\", \"behind_events\" and \"behind_us\": events and stream time that had entered the queue but are not covered, \"age_us\": time since the start of the prediction, \"waited_us\": time since the request}.
-  The last line: {\"summary\": {\"events\": taken from the recording, \"offered\": to the queue, \"delivered\": to the engine, \"accepted\", \"dropped\": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the engine, \"queue\": {\"capacity\", \"overload\", \"high_water\": most events that waited, \"blocked_us\"}, \"reports\": {\"due\", \"made\", \"fresh\", \"behind\", \"old\", \"past_deadline\": returned after their deadline, \"past_deadline_max_us\", \"asked_late_max_us\": longest time from due to requested}, \"latency_us\": {\"waited\", \"age\", \"behind\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}}, \"reader_lag_max_us\": from an event's time until it was offered, \"drain_us\": from the end of the recording until all waiting events were covered, \"final\": {\"t_us\", \"value\", \"nodes\"}, \"verified\": {\"events\": in the batch, \"equal\", \"batch_us\"} (null without --verify), \"peak_resident_bytes\", \"approximations\" (missing if there were none)}}.";
+JSON (--json): one object per line: a header with network and input, reports, then a summary (docs/json.md). Several inputs have a header and a summary each, in their order.
+  A report: {\"input\": number of the input, from 0, \"at_us\": when it was due, \"t_us\": time of the newest event that its prediction covers (null before the first), \"value\": [each output], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"state\": \"fresh\", \"behind\" or \"old\", \"behind_events\" and \"behind_us\": events and stream time that had entered the queue but are not covered, \"age_us\": time since the start of the prediction, \"waited_us\": time since the request}.
+  The last line: {\"summary\": {\"input\", \"events\": taken from the recording, \"offered\": to the queue, \"delivered\": to the engine, \"accepted\", \"dropped\": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the engine, \"queue\": {\"capacity\", \"overload\", \"high_water\": most events that waited, \"blocked_us\"}, \"reports\": {\"due\", \"made\", \"fresh\", \"behind\", \"old\", \"past_deadline\": returned after their deadline, \"past_deadline_max_us\", \"asked_late_max_us\": longest time from due to requested}, \"latency_us\": {\"waited\", \"age\", \"behind\", \"event\": from the offer of an event that no fresh report before covers to the report that does, {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}}, \"reader_lag_max_us\": from an event's time until it was offered, \"drain_us\": from the end of the recording until all waiting events were covered, \"final\": {\"t_us\", \"value\", \"nodes\"}, \"verified\": {\"events\": in the batch, \"equal\", \"batch_us\"} (null without --verify), \"bytes\": held by engine and queue from the start, \"peak_resident_bytes\", \"approximations\" (missing if there were none)}}, or, for one of several inputs whose engine failed, {\"failed\": {\"input\", \"error\"}}.";
 
 /// `meissner play`.
 #[derive(Debug, clap::Args)]
@@ -31,6 +35,17 @@ JSON (--json): one object per line: a header with network and input, reports, th
 pub(crate) struct PlayArgs {
     #[command(flatten)]
     pub(crate) input: Input,
+    /// Recordings of other sensors, played at the same time.
+    ///
+    /// Each input has an engine in a thread of its own, with its own queue and counters, and a thread that offers its events. All engines
+    /// share one copy of the weights. Recordings begin together, whatever their times. An input whose engine fails ends there; the
+    /// others go on, and the exit status is 1. A stream can only be played alone.
+    #[arg(value_name = "OTHER")]
+    pub(crate) others: Vec<PathBuf>,
+    /// Play each recording N times, one after the other, without a reset.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
+          help_heading = INPUT)]
+    pub(crate) repeat: u32,
     /// Speed of the recording: 1 is real time, 0.5 is half as fast.
     ///
     /// Events of a stream are taken when they arrive. The time of its first event is that of its arrival; from there, X seconds of stream
@@ -56,6 +71,9 @@ pub(crate) struct PlayArgs {
     /// filters among the approximations (--activity-filter and others) act before the queue, at all times.
     #[arg(long, value_name = "POLICY", default_value = "drop-oldest", help_heading = QUEUE)]
     pub(crate) overload: Policy,
+    /// Pin the engines' threads to these cores, in turn, such as 0,1 [default: the system places them].
+    #[arg(long, value_name = "CORES", value_delimiter = ',', help_heading = QUEUE)]
+    pub(crate) pin: Vec<usize>,
     /// Stream time between two reports.
     ///
     /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due time at or after the
@@ -97,19 +115,27 @@ pub(crate) enum Policy {
 }
 
 impl PlayArgs {
-    /// The options of the play on `sensor`.
-    pub(super) fn options(&self, sensor: Sensor) -> Result<PlayOptions, EngineError> {
-        Ok(PlayOptions {
+    /// Opens `recording`.
+    pub(super) fn open(&self, recording: Option<&Path>, card: &ModelCard) -> Result<PlayInput, CliError> {
+        let source = self.input.source_of(recording, card)?;
+        let sensor = source.sensor(self.input.sensor)?;
+        Ok(PlayInput { source, sensor, overload: self.overload.overload(sensor)? })
+    }
+
+    /// The options of the play.
+    pub(super) fn options(&self) -> PlayOptions {
+        PlayOptions {
             speed: self.speed,
+            repeat: self.repeat,
             queue: self.queue as usize,
-            overload: self.overload.overload(sensor)?,
+            cores: self.pin.clone(),
             report_every: self.report_every,
             deadline: self.deadline,
             late: self.input.late,
             approximations: self.input.approximations.values(),
             limit: self.input.limit,
             verify: self.verify.then_some(meissner_reference::PROPOSE),
-        })
+        }
     }
 }
 

@@ -29,13 +29,15 @@ pub(crate) enum TableKind {
 /// The names of a network's values.
 pub(super) struct Columns {
     kind: TableKind,
+    /// Whether there are several inputs, each of which is named.
+    several: bool,
     names: Vec<String>,
     has_classes: bool,
 }
 
 impl Columns {
-    pub(super) fn new(kind: TableKind, card: &ModelCard) -> Self {
-        Self { kind, names: card.headings(), has_classes: card.classes.is_some() }
+    pub(super) fn new(kind: TableKind, card: &ModelCard, inputs: usize) -> Self {
+        Self { kind, several: inputs > 1, names: card.headings(), has_classes: card.classes.is_some() }
     }
 
     /// The headings of the table.
@@ -75,8 +77,8 @@ impl Columns {
             }
             TableKind::Reports => {
                 let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
-                let values = values();
-                format!("{:>9}{values}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}", "time (ms)")
+                let (values, input) = (values(), if self.several { "input  " } else { "" });
+                format!("{input}{:>9}{values}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}", "time (ms)")
             }
         }
     }
@@ -131,8 +133,10 @@ impl Columns {
                 let [time, behind, age] =
                     [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
                 let (state, waited_us) = (p.state.name(), p.waited_us);
-                let row =
-                    format!("{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}");
+                let input = if self.several { format!("{:>5}  ", p.input) } else { String::new() };
+                let row = format!(
+                    "{input}{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}"
+                );
                 (p.number, row)
             }
             _ => (0, String::new()),

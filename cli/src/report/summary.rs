@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use meissner_pipeline::approximations::{ApproximationReport, FilteredEvents};
+use meissner_pipeline::error::{PipelineError, chain};
 use meissner_pipeline::latency::{Latencies, Quantiles};
 use meissner_pipeline::play::PlaySummary;
 use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
@@ -191,6 +192,68 @@ fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::
     Ok(())
 }
 
+/// Writes the summaries of the inputs of a play: a row for each, and what was dropped or failed.
+pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineError>]) -> io::Result<()> {
+    let mut table =
+        Table::new(&["input", "events", "accepted", "fresh (%)", "event to report, p50", "p99", "max (us)"]);
+    for (input, summary) in ended.iter().enumerate() {
+        let Ok(summary) = summary else { continue };
+        let latencies = &summary.latency_us.0;
+        let event =
+            latencies.iter().find(|&&(name, _)| name == "event").and_then(|&(_, quantiles)| quantiles);
+        let [p50, p99, max] = event.map_or_else(
+            || std::array::from_fn(|_| "-".to_owned()),
+            |event| [event.p50, event.p99, event.max].map(duration),
+        );
+        let fresh = summary.reports.fresh as f64 / summary.reports.made.max(1) as f64 * 100.0;
+        let counts = [summary.events, summary.accepted].map(grouped);
+        let [events, accepted] = counts;
+        table.row([input.to_string(), events, accepted, format!("{fresh:.2}"), p50, p99, max]);
+    }
+    writeln!(out)?;
+    table.write(out)?;
+    writeln!(out)?;
+    for (input, summary) in ended.iter().enumerate() {
+        match summary {
+            Ok(summary) => {
+                refused(out, summary.lines_refused)?;
+                play_dropped(out, summary, &format!("from input {input} "))?;
+                if summary.verified.is_some_and(|verified| !verified.equal) {
+                    writeln!(out, "verified     input {input} DIFFERS from the batch")?;
+                }
+            }
+            Err(error) => writeln!(out, "failed       input {input}: {}", chain(error))?,
+        }
+    }
+    let summaries = || ended.iter().flatten();
+    let equal = summaries().filter(|summary| summary.verified.is_some_and(|verified| verified.equal)).count();
+    if summaries().any(|summary| summary.verified.is_some()) {
+        writeln!(
+            out,
+            "verified     the last predictions of {equal} of {} inputs equal the batch",
+            ended.len()
+        )?;
+    }
+    let declared: u64 = summaries().map(|summary| summary.bytes).sum();
+    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    write!(out, "memory       engines and queues {:.1} MiB", mebibytes(declared))?;
+    match summaries().last().and_then(|summary| summary.peak_resident_bytes) {
+        Some(bytes) => {
+            writeln!(out, "; the process at most {:.1} MiB, recordings included", mebibytes(bytes))
+        }
+        None => writeln!(out),
+    }
+}
+
+/// Writes a line for each reason for which events of `summary` were dropped.
+fn play_dropped(out: &mut impl Write, summary: &PlaySummary, from: &str) -> io::Result<()> {
+    for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
+        let by_queue = if QUEUE_REASONS.contains(reason) { "by the queue: " } else { "" };
+        writeln!(out, "dropped      {} {from}{by_queue}{}", grouped(count), reason.replace('_', " "))?;
+    }
+    Ok(())
+}
+
 /// Writes the summary of a play.
 pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()> {
     let PlaySummary { queue, reports, .. } = summary;
@@ -201,10 +264,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
         "\nevents       {events} taken, {offered} offered, {delivered} delivered, {accepted} accepted"
     )?;
     refused(out, summary.lines_refused)?;
-    for (reason, &count) in summary.dropped.iter().filter(|&(_, &count)| count > 0) {
-        let by_queue = if QUEUE_REASONS.contains(reason) { "by the queue: " } else { "" };
-        writeln!(out, "dropped      {} {by_queue}{}", grouped(count), reason.replace('_', " "))?;
-    }
+    play_dropped(out, summary, "")?;
     writeln!(
         out,
         "queue        {}: at most {} of {} events waited; the reader waited {:.1} ms, and was {:.1} ms behind at most",

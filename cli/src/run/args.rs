@@ -263,7 +263,8 @@ impl RunArgs {
         (card, mode): (&'a ModelCard, String),
         (live, total): (bool, Option<u64>),
     ) -> About<'a> {
-        About { command: "run", json: self.json, live, input, card, mode, frames: None, table, total }
+        let inputs = vec![input];
+        About { command: "run", json: self.json, live, inputs, card, mode, frames: None, table, total }
     }
 
     /// As [`Self::about`], for a frame network that runs with `options`.

@@ -33,6 +33,7 @@ mod pareto_digits;
 mod pareto_force;
 mod pareto_slip;
 mod play;
+mod play_many;
 mod prepare;
 mod prepare_digits;
 mod prepare_graphs;

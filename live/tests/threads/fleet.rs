@@ -32,10 +32,10 @@ fn sensors_that_flood_fail_panic_or_stand_still_harm_no_other() {
             seen.push(sensor);
             match (sensor, timely) {
                 (0, Ok(timely)) if tick > 0 => {
-                    assert_eq!((timely.fresh, timely.nodes as i64), (true, 3 * tick + 3))
+                    assert_eq!((timely.fresh, timely.nodes as i64), (true, 3 * tick + 3));
                 }
                 (5, Ok(timely)) if tick > 0 => {
-                    assert_eq!((timely.fresh, timely.nodes, timely.latency), (true, 0, None))
+                    assert_eq!((timely.fresh, timely.nodes, timely.latency), (true, 0, None));
                 }
                 (3, Ok(timely)) => assert!(!timely.own && timely.latency.is_none(), "{timely:?}"),
                 (0 | 1 | 5, Ok(_))

@@ -20,6 +20,15 @@ const NAPS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(1
 /// Number of events that the filters process at once.
 const HANDFUL: usize = 1024;
 
+/// How often a recording is read, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Laps {
+    /// At least 1.
+    pub(super) number: u32,
+    /// Stream time from the beginning of one to that of the next.
+    pub(super) us: i128,
+}
+
 /// Offers events to the queue.
 pub(super) struct Reader {
     pub(super) clock: Clock,
@@ -33,38 +42,50 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// Offers `events`, and advances the clock to `end_us` when that time has come. Ends early if events are no longer
+    /// Offers `events` in `laps`, and advances the clock to `end_us` when that time has come. Ends early if events are no longer
     /// taken, and if the program is asked to end.
-    pub(super) fn read(mut self, events: &[Event], end_us: i64) -> Result<Self, LiveError> {
-        let mut rest = events;
+    pub(super) fn read(mut self, events: &[Event], laps: Laps, end_us: i64) -> Result<Self, LiveError> {
+        let mut laps_us =
+            (0..laps.number).map(|lap| i64::try_from(i128::from(lap) * laps.us).unwrap_or(i64::MAX));
+        let (mut rest, mut shift_us) = (&events[..0], 0);
         let mut kept = Vec::with_capacity(HANDFUL);
         while !self.input.is_closed() && !interrupt::requested() {
             let now = Instant::now();
             let now_us = self.clock.stream_us(now);
-            let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
-            let (events, later) = rest.split_at(due);
-            rest = later;
-            self.take(events, now);
-            if self.chain.filters().is_empty() {
-                self.input.push_slice(events)?;
-            } else {
-                for events in events.chunks(HANDFUL) {
+            loop {
+                let due =
+                    rest.iter().take_while(|event| event.t_us.saturating_add(shift_us) <= now_us).count();
+                let (events_due, later) = rest.split_at(due);
+                rest = later;
+                for events in events_due.chunks(HANDFUL) {
                     kept.clear();
-                    kept.extend(events.iter().filter(|&&event| self.chain.admit(event)));
+                    kept.extend(
+                        events
+                            .iter()
+                            .map(|&event| Event { t_us: event.t_us.saturating_add(shift_us), ..event }),
+                    );
+                    self.take(&kept, now);
+                    kept.retain(|&event| self.chain.admit(event));
                     self.input.push_slice(&kept)?;
                 }
+                if !rest.is_empty() {
+                    break;
+                }
+                let Some(lap_us) = laps_us.next() else { break };
+                (rest, shift_us) = (events, lap_us);
             }
             // Later events have a later time, or are already late.
             self.input.advance(now_us.min(end_us));
             if rest.is_empty() && now_us >= end_us {
                 break;
             }
-            let next = self.clock.at(rest.first().map_or(end_us, |event| event.t_us));
+            let next = rest.first().map_or(end_us, |event| event.t_us.saturating_add(shift_us));
             let [least, most] = NAPS;
-            thread::sleep(next.saturating_duration_since(Instant::now()).clamp(least, most));
+            thread::sleep(self.clock.at(next).saturating_duration_since(Instant::now()).clamp(least, most));
         }
         Ok(self)
     }
+
     /// Offers `events`, each as soon as it has arrived. Ends at their end, if events are no longer taken, and if the program is asked
     /// to end.
     pub(super) fn follow(

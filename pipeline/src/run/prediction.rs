@@ -132,6 +132,8 @@ pub struct PicturePrediction<'a> {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 pub struct ReportPrediction<'a> {
+    /// The input that it is about, counted from 0.
+    pub input: usize,
     /// When the report was due, in stream time.
     pub at_us: i64,
     /// Time of the newest event that it covers; `None` before the first.

@@ -1,0 +1,114 @@
+//! What is known of an input after its play.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::answer::exact_digits;
+use crate::approximations::ApproximationReport;
+use crate::latency::Latencies;
+use crate::losses::LossWarning;
+
+/// The summary of a play.
+#[derive(Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlaySummary {
+    /// Events taken from the recording.
+    pub events: u64,
+    /// Lines of a text that could not be read; they do not count as events.
+    pub lines_refused: u64,
+    /// Unintended losses of input.
+    pub warnings: Vec<LossWarning>,
+    /// Events offered to the queue.
+    pub offered: u64,
+    /// Events delivered to the engine.
+    pub delivered: u64,
+    /// Events accepted by the engine.
+    pub accepted: u64,
+    /// Events dropped by the queue and by the engine, by reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// The queue.
+    pub queue: QueueReport,
+    /// Counts of reports.
+    pub reports: ReportCounts,
+    /// Times of reports: since the request, since the start of the prediction, and stream time that is not covered; and of events, from
+    /// the offer of the first one that no fresh report before covers to the report that does.
+    pub latency_us: Latencies,
+    /// Longest time from the due time of an event until it was offered.
+    pub reader_lag_max_us: f64,
+    /// Time from the end of the recording until all waiting events were covered.
+    pub drain_us: f64,
+    /// The prediction after the last event.
+    #[serde(rename = "final")]
+    pub last: LastPrediction,
+    /// The comparison with a prediction from scratch, if one was made.
+    pub verified: Option<Verified>,
+    /// Bytes that the engine and its queue hold from their start on, weights excluded.
+    pub bytes: u64,
+    /// Peak resident memory of the process; `None` if the platform does not report it.
+    pub peak_resident_bytes: Option<u64>,
+    /// The approximations; `None` if results are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approximations: Option<ApproximationReport>,
+}
+
+/// Counts of reports.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct ReportCounts {
+    /// Reports that were due.
+    pub due: u64,
+    /// Reports that were made.
+    pub made: u64,
+    /// Reports that covered all events that had entered the queue.
+    pub fresh: u64,
+    /// Reports that covered only the events that the engine had taken.
+    pub behind: u64,
+    /// Reports with the prediction of an earlier report.
+    pub old: u64,
+    /// Reports that returned after the deadline.
+    pub past_deadline: u64,
+    /// Longest time after the deadline.
+    pub past_deadline_max_us: f64,
+    /// Longest time from the due time of a report until it was requested.
+    pub asked_late_max_us: f64,
+}
+
+/// The queue between the reader and the engine.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct QueueReport {
+    /// Capacity in events.
+    pub capacity: u64,
+    /// Name of the overload policy.
+    pub overload: &'static str,
+    /// Largest number of events that waited.
+    pub high_water: u64,
+    /// Time that the reader waited for room.
+    pub blocked_us: f64,
+}
+
+/// The prediction after the last event.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct LastPrediction {
+    /// Time of the newest event that it covers; `None` before the first.
+    pub t_us: Option<i64>,
+    /// The values.
+    #[serde(serialize_with = "exact_digits")]
+    pub value: Vec<f32>,
+    /// Events in the window.
+    pub nodes: usize,
+}
+
+/// The last prediction compared with one from scratch.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Verified {
+    /// Number of events in the prediction from scratch.
+    pub events: usize,
+    /// Whether all bits are equal.
+    pub equal: bool,
+    /// Time of the prediction from scratch.
+    pub batch_us: f64,
+}
