@@ -94,7 +94,8 @@ impl<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug + 'static> Chann
     }
 
     fn other_types(name: &str, service: &ServiceName) -> Error {
-        let found = ipc::Service::details(service, Config::global_config(), MessagingPattern::PublishSubscribe);
+        let found =
+            ipc::Service::details(service, Config::global_config(), MessagingPattern::PublishSubscribe);
         let found = found.ok().flatten().map_or_else(
             || "a service that is gone".to_owned(),
             |found| {
@@ -102,7 +103,11 @@ impl<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug + 'static> Chann
                 format!("{} with {}", text(&types.payload), text(&types.user_header))
             },
         );
-        let expected = format!("{} with {}", text(&TypeDetail::new::<T>(TypeVariant::Dynamic)), text(&TypeDetail::new::<H>(TypeVariant::FixedSize)));
+        let expected = format!(
+            "{} with {}",
+            text(&TypeDetail::new::<T>(TypeVariant::Dynamic)),
+            text(&TypeDetail::new::<H>(TypeVariant::FixedSize))
+        );
         Error::OtherTypes { service: name.to_owned(), expected, found }
     }
 
@@ -156,12 +161,7 @@ impl<T: ZeroCopySend + Debug + Copy + 'static, H: ZeroCopySend + Debug + Default
     ///
     /// # Errors
     /// [`Error::Service`] if there is no room: only where a slice is longer than declared, or a subscriber is broken.
-    pub fn publish(
-        &self,
-        header: H,
-        length: usize,
-        item: impl FnMut(usize) -> T,
-    ) -> Result<(), Error> {
+    pub fn publish(&self, header: H, length: usize, item: impl FnMut(usize) -> T) -> Result<(), Error> {
         let failed = |step, source: crate::error::Cause| Error::service(&self.channel.name, step, source);
         let loan = self.publisher.loan_slice_uninit(length);
         let mut slice = loan.map_err(|e| failed("write a slice", Box::new(e)))?;

@@ -65,7 +65,8 @@ pub fn watch(
     ready: impl FnOnce(),
     mut show: impl FnMut(&PredictionHeader, &[f32]) -> std::io::Result<()>,
 ) -> Result<Summary, Error> {
-    let predictions: Receiver<f32, PredictionHeader> = Channel::open(&predictions_of(name))?.receiver(BUFFER)?;
+    let predictions: Receiver<f32, PredictionHeader> =
+        Channel::open(&predictions_of(name))?.receiver(BUFFER)?;
     let mut summary = Summary::default();
     // The start of the inference, and the number of its next prediction.
     let mut expected = None;

@@ -1,9 +1,9 @@
 //! Publishes events in slices.
 
+use crate::Error;
 use crate::channel::{Channel, Sender};
 use crate::clock::now_ns;
 use crate::wire::{EventRecord, SLICE, SliceHeader};
-use crate::Error;
 use meissner_engine::{Event, Sensor};
 use serde::Serialize;
 

@@ -88,8 +88,7 @@ impl Inference {
         records: &[EventRecord],
         received_ns: u64,
     ) -> Result<Taken, Refused> {
-        let sensor = check(header, records)
-            .inspect_err(|_| self.watch.refuse(header, records.len()))?;
+        let sensor = check(header, records).inspect_err(|_| self.watch.refuse(header, records.len()))?;
         let seen = self
             .watch
             .see(header, records.len())

@@ -85,8 +85,7 @@ impl Watch {
         };
         // A process that has seen the driver's run before was connected when this one began.
         let reason = if self.expected.is_some() { Reason::Overflow } else { Reason::JoinedLate };
-        self.expected =
-            Some((run, sequence.saturating_add(1), first_event.saturating_add(events as u64)));
+        self.expected = Some((run, sequence.saturating_add(1), first_event.saturating_add(events as u64)));
         let lost = Lost { slices, events: missing };
         let gap = (slices > 0).then_some(Gap { run, reason, first_event: next_event, lost });
         if let Some(gap) = gap {
@@ -147,7 +146,10 @@ mod tests {
         watch.see(&header(1, 0, 0), 10).expect("the first");
         assert_eq!(watch.see(&header(2, 0, 0), 4), Ok(Seen { is_new_run: true, gap: None }));
         let seen = watch.see(&header(3, 2, 9), 4).expect("a later one");
-        assert_eq!(seen.gap.map(|gap| (gap.reason, gap.lost)), Some((Reason::Overflow, Lost { slices: 2, events: 9 })));
+        assert_eq!(
+            seen.gap.map(|gap| (gap.reason, gap.lost)),
+            Some((Reason::Overflow, Lost { slices: 2, events: 9 }))
+        );
     }
 
     #[test]

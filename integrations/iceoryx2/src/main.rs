@@ -100,9 +100,12 @@ enum Command {
 }
 
 fn sensor(text: &str) -> Result<Sensor, String> {
-    let sides = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let sides =
+        text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     let sides = sides.filter(|&(width, height)| width > 0 && height > 0);
-    sides.map(|(width, height)| Sensor::new(width, height)).ok_or_else(|| format!("expected such as 240x180, got {text}"))
+    sides
+        .map(|(width, height)| Sensor::new(width, height))
+        .ok_or_else(|| format!("expected such as 240x180, got {text}"))
 }
 
 fn speed(text: &str) -> Result<f64, String> {
@@ -168,7 +171,10 @@ fn tell(news: News) {
         News::Run(run) => eprintln!("run {run}: a driver has started"),
         News::Gap(gap) => {
             let lost = gap.lost;
-            eprintln!("run {}: {} events in {} slices lost: {:?}", gap.run, lost.events, lost.slices, gap.reason);
+            eprintln!(
+                "run {}: {} events in {} slices lost: {:?}",
+                gap.run, lost.events, lost.slices, gap.reason
+            );
         }
         News::Refused(why) => eprintln!("a slice was refused: {why}"),
         News::NoPrediction(why) => eprintln!("no prediction: {why}"),

@@ -196,10 +196,7 @@ mod tests {
         let expected = Malformed::Record { index: 1, polarity: 0, zero: [0, 7, 0] };
         assert_eq!(check(&header, &[good, bad]), Err(expected));
         let bad = EventRecord { polarity: -1, ..good };
-        assert_eq!(
-            check(&header, &[bad]),
-            Err(Malformed::Record { index: 0, polarity: -1, zero: [0; 3] })
-        );
+        assert_eq!(check(&header, &[bad]), Err(Malformed::Record { index: 0, polarity: -1, zero: [0; 3] }));
         assert_eq!(check(&header, &[]), Err(Malformed::End { events: 0, end: 0 }));
         let end = SliceHeader { end: 1, ..header };
         assert_eq!(check(&end, &[]), Ok(Sensor::new(4, 4)));

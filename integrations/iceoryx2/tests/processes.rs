@@ -45,7 +45,8 @@ impl Process {
         let until = Instant::now() + PATIENCE;
         loop {
             let left = until.saturating_duration_since(Instant::now());
-            let line = self.told.recv_timeout(left).unwrap_or_else(|_| panic!("expected a line with {text:?}"));
+            let line =
+                self.told.recv_timeout(left).unwrap_or_else(|_| panic!("expected a line with {text:?}"));
             if line.contains(text) {
                 return line;
             }
@@ -250,7 +251,11 @@ fn another_version_is_refused_with_both_types_and_garbage_is_refused_and_counted
     let error = Driver::new(&name, Sensor::new(4, 4)).expect_err("another version");
     let text = error.to_string();
     assert!(matches!(error, Error::OtherTypes { .. }), "{text}");
-    assert!(text.contains("expected meissner_event_1 of 16 bytes") && text.contains("got meissner_event_2 of 16 bytes"), "{text}");
+    assert!(
+        text.contains("expected meissner_event_1 of 16 bytes")
+            && text.contains("got meissner_event_2 of 16 bytes"),
+        "{text}"
+    );
     drop(other);
 
     let infer = Process::start(&["infer", NETWORK, "--name", &name, "--once"]);
@@ -265,7 +270,9 @@ fn another_version_is_refused_with_both_types_and_garbage_is_refused_and_counted
     garbage.publish(SliceHeader { width: 0, ..header }, 1, |_| good).expect("a slice");
     let outside = EventRecord::from(Event::new(2, 9999, 3, true));
     garbage.publish(SliceHeader { sequence: 2, first_event: 3, ..header }, 1, |_| outside).expect("a slice");
-    garbage.publish(SliceHeader { sequence: 3, first_event: 4, end: 1, ..header }, 0, |_| good).expect("the end");
+    garbage
+        .publish(SliceHeader { sequence: 3, first_event: 4, end: 1, ..header }, 0, |_| good)
+        .expect("the end");
     infer.told("polarity 0 or 1 and three zeros, got 77 and [1, 2, 3]");
     infer.told("expected a sensor with pixels, got 0x180");
     let summary = infer.output().remove(0);

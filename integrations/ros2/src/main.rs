@@ -63,8 +63,18 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<(), Error> {
-    let Arguments { network, weights, packets, predictions, name, namespace, reliable, depth, interfaces, domain } =
-        arguments;
+    let Arguments {
+        network,
+        weights,
+        packets,
+        predictions,
+        name,
+        namespace,
+        reliable,
+        depth,
+        interfaces,
+        domain,
+    } = arguments;
     let model = Model::load(&ModelOptions { network, weights, ..ModelOptions::default() })?;
     let depth = depth as usize;
     let options = Options { domain, interfaces, namespace, name, packets, predictions, reliable, depth };
@@ -76,6 +86,7 @@ fn run(arguments: Arguments) -> Result<(), Error> {
 fn tell(news: News) {
     match news {
         News::Ready => eprintln!("ready"),
+        News::Connected => eprintln!("a camera is connected"),
         News::Stream(seq) => eprintln!("a stream begins with packet {seq}"),
         News::Lost(lost, seq) => eprintln!("{lost} packets lost before packet {seq}"),
         News::Refused(why) => eprintln!("a packet was refused: {}", chain(&why)),

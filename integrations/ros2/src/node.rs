@@ -53,6 +53,8 @@ pub struct Options {
 pub enum News {
     /// The node is there, and waits.
     Ready,
+    /// A publisher of packets is connected: what it sends from now on arrives, or counts as lost.
+    Connected,
     /// A stream of packets begins, with this number.
     Stream(u64),
     /// So many packets are missing before the packet of this number.
@@ -109,7 +111,8 @@ fn subscribe(node: &mut Node, options: &Options) -> Result<Subscription<EventPac
     let qos = if options.reliable { qos.reliability_reliable(WhenFull::DEFAULT) } else { qos };
     let name = topic("topic of packets", "/event_camera/events", &options.packets)?;
     let kind = MessageTypeName::new("event_camera_msgs", "EventPacket");
-    let topic = node.create_topic(&name, kind, &qos).map_err(|e| Error::ros("create the topic of packets", e))?;
+    let topic =
+        node.create_topic(&name, kind, &qos).map_err(|e| Error::ros("create the topic of packets", e))?;
     node.create_subscription(&topic, Some(qos)).map_err(|e| Error::ros("subscribe to packets", e))
 }
 
@@ -153,7 +156,8 @@ pub fn run(network: Arc<Network>, options: &Options, mut tell: impl FnMut(News))
         found: format!("{} and {}", options.namespace, options.name),
     })?;
     let about = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
-    let mut node = context.new_node(name, about).map_err(|e| Error::ros("create the node", format!("{e:?}")))?;
+    let mut node =
+        context.new_node(name, about).map_err(|e| Error::ros("create the node", format!("{e:?}")))?;
     // It keeps the list of nodes and topics that `ros2 node list` shows.
     let spinner = node.spinner().map_err(|e| Error::ros("run the node", e))?;
     thread::spawn(move || drop(block_on(spinner.spin())));
@@ -170,9 +174,15 @@ pub fn run(network: Arc<Network>, options: &Options, mut tell: impl FnMut(News))
         publisher_to_packet_us: Latency::new(),
     };
     let mut ended = ended();
+    let connected = subscription.wait_for_publisher(&node);
+    pin_mut!(connected);
+    let has_ended = matches!(block_on(select(connected, &mut ended)), Either::Right(_));
+    if !has_ended {
+        tell(News::Connected);
+    }
     let packets = subscription.async_stream();
     pin_mut!(packets);
-    while let Either::Left((Some(packet), _)) = block_on(select(packets.next(), &mut ended)) {
+    while !has_ended && let Either::Left((Some(packet), _)) = block_on(select(packets.next(), &mut ended)) {
         let start = std::time::Instant::now();
         let (packet, about) = match packet {
             Ok(packet) => packet,

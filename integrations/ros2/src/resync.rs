@@ -116,7 +116,8 @@ mod tests {
         // The lost packet went on to time 0x002'000 and row 9. Each event before what is sent again is left out.
         let mut resync = Resync::default();
         let next = bytes(&[
-            0x2804, 0x6007, 0x2804, 0x8002, 0x2804, 0x6001, 0x2804, 0x4003, 0x000a, 0x2005, 0x4007, 0x3010, 0x4005,
+            0x2804, 0x6007, 0x2804, 0x8002, 0x2804, 0x6001, 0x2804, 0x4003, 0x000a, 0x2005, 0x4007, 0x3010,
+            0x4005,
         ]);
         let kept = resync.words(&next);
         let expected = [(5, false), (16, false), (18, false)];

@@ -4,13 +4,14 @@
 
 PACKETS is a file of JSON: a list of packets with the fields of event_camera_msgs/msg/EventPacket, whose events are in base64. It is
 published with RELIABILITY (`reliable` or `best_effort`), one packet every PERIOD_MS. Every prediction that arrives is printed as a line
-of JSON: `{"seq": ..., "values": [...]}`. A packet's number is in the nanoseconds of its stamp, so that it comes back with the prediction.
+of JSON: `{"seq": ..., "values": [...]}`, with the bits of each value as a float64. A packet's number is in the nanoseconds of its stamp, so that it comes back with the prediction.
 KIND is `vector` or `array`, the type of the predictions. It begins at a line `go` on standard input. A packet with the field `waits` is
 published after one more line there, for which it asks with `{"waiting": SEQ}`. It ends when it is killed.
 """
 
 import base64
 import json
+import struct
 import sys
 import threading
 import time
@@ -82,6 +83,10 @@ class Float32MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float32MultiAr
     data: sequence[float32]
 
 
+def bits(values):
+    return [struct.unpack("<Q", struct.pack("<d", value))[0] for value in values]
+
+
 def main():
     path, reliability, period_ms, kind = sys.argv[1:]
     with open(path) as file:
@@ -120,11 +125,11 @@ def main():
             if kind == "vector":
                 seq, v = prediction.header.stamp.nanosec, prediction.vector
                 assert prediction.header.frame_id == "camera" and prediction.header.stamp.sec == 17
-                print(json.dumps({"seq": seq, "values": [v.x, v.y, v.z]}), flush=True)
+                print(json.dumps({"seq": seq, "values": bits([v.x, v.y, v.z])}), flush=True)
             else:
                 [dim] = prediction.layout.dim
                 assert (dim.label, dim.size, dim.stride) == ("outputs", len(prediction.data), len(prediction.data))
-                print(json.dumps({"seq": None, "values": list(prediction.data)}), flush=True)
+                print(json.dumps({"seq": None, "values": bits(prediction.data)}), flush=True)
         time.sleep(0.002)
 
 
