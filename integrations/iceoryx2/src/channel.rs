@@ -99,7 +99,7 @@ impl<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug + 'static> Chann
         let found = found.ok().flatten().map_or_else(
             || "a service that is gone".to_owned(),
             |found| {
-                let types = found.static_details.publish_subscribe().message_type_details().clone();
+                let types = found.static_details.publish_subscribe().message_type_details();
                 format!("{} with {}", text(&types.payload), text(&types.user_header))
             },
         );

@@ -100,9 +100,10 @@ pub fn infer(
         Channel::open(&events_of(name))?.receiver(options.buffer)?;
     let mut gaps = Vec::new();
     tell(News::Ready);
-    let mut has_ended = false;
-    while !interrupt::requested() && !(has_ended && options.once) {
+    let mut is_over = false;
+    while !is_over && !interrupt::requested() {
         events.wait(NAP)?;
+        let mut has_ended = false;
         // At most what fits: under a flood, predictions still appear.
         for _ in 0..options.buffer {
             let Some(slice) = events.take()? else { break };
@@ -133,9 +134,9 @@ pub fn infer(
             Ok(None) => {}
             Err(error) => tell(News::NoPrediction(error.to_string())),
         }
-        if std::mem::take(&mut has_ended) {
+        if has_ended {
             tell(News::End);
-            has_ended = options.once;
+            is_over = options.once;
         }
     }
     let (counts, lost) = (inference.counts(), inference.losses());

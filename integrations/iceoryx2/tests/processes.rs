@@ -20,7 +20,7 @@ use serde_json::Value;
 
 const NETWORK: &str = "tactigraph-past";
 /// Longest wait for another process: machines that test may be busy.
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_mins(2);
 
 /// A process of this program. It is killed with the test.
 struct Process {

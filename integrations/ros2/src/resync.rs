@@ -19,6 +19,7 @@ mod word {
 
 /// What was sent again since the loss.
 #[derive(Clone, Copy, Debug, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "each kind of word is sent again by itself")]
 pub struct Resync {
     high: bool,
     low: bool,
