@@ -176,7 +176,10 @@ fn evt3(sensor: Sensor, events: &[Event]) -> Vec<u8> {
 
 fn mono(events: &[Event], base_us: i64) -> Vec<u8> {
     let bits = |e: &Event| {
-        u64::from(e.on) << 63 | u64::from(e.y) << 48 | u64::from(e.x) << 32 | (e.t_us - base_us) as u64 * 1000
+        u64::from(e.on) << 63
+            | u64::from(e.y) << 48
+            | u64::from(e.x) << 32
+            | ((e.t_us - base_us) as u64 * 1000)
     };
     events.iter().flat_map(|event| bits(event).to_le_bytes()).collect()
 }
