@@ -1,0 +1,80 @@
+//! Publishes events in slices.
+
+use crate::Error;
+use crate::channel::{Channel, Sender};
+use crate::clock::now_ns;
+use crate::wire::{EventRecord, SLICE, SliceHeader};
+use meissner_engine::{Event, Sensor};
+use serde::Serialize;
+
+/// The name of the service for the events of `name`.
+pub fn events_of(name: &str) -> String {
+    format!("{name}/events")
+}
+
+/// A sensor's driver, as far as the other processes can tell.
+#[derive(Debug)]
+pub struct Driver {
+    sender: Sender<EventRecord, SliceHeader>,
+    /// The header of the next slice.
+    next: SliceHeader,
+}
+
+/// What was published.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Published {
+    /// Number of the run.
+    pub run: u64,
+    /// Events.
+    pub events: u64,
+    /// Slices with events.
+    pub slices: u64,
+}
+
+impl Driver {
+    /// A driver for the events of `sensor` under this name.
+    ///
+    /// # Errors
+    /// The service cannot be opened, or another driver has it.
+    pub fn new(name: &str, sensor: Sensor) -> Result<Self, Error> {
+        let sender = Channel::open(&events_of(name))?.sender(SLICE)?;
+        let Sensor { width, height } = sensor;
+        Ok(Self { sender, next: SliceHeader { run: now_ns(), width, height, ..SliceHeader::default() } })
+    }
+
+    /// Publishes `events`, of which the first was due at `due_ns` of the shared clock, in slices of at most [`SLICE`].
+    ///
+    /// # Errors
+    /// As [`Sender::publish`].
+    pub fn publish(&mut self, events: &[Event], due_ns: u64) -> Result<(), Error> {
+        for slice in events.chunks(SLICE) {
+            let header = SliceHeader { due_ns, published_ns: now_ns(), ..self.next };
+            self.sender.publish(header, slice.len(), |index| slice[index].into())?;
+            self.next.sequence += 1;
+            self.next.first_event += slice.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Tells the subscribers that the run is over.
+    ///
+    /// # Errors
+    /// As [`Sender::publish`].
+    pub fn end(self) -> Result<Published, Error> {
+        let now = now_ns();
+        let header = SliceHeader { due_ns: now, published_ns: now, end: 1, ..self.next };
+        self.sender.publish(header, 0, |_| unreachable!("it has no events"))?;
+        Ok(self.published())
+    }
+
+    /// What was published so far.
+    pub fn published(&self) -> Published {
+        let SliceHeader { run, sequence: slices, first_event: events, .. } = self.next;
+        Published { run, events, slices }
+    }
+
+    /// Subscribers that there are.
+    pub fn subscribers(&self) -> usize {
+        self.sender.subscribers()
+    }
+}
