@@ -332,7 +332,7 @@ fn a_node_that_stands_still_loses_packets_counts_them_and_predicts_from_the_othe
     packets[parts.len() - 20]["waits"] = true.into();
     let file = saved(&packets);
     let node = loopback.node(&["--depth", "8"]);
-    let camera = loopback.camera(&python, file.path(), "best_effort", "2", "vector");
+    let camera = loopback.camera(&python, file.path(), "best_effort", "0.2", "vector");
     let (predictions, summary) = run(node, camera, parts.len() - 1);
     let (taken, lost) = (number(&summary, "packets"), number(&summary, "packets_lost"));
     assert!(taken > 0 && lost > 0, "{summary}");
