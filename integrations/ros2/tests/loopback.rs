@@ -323,7 +323,7 @@ fn reliable_packets_all_arrive() {
 }
 
 #[test]
-#[ignore = "RustDDS 0.15.1: after SIGSTOP its threads are sometimes gone"]
+#[ignore = "RustDDS 0.15.1 ends its threads where SIGCONT interrupts their poll"]
 fn a_node_that_stands_still_loses_packets_counts_them_and_predicts_from_the_others() {
     let Some((loopback, python)) = Loopback::new() else { return };
     let (sensor, events) = embedded();
