@@ -5,6 +5,7 @@ use std::net::IpAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::{panic, process};
 
 use clap::Parser;
 use meissner_pipeline::error::chain;
@@ -51,6 +52,12 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // A thread of DDS that panics would leave a node that receives nothing: it ends, and who started it can start it again.
+    let tell_panic = panic::take_hook();
+    panic::set_hook(Box::new(move |about| {
+        tell_panic(about);
+        process::exit(101);
+    }));
     interrupt::install();
     interrupt::listen();
     match run(arguments) {
