@@ -46,6 +46,7 @@ fn main() -> Result<()> {
     let guessed = film(&table, 0, GUESS_US)?.len();
     let duration_us = (guessed as f64 / RATE * 1e3) as i64 * 1000;
     let first = film(&table, 0, duration_us)?;
+    println!("{:.0} events in a second", first.len() as f64 / (duration_us as f64 / 1e6));
     for number in 0..count {
         write(&format!("{number:02}.npy"), Some(SENSOR), &film(&table, number, duration_us)?)?;
     }
@@ -69,7 +70,15 @@ fn film(table: &PressTable, number: u32, duration_us: i64) -> Result<Vec<Event>>
     }
     let t_us = (0..=STEPS).map(|step| duration_us * step / STEPS).collect();
     let scene = MarkerScene { marker: 0.5, ground: 0.25, ..MarkerScene::default() };
-    let mut camera = Camera::new(SENSOR, CameraSettings::default(), number.into())?;
+    // Those of the training, which agree with a real stream (docs/simulated-touch.md).
+    let settings = CameraSettings {
+        threshold_on: 0.2,
+        threshold_off: 0.35,
+        threshold_spread: 0.03,
+        leak_hz: 0.003,
+        ..CameraSettings::default()
+    };
+    let mut camera = Camera::new(SENSOR, settings, number.into())?;
     let mut simulated: Vec<SimulatedEvent> = Vec::new();
     MarkerTracks::new(t_us, table.count(), positions)?.film(&scene, &mut camera, &mut simulated)?;
     Ok(simulated.into_iter().map(|simulated| simulated.event).collect())

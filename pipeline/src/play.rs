@@ -44,6 +44,8 @@ pub struct PlayOptions {
     pub repeat: u32,
     /// Largest number of events that wait in a queue.
     pub queue: usize,
+    /// Shortest time on the wall clock between two packets of events of a recording.
+    pub packet: Duration,
     /// Cores that the threads of the engines are pinned to, in turn; the system places them if there are none.
     pub cores: Vec<usize>,
     /// Stream time between two reports; at least a microsecond.
@@ -278,9 +280,9 @@ impl Track {
         let Self { mut input, events, due } = self;
         let chain = options.approximations.chain(input.sensor)?;
         let clock = Clock::new(start, due.first_us, options.speed);
-        let reader = Reader { clock, input: queue, chain, lag: Duration::ZERO, taken: 0 };
-        let limit = limit(options);
-        let repeat = options.repeat;
+        let reader =
+            Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0 };
+        let (limit, repeat) = (limit(options), options.repeat);
         // It ends when the queue's other side does, and on a stream when the next event arrives after that: nobody waits for it if
         // another input cannot start.
         Ok(thread::spawn(move || {

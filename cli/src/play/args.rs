@@ -71,6 +71,11 @@ pub(crate) struct PlayArgs {
     /// filters among the approximations (--activity-filter and others) act before the queue, at all times.
     #[arg(long, value_name = "POLICY", default_value = "drop-oldest", help_heading = QUEUE)]
     pub(crate) overload: Policy,
+    /// Shortest time between two packets of events from a recording, on the wall clock.
+    ///
+    /// A sensor sends what it has in packets. A packet wakes two threads: with many inputs on few cores, 1ms leaves time for the engines.
+    #[arg(long, value_name = "TIME", default_value = "100us", value_parser = period, help_heading = QUEUE)]
+    pub(crate) packet: Duration,
     /// Pin the engines' threads to these cores, in turn, such as 0,1 [default: the system places them].
     #[arg(long, value_name = "CORES", value_delimiter = ',', help_heading = QUEUE)]
     pub(crate) pin: Vec<usize>,
@@ -128,6 +133,7 @@ impl PlayArgs {
             speed: self.speed,
             repeat: self.repeat,
             queue: self.queue as usize,
+            packet: self.packet,
             cores: self.pin.clone(),
             report_every: self.report_every,
             deadline: self.deadline,

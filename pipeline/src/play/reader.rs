@@ -14,9 +14,8 @@ use crate::clock::Clock;
 use crate::error::PipelineError;
 use crate::interrupt;
 
-/// Shortest and longest sleep. The shortest makes events arrive in small batches, as from a camera. The longest makes
-/// the clock advance in a gap.
-const NAPS: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(1)];
+/// Longest sleep, unless packets are further apart: it makes the clock advance in a gap.
+const NAP: Duration = Duration::from_millis(1);
 /// Number of events that the filters process at once.
 const HANDFUL: usize = 1024;
 
@@ -35,6 +34,8 @@ pub(super) struct Reader {
     pub(super) input: Input,
     /// Filter that always acts, before the queue.
     pub(super) chain: Chain,
+    /// Shortest sleep: it makes events arrive in packets, as from a camera.
+    pub(super) packet: Duration,
     /// Longest time from the due time of an event until it was offered.
     pub(super) lag: Duration,
     /// Events that were due, including events that filters dropped.
@@ -80,8 +81,8 @@ impl Reader {
                 break;
             }
             let next = rest.first().map_or(end_us, |event| event.t_us.saturating_add(shift_us));
-            let [least, most] = NAPS;
-            thread::sleep(self.clock.at(next).saturating_duration_since(Instant::now()).clamp(least, most));
+            let nap = self.clock.at(next).saturating_duration_since(Instant::now());
+            thread::sleep(nap.clamp(self.packet, NAP.max(self.packet)));
         }
         Ok(self)
     }
