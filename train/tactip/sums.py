@@ -4,6 +4,7 @@ A press is read at its end and at random ages. What is read does not depend on t
 of a reading are the outputs of the network and the motion of all pins in principal modes, which only the training knows.
 """
 
+import json
 import tempfile
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ import numpy as np
 import presses  # of train/angle
 import torch
 from graphs import Graphs
+from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 CHUNK, BATCH = 80, 8  # presses whose graphs are built together, and that are read together
@@ -23,7 +25,7 @@ UNIT = 10.0  # pixels, of a mode
 class Read:
     """Readings of presses, each at its end first, then at its other ages from the youngest on."""
 
-    sums: np.ndarray  # (press, age, channel, row, column), half precision
+    sums: np.ndarray  # (press, age, channel, row, column), half precision, in a file
     labels: np.ndarray  # (press, age, output), in units of the data
     pins: np.ndarray  # (press, age, mode), the motion of the pins in units of UNIT
     sensor: list  # [width, height]
@@ -57,16 +59,19 @@ class Modes:
 
 
 def read(path, modes, network, settings):
-    """The presses in the file at `path`. The sums are kept beside it."""
-    data, kept = presses.read(path), path.with_suffix(".sums.safetensors")
+    """The readings of the presses in the file at `path`. They are kept beside it, and the sums stay there."""
+    kept, sums = path.with_suffix(".read.safetensors"), path.with_suffix(".sums.npy")
     if not kept.exists():
+        data, tracks = presses.read(path), load_file(path.with_suffix(".tracks.safetensors"))
         # Equal paths have equal ages.
         random = np.random.default_rng(sum(str(path).encode()))
-        save_file(summed(data, drawn(data, settings.ages, random), network, settings), kept)
-    tensors, tracks = load_file(kept), load_file(path.with_suffix(".tracks.safetensors"))
-    t_us = tensors["t_us"]
-    labels = [[data.at(name, press, at) for name in settings.said["outputs"]] for press, at in enumerate(t_us)]
-    return Read(tensors["sums"], np.float32(labels).transpose(0, 2, 1), modes.of(tracks, t_us), data.sensor)
+        t_us = drawn(data, settings.ages, random)
+        labels = [[data.at(name, press, at) for name in settings.said["outputs"]] for press, at in enumerate(t_us)]
+        labels = np.ascontiguousarray(np.float32(labels).transpose(0, 2, 1))
+        summed(data, t_us, network, settings, sums)
+        save_file({"labels": labels, "pins": modes.of(tracks, t_us)}, kept, {"sensor": json.dumps(data.sensor)})
+    with safe_open(kept, "np") as file:
+        return Read(np.load(sums, "r"), file.get_tensor("labels"), file.get_tensor("pins"), json.loads(file.metadata()["sensor"]))
 
 
 def drawn(data, ages, random):
@@ -77,9 +82,9 @@ def drawn(data, ages, random):
 
 
 @torch.no_grad()
-def summed(data, t_us, network, settings):
-    """The sums of all presses at the times (press, age), with these."""
-    found = []
+def summed(data, t_us, network, settings, path):
+    """Writes the sums of all presses at the times (press, age) to an array at `path`."""
+    found = None
     network.eval()
     with tempfile.TemporaryDirectory() as folder:
         for first in range(0, len(data), CHUNK):
@@ -88,8 +93,9 @@ def summed(data, t_us, network, settings):
             graphs = Graphs(settings.meissner, settings.network, settings.said, data.sensor, streams, folder)
             for some in range(0, len(chosen), BATCH):
                 part = range(some, min(some + BATCH, len(chosen)))
-                times = t_us[first + part.start : first + part.stop]
-                sums = network.readout(graphs.part(part).read(times))
-                found.append(sums.unflatten(0, times.shape).half().numpy())
-    # A file has the bytes as they lie in memory.
-    return {"sums": np.ascontiguousarray(np.concatenate(found)), "t_us": np.ascontiguousarray(t_us)}
+                at = slice(first + part.start, first + part.stop)
+                sums = network.readout(graphs.part(part).read(t_us[at])).unflatten(0, t_us[at].shape)
+                if found is None:
+                    found = np.lib.format.open_memmap(path, "w+", np.float16, (*t_us.shape, *sums.shape[2:]))
+                found[at] = sums.half().numpy()
+    found.flush()

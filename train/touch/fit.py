@@ -1,14 +1,20 @@
-"""The values of the network: all but the last two layers follow from what they are to measure; these are linear discriminants.
+"""The values of the network: all but the last two layers follow from what they are to measure; these are linear classifiers.
 
 A discriminant assumes that recordings differ from the mean of their class in the same way in every class. It weighs each
 direction by how little it differs there (Fisher 1936, "The use of multiple measurements in taxonomic problems"); a share of
 the covariance is replaced by a multiple of the identity (Friedman 1989, "Regularized discriminant analysis").
+
+A classifier by margins looks at the recordings that are hard to tell apart alone (Crammer and Singer 2001, "On the algorithmic
+implementation of multiclass kernel-based vector machines", here with squares of what a margin is too small by).
 """
 
 import torch
-from network import AGES, CHANNELS, CLOSED, KNOTS, LAGS, SHIFT, TIMES, WINDOWS
+import torch.nn.functional as F
+from network import CHANNELS, CLOSED, KNOTS, LAGS, SHIFT, TIMES, WINDOWS
 
 LARGEST = 16.0  # of the logits of the training
+LEAST_SPREAD = 0.05  # of a value, as a share of the largest
+STEPS = 100  # of the fit of margins
 
 
 def lay_out(network, lags, spikes):
@@ -39,7 +45,7 @@ def lay_out(network, lags, spikes):
     # Whether there is a spike as old as each of the ages: min(number, 1) = relu(number) - relu(number - 1).
     present = torch.zeros(TIMES, CHANNELS)
     present[:, 2 * LAGS :] = 1
-    for i, age in enumerate(AGES):
+    for i, age in enumerate(network.ages):
         old = present.clone()
         old[:age] = 0
         t["old.weight"][i, :, 0, 0] = old.flatten()
@@ -70,35 +76,72 @@ def encode(network, curve, images):
     t["code.weight"].copy_(code.reshape(t["code.weight"].shape))
 
 
-def discriminate(network, group, features, label, share, shrinkage):
-    """Fits the classifier of age `group` to `features` (recordings, values) of the classes `label`, each with its `share`."""
-    t, classes = network.tensors, network.shapes["out.bias"][0]
-    values, share = features[:, : -len(AGES)].double(), share[:, None].double() / share.sum()
-    mean = (share * values).sum(0)
-    # In the span of the recordings, whose dimension is smaller than that of the values.
-    scaled = share.sqrt() * (values - mean)
-    power, rotation = torch.linalg.eigh(scaled @ scaled.T)
-    kept = power > 1e-6 * power.max()
-    basis = scaled.T @ (rotation[:, kept] / power[kept].sqrt())
-    inside = (values - mean) @ basis
-    of = [label == i for i in range(classes)]
-    means = torch.stack([(share[i] * inside[i]).sum(0) / share[i].sum() for i in of])
-    spread = inside - means[label]
-    covariance = (share * spread).T @ spread
-    identity = torch.eye(len(covariance), dtype=torch.float64)
-    covariance = (1 - shrinkage) * covariance + shrinkage * covariance.trace() / len(covariance) * identity
-    inner = torch.linalg.solve(covariance, means.T)
-    weight = (basis @ inner).T
-    bias = -0.5 * (means.T * inner).sum(0) - weight @ mean
+def classify(network, group, features, label, share, shrinkage, margin=None):
+    """Fits the classifier of age `group` to `features` (recordings, values) of the classes `label`, each with its `share`: a linear
+    discriminant, or, where `margin` says how far margins are fitted, the sum of it and of a classifier by margins."""
+    t, classes, ages = network.tensors, network.shapes["out.bias"][0], len(network.ages)
+    values, share = features[:, :-ages].double(), share.double() / share.sum()
+    mean = share @ values
+    found = discriminant(values - mean, label, share, classes, shrinkage)
+    if margin is not None:
+        both = [found, margins(values - mean, label, share, classes, margin)]
+        # Each counts as much as the other.
+        sizes = [((values - mean) @ weight.T + bias).std() for weight, bias in both]
+        found = [sum(part / size for part, size in zip(parts, sizes)) for parts in zip(*both)]
+    weight, bias = found[0], found[1] - found[0] @ mean
     logits = values @ weight.T + bias
     scale = LARGEST / logits.abs().max()
     rows = slice(group * classes, (group + 1) * classes)
-    t["experts.weight"][rows, : -len(AGES)] = (scale * weight).float()
+    t["experts.weight"][rows, :-ages] = (scale * weight).float()
     t["experts.bias"][rows] = (scale * bias).float() + SHIFT
     if group > 0:  # open from its age on
-        t["experts.weight"][rows, -len(AGES) + group - 1] = CLOSED
+        t["experts.weight"][rows, group - 1 - ages] = CLOSED
         t["experts.bias"][rows] -= CLOSED
-    if group < len(AGES):  # until the next
-        t["experts.weight"][rows, group - len(AGES)] = -CLOSED
+    if group < ages:  # until the next
+        t["experts.weight"][rows, group - ages] = -CLOSED
     t["out.weight"][:, rows] = torch.eye(classes)
     t["out.bias"].fill_(-SHIFT)
+
+
+def discriminant(values, label, share, classes, shrinkage):
+    """Weights and biases of the linear discriminants of `values`, whose mean is 0."""
+    # In the span of the recordings, whose dimension is smaller than that of the values.
+    scaled = share.sqrt()[:, None] * values
+    power, rotation = torch.linalg.eigh(scaled @ scaled.T)
+    kept = power > 1e-6 * power.max()
+    basis = scaled.T @ (rotation[:, kept] / power[kept].sqrt())
+    inside = values @ basis
+    of = [label == i for i in range(classes)]
+    means = torch.stack([share[i] @ inside[i] / share[i].sum() for i in of])
+    spread = inside - means[label]
+    covariance = (share[:, None] * spread).T @ spread
+    identity = torch.eye(len(covariance), dtype=torch.float64)
+    covariance = (1 - shrinkage) * covariance + shrinkage * covariance.trace() / len(covariance) * identity
+    inner = torch.linalg.solve(covariance, means.T)
+    return (basis @ inner).T, -0.5 * (means.T * inner).sum(0)
+
+
+def margins(values, label, share, classes, margin):
+    """Weights and biases that leave margins between the right class and all others. A value that varies more counts for less than
+    its size, by the root of its spread."""
+    spread = (share @ values.square()).sqrt()
+    factor = (spread + LEAST_SPREAD * spread.max()).rsqrt()
+    factor = factor / (share @ (values * factor).square().sum(1)).sqrt()
+    # In the span of the recordings.
+    basis = torch.linalg.qr((values * factor).T)[0]
+    inside = (values * factor) @ basis
+    weight = torch.zeros(classes, basis.shape[1], dtype=torch.float64, requires_grad=True)
+    bias = torch.zeros(classes, dtype=torch.float64, requires_grad=True)
+    own = F.one_hot(label, classes).bool()
+    optimiser = torch.optim.LBFGS([weight, bias], max_iter=STEPS, line_search_fn="strong_wolfe")
+
+    def loss():
+        optimiser.zero_grad()
+        logits = inside @ weight.T + bias
+        short = F.relu(1 + logits - logits[own][:, None]).square().masked_fill(own, 0)
+        found = share @ short.sum(1) + weight.square().sum() / margin
+        found.backward()
+        return found
+
+    optimiser.step(loss)
+    return (weight.detach() @ basis.T) * factor, bias.detach()

@@ -40,7 +40,7 @@ def main():
 def load(path):
     """The network with the tensors of the file at `path`."""
     tensors = load_file(path)
-    network = Touch(len(tensors["out.bias"]), len(tensors["code.weight"]))
+    network = Touch(len(tensors["out.bias"]), len(tensors["code.weight"]), range(len(tensors["age.weight"])))
     network.tensors = {name: tensors[name].float() for name in network.tensors}
     return network
 

@@ -17,16 +17,16 @@ TIMES = 126  # cells in time that a window can fill
 CELLS = TIMES * ROWS * COLUMNS
 WINDOWS = 12  # sums over overlapping times
 KNOTS = (0.0, 0.05, 0.3, 1.0, 3.0)  # where a bent sum changes its slope
-AGES = (25, 60, 94)  # in cells in time: contacts that are younger have another classifier
 SHIFT, CLOSED = 32.0, 128.0  # logits are above -SHIFT; a classifier for another age is closed by -CLOSED
 
 
 class Touch(nn.Module):
-    """Linear layers by the names of the description."""
+    """Linear layers by the names of the description. Contacts younger than each of `ages`, in cells in time, have another classifier."""
 
-    def __init__(self, classes, code):
+    def __init__(self, classes, code, ages):
         super().__init__()
-        sums, experts = WINDOWS * CHANNELS, (len(AGES) + 1) * classes
+        self.ages = ages
+        sums, experts = WINDOWS * CHANNELS, (len(ages) + 1) * classes
         self.shapes = {
             "sides.conv.weight": (1, 1, 2),
             "sides.conv.lin.weight": (2, 1),
@@ -37,11 +37,11 @@ class Touch(nn.Module):
             "steps.weight": (len(KNOTS) * sums, sums, 1, 1),
             "steps.bias": (len(KNOTS) * sums,),
             "code.weight": (code, len(KNOTS) * sums, 1, 1),
-            "old.weight": (len(AGES), TIMES * CHANNELS, 1, 1),
-            "past.weight": (2 * len(AGES), len(AGES)),
-            "past.bias": (2 * len(AGES),),
-            "age.weight": (len(AGES), 2 * len(AGES)),
-            "experts.weight": (experts, ROWS * COLUMNS * code + len(AGES)),
+            "old.weight": (len(ages), TIMES * CHANNELS, 1, 1),
+            "past.weight": (2 * len(ages), len(ages)),
+            "past.bias": (2 * len(ages),),
+            "age.weight": (len(ages), 2 * len(ages)),
+            "experts.weight": (experts, ROWS * COLUMNS * code + len(ages)),
             "experts.bias": (experts,),
             "out.weight": (classes, experts),
             "out.bias": (classes,),

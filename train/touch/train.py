@@ -25,9 +25,9 @@ TRAIN = Path(__file__).resolve().parents[1]
 sys.path += [str(TRAIN), str(TRAIN / "digits")]
 import export_weights
 from augment import augment
-from fit import discriminate, encode, lay_out
+from fit import classify, encode, lay_out
 from graphs import Graphs, preparation
-from network import AGES, Touch
+from network import Touch
 from recordings import prepare
 
 FOLDS = 5
@@ -36,8 +36,27 @@ CELL_US = 40_000
 WHOLE = 8  # times that a whole recording counts, against one of the same age that ends early
 LONGEST_US = 5_000_000
 RECIPES = {
-    "objects": {"lags": 1.0, "spikes": 0.3, "curve": "1 - exp(-x)", "code": 40, "shrinkage": 0.1},
-    "containers": {"lags": 0.25, "spikes": 1.0, "curve": "sqrt(x)", "code": 40, "shrinkage": 0.05},
+    # All objects are held for 5 s: from the last age on, every recording is whole.
+    "objects": {
+        "lags": 1.0,
+        "spikes": 0.3,
+        "curve": "1 - exp(-x)",
+        "code": 40,
+        "ages": (25, 60, 94, 122),
+        "ended": 0,
+        "shrinkage": 0.1,
+        "margin": 34_560,
+    },
+    "containers": {
+        "lags": 0.25,
+        "spikes": 1.0,
+        "curve": "sqrt(x)",
+        "code": 40,
+        "ages": (25, 60, 94),
+        "ended": 1,
+        "shrinkage": 0.05,
+        "margin": None,
+    },
 }
 CURVES = {"1 - exp(-x)": lambda x: 1 - torch.exp(-x), "sqrt(x)": torch.sqrt}
 
@@ -65,13 +84,13 @@ def train(task, seed, fold, recordings, copies, graphs, said, path):
     print(path.stem, flush=True)
     started = time.time()
     seen = np.flatnonzero(recordings.in_train if fold is None else recordings.fold != fold)
-    network = Touch(recordings.label.max() + 1, RECIPES[task]["code"])
+    network = Touch(recordings.label.max() + 1, RECIPES[task]["code"], RECIPES[task]["ages"])
     fit(network, RECIPES[task], recordings, seen, copies, np.random.default_rng(seed), graphs)
     remarks = {
         "network": f"touch-{task}",
         "seed": seed,
         "date": datetime.date.today().isoformat(),
-        "recipe": f"linear discriminants, {json.dumps(RECIPES[task])}, {copies} augmented copies",
+        "recipe": f"linear classifiers, {json.dumps(RECIPES[task])}, {copies} augmented copies",
         "recordings": len(seen),
         "licence": "the data state none",
         "sensor": recordings.sensor,
@@ -94,17 +113,17 @@ def fit(network, recipe, recordings, seen, copies, random, graphs):
     whole = [recordings.events[i] for i in seen]
     encode(network, CURVES[recipe["curve"]], (network.image(*part) for part in parts(whole, graphs)))
     label = torch.from_numpy(recordings.label[seen])
-    bounds = [5 * CELL_US, *(CELL_US * age for age in AGES), LONGEST_US]
+    bounds = [5 * CELL_US, *(CELL_US * age for age in network.ages), LONGEST_US]
     for group, ages in enumerate(zip(bounds, bounds[1:])):
         # The oldest contacts are whole, most of them: that is when an answer counts most.
-        last = group == len(AGES)
-        streams = [augment(events, random, ages) for _ in range(1 if last else copies) for events in whole]
-        found = features(network, streams, graphs)
-        share = torch.ones(len(found))
+        last = group == len(network.ages)
+        streams = [augment(events, random, ages) for _ in range(recipe["ended"] if last else copies) for events in whole]
+        share = torch.ones(len(streams))
         if last:
-            found = torch.cat([found, features(network, whole, graphs)])
+            streams += whole
             share = torch.cat([share, torch.full((len(whole),), float(WHOLE))])
-        discriminate(network, group, found, label.repeat(len(found) // len(whole)), share, recipe["shrinkage"])
+        found, labels = features(network, streams, graphs), label.repeat(len(streams) // len(whole))
+        classify(network, group, found, labels, share, recipe["shrinkage"], recipe["margin"] if last else None)
 
 
 def features(network, streams, graphs):
