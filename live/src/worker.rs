@@ -3,7 +3,6 @@
 //! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as all events that it
 //! must cover have been inserted, or else as late as its deadline allows, with the events inserted by then.
 
-use std::thread;
 use std::time::Instant;
 
 use crate::Predictor;
@@ -30,7 +29,6 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
         let begun = Instant::now();
         covered_us = batch.last().map(Item::t_us).or(covered_us);
         let mut now = begun;
-        let full = batch.len() == most;
         if !batch.is_empty() {
             for item in batch.drain(..) {
                 predictor.push(item);
@@ -39,13 +37,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
             pace.pushed(now - begun);
             tracing::trace!(task.covered, spent = ?now - begun, "pushed");
         }
-        let Some(request) = task.request else {
-            if full {
-                // More events wait, and nobody for them: a sensor that floods leaves the processor to the others after each batch.
-                thread::yield_now();
-            }
-            continue;
-        };
+        let Some(request) = task.request else { continue };
         let complete = task.covered >= request.target;
         if !complete && !pace.is_time(request.due, now) {
             continue;
