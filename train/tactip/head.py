@@ -2,7 +2,7 @@
 
     python train/tactip/head.py /tmp/shear/0 /tmp/shear/1 --network tactip-shear --start models/weights/angle/tactip-past.0.safetensors
 
-Each FOLDER has train.safetensors, and the first valid.safetensors, with the tracks of the pins beside them, as `presses.py` writes them.
+Each FOLDER has train.safetensors, with the tracks of the pins beside it, and the first valid.safetensors too, as `presses.py` writes them.
 The network has a dense layer `pins`: it is told how the pins have moved, in principal modes, and the layers behind it what that says.
 These learn from the true motion first, with noise. Writes NETWORK.SEED.safetensors.
 """
@@ -44,11 +44,12 @@ def main():
     args.said = inspected(args.meissner, args.network)
     network = Network(args.said, UNIT, args.dropout, SHARE)
     names = {name for layer in network.events for name in network.tensors.get(layer["name"], [])}
-    started = load_file(args.start)
+    files = [load_file(path) for path in args.start]
+    started = {name: sum(file[name].float() for file in files) / len(files) for name in files[0]}
     network.load(network.exported() | {name: started[name] for name in (names if not args.all else started)})
-    modes = sums.Modes(load_arrays(args.data[0] / "train.tracks.safetensors"))
+    modes = sums.Modes(load_arrays(args.valid / "train.tracks.safetensors"))
     train = [sums.read(folder / "train.safetensors", modes, network, args) for folder in args.data]
-    valid = sums.read(args.data[0] / "valid.safetensors", modes, network, args)
+    valid = sums.read(args.valid / "valid.safetensors", modes, network, args)
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
     head = Head(network)
@@ -69,9 +70,10 @@ def main():
         "sensor": json.dumps(train[0].sensor),
         "preparation": args.said["preparation"],
         "licence": "the data of the training states none",
-        "loss": f"{loss:.5f}",
-        "valid": json.dumps({args.data[0].name: [found]}),
+        "valid": json.dumps({args.valid.name: [found]}),
     }
+    if args.epochs:
+        remarks["loss"] = f"{loss:.5f}"
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
 
@@ -162,7 +164,8 @@ def optimise(optimiser, loss, learnt):
 
 def recipe(args):
     """What was done, in one line."""
-    begin = f"{'all layers' if args.all else 'layers of events'} from {args.start.name}: {args.epochs} epochs of what is behind the readout"
+    layers = "all layers" if args.all else "layers of events"
+    begin = f"{layers} from {' and '.join(path.name for path in args.start)}: {args.epochs} epochs of what is behind the readout"
     readings = f"{len(args.data)} films, read at the end and at one of {args.ages - 1} ages, batch {args.batch}"
     return f"{begin}, {readings}, AdamW {args.rate} on a cosine, decay {DECAY}, dropout {args.dropout}, smooth L1, {args.pins} of the pins"
 
@@ -171,7 +174,8 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="+", metavar="FOLDER")
     parser.add_argument("--network", default="tactip-shear", help="name or description; default: %(default)s")
-    parser.add_argument("--start", type=Path, required=True, help="weights with the layers of events")
+    parser.add_argument("--valid", type=Path, help="folder of the validation and of the modes of the pins; default: the first")
+    parser.add_argument("--start", type=Path, nargs="+", required=True, help="weights with the layers of events; of several, their mean")
     parser.add_argument("--all", action="store_true", help="start from all layers of these weights")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--epochs", type=int, default=60, help="default: 60")
@@ -182,7 +186,9 @@ def arguments():
     parser.add_argument("--pins", type=float, default=0.05, help="weight of the motion of the pins, in pixels, in the loss; default: 0.05")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
+    args = parser.parse_args()
+    args.valid = args.valid or args.data[0]
+    return args
 
 
 if __name__ == "__main__":
