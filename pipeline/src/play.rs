@@ -239,8 +239,11 @@ impl Play {
                     None => thread.is_finished(),
                 })
             };
+            if ended() {
+                break;
+            }
             let at_us = i64::try_from(dues[0].elapsed_us(number)).unwrap_or(i64::MAX);
-            if ended() || !clock.wait(at_us, ended) {
+            if !clock.wait(at_us, ended) {
                 break;
             }
             let late = Instant::now().saturating_duration_since(clock.at(at_us));
