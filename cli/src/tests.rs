@@ -50,7 +50,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
         ],
     ),
     (PREDICTIONS, &["mode", "every", "report-every", "deadline", "verify"]),
-    (QUEUE, &["speed", "queue", "overload"]),
+    (QUEUE, &["speed", "queue", "overload", "packet", "pin"]),
     (
         MEASUREMENT,
         &[
@@ -115,6 +115,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
 /// Options that stand elsewhere in some subcommand.
 const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("run", "threads", FRAMES),
+    ("play", "repeat", INPUT),
     ("eval digits", "stride", NETWORK),
     ("eval angle", "stride", NETWORK),
     ("eval touch", "stride", NETWORK),

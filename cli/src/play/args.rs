@@ -76,7 +76,9 @@ pub(crate) struct PlayArgs {
     /// A sensor sends what it has in packets. A packet wakes two threads: with many inputs on few cores, 1ms leaves time for the engines.
     #[arg(long, value_name = "TIME", default_value = "100us", value_parser = period, help_heading = QUEUE)]
     pub(crate) packet: Duration,
-    /// Pin the engines' threads to these cores, in turn, such as 0,1 [default: the system places them].
+    /// Cores that the engines' threads are pinned to, in turn, such as 0,1.
+    ///
+    /// Without this option, the system places them.
     #[arg(long, value_name = "CORES", value_delimiter = ',', help_heading = QUEUE)]
     pub(crate) pin: Vec<usize>,
     /// Stream time between two reports.
