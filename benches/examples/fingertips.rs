@@ -4,7 +4,7 @@
 //!
 //! | file | events |
 //! |---|---|
-//! | `00.npy`, `01.npy`, ... | a soft dome is pressed on a plane of its own to 10 mm and lifted again, so slowly that [`RATE`] events a second leave its camera in the mean |
+//! | `00.npy`, `01.npy`, ... | a soft dome is pressed on a plane of its own to 10 mm and lifted again, so slowly that about [`RATE`] events a second leave its camera, and noise beside them |
 //! | `flood.npy` | the same over and over, [`FLOOD`] times as fast, for as long |
 //! | `garbage.npy` | as many events as the first at random places, most outside the sensor, at times that step back by up to a second |
 //!
@@ -20,9 +20,9 @@ use meissner_simulator::{
 };
 
 const SENSOR: Sensor = Sensor { width: 346, height: 260 };
-/// Events in a second of a fingertip.
+/// Events in a second of a fingertip, without the noise that a slower press adds.
 const RATE: f64 = 5000.0;
-/// How much faster the flood is: a million events in a second.
+/// How much faster the flood is: above a million events in a second.
 const FLOOD: i64 = 200;
 const DEPTH_MM: f64 = 10.0;
 /// Times of a track at which markers have places.
@@ -70,15 +70,7 @@ fn film(table: &PressTable, number: u32, duration_us: i64) -> Result<Vec<Event>>
     }
     let t_us = (0..=STEPS).map(|step| duration_us * step / STEPS).collect();
     let scene = MarkerScene { marker: 0.5, ground: 0.25, ..MarkerScene::default() };
-    // Those of the training, which agree with a real stream (docs/simulated-touch.md).
-    let settings = CameraSettings {
-        threshold_on: 0.2,
-        threshold_off: 0.35,
-        threshold_spread: 0.03,
-        leak_hz: 0.003,
-        ..CameraSettings::default()
-    };
-    let mut camera = Camera::new(SENSOR, settings, number.into())?;
+    let mut camera = Camera::new(SENSOR, CameraSettings::tactile(), number.into())?;
     let mut simulated: Vec<SimulatedEvent> = Vec::new();
     MarkerTracks::new(t_us, table.count(), positions)?.film(&scene, &mut camera, &mut simulated)?;
     Ok(simulated.into_iter().map(|simulated| simulated.event).collect())

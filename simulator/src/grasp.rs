@@ -164,17 +164,6 @@ impl Grasp {
         if let Indenter::Cylinder { radius_mm, .. } = self.bolt.indenter { 2.0 * radius_mm } else { 0.0 }
     }
 
-    /// The camera: the thresholds and the leak that agree with a real stream of a tactile sensor (docs/simulated-touch.md).
-    pub fn camera() -> CameraSettings {
-        CameraSettings {
-            threshold_on: 0.2,
-            threshold_off: 0.35,
-            threshold_spread: 0.03,
-            leak_hz: 0.003,
-            ..CameraSettings::default()
-        }
-    }
-
     /// A solver for [`PAD`], which recordings can share.
     ///
     /// # Errors

@@ -2,9 +2,9 @@
 //!
 //! Enters: how many recordings, and a seed. Leaves: what [`super::film_markers`] writes, with the force of each grasp along time.
 
-use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::GelSolver;
 use meissner_simulator::grasp::{Grasp, Grip, SENSOR};
+use meissner_simulator::{CameraSettings, SimulatorError};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
@@ -31,7 +31,7 @@ pub fn grasps(recordings: usize, seed: u64, pool: &ThreadPool) -> Result<Prepare
     let solver = Grasp::solver()?;
     let film = |solver: &mut GelSolver, number: usize| -> Result<_, SimulatorError> {
         let grasp = Grasp::drawn(seed, number);
-        let (events, grips) = grasp.film(solver, Grasp::camera())?;
+        let (events, grips) = grasp.film(solver, CameraSettings::tactile())?;
         let label = |grip: Grip| {
             let Grip { t_us, force_n, depth_mm, area_mm2, phase } = grip;
             let number = f32::from(phase as u8);

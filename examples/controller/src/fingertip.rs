@@ -68,17 +68,10 @@ impl Fingertip {
     pub fn new(table: Arc<PressTable>, surface: Surface, seed: u64) -> Result<Self, SimulatorError> {
         // Those of the training, which agree with a real stream (docs/simulated-touch.md).
         let scene = MarkerScene { marker: 0.5, ground: 0.25, ..MarkerScene::default() };
-        let settings = CameraSettings {
-            threshold_on: 0.2,
-            threshold_off: 0.35,
-            threshold_spread: 0.03,
-            leak_hz: 0.003,
-            ..CameraSettings::default()
-        };
         let mut film = Film {
             view: DomeView::new(&Dome::default(), SENSOR),
             scene,
-            camera: Camera::new(SENSOR, settings, seed)?,
+            camera: Camera::new(SENSOR, CameraSettings::tactile(), seed)?,
             markers: Vec::with_capacity(table.count()),
             places: Vec::with_capacity(table.count()),
             image: vec![0.0; usize::from(SENSOR.width) * usize::from(SENSOR.height)],

@@ -68,6 +68,18 @@ impl Default for CameraSettings {
 }
 
 impl CameraSettings {
+    /// The thresholds and the leak that agree with a real stream of a tactile sensor (docs/simulated-touch.md).
+    #[must_use]
+    pub fn tactile() -> Self {
+        Self {
+            threshold_on: 0.2,
+            threshold_off: 0.35,
+            threshold_spread: 0.03,
+            leak_hz: 0.003,
+            ..Self::default()
+        }
+    }
+
     /// No noise, no spread, no delay, no dark current, any bandwidth. Pixels still start at random phases.
     #[must_use]
     pub fn ideal() -> Self {

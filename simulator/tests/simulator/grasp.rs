@@ -17,7 +17,7 @@ fn recordings() -> &'static [(Grasp, Recording)] {
         let mut solver = Grasp::solver().expect("a pad");
         let film = |number| {
             let grasp = Grasp::drawn(11, number);
-            let recording = grasp.film(&mut solver, Grasp::camera()).expect("a recording");
+            let recording = grasp.film(&mut solver, CameraSettings::tactile()).expect("a recording");
             (grasp, recording)
         };
         (0..6).map(film).collect()
