@@ -77,7 +77,7 @@ impl Columns {
             }
             TableKind::Reports => {
                 let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
-                let (values, input) = (values(), if self.several { "input  " } else { "" });
+                let (values, input) = (values(), if self.several { " in " } else { "" });
                 format!("{input}{:>9}{values}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}", "time (ms)")
             }
         }
@@ -133,7 +133,7 @@ impl Columns {
                 let [time, behind, age] =
                     [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
                 let (state, waited_us) = (p.state.name(), p.waited_us);
-                let input = if self.several { format!("{:>5}  ", p.input) } else { String::new() };
+                let input = if self.several { format!("{:>3} ", p.input) } else { String::new() };
                 let row = format!(
                     "{input}{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}"
                 );

@@ -140,6 +140,8 @@ fn people_see_a_row_for_each_input() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(!text.contains("from input 0"), "{text}");
+    let report = text.lines().find(|line| line.starts_with("  1    10.000")).expect("a report at 10 ms");
+    assert_eq!(report.split_whitespace().count(), 8, "a report fits one line: {report}");
 }
 
 #[test]
