@@ -13,6 +13,7 @@ use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::bench::Part;
 use meissner_pipeline::predictor::Mode;
 pub(crate) use meissner_pipeline::schedule::Every;
+pub(crate) use meissner_pipeline::text::sensor;
 use meissner_pipeline::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
 
@@ -328,16 +329,6 @@ pub(crate) fn choice<T: Copy + Send + Sync>(
 /// The first of the options that was given.
 pub(crate) fn first_given(options: impl IntoIterator<Item = (&'static str, bool)>) -> Option<&'static str> {
     options.into_iter().find(|&(_, given)| given).map(|(option, _)| option)
-}
-
-/// Reads columns x rows.
-pub(crate) fn sensor(text: &str) -> Result<Sensor, String> {
-    let side = |text: &str| text.parse().ok().filter(|&side: &u16| side > 0);
-    let parse = || {
-        let (width, height) = text.split_once('x')?;
-        Some(Sensor::new(side(width)?, side(height)?))
-    };
-    parse().ok_or_else(|| "expected columns x rows, each 1 to 65535, such as 346x260".to_owned())
 }
 
 /// Reads a finite number of at least 0.

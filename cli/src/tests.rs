@@ -4,8 +4,7 @@ use clap::{Arg, Command, CommandFactory};
 
 use crate::Args;
 use crate::args::{
-    APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE,
-    STATE, sensor,
+    APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE, STATE,
 };
 use crate::simulate::{CAMERA, MARKERS};
 
@@ -236,13 +235,5 @@ fn every_reads_events_and_times_and_refuses_nothing_and_less() {
 fn every_is_shown_as_it_is_read() {
     for text in ["event", "end", "100", "10ms", "1500us", "2s"] {
         assert_eq!(text.parse::<Every>().map(|every| every.to_string()).as_deref(), Ok(text));
-    }
-}
-
-#[test]
-fn a_sensor_has_at_least_one_pixel_on_each_axis() {
-    assert!(sensor("346x260").is_ok_and(|s| (s.width, s.height) == (346, 260)));
-    for wrong in ["", "346", "346x", "0x260", "346x0", "70000x1", "3x4x5", "346X260 "] {
-        assert!(sensor(wrong).is_err(), "{wrong}");
     }
 }

@@ -12,7 +12,7 @@ const NAP: Duration = Duration::from_millis(5);
 
 /// Converts stream times to wall clock times, and back.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Clock {
+pub struct Clock {
     start: Instant,
     first_us: i64,
     speed: f64,
@@ -20,25 +20,25 @@ pub(crate) struct Clock {
 
 impl Clock {
     /// A clock whose stream time is `first_us` at `start` and passes `speed` times as fast as wall clock time.
-    pub(crate) fn new(start: Instant, first_us: i64, speed: f64) -> Self {
+    pub fn new(start: Instant, first_us: i64, speed: f64) -> Self {
         Self { start, first_us, speed }
     }
 
     /// The wall clock time of stream time `t_us`. Times before the first one map to the start.
-    pub(crate) fn at(&self, t_us: i64) -> Instant {
+    pub fn at(&self, t_us: i64) -> Instant {
         let us = i128::from(t_us) - i128::from(self.first_us);
         let seconds = us.max(0) as f64 / 1e6 / self.speed;
         self.start + Duration::try_from_secs_f64(seconds).unwrap_or(LONGEST).min(LONGEST)
     }
 
     /// The stream time at `now`.
-    pub(crate) fn stream_us(&self, now: Instant) -> i64 {
+    pub fn stream_us(&self, now: Instant) -> i64 {
         let us = now.saturating_duration_since(self.start).as_secs_f64() * self.speed * 1e6;
         self.first_us.saturating_add(us as i64)
     }
 
     /// Waits until stream time `t_us`, until `ended`, or until the program is asked to end; whether the time has come.
-    pub(crate) fn wait(&self, t_us: i64, ended: impl Fn() -> bool) -> bool {
+    pub fn wait(&self, t_us: i64, ended: impl Fn() -> bool) -> bool {
         let at = self.at(t_us);
         while !ended() && !interrupt::requested() {
             let left = at.saturating_duration_since(Instant::now());

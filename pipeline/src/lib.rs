@@ -37,10 +37,11 @@
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
-//! | [`play`] | a recording at real speed through a bounded queue |
+//! | [`play`] | recordings at real speed, each through a bounded queue |
 //! | [`send`](mod@send) | a recording at real speed to another program |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
 //! | [`latency`], [`memory`], [`skips`] | measurements |
+//! | [`clock`] | stream time on the wall clock |
 //! | [`interrupt`] | signals that ask the process to end |
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -48,7 +49,7 @@
 pub mod answer;
 pub mod approximations;
 pub mod bench;
-mod clock;
+pub mod clock;
 pub mod error;
 mod frame_feed;
 pub mod interrupt;

@@ -1,6 +1,6 @@
-//! Numbers and lengths of time as text, in messages and on a command line.
+//! Numbers, sizes of sensors and lengths of time as text, in messages and on a command line.
 
-use meissner_engine::Network;
+use meissner_engine::{Network, Sensor};
 
 /// The accepted forms of a time, for messages.
 pub const TIME_FORMS: &str = "a time with its unit, such as 500us, 1.5ms or 2s";
@@ -54,6 +54,19 @@ fn microseconds(text: &str) -> Option<i64> {
     whole.parse::<i64>().ok()?.checked_mul(scale)?.checked_add(decimals * (scale / part))
 }
 
+/// Reads the size of a sensor, columns x rows.
+///
+/// # Errors
+/// The text is not two numbers from 1 to 65535 around an x. The message says so.
+pub fn sensor(text: &str) -> Result<Sensor, String> {
+    let side = |text: &str| text.parse().ok().filter(|&side: &u16| side > 0);
+    let parse = || {
+        let (width, height) = text.split_once('x')?;
+        Some(Sensor::new(side(width)?, side(height)?))
+    };
+    parse().ok_or_else(|| "expected columns x rows, each 1 to 65535, such as 346x260".to_owned())
+}
+
 /// `value` with its digits in groups of three: 1234567 as 1,234,567.
 pub fn grouped(value: u64) -> String {
     let digits = value.to_string();
@@ -69,7 +82,16 @@ pub fn grouped(value: u64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{display_us, grouped, length_us, span_us};
+    use super::{display_us, grouped, length_us, sensor, span_us};
+    use meissner_engine::Sensor;
+
+    #[test]
+    fn a_sensor_has_two_sides_of_at_least_a_pixel() {
+        assert_eq!(sensor("346x260"), Ok(Sensor::new(346, 260)));
+        for text in ["", "346", "346x", "0x260", "346x0", "65536x1", "70000x1", "-1x1", "3x4x5", "346X260 "] {
+            assert!(sensor(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn a_time_is_a_number_with_its_unit_read_exactly() {

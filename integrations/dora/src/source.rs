@@ -10,6 +10,7 @@ use clap::Args;
 use dora_node_api::Parameter;
 use meissner::{Event, Sensor};
 use meissner_pipeline::PipelineError;
+use meissner_pipeline::clock::Clock;
 
 use crate::message::{Counter, counters_array, events_array, metadata};
 use crate::node::{Failure, Inputs, Outputs, start};
@@ -109,12 +110,9 @@ impl Node {
 
     /// Sends each of `events` when it is due. One whose time steps back is sent with the event before it.
     fn play(&mut self, events: &[Event], speed: f64) -> Result<(), Failure> {
-        let (start, first_us) = (Instant::now(), events.first().map_or(0, |event| event.t_us));
-        let at = |event: &Event| {
-            let us = event.t_us.saturating_sub(first_us).max(0) as f64;
-            let after = Duration::try_from_secs_f64(us / 1e6 / speed).unwrap_or(Duration::ZERO);
-            start + if speed > 0.0 { after } else { Duration::ZERO }
-        };
+        let start = Instant::now();
+        let clock = Clock::new(start, events.first().map_or(0, |event| event.t_us), speed);
+        let at = |event: &Event| if speed > 0.0 { clock.at(event.t_us) } else { start };
         let mut rest = events;
         while !rest.is_empty() && !self.has_ended() {
             let now = Instant::now();

@@ -9,6 +9,7 @@ use clap::Args;
 use meissner::io::ReadOptions;
 use meissner::{Event, Sensor};
 use meissner_pipeline::source::Source;
+use meissner_pipeline::text::sensor;
 use meissner_pipeline::{PipelineError, streams};
 
 use crate::node::Failure;
@@ -31,15 +32,6 @@ pub(crate) struct StreamOptions {
     /// How often a recording is sent, one run after the other; its times go on
     #[arg(long, default_value_t = 1)]
     pub(crate) runs: u32,
-}
-
-fn sensor(text: &str) -> Result<Sensor, String> {
-    let sides =
-        text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
-    let sides = sides.filter(|&(width, height): &(u16, u16)| width > 0 && height > 0);
-    sides
-        .map(|(width, height)| Sensor::new(width, height))
-        .ok_or_else(|| format!("expected such as 346x260, got {text}"))
 }
 
 /// The events of a source.
@@ -124,9 +116,9 @@ fn open(path: &Path, asked: Option<Sensor>) -> Result<(Sensor, Source), Pipeline
 
 #[cfg(test)]
 mod tests {
-    use meissner::{Event, Sensor};
+    use meissner::Event;
 
-    use super::{PAUSE_US, repeated, sensor};
+    use super::{PAUSE_US, repeated};
 
     #[test]
     fn the_times_of_a_second_run_go_on_after_a_pause() {
@@ -135,13 +127,5 @@ mod tests {
         let later = 20 + PAUSE_US;
         assert_eq!(times, [5, 25, 5 + later, 25 + later, 5 + 2 * later, 25 + 2 * later]);
         assert!(repeated(&[], 3).is_empty() && repeated(&events, 0).is_empty());
-    }
-
-    #[test]
-    fn a_sensor_has_two_sides_of_at_least_a_pixel() {
-        assert_eq!(sensor("346x260"), Ok(Sensor::new(346, 260)));
-        for text in ["", "346", "0x260", "346x", "65536x1", "-1x1", "1x1x1"] {
-            assert!(sensor(text).is_err(), "{text}");
-        }
     }
 }

@@ -16,6 +16,7 @@ use meissner_pipeline::error::chain;
 use meissner_pipeline::interrupt;
 use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::source::Source;
+use meissner_pipeline::text::sensor;
 use serde::Serialize;
 use serde_json::json;
 
@@ -97,15 +98,6 @@ enum Command {
         #[arg(long, hide = true)]
         receive: bool,
     },
-}
-
-fn sensor(text: &str) -> Result<Sensor, String> {
-    let sides =
-        text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
-    let sides = sides.filter(|&(width, height)| width > 0 && height > 0);
-    sides
-        .map(|(width, height)| Sensor::new(width, height))
-        .ok_or_else(|| format!("expected such as 240x180, got {text}"))
 }
 
 fn speed(text: &str) -> Result<f64, String> {
