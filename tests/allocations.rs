@@ -305,6 +305,10 @@ impl Predictor for Watched {
         self.0.push(event)
     }
 
+    fn push_from(&mut self, events: &mut Vec<Event>) {
+        self.0.push_from(events);
+    }
+
     fn advance(&mut self, t_us: i64) {
         self.0.advance(t_us);
     }

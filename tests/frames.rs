@@ -210,23 +210,26 @@ fn an_image_and_a_vector_are_not_concatenated() {
 }
 
 #[test]
-fn a_changed_pixel_computes_blocks_around_it_and_no_others() {
+fn a_changed_pixel_computes_what_reads_it_and_several_compute_blocks() {
     let size = [1, 64, 128];
     let mut engine =
         engine(&network(Style::Classifier, size, 8, 1), Convolution::Direct, FrameOptions::default());
     let mut frame = vec![0.5; 64 * 128];
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
-    let before = engine.counters().clone();
-    frame[30 * 128 + 40] = 0.7;
-    engine.push(&frame).expect("a frame that fits");
-    predict(&mut engine);
-    let computed = |layer: usize| engine.counters().layers[layer].computed - before.layers[layer].computed;
-    // 3 x 3 pixels, which pool to rows 14 and 15, columns 19 and 20: two blocks of 2 x 2. The convolution runs with the pooling.
-    assert_eq!(computed(1), 8);
-    assert_eq!(computed(0), 4 * 8);
-    // These and their neighbours: rows 13 to 16 and columns 18 to 21 are in 3 x 2 blocks.
-    assert_eq!(computed(2), 24);
+    let mut before = engine.counters().clone();
+    let mut computed = |changed: &[(usize, usize)]| {
+        changed.iter().for_each(|&(y, x)| frame[y * 128 + x] += 0.2);
+        engine.push(&frame).expect("a frame that fits");
+        predict(&mut engine);
+        let then = std::mem::replace(&mut before, engine.counters().clone());
+        [0, 1, 2].map(|layer| before.layers[layer].computed - then.layers[layer].computed)
+    };
+    // 3 x 3 pixels, which pool to rows 14 and 15, columns 19 and 20: a rectangle of 4 pixels. The convolution runs with the
+    // pooling. These and their neighbours are rows 13 to 16 and columns 18 to 21.
+    assert_eq!(computed(&[(30, 40)]), [4 * 4, 4, 16]);
+    // Two such places are no rectangle. Each is in two blocks of 2 x 2, and with its neighbours in 3 x 2 blocks.
+    assert_eq!(computed(&[(30, 40), (10, 100)]), [4 * 16, 16, 48]);
 }
 
 #[test]
@@ -257,9 +260,9 @@ fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
     frame[20 * 128 + 70] = 1.0;
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
-    // What it reaches pools to rows 9 and 10 of two columns: two blocks.
+    // What it reaches pools to rows 9 and 10 of two columns.
     let first = engine.counters().layers[1];
-    assert_eq!((first.computed, first.absorbed), (8, 32 * 64 - 4));
+    assert_eq!((first.computed, first.absorbed), (4, 32 * 64 - 4));
     engine.push(&vec![0.0; 64 * 128]).expect("a frame that fits");
     predict(&mut engine);
     let second = engine.counters().layers[1];

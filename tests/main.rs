@@ -21,6 +21,7 @@ mod reference;
 mod reference_golden;
 mod representations;
 mod reuse;
+mod slices;
 mod snapshots;
 mod snapshots_damaged;
 mod snapshots_of_frames;

@@ -78,6 +78,7 @@ fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
         ("--capacity", args.input.capacity.is_some()),
         ("--burst-rate", args.burst_rate.is_some()),
         ("--period", args.period_us.is_some()),
+        ("--slice", args.slice.is_some()),
         ("--svg", args.svg.is_some()),
         ("--compare", args.compare.is_some()),
     ];

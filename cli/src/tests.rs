@@ -54,6 +54,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
         MEASUREMENT,
         &[
             "period",
+            "slice",
             "burst-rate",
             "repeat",
             "warmup",

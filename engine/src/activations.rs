@@ -141,17 +141,19 @@ impl Activations {
         }
     }
 
-    /// Computes every block of one row; the rows that it reads are final.
-    pub(crate) fn run_row(
+    /// Computes every block of `rows`, block by block. Rows that they read and that are not among them are final.
+    pub(crate) fn run_rows(
         &mut self,
         level: &Level,
-        row: u32,
+        rows: &[u32],
         graph: &impl Adjacency,
         isa: Isa,
         log: &mut [LayerLog],
     ) {
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
-            self.compute(block, b + 1, &[row], graph, isa, log);
+            for rows in rows.chunks(GraphConvolution::GROUP) {
+                self.compute(block, b + 1, rows, graph, isa, log);
+            }
         }
     }
 

@@ -148,6 +148,28 @@ impl Engine {
     ///
     /// Cost: with k neighbours, O(k) rows for `frozen`; otherwise the graph alone, and rows when a prediction is read.
     pub fn push(&mut self, event: Event) -> Outcome {
+        let outcome = self.take(event);
+        self.step.compute_arrivals(&mut self.log);
+        outcome
+    }
+
+    /// Inserts events in order; returns the number of accepted events. The result is that of [`Self::push`] for each of them, bit for bit.
+    ///
+    /// Faster than single pushes for `frozen`: the rows of up to 64 events are computed layer by layer, as long as no node leaves that they
+    /// read.
+    pub fn push_slice(&mut self, events: &[Event]) -> usize {
+        self.push_all(events.iter().copied())
+    }
+
+    /// As [`Self::push_slice`], for events that are not in one slice.
+    pub fn push_all(&mut self, events: impl IntoIterator<Item = Event>) -> usize {
+        let accepted = events.into_iter().filter(|&event| self.take(event) == Outcome::Accepted).count();
+        self.step.compute_arrivals(&mut self.log);
+        accepted
+    }
+
+    /// Inserts an event, whose row may wait.
+    fn take(&mut self, event: Event) -> Outcome {
         let node = match self.admission.admit_node(event) {
             Ok(node) => node,
             Err(reason) => return Outcome::Dropped(reason),
@@ -155,17 +177,12 @@ impl Engine {
         self.begin();
         self.expire();
         if self.step.window.is_full() {
-            self.step.leave(1);
+            self.step.leave(1, &mut self.log);
             self.admission.counters_mut().evicted += 1;
         }
         self.step.enter(node, &mut self.log);
         self.newest_us = self.admission.now_us();
         Outcome::Accepted
-    }
-
-    /// Inserts events in order; returns the number of accepted events.
-    pub fn push_slice(&mut self, events: &[Event]) -> usize {
-        events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
     }
 
     /// Advances the clock to `t_us`, in the events' time, without an event; events older than the span expire. Earlier
@@ -180,7 +197,7 @@ impl Engine {
         let oldest_kept = self.admission.now() - self.network.parts().span_us;
         let leaving = self.step.window.earlier_than(oldest_kept);
         if leaving > 0 {
-            self.step.leave(leaving);
+            self.step.leave(leaving, &mut self.log);
             self.admission.counters_mut().expired += u64::from(leaving);
         }
     }
@@ -310,13 +327,8 @@ impl Engine {
     pub fn neighbourhood(&self, index: usize) -> Vec<Neighbour> {
         let window = &self.step.window;
         let slot = window.slots().nth(index).expect("the window has that many events");
-        // A slot that a frozen in-edge names and that has left ranks after the reader, or beyond the window.
-        let end = if self.network.parts().graph.is_frozen() { index } else { window.len() };
-        let edges = self.step.graph.neighbours(slot).iter();
-        edges
-            .map(|n| Neighbour { row: window.age_rank(n.row), u: n.u })
-            .filter(|n| (n.row as usize) < end)
-            .collect()
+        let edges = self.step.graph.present(window, slot);
+        edges.map(|n| Neighbour { row: window.age_rank(n.row), ..n }).collect()
     }
 }
 

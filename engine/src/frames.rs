@@ -24,4 +24,5 @@ pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
 pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 pub use options::{FrameOptions, Skip};
 pub use shapes::output_shape;
+pub(crate) use step::Cell;
 pub use timed::{Frame, TimedFrames};

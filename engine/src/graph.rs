@@ -39,8 +39,14 @@ pub(crate) struct EventGraph {
     most: usize,
     /// Number of neighbours of each slot.
     count: Vec<u16>,
-    /// `most` in-edges per slot; the first `count` are valid.
+    /// `most` in-edges per slot, of which the first `count` are valid. With `frozen`, of the [`WAVE`] newest nodes alone: a row is computed
+    /// soon after its arrival, and never again.
     edges: EdgeStore,
+    /// With `frozen`, the place of each slot in `edges`, and the sources of its in-edges, in the same order; they may have left.
+    places: Vec<u8>,
+    sources: Vec<u32>,
+    /// The place of the next node.
+    next: u8,
     /// For each grid cell, an upper bound of [`Self::bound`] of its nodes.
     reach: Vec<f64>,
     /// Rows that read each slot; stored only if needed.
@@ -48,6 +54,10 @@ pub(crate) struct EventGraph {
     keeps_readers: bool,
     found: Room<Candidate>,
 }
+
+/// Most nodes with `frozen` in-edges whose edges are kept. Enough rows to share weights and to hide latencies when they are computed
+/// together, and few enough to stay in the caches.
+pub(crate) const WAVE: usize = 64;
 
 /// In-edges, and edge data that every block would otherwise recompute.
 #[derive(Clone, Debug)]
@@ -146,6 +156,7 @@ impl EventGraph {
         let most = rule.reach.most();
         let keeps_readers = pooled || !rule.is_frozen();
         let (slots, edges) = if keeps_readers { (capacity, capacity * most) } else { (0, 0) };
+        let (kept, frozen) = if rule.is_frozen() { (WAVE, capacity) } else { (capacity, 0) };
         Self {
             rule,
             metric: Metric::new(sensor, span_us, level.scale, memory),
@@ -153,7 +164,10 @@ impl EventGraph {
             grid,
             most,
             count: memory.copies(0, capacity),
-            edges: EdgeStore::new(capacity * most, level.edge_reads(), memory),
+            edges: EdgeStore::new(kept * most, level.edge_reads(), memory),
+            places: memory.copies(0, frozen),
+            sources: memory.copies(0, frozen * most),
+            next: 0,
             readers: Readers::new(slots, edges, memory),
             keeps_readers,
             found: memory.room(most + 1),
@@ -175,20 +189,36 @@ impl EventGraph {
     }
 
     fn span(&self, slot: u32) -> Range<usize> {
-        let start = slot as usize * self.most;
+        let place = self.places.get(slot as usize).map_or(slot as usize, |&place| place.into());
+        let start = place * self.most;
         start..start + usize::from(self.count[slot as usize])
     }
 
-    /// In-edges of `slot`, in neighbourhood order.
-    pub(crate) fn neighbours(&self, slot: u32) -> &[Neighbour] {
-        &self.edges.neighbours[self.span(slot)]
+    /// Number of in-edges of `slot`.
+    pub(crate) fn degree(&self, slot: u32) -> usize {
+        self.count[slot as usize].into()
     }
 
-    /// Number of in-edges of `slot` whose source is still in `window`. With `frozen`, the others may name slots that
-    /// have left: these are free or hold a later node, and so rank after the reader in either case.
-    pub(crate) fn present(&self, window: &Window, slot: u32) -> usize {
-        let own = window.age_rank(slot);
-        self.neighbours(slot).iter().filter(|n| window.age_rank(n.row) < own).count()
+    /// Sources of the in-edges of `slot`, in neighbourhood order. With `frozen`, some may have left.
+    pub(crate) fn sources(&self, slot: u32) -> impl Iterator<Item = u32> + '_ {
+        let frozen = self.rule.is_frozen();
+        let start = slot as usize * self.most;
+        let sources = if frozen { &self.sources[start..start + self.degree(slot)] } else { &[] };
+        let neighbours = if frozen { &[] } else { &self.edges.neighbours[self.span(slot)] };
+        sources.iter().copied().chain(neighbours.iter().map(|n| n.row))
+    }
+
+    /// In-edges of `slot` whose source is still in `window`, in neighbourhood order. With `frozen`, the others may name slots that have
+    /// left: these are free or hold a later node, and so rank after the reader in either case.
+    pub(crate) fn present<'a>(
+        &'a self,
+        window: &'a Window,
+        slot: u32,
+    ) -> impl Iterator<Item = Neighbour> + 'a {
+        let (own, reader) = (window.age_rank(slot), window.node(slot));
+        let end = if self.rule.is_frozen() { own } else { window.len() as u32 };
+        let sources = self.sources(slot).filter(move |&row| window.age_rank(row) < end);
+        sources.map(move |row| Neighbour { row, u: self.metric.attributes(window.node(row), reader) })
     }
 
     /// Largest d2 at which `slot` would accept a later neighbour.
@@ -203,8 +233,15 @@ impl EventGraph {
         let node = window.node(slot);
         self.find(window, node);
         self.found.truncate(known);
-        let start = slot as usize * self.most;
         self.count[slot as usize] = self.found.len() as u16;
+        if let Some(place) = self.places.get_mut(slot as usize) {
+            *place = self.next;
+            self.next = (self.next + 1) % WAVE as u8;
+        }
+        let start = self.span(slot).start;
+        for (source, c) in self.sources.iter_mut().skip(slot as usize * self.most).zip(&*self.found) {
+            *source = c.slot;
+        }
         for (i, c) in self.found.iter().enumerate() {
             self.edges.set(start + i, &self.metric, (c.slot, window.node(c.slot)), node, c.d2);
             if self.keeps_readers {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Lanes, Matrix, is_nan};
 
 use crate::EngineError;
-use crate::frames::{FrameEngine, FrameNetwork, FrameOptions};
+use crate::frames::{Cell, FrameEngine, FrameNetwork, FrameOptions};
 use crate::memory::Memory;
 use crate::network::Network;
 
@@ -23,7 +23,10 @@ pub(crate) enum Head {
 #[derive(Clone, Debug)]
 pub(crate) struct ImageHead {
     engine: FrameEngine,
+    /// The whole frame, for when it must be pushed.
     image: Vec<f32>,
+    /// Whether the last frame was refused, so that the engine does not have all changes since the one before.
+    lacks_changes: bool,
     /// The error, if there is no prediction.
     failure: Option<EngineError>,
 }
@@ -112,7 +115,7 @@ impl ImageHead {
             let _ = engine.predict();
         }
         engine.reset();
-        Self { image, engine, failure: None }
+        Self { image, engine, lacks_changes: false, failure: None }
     }
 
     /// As [`Head::run`].
@@ -124,14 +127,23 @@ impl ImageHead {
         prediction: &mut Vec<f32>,
     ) -> Result<(), EngineError> {
         let channels = readout.columns();
-        for row in changed.iter().map(|&row| row as usize) {
-            let (age, cell) = (row / cells, row % cells);
-            for (c, value) in readout.values(row).enumerate() {
-                self.image[(age * channels + c) * cells + cell] = value;
+        let pushed = if self.lacks_changes {
+            for row in 0..readout.rows() {
+                let (age, cell) = (row / cells, row % cells);
+                for (c, value) in readout.values(row).enumerate() {
+                    self.image[(age * channels + c) * cells + cell] = value;
+                }
             }
-        }
+            self.engine.push(&self.image)
+        } else {
+            self.engine.push_cells(changed.iter().map(|&row| {
+                let (age, pixel) = (row as usize / cells, row as usize % cells);
+                Cell { pixel, first: age * channels, values: readout.slice(row as usize) }
+            }))
+        };
         // The only possible error is a value that is not finite: the readout ignores NaN, but not infinity.
-        if self.engine.push(&self.image).is_err() {
+        self.lacks_changes = pushed.is_err();
+        if self.lacks_changes {
             return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });
         }
         let values = self.engine.predict()?.values;

@@ -8,6 +8,12 @@ pub trait Predictor {
     type Input;
     /// Inserts an input, as [`Engine::push`].
     fn push(&mut self, input: Self::Input) -> Outcome;
+    /// Inserts all of `inputs` in order and leaves the list empty; the same as single pushes, and faster where the engine has a faster way.
+    fn push_from(&mut self, inputs: &mut Vec<Self::Input>) {
+        for input in inputs.drain(..) {
+            self.push(input);
+        }
+    }
     /// Advances the clock, as [`Engine::advance`].
     fn advance(&mut self, t_us: i64);
     /// Computes the prediction for all accepted inputs, as [`Engine::predict`].
@@ -27,6 +33,11 @@ macro_rules! predictor {
 
             fn push(&mut self, event: Event) -> Outcome {
                 self.push(event)
+            }
+
+            fn push_from(&mut self, events: &mut Vec<Event>) {
+                self.push_slice(events);
+                events.clear();
             }
 
             fn advance(&mut self, t_us: i64) {

@@ -105,7 +105,12 @@ impl StaleReadout {
 
     /// As [`Engine::push_slice`].
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
-        let accepted = self.engine.push_slice(events);
+        self.push_all(events.iter().copied())
+    }
+
+    /// As [`Engine::push_all`].
+    pub fn push_all(&mut self, events: impl IntoIterator<Item = Event>) -> usize {
+        let accepted = self.engine.push_all(events);
         self.accepted += accepted as u64;
         accepted
     }

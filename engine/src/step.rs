@@ -4,7 +4,7 @@
 //! pooled graphs, readout membership. Rows are computed when a prediction is read, level by level: blocks, maxima,
 //! positions and attributes, blocks, ..., readout, dense layers; the changes of several events are processed together.
 //! With `frozen` in-edges, only the event level runs on arrival: its rows never change, and their inputs may have left
-//! by the time of a prediction.
+//! by the time of a prediction. The rows of a slice of events wait for each other ([`Arrivals`]) and are computed layer by layer.
 
 use std::sync::Arc;
 
@@ -13,9 +13,9 @@ use meissner_kernels::{Isa, Matrix};
 use crate::activations::Activations;
 use crate::counters::Log;
 use crate::delta::{Delta, PART};
-use crate::graph::EventGraph;
+use crate::graph::{EventGraph, WAVE};
 use crate::input::Input;
-use crate::memory::Memory;
+use crate::memory::{Memory, Room};
 use crate::metric::Node;
 use crate::network::Network;
 use crate::options::Options;
@@ -38,9 +38,42 @@ pub(crate) struct Step {
     /// One per level.
     pub(crate) activations: Vec<Activations>,
     readout: ReadoutState,
+    arrivals: Arrivals,
     delta: Delta,
     downstream: Delta,
     pub(crate) stopwatch: Stopwatch,
+}
+
+/// Rows with `frozen` in-edges that have arrived and are not computed yet, at most [`WAVE`]. A layer reads its input from the layer below alone,
+/// so they can be computed together. They must be before a node leaves that one of them reads.
+#[derive(Clone, Debug)]
+struct Arrivals {
+    rows: Room<u32>,
+    /// Index in the window of the earliest node that one of them is or reads; undefined if there are none.
+    earliest: u32,
+}
+
+impl Arrivals {
+    /// No rows yet; there never are any if `waits` is false.
+    fn new(waits: bool, memory: &mut Memory) -> Self {
+        Self { rows: memory.room(if waits { WAVE } else { 0 }), earliest: 0 }
+    }
+
+    /// Adds `row`, whose `earliest` in-edge or which itself has this index in the window.
+    fn push(&mut self, row: u32, earliest: u32) {
+        self.earliest = if self.rows.is_empty() { earliest } else { self.earliest.min(earliest) };
+        self.rows.push(row);
+    }
+
+    /// Whether some of them read one of the oldest `leaving` nodes.
+    fn read_any_of(&self, leaving: u32) -> bool {
+        !self.rows.is_empty() && self.earliest < leaving
+    }
+
+    /// The oldest `leaving` nodes, which none of them reads, have left the window.
+    fn left(&mut self, leaving: u32) {
+        self.earliest = self.earliest.saturating_sub(leaving);
+    }
 }
 
 impl Step {
@@ -82,6 +115,7 @@ impl Step {
             readout: ReadoutState::new(&network, sensor, rows, options.isa, memory),
             window: Window::new(capacity, memory),
             input: Input::new(parts.place, sensor, memory),
+            arrivals: Arrivals::new(parts.graph.is_frozen(), memory),
             graph,
             pooled,
             activations,
@@ -114,18 +148,34 @@ impl Step {
         self.window.clear();
     }
 
-    /// Inserts `node`, which must not be earlier than any other; the window must have room.
+    /// Inserts `node`, which must not be earlier than any other; the window must have room. With `frozen` in-edges, its row waits for
+    /// [`Self::compute_arrivals`].
     pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
+        if self.arrivals.rows.len() == WAVE {
+            self.compute_arrivals(log);
+        }
         self.stopwatch.start();
         let slot = self.connect(node, usize::MAX);
-        self.stopwatch.lap(Stage::EventGraph);
         if self.network.parts().graph.is_frozen() {
-            let level = &self.network.parts().events;
-            self.activations[0].run_row(level, slot, &self.graph, self.isa, &mut log.layers);
-            self.stopwatch.lap(Stage::EventLayers);
+            let earliest =
+                self.graph.sources(slot).chain([slot]).map(|slot| self.window.age_rank(slot)).min();
+            self.arrivals.push(slot, earliest.unwrap_or(0));
         }
+        self.stopwatch.lap(Stage::EventGraph);
         self.propagate();
         self.stopwatch.lap(Stage::PooledGraphs);
+    }
+
+    /// Computes the rows that wait.
+    pub(crate) fn compute_arrivals(&mut self, log: &mut Log) {
+        if self.arrivals.rows.is_empty() {
+            return;
+        }
+        self.stopwatch.start();
+        let (level, rows) = (&self.network.parts().events, &self.arrivals.rows);
+        self.activations[0].run_rows(level, rows, &self.graph, self.isa, &mut log.layers);
+        self.arrivals.rows.clear();
+        self.stopwatch.lap(Stage::EventLayers);
     }
 
     /// Inserts `node` again, from a snapshot: it reads only the first `known` nodes of its neighbourhood, and rows that
@@ -133,7 +183,7 @@ impl Step {
     pub(crate) fn enter_known(&mut self, node: Node, known: usize) -> usize {
         let slot = self.connect(node, known);
         self.propagate();
-        self.graph.neighbours(slot).len()
+        self.graph.degree(slot)
     }
 
     /// Runs the structural stages of the event level and sets its input.
@@ -150,7 +200,11 @@ impl Step {
     }
 
     /// Removes the oldest `leaving` nodes.
-    pub(crate) fn leave(&mut self, leaving: u32) {
+    pub(crate) fn leave(&mut self, leaving: u32, log: &mut Log) {
+        if self.arrivals.read_any_of(leaving) {
+            self.compute_arrivals(log);
+        }
+        self.arrivals.left(leaving);
         if leaving as usize == self.window.len() {
             self.clear();
             return;

@@ -46,6 +46,11 @@ impl<P: Predictor<Input = Event>> Predictor for Recorded<P> {
         self.predictor.push(event)
     }
 
+    fn push_from(&mut self, events: &mut Vec<Event>) {
+        self.batch.push_slice(events);
+        self.predictor.push_from(events);
+    }
+
     fn advance(&mut self, t_us: i64) {
         self.batch.advance(t_us);
         self.predictor.advance(t_us);

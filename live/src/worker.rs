@@ -30,9 +30,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P
         covered_us = batch.last().map(Item::t_us).or(covered_us);
         let mut now = begun;
         if !batch.is_empty() {
-            for item in batch.drain(..) {
-                predictor.push(item);
-            }
+            predictor.push_from(&mut batch);
             now = Instant::now();
             pace.pushed(now - begun);
             tracing::trace!(task.covered, spent = ?now - begun, "pushed");

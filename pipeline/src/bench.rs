@@ -20,7 +20,8 @@ mod phases;
 pub use compare::{CompareReport, Ratios, SideReport, SidesReport, compare};
 pub use deadline::{DeadlineBin, DeadlineReport, Sustained};
 pub use events::{
-    EventBench, EventReport, LayerWork, MemoryReport, PhaseReport, PhasesReport, StageReport, Work,
+    EventBench, EventReport, LayerWork, MemoryReport, PhaseReport, PhasesReport, SlicesReport, StageReport,
+    Work,
 };
 pub use frame_passes::{EventFrameModel, Field, FrameLatencies};
 pub use frames::{FrameModeReport, FrameReport, PixelReport, bench_frames};

@@ -176,6 +176,32 @@ impl FrameFeed {
         done.map(|()| Outcome::Accepted)
     }
 
+    /// Advances time to `t_us`. The frames that end or are due before it go to `sink`. Earlier times, and any time before the first event,
+    /// change nothing. `sink` is not called again after an error.
+    pub(crate) fn advance<E>(
+        &mut self,
+        t_us: i64,
+        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.gate.advance(t_us);
+        let Some(now_us) = self.gate.now_us() else { return Ok(()) };
+        let mut done = Ok(());
+        match &mut self.frames {
+            Frames::Consecutive { windows, period_us } => {
+                let mut completed = false;
+                windows.advance(now_us, |window| {
+                    completed = true;
+                    deliver(window, *period_us, &mut done, &mut sink);
+                });
+                if let Some(kept) = self.kept.as_mut().filter(|_| completed) {
+                    kept.clear();
+                }
+            }
+            Frames::Sliding(sliding) => done = sliding.read_before(now_us, &mut sink),
+        }
+        done
+    }
+
     /// Delivers the last frame after the last event: the window that is still open, or the sliding window if it is due
     /// once more. Delivers nothing if no event has been accepted.
     pub(crate) fn finish<E>(
@@ -255,20 +281,30 @@ impl Sliding {
         sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         self.schedule.begin(event.t_us);
+        self.read_before(event.t_us, sink)?;
+        self.window.push(event);
+        if self.schedule.is_due_after_event() {
+            sink(feed_output(&self.window.frame(), event.t_us, 0))?;
+        }
+        Ok(())
+    }
+
+    /// Delivers the frames that are due before `t_us`.
+    fn read_before<E>(
+        &mut self,
+        t_us: i64,
+        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let period_us = self.schedule.period_us().unwrap_or(0);
-        while let Some(due_us) = self.schedule.due_before(event.t_us) {
+        while let Some(due_us) = self.schedule.due_before(t_us) {
             self.window.advance(due_us);
             let frame = self.window.frame();
             if frame.is_empty() {
-                let count = 1 + self.schedule.skip_to(event.t_us);
+                let count = 1 + self.schedule.skip_to(t_us);
                 sink(FeedOutput::Empty { count, t_us: due_us, period_us })?;
             } else {
                 sink(feed_output(&frame, due_us, period_us))?;
             }
-        }
-        self.window.push(event);
-        if self.schedule.is_due_after_event() {
-            sink(feed_output(&self.window.frame(), event.t_us, 0))?;
         }
         Ok(())
     }

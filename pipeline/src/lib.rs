@@ -36,6 +36,7 @@
 //! | [`approximations`] | approximations, and the report of their effects |
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
+//! | [`live_frames`] | a frame network that takes events and predicts at any time |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | recordings at real speed, each through a bounded queue |
 //! | [`send`](mod@send) | a recording at real speed to another program |
@@ -54,6 +55,7 @@ pub mod error;
 mod frame_feed;
 pub mod interrupt;
 pub mod latency;
+pub mod live_frames;
 pub mod losses;
 pub mod memory;
 pub mod model;
@@ -65,6 +67,7 @@ mod refusals;
 pub mod run;
 pub mod schedule;
 pub mod send;
+mod silence;
 pub mod skips;
 pub mod source;
 pub mod streams;

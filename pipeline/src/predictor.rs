@@ -135,11 +135,11 @@ impl EventPredictor {
 
     /// Pushes those of `events` that pass the filters.
     pub fn push_slice(&mut self, events: &[Event]) {
-        for &event in events {
-            if self.chain.admit(event) {
-                self.push(event);
-            }
-        }
+        let passing = events.iter().copied().filter(|&event| self.chain.admit(event));
+        match &mut self.backend {
+            Backend::Incremental(readout) => readout.push_all(passing),
+            Backend::Batch(batch) => passing.filter(|&event| batch.push(event) == Outcome::Accepted).count(),
+        };
     }
 
     /// Advances the clock to `t_us`.

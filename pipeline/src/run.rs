@@ -40,6 +40,7 @@ pub use prediction::{
     ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Prediction,
     ReportPrediction, ReportState,
 };
+pub(crate) use state::EVERY;
 pub use state::{RunOptions, SaveState};
 pub use stream::StreamRun;
 pub use summary::{

@@ -202,7 +202,7 @@ pub unsafe extern "C" fn meissner_engine_push_events(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let (engine, events) = unsafe { (shared(engine, "engine")?, array(events, length, "events")?) };
-        let entered = engine.with(|engine| Ok(push_all(engine, events.iter().map(|&event| event.into()))))?;
+        let entered = engine.with(|engine| Ok(engine.push_all(events.iter().map(|&event| event.into()))))?;
         // SAFETY: as above.
         unsafe { write_if_wanted(accepted, entered, "accepted") }
     })
@@ -224,15 +224,10 @@ pub unsafe extern "C" fn meissner_engine_push_arrays(
         // SAFETY: the callers' rules at the top of the header.
         let (engine, events) =
             unsafe { (shared(engine, "engine")?, from_arrays(t_us, x, y, polarity, length)?) };
-        let entered = engine.with(|engine| Ok(push_all(engine, events)))?;
+        let entered = engine.with(|engine| Ok(engine.push_all(events)))?;
         // SAFETY: as above.
         unsafe { write_if_wanted(accepted, entered, "accepted") }
     })
-}
-
-/// The number of `events` that entered the window.
-fn push_all(engine: &mut Engine, events: impl Iterator<Item = Event>) -> usize {
-    events.filter(|&event| engine.push(event) == Outcome::Accepted).count()
 }
 
 /// Events from arrays of their parts.

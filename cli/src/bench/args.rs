@@ -14,6 +14,8 @@ How it measures:
   warm-up   the first events (--warmup), not counted
   latency   --repeat passes over all events, for the histograms; rows and skips
             are counted in one pass
+  slices    --repeat passes that push the events of each slice together, with a
+            prediction after it
   stages    one pass with a clock around each stage
   deadline  one pass that pushes the events of each period together
 
@@ -32,7 +34,7 @@ Comparison (--compare):
 /// The keys that `--json` prints.
 const JSON: &str = "\
 JSON (--json): one object.
-  Times are in microseconds if the name of the key ends in _us. A distribution is {\"count\", \"mean\", \"p50\", \"p90\", \"p99\", \"p999\", \"max\"} in microseconds, or null if nothing was measured. The object has \"header\" (network and input, docs/json.md), \"events\", \"accepted\", \"dropped\" and \"predictions\" of one pass, \"passes\", \"clock_us\" (overhead), \"latency_us\" {\"push\", \"predict\", \"push_predict\"}, \"phases\" {\"idle\", \"burst\": the same, with events and rows}, \"skips\" (as `run`), \"approximations\" (as `run`), \"work\" (rows and multiply-adds by layer), \"stages\" (shares add up to 1), \"memory\" and \"deadline\".
+  Times are in microseconds if the name of the key ends in _us. A distribution is {\"count\", \"mean\", \"p50\", \"p90\", \"p99\", \"p999\", \"max\"} in microseconds, or null if nothing was measured. The object has \"header\" (network and input, docs/json.md), \"events\", \"accepted\", \"dropped\" and \"predictions\" of one pass, \"passes\", \"clock_us\" (overhead), \"latency_us\" {\"push\", \"predict\", \"push_predict\"}, \"phases\" {\"idle\", \"burst\": the same, with events and rows}, \"skips\" (as `run`), \"approximations\" (as `run`), \"work\" (rows and multiply-adds by layer), \"stages\" (shares add up to 1), \"memory\", \"slices\" (\"events\" of a slice, \"events_per_s\", \"latency_us\" of a slice with its prediction) and \"deadline\".
   For a frame network: \"frames\", and for \"skipping\" and \"everything\" the latencies of a frame, the \"layers\" with pixels \"computed\", \"skipped\" and \"absorbed\", \"multiply_adds\" and \"state_bytes\". With --compare: \"ways\", with the keys \"events\", \"frames_everything\" and \"frames_skipping\", each with \"compute_s\" and its parts, \"compute_s_per_s\" of stream and \"multiply_adds\"; \"ratio_percent\" of the first to each of the others; \"predictions_that_differ\" between the two others.";
 
 /// `meissner bench`.
@@ -73,6 +75,9 @@ pub(crate) struct BenchArgs {
     /// Minimum rate of a burst, in events per second [default: 5 times the mean].
     #[arg(long, value_name = "RATE", value_parser = clap::value_parser!(u64).range(1..), help_heading = MEASUREMENT)]
     pub(crate) burst_rate: Option<u64>,
+    /// Events of a slice, in the passes that push slices [default: 64].
+    #[arg(long, value_name = "EVENTS", value_parser = slice, help_heading = MEASUREMENT)]
+    pub(crate) slice: Option<usize>,
     /// Number of latency passes over all events.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
           help_heading = MEASUREMENT)]
@@ -105,8 +110,17 @@ impl BenchArgs {
             warmup: self.warmup,
             burst_rate: self.burst_rate,
             period_us: self.period_us,
+            slice: self.slice.unwrap_or(0),
         }
     }
+}
+
+/// Reads the number of events of a slice.
+fn slice(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|&events| events > 0)
+        .ok_or_else(|| "expected a number of events from 1 on".to_owned())
 }
 
 /// Reads when to predict. `end` is refused: a single prediction has no distribution.

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_pipeline::bench::{
-    DeadlineReport, EventReport, FrameInputReport, InputReport, PhaseReport, PhasesReport, Work,
+    DeadlineReport, EventReport, FrameInputReport, InputReport, PhaseReport, PhasesReport, SlicesReport, Work,
 };
 use meissner_pipeline::latency::{Distribution, Latency, Quantiles};
 use meissner_pipeline::provenance::InputCard;
@@ -28,6 +28,7 @@ pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()
     work(out, &report.work)?;
     stages(out, report)?;
     memory(out, report)?;
+    slices(out, &report.slices)?;
     deadline(out, &report.deadline)
 }
 
@@ -190,6 +191,13 @@ fn stages(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
 /// `bytes` in units of 2^20.
 pub(super) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// Writes the latency of slices.
+fn slices(out: &mut impl Write, slices: &SlicesReport) -> io::Result<()> {
+    let name = format!("{} events, predict", grouped(slices.events as u64));
+    write_latencies(out, "slices (us)", [(name, &slices.latency_us)])?;
+    summary::rate(out, slices.events_per_s)
 }
 
 fn memory(out: &mut impl Write, report: &EventReport) -> io::Result<()> {

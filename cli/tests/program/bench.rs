@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{argument, file, meissner, meissner_reading, message, text};
+use crate::support::{argument, fails, file, meissner, meissner_reading, message, text};
 
 /// The object that a benchmark of the first events of the embedded recording prints.
 fn bench(more: &[&str]) -> Value {
@@ -45,7 +45,7 @@ fn the_report_has_the_documented_keys_and_ascending_quantiles() {
     assert_eq!(
         keys(&report),
         "accepted clock_us deadline dropped events events_per_s header isa latency_us lines_refused memory nodes_max passes \
-         phases predictions skips stages warmup_events warnings work"
+         phases predictions skips slices stages warmup_events warnings work"
     );
     assert_eq!(keys(&report["latency_us"]), "predict push push_predict");
     for name in ["push", "predict", "push_predict"] {
@@ -180,6 +180,14 @@ fn no_events_have_no_figures_and_still_a_report() {
 }
 
 #[test]
+fn slices_are_timed_with_a_prediction_each() {
+    let report = &bench(&["--slice", "60", "--repeat", "2"])["slices"];
+    assert_eq!((count(&report["events"]), count(&report["latency_us"]["count"])), (60, 50));
+    assert!(report["events_per_s"].as_f64().is_some_and(|rate| rate > 0.0));
+    fails(&meissner(&["bench", "--slice", "0"]), 2, &["--slice", "a number of events from 1 on"]);
+}
+
+#[test]
 fn the_table_names_every_part() {
     let output = meissner(&["bench", "--network", "tactigraph-past", "--limit", "500"]);
     let table = text(&output);
@@ -191,6 +199,7 @@ fn the_table_names_every_part() {
         "multiply-adds",
         "event graph",
         "of state",
+        "64 events, predict",
         "deadline",
     ] {
         assert!(table.contains(part), "{part}: {table}");

@@ -113,7 +113,7 @@ impl Engine {
         }
         if self.network.parts().graph.is_frozen() {
             // A node has at most 255 in-edges.
-            window.slots().for_each(|slot| to.u8(self.step.graph.present(window, slot) as u8));
+            window.slots().for_each(|slot| to.u8(self.step.graph.present(window, slot).count() as u8));
         }
         (0..self.network.levels()).for_each(|level| self.write_rows(level, &mut to));
         to.finish(note)

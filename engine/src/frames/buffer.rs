@@ -162,6 +162,37 @@ impl Buffer {
         any
     }
 
+    /// Overwrites the values of a pixel from channel `first` on with `values`, and marks it if they differ; returns whether they do.
+    pub(super) fn store_pixel(
+        &mut self,
+        (y, x): (usize, usize),
+        first: usize,
+        values: &[f32],
+        changed: &mut Changes,
+    ) -> bool {
+        let any = match self {
+            Self::Away | Self::Vector(_) => unreachable!("{KIND}"),
+            Self::Map(map) => {
+                let pixel = &mut map.pixel_mut(y, x)[first..][..values.len()];
+                let any = pixel.iter().zip(values).any(|(a, b)| a.to_bits() != b.to_bits());
+                pixel.copy_from_slice(values);
+                any
+            }
+            Self::Planes(planes) => {
+                let mut any = false;
+                for (c, &value) in values.iter().enumerate() {
+                    let old = std::mem::replace(&mut planes.row_mut(first + c, y)[x], value);
+                    any |= old.to_bits() != value.to_bits();
+                }
+                any
+            }
+        };
+        if any {
+            changed.set(y, x);
+        }
+        any
+    }
+
     /// Marks the pixels of an image that are not +0.
     pub(super) fn mark_nonzero(&self, marked: &mut Changes) {
         match self {

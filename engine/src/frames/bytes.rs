@@ -6,6 +6,7 @@
 use meissner_kernels::{FeatureMap, Lanes, Planes};
 
 use super::buffer::Buffer;
+use super::changes::RECTANGLE;
 use super::changes::{Changes, Pending};
 use super::compile::{FrameNetwork, Kernel, Unit};
 use super::layers::{Memory, TILE};
@@ -133,18 +134,14 @@ fn of_changes(shape: FrameShape) -> u128 {
     height as u128 * width.div_ceil(u64::BITS as usize) as u128 * size_of::<u64>() as u128
 }
 
-/// Number of values in a row of blocks that the layer's result is compared with.
+/// Number of values in a row of blocks, or a rectangle, that the layer's result is compared with.
 fn of_block(unit: &Unit, to: FrameShape) -> usize {
-    let rows = match &unit.kernel {
-        Kernel::PlanarConv(_) | Kernel::Winograd(_) => 4,
-        Kernel::Conv3(_)
-        | Kernel::PooledConv(_)
-        | Kernel::Conv1(_)
-        | Kernel::UpConv(_)
-        | Kernel::MaxPool
-        | Kernel::AveragePool(_) => 2,
+    let (rows, rectangle) = match &unit.kernel {
+        Kernel::PlanarConv(_) | Kernel::Winograd(_) => (4, 0),
+        Kernel::Conv3(_) | Kernel::PooledConv(_) => (2, RECTANGLE),
+        Kernel::Conv1(_) | Kernel::UpConv(_) | Kernel::MaxPool | Kernel::AveragePool(_) => (2, 0),
         _ => return 0,
     };
     let [channels, height, width] = to.sides();
-    rows.min(height) * width * channels
+    (rows.min(height) * width).max(rectangle) * channels
 }

@@ -7,6 +7,9 @@ use super::network::FrameShape;
 /// Pixels per word.
 const WORD: usize = 64;
 
+/// Most pixels of a rectangle that is recomputed at once.
+pub(super) const RECTANGLE: usize = 64;
+
 /// One bit for each pixel of a map of `height` x `width`.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Changes {
@@ -112,6 +115,20 @@ impl Changes {
 
     pub(crate) fn count(&self) -> usize {
         self.bits.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// The rectangle of the marked pixels, if they are one of at most [`RECTANGLE`] pixels.
+    pub(crate) fn rectangle(&self) -> Option<Region> {
+        let marked = self.count();
+        if !(1..=RECTANGLE).contains(&marked) {
+            return None;
+        }
+        let [mut top, mut bottom, mut left, mut right] = [usize::MAX, 0, usize::MAX, 0];
+        self.for_each(|y, x| {
+            (top, bottom, left, right) = (top.min(y), bottom.max(y + 1), left.min(x), right.max(x + 1));
+        });
+        let rectangle = Region { y: top, x: left, height: bottom - top, width: right - left };
+        (rectangle.height * rectangle.width == marked).then_some(rectangle)
     }
 
     /// Whether any pixel of `region` is marked.
@@ -259,6 +276,26 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_rectangle_is_found_where_the_marks_are_one(
+            changes in changes(), (y, x, height, width) in (0usize..9, 0usize..99, 1usize..9, 1usize..9),
+        ) {
+            let marked = |region: Region| of(changes.height, changes.width, |v, u| {
+                (region.y..region.y + region.height).contains(&v) && (region.x..region.x + region.width).contains(&u)
+            });
+            if let Some(region) = changes.rectangle() {
+                prop_assert_eq!(&marked(region), &changes);
+            }
+            let region = Region { y, x, height, width };
+            if y + height <= changes.height && x + width <= changes.width {
+                prop_assert_eq!(marked(region).rectangle(), Some(region));
+            }
+            prop_assert_eq!(marked(Region { height: 0, ..region }).rectangle(), None);
+            let mut large = Changes::none(9, 8);
+            large.set_all();
+            prop_assert_eq!(large.rectangle(), None);
+        }
+
         #[test]
         fn changes_spread_as_windows_read(changes in changes(), size in 1usize..4) {
             let Changes { height, width, .. } = changes;

@@ -7,7 +7,7 @@ use meissner_kernels::Isa;
 
 use super::compile::FrameNetwork;
 use super::options::{FrameOptions, Skip};
-use super::step::State;
+use super::step::{Cell, State};
 use crate::EngineError;
 use crate::counters::FrameCounters;
 use crate::error::option;
@@ -124,6 +124,25 @@ impl FrameEngine {
         frames
             .chunks_exact(input.values())
             .for_each(|frame| self.state.push(&self.network, self.options, frame));
+        Ok(())
+    }
+
+    /// Takes a frame, an image, that differs from the last one in `cells` alone. Costs what changed, where [`Self::push`] reads every
+    /// value. The engine has the default [`FrameOptions::skip`] and [`FrameOptions::sparse`].
+    ///
+    /// # Errors
+    /// [`EngineError::FrameValue`] for a value that is not finite. The engine's state is then unchanged.
+    pub(crate) fn push_cells<'a>(
+        &mut self,
+        cells: impl Iterator<Item = Cell<'a>> + Clone,
+    ) -> Result<(), EngineError> {
+        debug_assert!(self.options.skip == Skip::Exact && !self.options.sparse);
+        for Cell { pixel, values, .. } in cells.clone() {
+            if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
+                return Err(EngineError::FrameValue { at: pixel, value });
+            }
+        }
+        self.state.push_cells(&self.network, self.options, cells);
         Ok(())
     }
 

@@ -205,6 +205,7 @@ impl Run<'_> {
             // Small, because a call costs little; even, for the 2 x 2 outputs of a transposed convolution; tiles for
             // Winograd.
             block: if matches!(unit.kernel, Kernel::Winograd(_)) { [4, 8] } else { [2, 2] },
+            rectangles: matches!(unit.kernel, Kernel::Conv3(_) | Kernel::PooledConv(_)),
         };
         let mut pixels = MapPixels { map: out, first: to.first, channels };
         patch.apply(&mut pixels, patch_scratch, changed, counters, compute);
@@ -239,6 +240,7 @@ impl Run<'_> {
             background: background.filter(|_| !all).map(|(b, reached)| (b.planes(), reached)),
             tolerance,
             block: [4, TILE],
+            rectangles: false,
         };
         patch.apply(out, patch_scratch, changed, counters, compute);
         if all && options.skip != Skip::Nothing {

@@ -130,6 +130,9 @@ pub(super) struct Patch<'a, W> {
     pub(super) tolerance: Option<f32>,
     /// Rows and columns of the recomputed blocks.
     pub(super) block: [usize; 2],
+    /// Whether a small rectangle of changes, as one changed pixel of the frame makes, is recomputed at once in place of blocks: the
+    /// weights are then read once.
+    pub(super) rectangles: bool,
 }
 
 /// Working space of [`Patch::apply`].
@@ -187,13 +190,17 @@ impl<W> Patch<'_, W> {
             changed.include(todo);
             return;
         }
-        todo.for_each_region(self.block[0], self.block[1], |region| {
+        let mut patch = |region: Region| {
             old.clear();
             pixels.save(region, old);
             compute(pixels, region);
             counters.computed += (region.height * region.width) as u64;
             pixels.compare(region, old, self.tolerance, changed);
-        });
+        };
+        match todo.rectangle().filter(|_| self.rectangles) {
+            Some(rectangle) => patch(rectangle),
+            None => todo.for_each_region(self.block[0], self.block[1], patch),
+        }
         // Blocks may contain absorbed pixels as well as those that had to be computed.
         counters.skipped += others.saturating_sub(counters.computed - before);
     }

@@ -34,6 +34,16 @@ pub(super) struct State {
     counters: FrameCounters,
 }
 
+/// New values of adjacent channels of a pixel of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cell<'a> {
+    /// Index of the pixel, row after row.
+    pub(crate) pixel: usize,
+    /// The first of the channels.
+    pub(crate) first: usize,
+    pub(crate) values: &'a [f32],
+}
+
 /// Outputs of all layers for a frame of zeros, and the pixels that may differ from them now.
 #[derive(Clone, Debug)]
 struct Background {
@@ -119,6 +129,29 @@ impl State {
             reached.clear();
             self.buffers[0].mark_nonzero(reached);
         }
+        self.step(network, options, any);
+    }
+
+    /// Takes a frame that differs from the last one in `cells` alone. Everything that changed is marked, and nothing else is read; the
+    /// options neither skip by a tolerance nor store a background.
+    pub(super) fn push_cells<'a>(
+        &mut self,
+        network: &FrameNetwork,
+        options: FrameOptions,
+        cells: impl Iterator<Item = Cell<'a>>,
+    ) {
+        let [_, width] = network.values[0].shape.marks();
+        self.changed.become_none(network.values[0].shape.marks());
+        let mut any = false;
+        for Cell { pixel, first, values } in cells {
+            let at = (pixel / width, pixel % width);
+            any |= self.buffers[0].store_pixel(at, first, values, &mut self.changed);
+        }
+        self.step(network, options, any);
+    }
+
+    /// Runs the layers that every frame runs, after the changes of the frame are marked.
+    fn step(&mut self, network: &FrameNetwork, options: FrameOptions, any: bool) {
         self.tell(network, 0, any);
         for i in 0..network.units.len() {
             if network.units[i].eager {

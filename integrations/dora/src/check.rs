@@ -5,13 +5,14 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::Args;
-use meissner::{Engine, EngineError, Event, Network, Sensor};
-use meissner_pipeline::model::Model;
+use meissner::live::Predictor;
+use meissner::{Event, Sensor};
+use meissner_pipeline::PipelineError;
 use serde::Serialize;
 
+use crate::engine::{Engine, Network};
 use crate::message::{Loss, PredictionHeader};
 use crate::node::Failure;
 use crate::record::{Line, read};
@@ -58,7 +59,7 @@ pub(crate) struct Found {
 /// # Errors
 /// An event is neither predicted on nor counted as dropped, a count is wrong, or a prediction has other bits.
 pub(crate) fn run(options: &CheckOptions) -> Result<String, Failure> {
-    let network = Arc::new(Model::named(&options.network, options.weights.as_deref(), false)?.network);
+    let network = Network::named(&options.network, options.weights.as_deref())?;
     let (sensor, events) = options.stream.recorded()?;
     let found = check(&read(&options.record)?, &network, sensor, &events)?;
     Ok(serde_json::to_string(&found).expect("counts are written without errors"))
@@ -73,7 +74,7 @@ enum Said<'a> {
 /// Checks the lines of a record of sources that each sent `events` of `sensor`.
 pub(crate) fn check(
     lines: &[Line],
-    network: &Arc<Network>,
+    network: &Network,
     sensor: Sensor,
     events: &[Event],
 ) -> Result<Found, Failure> {
@@ -92,7 +93,7 @@ pub(crate) fn check(
 
 fn check_lines(
     lines: &[Line],
-    network: &Arc<Network>,
+    network: &Network,
     sensor: Sensor,
     events: &[Event],
 ) -> Result<Found, Failure> {
@@ -176,7 +177,7 @@ fn check_lines(
 
 /// The single process that a sensor's predictions are compared with.
 struct Judge<'a> {
-    network: &'a Arc<Network>,
+    network: &'a Network,
     sensor: Sensor,
     events: &'a [Event],
     engine: Engine,
@@ -187,19 +188,19 @@ struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    fn new(network: &'a Arc<Network>, sensor: Sensor, events: &'a [Event]) -> Result<Self, EngineError> {
-        let engine = Engine::new(Arc::clone(network), sensor)?;
+    fn new(network: &'a Network, sensor: Sensor, events: &'a [Event]) -> Result<Self, PipelineError> {
+        let engine = network.engine(sensor)?;
         Ok(Self { network, sensor, events, engine, next: 0, losses: Vec::new() })
     }
 
     /// Takes a loss. One that begins before what is known is that of a restored node, which knows nothing after the state that it restored.
-    fn lose(&mut self, loss: &Loss) -> Result<(), EngineError> {
+    fn lose(&mut self, loss: &Loss) -> Result<(), PipelineError> {
         self.losses.retain(|known| known.from < loss.from);
         if let Some(last) = self.losses.last_mut() {
             last.until = last.until.min(loss.from);
         }
         if loss.from < self.next {
-            self.engine = Engine::new(Arc::clone(self.network), self.sensor)?;
+            self.engine = self.network.engine(self.sensor)?;
             self.next = 0;
             self.advance(loss.from);
         }

@@ -1,12 +1,12 @@
 //! For tests: an inference node without a dataflow, which writes its own record.
 
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use std::time::Duration;
 
-use meissner::{Event, Network, Sensor};
-use meissner_pipeline::model::Model;
+use meissner::{Event, Sensor};
 
+use crate::engine::Network;
 use crate::lane::{Lane, LaneOptions};
 use crate::message::{Counter, EventsHeader, Loss, PredictionHeader};
 use crate::record::Line;
@@ -22,10 +22,14 @@ pub(crate) const STREAM: i64 = 7;
 const DEADLINE: Duration = Duration::from_mins(2);
 
 /// A small network, made once.
-pub(crate) fn network() -> Arc<Network> {
-    static NETWORK: OnceLock<Arc<Network>> = OnceLock::new();
-    let make = || Model::named("tactigraph-past", None, false).unwrap().network.into();
-    Arc::clone(NETWORK.get_or_init(make))
+pub(crate) fn network() -> Network {
+    static NETWORK: OnceLock<Network> = OnceLock::new();
+    NETWORK.get_or_init(|| Network::named("tactigraph-past", None).unwrap()).clone()
+}
+
+/// A small network over frames of events.
+pub(crate) fn frame_network() -> Network {
+    Network::named("force-lstm", None).unwrap()
 }
 
 /// The sensor and the first events of the embedded recording.
@@ -48,8 +52,19 @@ pub(crate) struct Node {
 impl Node {
     /// The node in its life `boot`, which goes on from the state in `states`.
     pub(crate) fn start(sensor: Sensor, boot: i64, capacity: usize, states: Option<&Path>) -> Self {
+        Self::running(network(), sensor, boot, capacity, states)
+    }
+
+    /// The same with another network.
+    pub(crate) fn running(
+        network: Network,
+        sensor: Sensor,
+        boot: i64,
+        capacity: usize,
+        states: Option<&Path>,
+    ) -> Self {
         let states = states.map(|folder| (folder.to_owned(), Duration::ZERO));
-        let options = LaneOptions { network: network(), capacity, every: Duration::ZERO, states };
+        let options = LaneOptions { network, capacity, every: Duration::ZERO, states };
         let (lane, refused) = Lane::start(FINGER, &header(sensor, STREAM, 0, 0), &options).unwrap();
         assert!(refused.is_none(), "{refused:?}");
         Self { lane, lines: Vec::new(), boot, order: 0, sensor }

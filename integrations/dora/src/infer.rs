@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -13,8 +12,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use dora_node_api::Parameter;
 use meissner::Event;
-use meissner_pipeline::model::Model;
 
+use crate::engine::Network;
 use crate::lane::{self, Lane, LaneError, LaneOptions};
 use crate::message::{
     Counter, EventsHeader, Loss, PredictionHeader, counters_array, loss_array, metadata, now_ns, read_events,
@@ -28,7 +27,7 @@ const AT_THE_END: Duration = Duration::from_secs(2);
 /// Options of the inference node.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct InferOptions {
-    /// Name of a shipped network over events, or path of its description
+    /// Name of a shipped network over events or frames of them, or path of its description
     #[arg(long, default_value = "tactigraph-past")]
     network: String,
     /// File with its weights; without it, those that are shipped
@@ -63,9 +62,8 @@ pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
         std::fs::create_dir_all(folder)
             .map_err(|source| Failure::File { path: folder.display().to_string(), source })?;
     }
-    let model = Model::named(&options.network, options.weights.as_deref(), false)?;
     let lanes = LaneOptions {
-        network: Arc::new(model.network),
+        network: Network::named(&options.network, options.weights.as_deref())?,
         capacity: options.capacity,
         every: Duration::from_millis(options.every_ms),
         states: options.state.clone().map(|folder| (folder, Duration::from_millis(options.save_ms))),

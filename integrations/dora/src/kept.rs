@@ -8,10 +8,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use meissner::live::Predictor;
-use meissner::{Engine, EngineError, Event, EventCounters, Outcome, Prediction, snapshot_note};
+use meissner::{DropReason, EngineError, Event, Outcome, Prediction};
 use serde::{Deserialize, Serialize};
 
 use crate::coverage::Lost;
+use crate::engine::Engine;
 
 /// The place of a message: counts after its last event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,12 +47,12 @@ pub(crate) struct Covered {
 }
 
 impl Covered {
-    /// What the state in `bytes` covers, in its note.
+    /// What the state in `bytes` of an `engine` covers, in its note.
     ///
     /// # Errors
     /// The bytes are no state; `Ok(None)` if they have no such note.
-    pub(crate) fn of_state(bytes: &[u8]) -> Result<Option<Self>, EngineError> {
-        snapshot_note(bytes).map(|note| serde_json::from_slice(note).ok())
+    pub(crate) fn of_state(engine: &Engine, bytes: &[u8]) -> Result<Option<Self>, EngineError> {
+        engine.note(bytes).map(|note| serde_json::from_slice(&note).ok())
     }
 }
 
@@ -62,8 +63,8 @@ pub(crate) struct Desk {
     pub(crate) marks: VecDeque<Mark>,
     /// Predictions that were sent.
     pub(crate) predictions: u64,
-    /// Counts of the engine at the newest prediction.
-    pub(crate) events: EventCounters,
+    /// Events that the engine had no use for, at the newest prediction.
+    pub(crate) ignored: Vec<(DropReason, u64)>,
     /// The newest state that was not collected.
     state: Option<Vec<u8>>,
 }
@@ -99,7 +100,6 @@ pub(crate) fn lock(desk: &Mutex<Desk>) -> MutexGuard<'_, Desk> {
 }
 
 /// An engine that leaves its state.
-#[derive(Debug)]
 pub(crate) struct Kept {
     engine: Engine,
     stream: i64,
@@ -129,7 +129,7 @@ impl Kept {
     }
 
     /// The state, with what it covers.
-    pub(crate) fn state(&self) -> Vec<u8> {
+    pub(crate) fn state(&mut self) -> Vec<u8> {
         let (Mark { next, accepted, lost, .. }, predictions) = {
             let desk = lock(&self.desk);
             (desk.place(self.entered), desk.predictions)
@@ -148,13 +148,18 @@ impl Predictor for Kept {
         self.engine.push(event)
     }
 
+    fn push_from(&mut self, events: &mut Vec<Event>) {
+        self.entered += events.len() as u64;
+        self.engine.push_from(events);
+    }
+
     fn advance(&mut self, t_us: i64) {
         self.engine.advance(t_us);
     }
 
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.leave();
-        lock(&self.desk).events = self.engine.counters().events;
+        lock(&self.desk).ignored = self.engine.dropped();
         self.engine.predict()
     }
 

@@ -7,22 +7,26 @@
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner::io::{IoError, replace_file};
 use meissner::live::{Asked, Input, Live, LiveError, Overload, QueueOptions};
-use meissner::{Engine, EngineError, Event, Network, Sensor};
+use meissner::{EngineError, Event, Sensor};
+use meissner_pipeline::PipelineError;
 use thiserror::Error;
 
 use crate::coverage::{Coverage, Reason};
+use crate::engine::{Engine, Network};
 use crate::kept::{Covered, Desk, Kept, Mark, Shared, lock};
 use crate::message::{Counter, EventsHeader, Loss};
 
 /// A lane cannot go on.
 #[derive(Debug, Error)]
 pub(crate) enum LaneError {
-    /// The engine refuses the sensor, or a prediction failed.
+    /// The network does not fit the sensor.
+    #[error(transparent)]
+    Network(#[from] PipelineError),
+    /// A state does not fit the engine.
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// The engine's thread has ended.
@@ -37,10 +41,10 @@ pub(crate) enum LaneError {
 }
 
 /// What all lanes of a node have in common.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct LaneOptions {
     /// The network with its weights.
-    pub(crate) network: Arc<Network>,
+    pub(crate) network: Network,
     /// Most events that wait for an engine.
     pub(crate) capacity: usize,
     /// Time between two predictions.
@@ -54,9 +58,9 @@ pub(crate) struct LaneOptions {
 pub(crate) struct Predicted<'a> {
     /// The values.
     pub(crate) values: &'a [f32],
-    /// Time of the newest event in the window.
+    /// Time of the newest event in the window, or of the newest frame.
     pub(crate) t_us: Option<i64>,
-    /// Events in the window.
+    /// Events in the window, or frames so far.
     pub(crate) nodes: usize,
     /// Whether it covers everything that had arrived.
     pub(crate) fresh: bool,
@@ -65,7 +69,6 @@ pub(crate) struct Predicted<'a> {
 }
 
 /// One sensor.
-#[derive(Debug)]
 pub(crate) struct Lane {
     sensor: String,
     stream: i64,
@@ -96,7 +99,7 @@ impl Lane {
         header: &EventsHeader,
         options: &LaneOptions,
     ) -> Result<(Self, Option<EngineError>), LaneError> {
-        let mut engine = Engine::new(Arc::clone(&options.network), header.sensor)?;
+        let mut engine = options.network.engine(header.sensor)?;
         let state = options.states.as_ref().map(|(folder, _)| folder.join(format!("{sensor}.state")));
         let (covered, refused) = match restore(&mut engine, state.as_ref(), header.boot) {
             Err(LaneError::Engine(error)) => (None, Some(error)),
@@ -109,7 +112,7 @@ impl Lane {
         });
         let Coverage { next, accepted, lost, .. } = coverage;
         desk.marks.push_back(Mark { next, accepted, lost, ..Mark::default() });
-        desk.events = engine.counters().events;
+        desk.ignored = engine.dropped();
         let desk = Shared::new(desk.into());
         let every = options.states.as_ref().map(|&(_, every)| every);
         let kept = Kept::new(engine, header.boot, Arc::clone(&desk), every);
@@ -240,9 +243,9 @@ impl Lane {
 
     /// Counts since the start of the source.
     pub(crate) fn counters(&self) -> impl Iterator<Item = Counter> + use<> {
-        let (predictions, events) = {
+        let (predictions, ignored) = {
             let desk = lock(&self.desk);
-            (desk.predictions, desk.events)
+            (desk.predictions, desk.ignored.clone())
         };
         let sensor = &self.sensor;
         let Coverage { next, accepted, lost, late_messages, .. } = self.coverage;
@@ -257,9 +260,9 @@ impl Lane {
             lost.map(|(reason, count)| Counter::with_reason(sensor, "events_dropped", reason.name(), count)),
         );
         // Of the accepted events, those that the engine has no use for.
-        let ignored = events.dropped().into_iter();
         counters.extend(
             ignored
+                .into_iter()
                 .map(|(reason, count)| Counter::with_reason(sensor, "events_ignored", reason.name(), count)),
         );
         counters.into_iter()
@@ -276,7 +279,7 @@ impl Lane {
     /// # Errors
     /// The thread has panicked, or the state cannot be written.
     pub(crate) fn close(self) -> Result<(), LaneError> {
-        let kept = self.live.close()?;
+        let mut kept = self.live.close()?;
         self.state.map_or(Ok(()), |path| write(&path, &kept.state()))
     }
 }
@@ -296,7 +299,7 @@ fn restore(engine: &mut Engine, path: Option<&PathBuf>, stream: i64) -> Result<O
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         read => read.map_err(|source| LaneError::Read { path: path.display().to_string(), source })?,
     };
-    let Some(covered) = Covered::of_state(&bytes)?.filter(|covered| covered.stream == stream) else {
+    let Some(covered) = Covered::of_state(engine, &bytes)?.filter(|covered| covered.stream == stream) else {
         return Ok(None);
     };
     engine.restore_bytes(&bytes)?;

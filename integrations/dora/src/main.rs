@@ -11,7 +11,7 @@
 //! | [`message`] | what the nodes send each other, as Arrow arrays |
 //! | [`node`] | numbered messages out and in |
 //! | [`source`], [`stream`] | events of a recording or a stream, when they are due |
-//! | [`infer`], [`lane`], [`coverage`], [`kept`] | engines over events; which events they were given; states that a restarted node goes on from |
+//! | [`infer`], [`lane`], [`engine`], [`coverage`], [`kept`] | networks and engines; which events they were given; states that a restarted node goes on from |
 //! | [`control`], [`law`] | commands by a deadline |
 //! | [`record`], [`metrics`], [`http`] | what was said, in a file and for Prometheus |
 //! | [`check`], [`latency`] | a record against a single process; how long hops took |
@@ -22,6 +22,7 @@
 mod check;
 mod control;
 mod coverage;
+mod engine;
 #[cfg(test)]
 mod harness;
 mod http;

@@ -15,7 +15,7 @@ use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
 use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
-use crate::latency::{CallLatencies, clock_us, microseconds};
+use crate::latency::{CallLatencies, Latency, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::predictor::{EventPredictor, Mode};
@@ -24,6 +24,8 @@ use crate::skips::Skips;
 
 /// The default period of the deadline report.
 const PERIOD_US: i64 = 1000;
+/// The default number of events of a slice.
+const SLICE: usize = 64;
 
 /// A benchmark of a network over events.
 pub struct EventBench<'a> {
@@ -64,8 +66,22 @@ pub struct EventReport {
     pub stages: Vec<StageReport>,
     /// Memory.
     pub memory: MemoryReport,
+    /// Slices of events.
+    pub slices: SlicesReport,
     /// Deadlines.
     pub deadline: DeadlineReport,
+}
+
+/// Events that are pushed in slices, with a prediction after each.
+#[derive(Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct SlicesReport {
+    /// Events of a slice; the last may have fewer.
+    pub events: usize,
+    /// Events of all slices divided by the time in pushes and predictions.
+    pub events_per_s: Option<f64>,
+    /// Time of a slice: of its push and the prediction. The prediction covers its last event so much later.
+    pub latency_us: Latency,
 }
 
 /// Events of bursts, and the others.
@@ -167,7 +183,8 @@ impl<'a> EventBench<'a> {
 
     /// Total number of events of all passes.
     pub fn total(&self) -> u64 {
-        self.input.events.len() as u64 * (u64::from(self.options.repeat.max(1)) + 2) + self.warmup() as u64
+        self.input.events.len() as u64 * (2 * u64::from(self.options.repeat.max(1)) + 2)
+            + self.warmup() as u64
     }
 
     fn warmup(&self) -> usize {
@@ -193,6 +210,14 @@ impl<'a> EventBench<'a> {
         for _ in 1..repeat {
             engine = passes.latency(events, &phases, false, &mut measured)?;
         }
+        let slice = if options.slice == 0 { SLICE } else { options.slice };
+        let mut slices = SlicesReport { events: slice, ..SlicesReport::default() };
+        for _ in 0..repeat {
+            passes.slices(events, &mut slices)?;
+        }
+        let seconds = slices.latency_us.total().as_secs_f64();
+        let all = events.len() as f64 * f64::from(repeat);
+        slices.events_per_s = (seconds > 0.0).then(|| all / seconds);
         // Measured before the other passes, which also use memory.
         let peak_resident_bytes = peak_resident_bytes();
         let staged = passes.latency(events, &phases, true, &mut Measured::default())?;
@@ -237,6 +262,7 @@ impl<'a> EventBench<'a> {
                 state_bytes: u64::try_from(run.state_bytes()).unwrap_or(u64::MAX),
                 peak_resident_bytes,
             },
+            slices,
             deadline: deadline.report(),
         })
     }
@@ -306,6 +332,20 @@ impl Passes<'_> {
             self.count();
         }
         Ok(engine)
+    }
+
+    /// Runs a new engine over slices of `events`, and records their latencies in `into`.
+    fn slices(&mut self, events: &[Event], into: &mut SlicesReport) -> Result<(), PipelineError> {
+        let mut engine = self.engine(false)?;
+        for slice in events.chunks(into.events) {
+            let start = Instant::now();
+            engine.push_slice(slice);
+            let prediction = engine.predict().map(drop);
+            into.latency_us.record(start.elapsed());
+            prediction?;
+            slice.iter().for_each(|_| self.count());
+        }
+        Ok(())
     }
 
     /// Runs a new engine over `events`, in periods of `period_us`.

@@ -39,6 +39,8 @@ pub struct BenchOptions {
     pub burst_rate: Option<u64>,
     /// Period of the deadline report. The default is 1 ms.
     pub period_us: Option<i64>,
+    /// Events of a slice; 0 means 64.
+    pub slice: usize,
 }
 
 /// A part of a recording, in microseconds since its first event. It has the events with

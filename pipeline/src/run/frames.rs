@@ -19,12 +19,10 @@ use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
+use crate::silence::{EmptyFrames, Silence};
 use crate::skips::dropped;
 use crate::source::Source;
 use crate::text::display_us;
-
-/// The default for the largest number of consecutive empty frames that are pushed.
-const LONGEST_SILENCE: u64 = 6000;
 
 /// A network over frames of events with its source, before the run.
 pub type FrameRun = StreamRun<FrameSteps>;
@@ -43,14 +41,12 @@ struct Frames {
     /// Decides after which frames a prediction is due.
     schedule: Schedule,
     classes: Classes,
-    longest_silence: u64,
     zeros: Vec<f32>,
     /// Time of the first accepted event.
     epoch_us: Option<i64>,
     /// Time and events of the newest frame.
     newest: Option<(i64, u64)>,
-    /// Empty frames since the last one with events.
-    silence: u64,
+    silence: Silence,
     /// Empty frames that were pushed.
     empty: u64,
     /// Empty frames that were skipped.
@@ -115,11 +111,10 @@ impl FrameRun {
             predictor,
             schedule,
             classes: Classes::new(model.card.classes.clone()),
-            longest_silence: longest_silence.unwrap_or(LONGEST_SILENCE),
             zeros: vec![0.0; model.description.input().values()],
             epoch_us: state.map(|state| state.epoch_us),
             newest: None,
-            silence: note.as_ref().map_or(0, |note| note.silence),
+            silence: Silence::new(longest_silence, note.as_ref().map_or(0, |note| note.silence)),
             empty: 0,
             left_out: 0,
             resets: 0,
@@ -166,7 +161,7 @@ impl Steps for FrameSteps {
 
     fn state(&mut self) -> Option<Vec<u8>> {
         let Self { feed, made, frames } = self;
-        let (silence, since) = (frames.silence, frames.schedule.since());
+        let (silence, since) = (frames.silence.frames(), frames.schedule.since());
         let note = Note { made: made.clone(), feed: feed.state(), silence, since };
         let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
         Some(frames.predictor.engine.to_bytes_with(&note))
@@ -256,7 +251,7 @@ impl Frames {
     fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         match output {
             FeedOutput::Frame { values, t_us, events } => {
-                self.silence = 0;
+                self.silence.end();
                 self.predictor.push(values)?;
                 self.pushed(t_us, events, observer)
             }
@@ -266,7 +261,7 @@ impl Frames {
         }
     }
 
-    /// Takes `count` empty frames. They are pushed up to the longest silence; then the state is reset.
+    /// Takes `count` empty frames.
     fn take_silence(
         &mut self,
         count: u64,
@@ -274,23 +269,19 @@ impl Frames {
         period_us: i64,
         observer: &mut dyn Observer,
     ) -> Result<(), PipelineError> {
-        let pushed = count.min(self.longest_silence.saturating_sub(self.silence));
+        let EmptyFrames { taken, left_out, resets } = self.silence.take(count);
         let zeros = std::mem::take(&mut self.zeros);
-        for i in 0..pushed {
+        for i in 0..taken {
             self.predictor.push(&zeros)?;
             self.empty += 1;
             self.pushed(t_us.saturating_add(period_us.saturating_mul(i as i64)), 0, observer)?;
         }
         self.zeros = zeros;
-        if pushed < count {
-            // Once per silence, even if it consists of several runs of empty frames.
-            if self.silence <= self.longest_silence {
-                self.predictor.reset();
-                self.resets += 1;
-            }
-            self.left_out += count - pushed;
+        if resets {
+            self.predictor.reset();
+            self.resets += 1;
         }
-        self.silence = self.silence.saturating_add(count);
+        self.left_out += left_out;
         Ok(())
     }
 

@@ -14,7 +14,7 @@ use crate::predictor::Mode;
 use crate::schedule::Every;
 
 /// The default for the predictions of networks over events.
-pub(super) const EVERY: Every = Every::StreamUs(10_000);
+pub(crate) const EVERY: Every = Every::StreamUs(10_000);
 
 /// Options of a run over events. `Default` runs all events, exactly.
 #[derive(Clone, Debug, Default)]

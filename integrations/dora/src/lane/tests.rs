@@ -1,9 +1,12 @@
 use std::fs;
 use std::time::Duration;
 
-use super::{Lane, LaneOptions};
+use meissner::Sensor;
+
+use super::{Lane, LaneError, LaneOptions};
 use crate::check::check;
-use crate::harness::{FINGER, Node, STREAM, header, network, recording};
+use crate::engine::Network;
+use crate::harness::{FINGER, Node, STREAM, frame_network, header, network, recording};
 use crate::message::Counter;
 
 /// Events of a message.
@@ -43,9 +46,18 @@ fn a_message_that_cannot_be_read_is_counted_with_the_events_that_it_claims() {
 
 #[test]
 fn a_killed_node_goes_on_from_its_newest_state_and_has_lost_what_came_after_it() {
+    kill(&network());
+}
+
+#[test]
+fn so_does_one_that_runs_a_frame_network() {
+    kill(&frame_network());
+}
+
+fn kill(network: &Network) {
     let (sensor, events) = recording(60 * LEN);
     let folder = tempfile::tempdir().unwrap();
-    let mut node = Node::start(sensor, 1, 10_000, Some(folder.path()));
+    let mut node = Node::running(network.clone(), sensor, 1, 10_000, Some(folder.path()));
     let mut state = None;
     for (number, message) in events.chunks(LEN).enumerate().take(30) {
         node.take(number as u64, number * LEN, message);
@@ -60,13 +72,13 @@ fn a_killed_node_goes_on_from_its_newest_state_and_has_lost_what_came_after_it()
     let mut record = std::mem::take(&mut node.lines);
     drop(node);
 
-    let mut node = Node::start(sensor, 2, 10_000, Some(folder.path()));
+    let mut node = Node::running(network.clone(), sensor, 2, 10_000, Some(folder.path()));
     for (number, message) in events.chunks(LEN).enumerate().skip(40) {
         node.take(number as u64, number * LEN, message);
         node.predict();
     }
     record.extend(node.record(60 * LEN as u64));
-    let found = check(&record, &network(), sensor, &events).unwrap();
+    let found = check(&record, network, sensor, &events).unwrap();
     assert_eq!((found.lives, found.predictions), (2, 50));
     let down = found.dropped["down"];
     assert!((2000..2200).contains(&down) && found.accepted + down == 6000, "{found:?}");
@@ -117,6 +129,32 @@ fn a_state_of_another_life_of_the_source_is_not_used_and_a_damaged_one_is_refuse
         assert_eq!(known(&lane), 0);
         assert!(refused.is_some());
     }
+}
+
+#[test]
+fn a_state_of_another_network_is_refused() {
+    let (sensor, events) = recording(LEN);
+    let folder = tempfile::tempdir().unwrap();
+    let states = Some((folder.path().to_owned(), Duration::ZERO));
+    let networks = [network(), frame_network()];
+    for (writer, reader) in networks.iter().zip(networks.iter().rev()) {
+        let mut node = Node::running(writer.clone(), sensor, 1, 1000, Some(folder.path()));
+        node.take(0, 0, &events);
+        node.predict();
+        node.lane.close().unwrap();
+        let (network, states) = (reader.clone(), states.clone());
+        let options = LaneOptions { network, capacity: 1000, every: Duration::ZERO, states };
+        let (_, refused) = Lane::start(FINGER, &header(sensor, STREAM, 1, 100), &options).unwrap();
+        assert!(refused.is_some());
+    }
+}
+
+#[test]
+fn a_sensor_without_the_pixels_of_the_frames_is_refused() {
+    let options =
+        LaneOptions { network: frame_network(), capacity: 1000, every: Duration::ZERO, states: None };
+    let refused = Lane::start(FINGER, &header(Sensor::new(64, 64), STREAM, 0, 0), &options).err().unwrap();
+    assert!(matches!(refused, LaneError::Network(_)), "{refused}");
 }
 
 #[test]

@@ -1,0 +1,229 @@
+//! A frame network that takes events one by one and predicts at any time, as [`meissner_live`] needs it.
+//!
+//! Enters: events in order of arrival. Leaves: the prediction after the newest complete frame. Frames, and the rule for silences, are those
+//! of a [run](crate::run::FrameRun) with default options: a consecutive window is a frame when time has passed its end, and a sliding window is
+//! read every 10 ms of stream time. So predictions depend on the events alone, not on when they are asked for.
+
+use std::sync::Arc;
+
+use meissner_engine::frames::{FrameEngine, FrameOptions};
+use meissner_engine::{
+    DropReason, EngineError, Event, LatePolicy, Outcome, Prediction, Predictor, Sensor, snapshot_note,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::error::PipelineError;
+use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
+use crate::model::FrameModel;
+use crate::run::EVERY;
+use crate::silence::Silence;
+
+/// A frame network over the events of one sensor.
+///
+/// In a [`Prediction`], `t_us` is the end of the newest complete frame, and `nodes` the number of frames since the last reset. Events that
+/// are earlier than one before them are dropped.
+pub struct LiveFrames {
+    model: Arc<FrameModel>,
+    sensor: Sensor,
+    feed: FrameFeed,
+    frames: Frames,
+    /// Events dropped before this feed.
+    dropped: Dropped,
+}
+
+/// Dropped events by reason.
+type Dropped = [(DropReason, u64); 3];
+
+/// The engine and what it was given.
+struct Frames {
+    engine: FrameEngine,
+    silence: Silence,
+    zeros: Vec<f32>,
+    /// Time of the newest frame.
+    newest_us: Option<i64>,
+    /// Why a frame was refused; the next prediction returns it.
+    refused: Option<EngineError>,
+}
+
+/// The note of a state.
+#[derive(Serialize, Deserialize)]
+struct Note {
+    /// The preparation of frames and their sensor. States of other frames are refused.
+    made: String,
+    /// `None` before the first event.
+    feed: Option<FeedState>,
+    silence: u64,
+    newest_us: Option<i64>,
+    dropped: [u64; 3],
+    /// The caller's note.
+    note: Vec<u8>,
+}
+
+impl LiveFrames {
+    /// The network of `model` before the first event of `sensor`.
+    ///
+    /// # Errors
+    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or the engine refuses an option.
+    pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, PipelineError> {
+        let feed = feed(&model, sensor, None)?;
+        let frames = Frames {
+            engine: FrameEngine::with_options(Arc::clone(&model.network), options)?,
+            silence: Silence::new(None, 0),
+            zeros: vec![0.0; model.description.input().values()],
+            newest_us: None,
+            refused: None,
+        };
+        let dropped = feed.counters().dropped();
+        Ok(Self { model, sensor, feed, frames, dropped })
+    }
+
+    /// Dropped events by reason, since the first event or that of the restored state.
+    pub fn dropped(&self) -> [(DropReason, u64); 3] {
+        let mut dropped = self.dropped;
+        for ((_, count), (_, new)) in dropped.iter_mut().zip(self.feed.counters().dropped()) {
+            *count += new;
+        }
+        dropped
+    }
+
+    /// Encodes the state as bytes for [`Self::restore_bytes`], with a note of the caller that [`Self::note`] returns. Size: that of
+    /// the engine's state, plus the events that the next frames cover.
+    pub fn to_bytes_with(&mut self, note: &[u8]) -> Vec<u8> {
+        let note = Note {
+            made: self.made(),
+            feed: self.feed.state(),
+            silence: self.frames.silence.frames(),
+            newest_us: self.frames.newest_us,
+            dropped: self.dropped().map(|(_, count)| count),
+            note: note.to_vec(),
+        };
+        let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
+        self.frames.engine.to_bytes_with(&note)
+    }
+
+    /// The caller's note in the state `bytes`.
+    ///
+    /// # Errors
+    /// The bytes are no state of such a network.
+    pub fn note(bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
+        Ok(Note::read(bytes)?.note)
+    }
+
+    /// Restores the state that [`Self::to_bytes_with`] wrote for an equal network and sensor. Later predictions are those of the network that
+    /// wrote it.
+    ///
+    /// # Errors
+    /// [`EngineError::Snapshot`] and [`EngineError::SnapshotBytes`] as [`FrameEngine::restore_bytes`], or for frames that were made in another
+    /// way. The state is then unchanged.
+    pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        let note = Note::read(bytes)?;
+        let made = self.made();
+        if note.made != made {
+            return Err(misfit("frames", made, note.made.chars().take(200).collect()));
+        }
+        if let Some((what, expected, found)) = note.feed.as_ref().and_then(|state| state.fault(self.sensor)) {
+            return Err(misfit(what, expected, found));
+        }
+        self.frames.engine.restore_bytes(bytes)?;
+        self.feed = feed(&self.model, self.sensor, note.feed.as_ref()).expect("this sensor has a feed");
+        self.frames.silence = Silence::new(None, note.silence);
+        (self.frames.newest_us, self.frames.refused) = (note.newest_us, None);
+        self.dropped = self.feed.counters().dropped();
+        self.dropped.iter_mut().zip(note.dropped).for_each(|((_, count), before)| *count = before);
+        Ok(())
+    }
+
+    fn made(&self) -> String {
+        format!("{:?} on {}", self.model.source, self.sensor)
+    }
+}
+
+/// A feed for the frames of `model` that keeps the events of its state.
+fn feed(model: &FrameModel, sensor: Sensor, state: Option<&FeedState>) -> Result<FrameFeed, PipelineError> {
+    let feed = FrameFeed::new(&model.description, sensor, LatePolicy::Drop, EVERY, state);
+    let network = &model.name;
+    let feed = feed.map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
+    let mut feed = feed.ok_or_else(|| {
+        PipelineError::other_network(network, "a network over events or their frames", "one over other input")
+    })?;
+    feed.keep();
+    Ok(feed)
+}
+
+fn misfit(what: &'static str, expected: String, found: String) -> EngineError {
+    EngineError::Snapshot { what, expected, found }
+}
+
+impl Note {
+    fn read(bytes: &[u8]) -> Result<Self, EngineError> {
+        serde_json::from_slice(snapshot_note(bytes)?).map_err(|error| {
+            misfit("note", "that of a frame network over events".to_owned(), error.to_string())
+        })
+    }
+}
+
+impl Frames {
+    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), EngineError> {
+        match output {
+            FeedOutput::Frame { values, t_us, .. } => {
+                self.silence.end();
+                self.engine.push(values)?;
+                self.newest_us = Some(t_us);
+            }
+            FeedOutput::Empty { count, t_us, period_us } => {
+                let empty = self.silence.take(count);
+                for _ in 0..empty.taken {
+                    self.engine.push(&self.zeros)?;
+                }
+                if let Some(last) = empty.taken.checked_sub(1) {
+                    self.newest_us = Some(t_us.saturating_add(period_us.saturating_mul(last as i64)));
+                }
+                if empty.resets {
+                    self.engine.reset();
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Predictor for LiveFrames {
+    type Input = Event;
+
+    fn push(&mut self, event: Event) -> Outcome {
+        let frames = &mut self.frames;
+        self.feed.push(event, |output| frames.take(output)).unwrap_or_else(|error| {
+            frames.refused = Some(error);
+            Outcome::Dropped(DropReason::Refused)
+        })
+    }
+
+    fn advance(&mut self, t_us: i64) {
+        let frames = &mut self.frames;
+        if let Err(error) = self.feed.advance(t_us, |output| frames.take(output)) {
+            frames.refused = Some(error);
+        }
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        let Frames { engine, newest_us, refused, .. } = &mut self.frames;
+        if let Some(error) = refused.take() {
+            return Err(error);
+        }
+        let prediction = engine.predict()?;
+        let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
+        Ok(Prediction { values: prediction.values, t_us: *newest_us, nodes, rows: &[] })
+    }
+
+    /// Forgets all events; counts of dropped events go on.
+    fn reset(&mut self) {
+        self.dropped = self.dropped();
+        self.feed = feed(&self.model, self.sensor, None).expect("this sensor has a feed");
+        self.frames.engine.reset();
+        self.frames.silence.end();
+        (self.frames.newest_us, self.frames.refused) = (None, None);
+    }
+}
+
+#[cfg(test)]
+mod tests;
