@@ -3,9 +3,14 @@
 //! Each sensor has an engine in a thread of its own, a queue with its own capacity and overload rule, and its own counters. Nothing is
 //! shared between sensors but the weights, which nobody writes. A sensor that floods fills its own queue; one whose engine fails
 //! or panics gets that error, and the others their predictions.
+//!
+//! Cores are shared. On Linux, a worker of several has the lowest priority (the niceness 19) from when its queue is more than half full until it
+//! is a quarter full: a sensor that floods gets the time that the others leave. This needs the right to lower a niceness again
+//! (`RLIMIT_NICE`, `CAP_SYS_NICE`). Without it, all workers share the cores equally.
 
 use std::time::Duration;
 
+use crate::priority;
 use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, Timely};
 
 /// Live engines of many sensors, which are asked for predictions together. Engines that were made of one
@@ -47,7 +52,10 @@ impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
     pub fn spawn(
         sensors: impl IntoIterator<Item = (P, QueueOptions)>,
     ) -> Result<(Vec<Input<P::Input>>, Self), LiveError> {
-        let spawned = sensors.into_iter().map(|(predictor, options)| Live::spawn(predictor, options));
+        let sensors: Vec<_> = sensors.into_iter().collect();
+        let gives_way = sensors.len() > 1 && priority::is_restorable();
+        let spawned =
+            sensors.into_iter().map(|(predictor, options)| Live::spawn_beside(predictor, options, gives_way));
         let (inputs, sensors): (Vec<_>, Vec<_>) = spawned.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let asked = Vec::with_capacity(sensors.len());
         Ok((inputs, Self { sensors, asked }))

@@ -117,7 +117,7 @@ impl<T: Item> Intake<T> {
     fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();
-            self.congested = if self.congested { 4 * waiting > self.capacity } else { self.is_crowded() };
+            self.congested = self.is_congested(self.congested);
             if self.congested && !stays(self.counters.offered + place as u64, place) {
                 match self.overload {
                     Overload::Filter(_) => self.counters.filtered += 1,
@@ -155,6 +155,11 @@ impl<T: Item> Intake<T> {
     /// Whether more than half of the capacity is taken.
     pub(crate) fn is_crowded(&self) -> bool {
         2 * self.ring.len() > self.capacity
+    }
+
+    /// Whether the queue is congested now, if it last was or was not: from when more than half is taken until a quarter is.
+    pub(crate) fn is_congested(&self, was: bool) -> bool {
+        if was { 4 * self.ring.len() > self.capacity } else { self.is_crowded() }
     }
 
     /// Position of the newest event that entered.

@@ -52,6 +52,7 @@ mod intake;
 mod live;
 mod overload;
 mod pace;
+mod priority;
 mod recorded;
 mod shared;
 mod worker;

@@ -67,7 +67,16 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
     /// # Errors
     /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] if the first prediction fails,
     /// [`LiveError::Thread`] if the thread cannot be started, [`LiveError::Core`] if it cannot be pinned.
-    pub fn spawn(mut predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
+    pub fn spawn(predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
+        Self::spawn_beside(predictor, options, false)
+    }
+
+    /// As [`Self::spawn`]; with `gives_way`, the worker has the lowest priority while its queue is congested.
+    pub(crate) fn spawn_beside(
+        mut predictor: P,
+        options: QueueOptions,
+        gives_way: bool,
+    ) -> Result<(Input<P::Input>, Self), LiveError> {
         options.check()?;
         let mut answer = Answer::new(Instant::now());
         answer.copy(predictor.predict()?);
@@ -84,7 +93,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let work = move || {
             // Nobody waits for it any more if the receiver is gone.
             let _ = pinned.send(core.is_none_or(cores::pin));
-            worker::run(predictor, &theirs, batch)
+            worker::run(predictor, &theirs, batch, gives_way)
         };
         let worker = Some(thread.spawn(work).map_err(LiveError::Thread)?);
         let live = Self { shared, worker, panic: String::new(), values, uncovered: None };

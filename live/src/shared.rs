@@ -72,6 +72,8 @@ pub(crate) struct Task {
     pub(crate) covered: u64,
     /// The request for a prediction, if any.
     pub(crate) request: Option<Request>,
+    /// Whether the queue is congested.
+    pub(crate) congested: bool,
 }
 
 /// Phases of the worker's life, in order.
@@ -91,6 +93,8 @@ pub(crate) struct State<T> {
     moved: Option<(u64, i64)>,
     /// Position of the last event that the worker took.
     covered: u64,
+    /// Whether the queue was congested at the last task.
+    congested: bool,
     asked: u64,
     request: Option<Request>,
     /// When the first event since the newest request was offered.
@@ -130,6 +134,7 @@ impl<T: Item> Shared<T> {
             intake,
             moved: None,
             covered: 0,
+            congested: false,
             asked: 0,
             request: None,
             offered: None,
@@ -247,7 +252,8 @@ impl<T: Item> Shared<T> {
         if state.blocked && !state.intake.is_crowded() {
             self.room.notify_one();
         }
-        Some(Task { covered: state.covered, request: state.request })
+        state.congested = state.intake.is_congested(state.congested);
+        Some(Task { covered: state.covered, request: state.request, congested: state.congested })
     }
 
     /// Publishes the outcome of `request` through `write`.

@@ -8,6 +8,7 @@ use std::time::Instant;
 use crate::Predictor;
 use crate::intake::Item;
 use crate::pace::Pace;
+use crate::priority;
 use crate::shared::Shared;
 
 /// Records the end of the worker when dropped, however it ends.
@@ -19,13 +20,27 @@ impl<T: Item> Drop for End<'_, T> {
     }
 }
 
-/// Inserts events and computes predictions until asked to end; returns `predictor`.
-pub(crate) fn run<P: Predictor<Input: Item>>(mut predictor: P, shared: &Shared<P::Input>, most: usize) -> P {
+/// Inserts events, at most `most` at a time, and computes predictions until asked to end; returns `predictor`. With `gives_way`, the thread has
+/// the lowest priority while its queue is congested.
+pub(crate) fn run<P: Predictor<Input: Item>>(
+    mut predictor: P,
+    shared: &Shared<P::Input>,
+    most: usize,
+    gives_way: bool,
+) -> P {
     let _end = End(shared);
     let mut pace = Pace::default();
     let mut batch = Vec::with_capacity(most);
     let mut covered_us = None;
+    let mut lowered = None;
     while let Some(task) = shared.next(most, &mut batch) {
+        if gives_way && task.congested != lowered.is_some() {
+            lowered = if task.congested {
+                priority::lower()
+            } else {
+                lowered.filter(|&before| !priority::restore(before))
+            };
+        }
         let begun = Instant::now();
         covered_us = batch.last().map(Item::t_us).or(covered_us);
         let mut now = begun;

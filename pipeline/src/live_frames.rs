@@ -56,7 +56,7 @@ struct Note {
     newest_us: Option<i64>,
     dropped: [u64; 3],
     /// The caller's note.
-    note: Vec<u8>,
+    caller: Vec<u8>,
 }
 
 impl LiveFrames {
@@ -95,10 +95,9 @@ impl LiveFrames {
             silence: self.frames.silence.frames(),
             newest_us: self.frames.newest_us,
             dropped: self.dropped().map(|(_, count)| count),
-            note: note.to_vec(),
+            caller: note.to_vec(),
         };
-        let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
-        self.frames.engine.to_bytes_with(&note)
+        self.frames.engine.to_bytes_with(&note.written())
     }
 
     /// The caller's note in the state `bytes`.
@@ -106,7 +105,7 @@ impl LiveFrames {
     /// # Errors
     /// The bytes are no state of such a network.
     pub fn note(bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
-        Ok(Note::read(bytes)?.note)
+        Ok(Note::read(bytes)?.caller)
     }
 
     /// Restores the state that [`Self::to_bytes_with`] wrote for an equal network and sensor. Later predictions are those of the network that
@@ -125,12 +124,17 @@ impl LiveFrames {
             return Err(misfit(what, expected, found));
         }
         self.frames.engine.restore_bytes(bytes)?;
-        self.feed = feed(&self.model, self.sensor, note.feed.as_ref()).expect("this sensor has a feed");
+        self.feed_from(note.feed.as_ref());
         self.frames.silence = Silence::new(None, note.silence);
         (self.frames.newest_us, self.frames.refused) = (note.newest_us, None);
         self.dropped = self.feed.counters().dropped();
         self.dropped.iter_mut().zip(note.dropped).for_each(|((_, count), before)| *count = before);
         Ok(())
+    }
+
+    /// Goes on from the events of `state`.
+    fn feed_from(&mut self, state: Option<&FeedState>) {
+        self.feed = feed(&self.model, self.sensor, state).expect("this sensor has a feed");
     }
 
     fn made(&self) -> String {
@@ -155,6 +159,10 @@ fn misfit(what: &'static str, expected: String, found: String) -> EngineError {
 }
 
 impl Note {
+    fn written(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("numbers and text are JSON")
+    }
+
     fn read(bytes: &[u8]) -> Result<Self, EngineError> {
         serde_json::from_slice(snapshot_note(bytes)?).map_err(|error| {
             misfit("note", "that of a frame network over events".to_owned(), error.to_string())
@@ -218,7 +226,7 @@ impl Predictor for LiveFrames {
     /// Forgets all events; counts of dropped events go on.
     fn reset(&mut self) {
         self.dropped = self.dropped();
-        self.feed = feed(&self.model, self.sensor, None).expect("this sensor has a feed");
+        self.feed_from(None);
         self.frames.engine.reset();
         self.frames.silence.end();
         (self.frames.newest_us, self.frames.refused) = (None, None);

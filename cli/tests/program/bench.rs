@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use crate::support::{argument, fails, file, meissner, meissner_reading, message, text};
+use crate::exit_status::fails;
+use crate::support::{argument, file, meissner, meissner_reading, message, text};
 
 /// The object that a benchmark of the first events of the embedded recording prints.
 fn bench(more: &[&str]) -> Value {
