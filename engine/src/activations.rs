@@ -36,7 +36,8 @@ pub(crate) struct Activations {
 }
 
 impl Activations {
-    /// Features of `rows` rows with at most `most` in-edges each; `channels` holds the channels of each feature.
+    /// Features of `rows` rows with at most `most` in-edges each; `channels` holds the channels of each feature. There are no rows before
+    /// [`Self::grow`], and no memory is touched for them.
     pub(crate) fn new(
         rows: usize,
         level: &Level,
@@ -49,7 +50,7 @@ impl Activations {
         let convs = level.blocks.iter().map(|block| &block.conv);
         memory.add(size_of::<Self>() as u128);
         Self {
-            features: memory.each(channels.len(), |memory, i| memory.matrix(rows, channels[i])),
+            features: memory.each(channels.len(), |memory, i| memory.room_for_rows(rows, channels[i])),
             changed: memory.each(channels.len(), |memory, _| RowSet::within(rows, memory)),
             rewired: RowSet::within(rows, memory),
             nan: memory.each(channels.len(), |memory, _| FewRows::new(rows, memory)),
@@ -58,6 +59,11 @@ impl Activations {
             scratch: ConvolutionScratch::new(convs, most, memory),
             rows: memory.copies(Lanes::ZERO, widest * GraphConvolution::GROUP),
         }
+    }
+
+    /// Adds rows of zeros, up to `rows` in all.
+    pub(crate) fn grow(&mut self, rows: usize) {
+        self.features.iter_mut().for_each(|feature| feature.grow(rows));
     }
 
     /// Removes all rows; with `poison`, fills the blocks' outputs with NaN.
@@ -253,6 +259,7 @@ mod tests {
         };
         let level = Level { scale: 1.0, blocks: Vec::new() };
         let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0, &mut Memory::default());
+        activations.grow(3);
         activations.leave(0, false);
         activations.leave(1, true);
         assert_eq!(held(&activations), [false, true, false]);

@@ -147,12 +147,15 @@ impl Batch {
         for (row, cell) in (top.first..).zip(self.readout_cells(top, events, stream)) {
             members[cell].push(row);
         }
+        let part = |row: usize| {
+            let event = stream.events[stream.events.len() - features.rows() + row];
+            (event.t_us - stream.epoch_us) / self.network.sum_part_us()
+        };
         for (cell, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
-            let of = match readout.aggregation {
-                Aggregation::Max => maximum_of,
-                Aggregation::Sum => sum_of,
-            };
-            of(features, members, out.row_mut(cell));
+            match readout.aggregation {
+                Aggregation::Max => maximum_of(features, members, out.row_mut(cell)),
+                Aggregation::Sum => sum_of(features, members, part, out.row_mut(cell)),
+            }
         }
         out
     }

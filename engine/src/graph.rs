@@ -112,29 +112,32 @@ impl EdgeStore {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) d2: f64,
-    /// Larger means later.
-    pub(crate) arrival: u32,
     pub(crate) slot: u32,
 }
 
 impl Candidate {
-    /// Whether `self` comes before `other` in every neighbourhood.
+    /// Whether `self` comes before `other` in every neighbourhood. `arrival` of a slot is larger for later nodes; few comparisons need it.
     #[inline]
-    pub(crate) fn precedes(&self, other: &Self) -> bool {
-        self.d2 < other.d2 || (self.d2 == other.d2 && self.arrival > other.arrival)
+    pub(crate) fn precedes(&self, other: &Self, arrival: impl Fn(u32) -> u32) -> bool {
+        self.d2 < other.d2 || (self.d2 == other.d2 && arrival(self.slot) > arrival(other.slot))
     }
 }
 
-/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order.
+/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order; `arrival` as for [`Candidate::precedes`].
 #[inline]
-pub(crate) fn take(list: &mut Vec<Candidate>, most: usize, candidate: Candidate) {
+pub(crate) fn take(
+    list: &mut Vec<Candidate>,
+    most: usize,
+    candidate: Candidate,
+    arrival: impl Fn(u32) -> u32,
+) {
     if list.len() < most {
         list.push(candidate);
-    } else if !candidate.precedes(&list[most - 1]) {
+    } else if !candidate.precedes(&list[most - 1], &arrival) {
         return;
     }
     let mut at = list.len() - 1;
-    while at > 0 && candidate.precedes(&list[at - 1]) {
+    while at > 0 && candidate.precedes(&list[at - 1], &arrival) {
         list[at] = list[at - 1];
         at -= 1;
     }
@@ -264,7 +267,7 @@ impl EventGraph {
         let limit = rule.reach.limit();
         found.clear();
         let visit = |d2, slot| {
-            take(found, *most, Candidate { d2, arrival: window.age_rank(slot), slot });
+            take(found, *most, Candidate { d2, slot }, |slot| window.age_rank(slot));
             if found.len() == *most { found[*most - 1].d2 } else { limit }
         };
         let others = window.len() as u32 - 1;
@@ -346,7 +349,7 @@ impl EventGraph {
     fn replace(&mut self, window: &Window, leaving: u32, gone: u32, reader: u32, delta: &mut Delta) {
         let span = self.span(reader);
         let slot = self.edges.neighbours[span.end - 1].row;
-        let last = Candidate { d2: self.edges.d2[span.end - 1], arrival: window.age_rank(slot), slot };
+        let last = Candidate { d2: self.edges.d2[span.end - 1], slot };
         let at = span.clone().find(|&e| self.edges.neighbours[e].row == gone);
         let at = at.expect("a reader reads what it is listed for");
         self.edges.shift(at + 1..span.end, at);
@@ -383,11 +386,12 @@ impl EventGraph {
         }
         let mut best: Option<Candidate> = None;
         let visit = |d2, slot| {
-            let candidate = Candidate { d2, arrival: window.age_rank(slot), slot };
-            if candidate.arrival < end
+            let candidate = Candidate { d2, slot };
+            let arrival = |slot| window.age_rank(slot);
+            if arrival(slot) < end
                 && slot != reader
-                && last.precedes(&candidate)
-                && best.as_ref().is_none_or(|best| candidate.precedes(best))
+                && last.precedes(&candidate, arrival)
+                && best.as_ref().is_none_or(|best| candidate.precedes(best, arrival))
             {
                 best = Some(candidate);
             }

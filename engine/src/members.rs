@@ -39,6 +39,11 @@ impl Members {
         self.cells.fill(Ends::default());
     }
 
+    /// Removes all members of a cell.
+    pub(crate) fn clear_cell(&mut self, cell: u32) {
+        self.cells[cell as usize] = Ends::default();
+    }
+
     /// The cell of a member.
     #[inline]
     pub(crate) fn cell_of(&self, row: u32) -> u32 {

@@ -60,8 +60,17 @@ impl Memory {
 
     /// `rows` x `columns` zeros.
     pub(crate) fn matrix(&mut self, rows: usize, columns: usize) -> Matrix {
-        self.count::<Lanes>(rows * Lanes::count(columns));
-        Matrix::zeros(if self.counts_only { 0 } else { rows }, columns)
+        let mut matrix = self.room_for_rows(rows, columns);
+        if !self.counts_only {
+            matrix.grow(rows);
+        }
+        matrix
+    }
+
+    /// No rows, and room for `most` of `columns` values.
+    pub(crate) fn room_for_rows(&mut self, most: usize, columns: usize) -> Matrix {
+        self.count::<Lanes>(most * Lanes::count(columns));
+        Matrix::with_room(if self.counts_only { 0 } else { most }, columns)
     }
 }
 

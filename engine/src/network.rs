@@ -17,6 +17,9 @@ pub use parts::{
     Pooling, Position, Reach, Readout,
 };
 
+/// Parts of time that a sum over the span has.
+pub(crate) const SUM_PARTS: i64 = 8;
+
 /// A checked, immutable network; engines share it by `Arc`.
 #[derive(Clone, Debug)]
 pub struct Network {
@@ -99,6 +102,12 @@ impl Network {
     /// Number of copies of the readout's grid: one, or one for each time cell that a window can contain.
     pub fn readout_times(&self) -> usize {
         self.readout_time().map_or(1, check::times)
+    }
+
+    /// Duration of a part of a sum in microseconds: an eighth of the span, rounded up. The readout sums the events of each part, counted
+    /// from the epoch, in order of arrival, and then the parts in order.
+    pub fn sum_part_us(&self) -> i64 {
+        self.parts.span_us / SUM_PARTS + i64::from(self.parts.span_us % SUM_PARTS > 0)
     }
 
     /// Length of the readout's time cells as a fraction of the span, if the readout separates them.

@@ -52,7 +52,7 @@ impl Shape {
     pub(crate) fn all(network: &Network, sensor: Sensor) -> (Vec<Self>, bool) {
         let parts = network.parts();
         let mut shapes: Vec<Self> = Vec::with_capacity(parts.pooled.len());
-        let (mut rows, mut alive) = (parts.capacity, parts.capacity);
+        let (mut rows, mut alive) = (Window::slots_for(parts.capacity), parts.capacity);
         let mut edges = parts.capacity * parts.graph.reach.most();
         for (i, (pooling, level)) in parts.pooled.iter().enumerate() {
             let below = shapes.last().map(|shape| &shape.grid);

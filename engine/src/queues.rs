@@ -4,7 +4,7 @@
 //! first and its last block can be partly filled. The store has as many blocks as its queues can need at once, however
 //! a bounded number of nodes is spread over them: nothing is allocated after construction.
 
-use crate::memory::Memory;
+use crate::memory::{Memory, Room};
 
 /// Nodes in a block.
 const NODES: usize = 7;
@@ -47,8 +47,10 @@ const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: N
 #[derive(Clone, Debug)]
 pub(crate) struct Queues {
     chains: Vec<Chain>,
-    blocks: Vec<Block>,
-    /// First free block; the number of blocks if none is free.
+    /// The blocks that have been used: memory that the queues never needed at once is never touched.
+    blocks: Room<Block>,
+    most: usize,
+    /// First free block; the number of blocks if none of them is free.
     free: u32,
 }
 
@@ -66,9 +68,8 @@ pub(crate) struct Cursor(Option<Place>);
 impl Queues {
     /// `queues` empty queues for at most `nodes` nodes in total.
     pub(crate) fn new(queues: usize, nodes: usize, memory: &mut Memory) -> Self {
-        let block = |i| Block { entries: [Entry::default(); NODES], before: NONE, after: i as u32 + 1 };
-        let blocks = memory.values(Self::blocks(queues, nodes), block);
-        Self { chains: memory.copies(EMPTY, queues), blocks, free: 0 }
+        let most = Self::blocks(queues, nodes);
+        Self { chains: memory.copies(EMPTY, queues), blocks: memory.room(most), most, free: 0 }
     }
 
     /// Largest number of blocks that `nodes` nodes need in `queues` queues. n nodes of one queue need at most 1 +
@@ -92,7 +93,14 @@ impl Queues {
         let chain = &mut self.chains[queue];
         if usize::from(chain.end) == NODES {
             let block = self.free;
-            assert!((block as usize) < self.blocks.len(), "queues hold as many nodes as they were made for");
+            if block as usize == self.blocks.len() {
+                assert!(self.blocks.len() < self.most, "queues hold as many nodes as they were made for");
+                self.blocks.push(Block {
+                    entries: [Entry::default(); NODES],
+                    before: NONE,
+                    after: block + 1,
+                });
+            }
             self.free = self.blocks[block as usize].after;
             if chain.nodes == 0 {
                 (chain.first, chain.start) = (block, 0);

@@ -105,7 +105,9 @@ impl ReadoutState {
                 Aggregation::Max => {
                     Cells::Maxima(Maxima::new(rows, cells, channels, Self::reads_queues(network), memory))
                 }
-                Aggregation::Sum => Cells::Sums(Sums::new(rows, cells, channels, memory)),
+                Aggregation::Sum => {
+                    Cells::Sums(Sums::new(network.sum_part_us(), rows, cells, channels, memory))
+                }
             },
             values: memory.matrix(cells, channels),
             time: network.readout_time().map(|size| (size, network.parts().span_us)),
@@ -156,7 +158,7 @@ impl ReadoutState {
                 let cell = self.grid.of_pixel(node.x, node.y);
                 match &mut self.cells {
                     Cells::Maxima(maxima) => maxima.enter(row, cell),
-                    Cells::Sums(sums) => sums.enter(row, cell),
+                    Cells::Sums(sums) => sums.enter(row, cell, node.t),
                 }
             }
         }

@@ -81,18 +81,18 @@ impl Step {
     /// [`u128::MAX`] bytes.
     pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options, memory: &mut Memory) -> Self {
         let parts = network.parts();
-        let (span_us, capacity) = (parts.span_us, parts.capacity);
+        let (span_us, slots) = (parts.span_us, Window::slots_for(parts.capacity));
         let most = parts.graph.reach.most();
         let follows_edges = parts.pooled.iter().any(|(_, level)| !level.blocks.is_empty());
         let graph =
-            EventGraph::new(parts.graph, sensor, span_us, &parts.events, capacity, follows_edges, memory);
+            EventGraph::new(parts.graph, sensor, span_us, &parts.events, slots, follows_edges, memory);
         // Rows that never change need no tolerance.
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
         let channels = network.channels(0);
         let mut activations = Vec::with_capacity(network.levels());
-        activations.push(Activations::new(capacity, &parts.events, channels, most, of_events, memory));
+        activations.push(Activations::new(slots, &parts.events, channels, most, of_events, memory));
         let mut pooled = Vec::with_capacity(parts.pooled.len());
-        let mut rows = capacity;
+        let mut rows = slots;
         let (shapes, all) = Shape::all(&network, sensor);
         if !all {
             memory.add(u128::MAX);
@@ -100,20 +100,17 @@ impl Step {
         for (i, (shape, (_, level))) in shapes.into_iter().zip(&parts.pooled).enumerate() {
             let channels = network.channels(i + 1);
             rows = shape.slots();
-            activations.push(Activations::new(
-                rows,
-                level,
-                channels,
-                shape.most(),
-                options.tolerance,
-                memory,
-            ));
+            let mut own = Activations::new(rows, level, channels, shape.most(), options.tolerance, memory);
+            if !memory.counts_only() {
+                own.grow(rows);
+            }
+            activations.push(own);
             pooled.push(PooledGraph::new(shape, level, memory));
         }
         let tells_edges = graph.tells_edges();
         Self {
             readout: ReadoutState::new(&network, sensor, rows, options.isa, memory),
-            window: Window::new(capacity, memory),
+            window: Window::new(parts.capacity, memory),
             input: Input::new(parts.place, sensor, memory),
             arrivals: Arrivals::new(parts.graph.is_frozen(), memory),
             graph,
@@ -121,8 +118,8 @@ impl Step {
             activations,
             isa: options.isa,
             poison: options.hooks.poison,
-            downstream: Delta::new(capacity, most, tells_edges, memory),
-            delta: Delta::new(capacity, most, tells_edges, memory),
+            downstream: Delta::new(slots, most, tells_edges, memory),
+            delta: Delta::new(slots, most, tells_edges, memory),
             stopwatch: Stopwatch::new(options.stage_times),
             network,
         }
@@ -193,6 +190,9 @@ impl Step {
         self.delta.entered.push(slot);
         self.graph.insert(&self.window, slot, known, &mut self.delta);
         let events = &mut self.activations[0];
+        if events.feature(0).rows() < self.window.slots_used() {
+            events.grow(self.window.slots_used());
+        }
         events.enter(slot);
         events.input_mut().0.row_mut(slot as usize)[0] = self.input.row(node);
         self.delta.rewired.iter().for_each(|&row| events.rewire(row));

@@ -1,22 +1,57 @@
-//! The sliding window: a ring of nodes in order of arrival.
+//! The sliding window: nodes in order of arrival.
 
 use std::ops::Range;
 
-use crate::memory::Memory;
+use crate::memory::{Memory, Room};
 use crate::metric::Node;
 
-/// Nodes by slot. A node keeps its slot while it is in the window; slots are reused cyclically.
+/// Slots of a chunk.
+const CHUNK: u32 = 1 << CHUNK_LOG2;
+const CHUNK_LOG2: u32 = 6;
+
+/// Nodes by slot. A node keeps its slot while it is in the window. Successive nodes have successive slots within a chunk, so that what is stored by
+/// slot of recent nodes is close together. The chunk that became free last is used first, so that a window which never holds as many nodes as it may
+/// does not touch the memory of the others.
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
-    nodes: Vec<Node>,
-    /// Slot of the oldest node.
+    capacity: u32,
+    /// Of the chunks that have been used.
+    nodes: Room<Node>,
+    /// The number of the first node of each of these chunks, counted from the first node of all. Numbers wrap.
+    starts: Room<u32>,
+    free: Room<u32>,
+    /// The chunk of number n is at n / [`CHUNK`], modulo the length, which is a power of two.
+    chunks: Vec<u32>,
+    /// The number of the oldest node, or of the next one if there is none.
     first: u32,
     len: u32,
 }
 
 impl Window {
     pub(crate) fn new(capacity: usize, memory: &mut Memory) -> Self {
-        Self { nodes: memory.copies(Node::default(), capacity), first: 0, len: 0 }
+        let slots = Self::slots_for(capacity);
+        let chunks = slots / CHUNK as usize;
+        Self {
+            capacity: capacity as u32,
+            nodes: memory.room(slots),
+            starts: memory.room(chunks),
+            free: memory.room(chunks),
+            chunks: memory.copies(0, chunks.next_power_of_two()),
+            first: 0,
+            len: 0,
+        }
+    }
+
+    /// Number of slots of a window for `capacity` nodes: its first and its last chunk can be partly filled.
+    pub(crate) fn slots_for(capacity: usize) -> usize {
+        let chunk = CHUNK as usize;
+        ((capacity + chunk - 2) / chunk + 1) * chunk
+    }
+
+    /// Number of slots that have ever been used; they are the first ones.
+    #[inline]
+    pub(crate) fn slots_used(&self) -> usize {
+        self.nodes.len()
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -24,7 +59,7 @@ impl Window {
     }
 
     pub(crate) fn is_full(&self) -> bool {
-        self.len() == self.nodes.len()
+        self.len == self.capacity
     }
 
     /// Appends `node`, the newest; returns its slot.
@@ -33,10 +68,26 @@ impl Window {
     /// If the window is full.
     pub(crate) fn push(&mut self, node: Node) -> u32 {
         assert!(!self.is_full(), "the window must have room");
-        let slot = self.wrap(self.first + self.len);
-        self.nodes[slot as usize] = node;
+        let number = self.first.wrapping_add(self.len);
+        if number.is_multiple_of(CHUNK) {
+            self.begin_chunk(number);
+        }
         self.len += 1;
+        let slot = self.slot_of(self.len - 1);
+        self.nodes[slot as usize] = node;
         slot
+    }
+
+    fn begin_chunk(&mut self, number: u32) {
+        let chunk = self.free.pop().unwrap_or_else(|| {
+            let slots = self.nodes.len() + CHUNK as usize;
+            self.nodes.resize(slots, Node::default());
+            self.starts.push(0);
+            self.starts.len() as u32 - 1
+        });
+        self.starts[chunk as usize] = number;
+        let place = self.place_of(number);
+        self.chunks[place] = chunk;
     }
 
     /// Number of nodes earlier than `t`; they are the first ones.
@@ -50,12 +101,18 @@ impl Window {
     /// If there are fewer.
     pub(crate) fn pop(&mut self, count: u32) {
         assert!(count <= self.len, "the window must hold that many");
-        self.first = self.wrap(self.first + count);
+        // Chunks that end before the next node.
+        for chunk in 0..(self.first % CHUNK + count) >> CHUNK_LOG2 {
+            let number = self.first.wrapping_add(chunk << CHUNK_LOG2);
+            let place = self.place_of(number);
+            self.free.push(self.chunks[place]);
+        }
+        self.first = self.first.wrapping_add(count);
         self.len -= count;
     }
 
     pub(crate) fn clear(&mut self) {
-        self.len = 0;
+        self.pop(self.len);
     }
 
     #[inline]
@@ -63,10 +120,11 @@ impl Window {
         self.nodes[slot as usize]
     }
 
-    /// Index of the node at `slot` in the window; 0 is the oldest.
+    /// Index of the node at `slot` in the window; 0 is the oldest. For a slot that is free, or that a later node has: an index that is larger
+    /// than those of all nodes that were in the window together with its last one.
     #[inline]
     pub(crate) fn age_rank(&self, slot: u32) -> u32 {
-        if slot >= self.first { slot - self.first } else { slot + self.nodes.len() as u32 - self.first }
+        (self.starts[(slot >> CHUNK_LOG2) as usize] + slot % CHUNK).wrapping_sub(self.first)
     }
 
     /// Slots from the oldest node to the newest.
@@ -75,21 +133,72 @@ impl Window {
     }
 
     /// Slot of the node at an index in the window.
-    pub(crate) fn slot_of(&self, place: u32) -> u32 {
-        self.wrap(self.first + place)
+    #[inline]
+    pub(crate) fn slot_of(&self, index: u32) -> u32 {
+        let number = self.first.wrapping_add(index);
+        self.chunks[self.place_of(number)] * CHUNK + number % CHUNK
     }
 
     /// Slots of the nodes at a range of indices in the window.
-    pub(crate) fn slots_of(&self, places: Range<u32>) -> impl Iterator<Item = u32> + '_ {
-        let capacity = self.nodes.len() as u32;
-        let (start, end) = (self.first + places.start, self.first + places.end);
-        (start.min(capacity)..end.min(capacity))
-            .chain(start.max(capacity) - capacity..end.max(capacity) - capacity)
+    pub(crate) fn slots_of(&self, indices: Range<u32>) -> impl Iterator<Item = u32> + '_ {
+        indices.map(|index| self.slot_of(index))
     }
 
-    /// Wraps `slot`, less than twice the capacity, into the ring.
-    fn wrap(&self, slot: u32) -> u32 {
-        let capacity = self.nodes.len() as u32;
-        if slot >= capacity { slot - capacity } else { slot }
+    fn place_of(&self, number: u32) -> usize {
+        (number >> CHUNK_LOG2) as usize & (self.chunks.len() - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::VecDeque;
+
+    proptest! {
+        #[test]
+        fn a_window_is_a_queue_whose_nodes_keep_their_slots(
+            capacity in 1usize..200,
+            steps in proptest::collection::vec((0u8..24, 0u32..90, 0u32..90), 0..100),
+            first in prop_oneof![Just(0), any::<u32>()],
+        ) {
+            let mut window = Window::new(capacity, &mut Memory::default());
+            // As after so many nodes.
+            window.first = first / CHUNK * CHUNK;
+            let (mut plain, mut t, mut most) = (VecDeque::new(), 0, 0);
+            for (step, entering, leaving) in steps {
+                if step == 0 {
+                    window.clear();
+                    plain.clear();
+                } else if step < 16 {
+                    for _ in 0..entering.min((capacity - plain.len()) as u32) {
+                        t += 1;
+                        let node = Node { t, ..Node::default() };
+                        plain.push_back((window.push(node), node));
+                    }
+                } else {
+                    let count = leaving.min(plain.len() as u32);
+                    let left: Vec<u32> = plain.drain(..count as usize).map(|(slot, _)| slot).collect();
+                    window.pop(count);
+                    // Whoever was there with those that left ranks before them.
+                    for &slot in &left {
+                        prop_assert!(window.age_rank(slot) >= plain.len() as u32);
+                    }
+                }
+                most = most.max(plain.len());
+                prop_assert_eq!(window.len(), plain.len());
+                prop_assert_eq!(window.is_full(), plain.len() == capacity);
+                prop_assert!(window.slots().eq(plain.iter().map(|&(slot, _)| slot)));
+                for (index, &(slot, node)) in plain.iter().enumerate() {
+                    prop_assert_eq!(window.node(slot), node);
+                    prop_assert_eq!([window.age_rank(slot), window.slot_of(index as u32)], [index as u32, slot]);
+                    // No more chunks are used than the nodes that were there at once need.
+                    prop_assert!((slot as usize) < Window::slots_for(most));
+                }
+                let middle = plain.len() as u32 / 3..plain.len() as u32;
+                prop_assert!(window.slots_of(middle.clone()).eq(plain.range(middle.start as usize..).map(|n| n.0)));
+                prop_assert_eq!(window.earlier_than(t), plain.iter().filter(|n| n.1.t < t).count() as u32);
+            }
+        }
     }
 }

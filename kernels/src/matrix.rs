@@ -5,11 +5,20 @@ use crate::lanes::{LANES, Lanes};
 
 /// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or finite values that
 /// kernels with zero weights there produce.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Matrix {
     columns: usize,
     stride: usize,
     data: Vec<Lanes>,
+}
+
+impl Clone for Matrix {
+    /// A copy with the same room.
+    fn clone(&self) -> Self {
+        let mut data = Vec::with_capacity(self.data.capacity());
+        data.extend_from_slice(&self.data);
+        Self { data, ..*self }
+    }
 }
 
 impl Matrix {
@@ -20,6 +29,20 @@ impl Matrix {
     pub fn zeros(rows: usize, columns: usize) -> Self {
         let stride = Lanes::count(columns);
         Self { columns, stride, data: vec![Lanes::ZERO; rows * stride] }
+    }
+
+    /// An empty matrix of `columns` columns with room for `rows` rows. Its memory is first touched when rows are [added](Self::grow).
+    ///
+    /// # Panics
+    /// If the memory cannot be allocated.
+    pub fn with_room(rows: usize, columns: usize) -> Self {
+        let stride = Lanes::count(columns);
+        Self { columns, stride, data: Vec::with_capacity(rows * stride) }
+    }
+
+    /// Adds rows of zeros, up to `rows` in all. O(new rows).
+    pub fn grow(&mut self, rows: usize) {
+        self.data.resize(rows * self.stride, Lanes::ZERO);
     }
 
     /// A matrix of `values`, row after row of `columns` values.

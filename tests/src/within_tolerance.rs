@@ -122,8 +122,14 @@ fn maxima(features: &Matrix, keys: &[[i128; 3]], cells: &[[i128; 3]]) -> Matrix 
     out
 }
 
-fn sum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [Lanes]) {
-    rows.for_each(|row| add(out, features.row(row)));
+/// The sum over `rows`, part of time after part of time; `part` gives that of a row.
+fn sum_of(features: &Matrix, rows: &[usize], part: impl Fn(usize) -> i64, out: &mut [Lanes]) {
+    let mut sum = vec![Lanes::ZERO; out.len()];
+    for rows in rows.chunk_by(|&a, &b| part(a) == part(b)) {
+        sum.fill(Lanes::ZERO);
+        rows.iter().for_each(|&row| add(&mut sum, features.row(row)));
+        add(out, &sum);
+    }
 }
 
 fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [Lanes]) {
@@ -157,11 +163,13 @@ fn prediction(checked: &CheckedEngine, trace: &Trace, top: &[Matrix]) -> Vec<f32
     let cells: Vec<usize> =
         cells.into_iter().zip(ages(checked, trace)).map(|(cell, age)| age * plane + cell).collect();
     let mut values = Matrix::zeros(plane * network.readout_times(), features.columns());
+    let (events, epoch) = (checked.engine.events(), checked.engine.epoch_us().unwrap_or(0));
+    let part = |row: usize| (events[row].t_us - epoch) / network.sum_part_us();
     for cell in 0..values.rows() {
         let rows = (0..cells.len()).filter(|&row| cells[row] == cell);
         match readout.aggregation {
             Aggregation::Max => maximum_of(features, rows, values.row_mut(cell)),
-            Aggregation::Sum => sum_of(features, rows, values.row_mut(cell)),
+            Aggregation::Sum => sum_of(features, &rows.collect::<Vec<_>>(), part, values.row_mut(cell)),
         }
     }
     if let Some(head) = &network.parts().head {

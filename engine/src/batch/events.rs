@@ -126,7 +126,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
             found.clear();
             let visit = |d2, j: u32| {
                 if j as usize != i {
-                    take(&mut found, most, Candidate { d2, arrival: j, slot: j });
+                    take(&mut found, most, Candidate { d2, slot: j }, |slot| slot);
                 }
                 if found.len() == most { found[most - 1].d2 } else { limit }
             };

@@ -67,7 +67,7 @@ impl Space<'_> {
                     for &place in near {
                         let other = listed.slots[part.start + place as usize];
                         let d2 = self.metric.distance2(node, self.nodes[other as usize]);
-                        take(&mut found, most, Candidate { d2, arrival: other, slot: other });
+                        take(&mut found, most, Candidate { d2, slot: other }, |slot| slot);
                     }
                     !near.is_empty()
                 });
@@ -76,7 +76,7 @@ impl Space<'_> {
                     found.clear();
                     grid.search(self.metric, node, Times::All, bound, |d2, other| {
                         if other != slot {
-                            take(&mut found, most, Candidate { d2, arrival: other, slot: other });
+                            take(&mut found, most, Candidate { d2, slot: other }, |slot| slot);
                         }
                         if found.len() == most { found[most - 1].d2 } else { bound }
                     });

@@ -77,10 +77,15 @@ pub struct Trace {
     pub prediction: Vec<f32>,
 }
 
-/// Channel-wise sum over some rows, one after the other.
-pub(super) fn sum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
+/// Channel-wise sum over some rows: first over the rows of each part of time, one after the other, then over the parts.
+pub(super) fn sum_of(features: &Matrix, rows: &[usize], part: impl Fn(usize) -> i64, out: &mut [Lanes]) {
     out.fill(Lanes::ZERO);
-    rows.iter().for_each(|&row| add(out, features.row(row)));
+    let mut sum = vec![Lanes::ZERO; out.len()];
+    for rows in rows.chunk_by(|&a, &b| part(a) == part(b)) {
+        sum.fill(Lanes::ZERO);
+        rows.iter().for_each(|&row| add(&mut sum, features.row(row)));
+        add(out, &sum);
+    }
 }
 
 /// Channel-wise maximum over some rows.

@@ -160,6 +160,7 @@ pub struct Readout {
     /// Cells along y.
     pub rows: usize,
     /// How the rows of a cell become one: a sum counts, a maximum does not. Sums are of events: there can be no pooling.
+    /// [`Network::sum_part_us`](crate::Network::sum_part_us) gives their order.
     pub aggregation: Aggregation,
     /// Whether the poolings' cells in time stay separate: there is then one copy of the grid for each time cell that a
     /// window can occupy, newest first.
