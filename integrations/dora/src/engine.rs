@@ -68,7 +68,7 @@ impl Engine {
     }
 
     /// The state with a note, as bytes.
-    pub(crate) fn to_bytes_with(&mut self, note: &[u8]) -> Vec<u8> {
+    pub(crate) fn encoded(&mut self, note: &[u8]) -> Vec<u8> {
         match self {
             Self::Events(engine) => engine.to_bytes_with(note),
             Self::Frames(frames) => frames.to_bytes_with(note),

@@ -136,7 +136,7 @@ impl Kept {
         };
         let covered = Covered { stream: self.stream, next, accepted, lost, predictions };
         let note = serde_json::to_vec(&covered).expect("integers are written without errors");
-        self.engine.to_bytes_with(&note)
+        self.engine.encoded(&note)
     }
 }
 

@@ -134,16 +134,15 @@ fn a_state_of_another_life_of_the_source_is_not_used_and_a_damaged_one_is_refuse
 #[test]
 fn a_state_of_another_network_is_refused() {
     let (sensor, events) = recording(LEN);
-    let folder = tempfile::tempdir().unwrap();
-    let states = Some((folder.path().to_owned(), Duration::ZERO));
     let networks = [network(), frame_network()];
     for (writer, reader) in networks.iter().zip(networks.iter().rev()) {
+        let folder = tempfile::tempdir().unwrap();
         let mut node = Node::running(writer.clone(), sensor, 1, 1000, Some(folder.path()));
         node.take(0, 0, &events);
         node.predict();
         node.lane.close().unwrap();
-        let (network, states) = (reader.clone(), states.clone());
-        let options = LaneOptions { network, capacity: 1000, every: Duration::ZERO, states };
+        let states = Some((folder.path().to_owned(), Duration::ZERO));
+        let options = LaneOptions { network: reader.clone(), capacity: 1000, every: Duration::ZERO, states };
         let (_, refused) = Lane::start(FINGER, &header(sensor, STREAM, 1, 100), &options).unwrap();
         assert!(refused.is_some());
     }
