@@ -50,9 +50,13 @@ impl Covered {
     /// What the state in `bytes` of an `engine` covers, in its note.
     ///
     /// # Errors
-    /// The bytes are no state; `Ok(None)` if they have no such note.
-    pub(crate) fn of_state(engine: &Engine, bytes: &[u8]) -> Result<Option<Self>, EngineError> {
-        engine.note(bytes).map(|note| serde_json::from_slice(&note).ok())
+    /// The bytes are no state, or one of another kind of network or of another program.
+    pub(crate) fn of_state(engine: &Engine, bytes: &[u8]) -> Result<Self, EngineError> {
+        serde_json::from_slice(&engine.note(bytes)?).map_err(|error| EngineError::Snapshot {
+            what: "note",
+            expected: "that of such a node".to_owned(),
+            found: error.to_string(),
+        })
     }
 }
 

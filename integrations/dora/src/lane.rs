@@ -300,9 +300,10 @@ fn restore(engine: &mut Engine, path: Option<&PathBuf>, stream: i64) -> Result<O
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         read => read.map_err(|source| LaneError::Read { path: path.display().to_string(), source })?,
     };
-    let Some(covered) = Covered::of_state(engine, &bytes)?.filter(|covered| covered.stream == stream) else {
+    let covered = Covered::of_state(engine, &bytes)?;
+    if covered.stream != stream {
         return Ok(None);
-    };
+    }
     engine.restore_bytes(&bytes)?;
     Ok(Some(covered))
 }
