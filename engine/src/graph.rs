@@ -151,27 +151,27 @@ impl EventGraph {
         sensor: Sensor,
         span_us: i64,
         level: &Level,
-        capacity: usize,
+        slots: usize,
         pooled: bool,
         memory: &mut Memory,
     ) -> Self {
-        let grid = Grid::new(sensor, capacity, memory);
+        let grid = Grid::new(sensor, slots, memory);
         let most = rule.reach.most();
         let keeps_readers = pooled || !rule.is_frozen();
-        let (slots, edges) = if keeps_readers { (capacity, capacity * most) } else { (0, 0) };
-        let (kept, frozen) = if rule.is_frozen() { (WAVE, capacity) } else { (capacity, 0) };
+        let (listed, edges) = if keeps_readers { (slots, slots * most) } else { (0, 0) };
+        let (kept, frozen) = if rule.is_frozen() { (WAVE, slots) } else { (slots, 0) };
         Self {
             rule,
             metric: Metric::new(sensor, span_us, level.scale, memory),
             reach: memory.copies(0.0, grid.cells()),
             grid,
             most,
-            count: memory.copies(0, capacity),
+            count: memory.copies(0, slots),
             edges: EdgeStore::new(kept * most, level.edge_reads(), memory),
             places: memory.copies(0, frozen),
             sources: memory.copies(0, frozen * most),
             next: 0,
-            readers: Readers::new(slots, edges, memory),
+            readers: Readers::new(listed, edges, memory),
             keeps_readers,
             found: memory.room(most + 1),
         }

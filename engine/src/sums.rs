@@ -128,14 +128,13 @@ impl Sums {
             self.moved.insert(place / RING as u32);
         }
         // The place after that of the newest part is that of the oldest one.
-        let oldest = (self.newest % RING as i64 + 1) % RING as i64;
+        let (ring, oldest) = (RING as u32, ((self.newest % RING as i64 + 1) % RING as i64) as u32);
         for &cell in self.moved.as_slice() {
-            let places = cell * RING as u32..(cell + 1) * RING as u32;
-            let (end, start) =
-                (places.start..places.start + oldest as u32, places.start + oldest as u32..places.end);
+            let first = cell * ring;
+            let places = (first + oldest..first + ring).chain(first..first + oldest);
             self.row.fill(Lanes::ZERO);
             // An empty part is zeros, and a sum from +0 stays the same if +0 is added.
-            isa.run(Over { rows: start.chain(end), of: &self.rows, out: &mut self.row });
+            isa.run(Over { rows: places, of: &self.rows, out: &mut self.row });
             if store(&self.row, values, cell, log) {
                 moved(cell);
             }
