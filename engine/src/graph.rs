@@ -10,14 +10,15 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{GraphRow, Lanes, Neighbour, spline_basis};
+use meissner_kernels::{GraphRow, Isa, Lanes, Neighbour, Simd, Task, spline_basis};
 
 use crate::Sensor;
 use crate::convolution::EdgeReads;
 use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
-use crate::memory::{Memory, Room};
+use crate::memory::Memory;
 use crate::metric::{Metric, Node};
+use crate::nearest::Nearest;
 use crate::network::{Candidates, GraphRule, Level, Lifetime};
 use crate::readers::Readers;
 use crate::window::Window;
@@ -52,8 +53,13 @@ pub(crate) struct EventGraph {
     /// Rows that read each slot; stored only if needed.
     readers: Readers,
     keeps_readers: bool,
-    found: Room<Candidate>,
+    found: Nearest,
+    /// For each grid cell, the d2 of the last neighbour of the last node that entered it.
+    extents: Vec<f64>,
 }
+
+/// log2 of the smallest side of a grid cell in pixels. Measured: in larger cells, blocks of nodes that are compared at once are full.
+const SIDE_LOG2: u32 = 4;
 
 /// Most nodes with `frozen` in-edges whose edges are kept. Enough rows to share weights and to hide latencies when they are computed
 /// together, and few enough to stay in the caches.
@@ -123,27 +129,6 @@ impl Candidate {
     }
 }
 
-/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order; `arrival` as for [`Candidate::precedes`].
-#[inline]
-pub(crate) fn take(
-    list: &mut Vec<Candidate>,
-    most: usize,
-    candidate: Candidate,
-    arrival: impl Fn(u32) -> u32,
-) {
-    if list.len() < most {
-        list.push(candidate);
-    } else if !candidate.precedes(&list[most - 1], &arrival) {
-        return;
-    }
-    let mut at = list.len() - 1;
-    while at > 0 && candidate.precedes(&list[at - 1], &arrival) {
-        list[at] = list[at - 1];
-        at -= 1;
-    }
-    list[at] = candidate;
-}
-
 impl EventGraph {
     /// An empty graph. Reverse lists are stored if expiries change rows or if `pooled` levels read edges.
     pub(crate) fn new(
@@ -155,7 +140,7 @@ impl EventGraph {
         pooled: bool,
         memory: &mut Memory,
     ) -> Self {
-        let grid = Grid::new(sensor, slots, memory);
+        let grid = Grid::new(sensor, SIDE_LOG2, slots, memory);
         let most = rule.reach.most();
         let keeps_readers = pooled || !rule.is_frozen();
         let (listed, edges) = if keeps_readers { (slots, slots * most) } else { (0, 0) };
@@ -164,6 +149,7 @@ impl EventGraph {
             rule,
             metric: Metric::new(sensor, span_us, level.scale, memory),
             reach: memory.copies(0.0, grid.cells()),
+            extents: memory.copies(SMALLEST, grid.cells()),
             grid,
             most,
             count: memory.copies(0, slots),
@@ -173,7 +159,7 @@ impl EventGraph {
             next: 0,
             readers: Readers::new(listed, edges, memory),
             keeps_readers,
-            found: memory.room(most + 1),
+            found: Nearest::new(most, memory),
         }
     }
 
@@ -186,6 +172,7 @@ impl EventGraph {
     pub(crate) fn clear(&mut self, window: &Window) {
         self.grid.clear();
         self.reach.fill(0.0);
+        self.extents.fill(SMALLEST);
         if self.keeps_readers {
             window.slots().for_each(|slot| self.readers.clear(slot));
         }
@@ -232,24 +219,24 @@ impl EventGraph {
     }
 
     /// Connects `slot`, the newest node of `window`, to the first `known` nodes of its neighbourhood.
-    pub(crate) fn insert(&mut self, window: &Window, slot: u32, known: usize, delta: &mut Delta) {
+    pub(crate) fn insert(&mut self, window: &Window, slot: u32, known: usize, isa: Isa, delta: &mut Delta) {
         let node = window.node(slot);
-        self.find(window, node);
-        self.found.truncate(known);
-        self.count[slot as usize] = self.found.len() as u16;
+        self.find(window, node, isa);
+        let found = || self.found.iter().take(known);
+        self.count[slot as usize] = found().count() as u16;
         if let Some(place) = self.places.get_mut(slot as usize) {
             *place = self.next;
             self.next = (self.next + 1) % WAVE as u8;
         }
         let start = self.span(slot).start;
-        for (source, c) in self.sources.iter_mut().skip(slot as usize * self.most).zip(&*self.found) {
-            *source = c.slot;
+        for (kept, (_, source)) in self.sources.iter_mut().skip(slot as usize * self.most).zip(found()) {
+            *kept = source;
         }
-        for (i, c) in self.found.iter().enumerate() {
-            self.edges.set(start + i, &self.metric, (c.slot, window.node(c.slot)), node, c.d2);
+        for (i, (d2, source)) in found().enumerate() {
+            self.edges.set(start + i, &self.metric, (source, window.node(source)), node, d2);
             if self.keeps_readers {
-                self.readers.push(c.slot, slot);
-                delta.added.push((c.slot, slot));
+                self.readers.push(source, slot);
+                delta.added.push((source, slot));
             }
         }
         delta.rewired.push(slot);
@@ -262,20 +249,31 @@ impl EventGraph {
     }
 
     /// Writes the neighbourhood of `node`, which is newer than all nodes of the grid, to `found`.
-    fn find(&mut self, window: &Window, node: Node) {
-        let Self { grid, metric, found, most, rule, .. } = self;
-        let limit = rule.reach.limit();
-        found.clear();
-        let visit = |d2, slot| {
-            take(found, *most, Candidate { d2, slot }, |slot| window.age_rank(slot));
-            if found.len() == *most { found[*most - 1].d2 } else { limit }
-        };
+    fn find(&mut self, window: &Window, node: Node, isa: Isa) {
+        let Self { grid, metric, found, rule, extents, .. } = self;
+        let (limit, arrival) = (rule.reach.limit(), |slot| window.age_rank(slot));
         let others = window.len() as u32 - 1;
         if others <= FEW {
-            scan(metric, window, 0..others, node, limit, visit);
-        } else {
-            grid.search(metric, node, Times::Past, limit, visit);
+            found.begin(limit);
+            scan(metric, window, 0..others, node, limit, |d2, slot| {
+                found.add(d2, slot, arrival);
+                found.bound()
+            });
+            found.select(arrival);
+            return;
         }
+        // Neighbourhoods at the same place have similar extents: the last one there nearly always says where to search.
+        let extent = &mut extents[grid.cell(node.x, node.y)];
+        let mut bound = limit.min(GENEROUS * *extent);
+        loop {
+            found.begin(bound);
+            isa.run(Find { grid, metric, window, node, found });
+            if found.len() == rule.reach.most() || bound >= LARGEST.min(limit) {
+                break;
+            }
+            bound = limit.min(bound * WIDER);
+        }
+        *extent = found.bound().max(SMALLEST);
     }
 
     /// Offers the newest node to all others; those to which it is near enough take it as a neighbour.
@@ -384,29 +382,66 @@ impl EventGraph {
         if kept + 1 < self.most {
             return None;
         }
-        let mut best: Option<Candidate> = None;
-        let visit = |d2, slot| {
-            let candidate = Candidate { d2, slot };
-            let arrival = |slot| window.age_rank(slot);
-            if arrival(slot) < end
-                && slot != reader
-                && last.precedes(&candidate, arrival)
-                && best.as_ref().is_none_or(|best| candidate.precedes(best, arrival))
-            {
-                best = Some(candidate);
-            }
-            best.map_or(limit, |best| best.d2)
-        };
         let node = window.node(reader);
-        if others <= FEW {
-            scan(&self.metric, window, leaving..end, node, limit, visit);
-        } else {
-            let times = if past { Times::Past } else { Times::All };
-            self.grid.search(&self.metric, node, times, limit, visit);
+        let times = if past { Times::Past } else { Times::All };
+        let mut bound = limit.min(GENEROUS * last.d2.max(SMALLEST));
+        loop {
+            let mut best: Option<Candidate> = None;
+            let visit = |d2, slot| {
+                let candidate = Candidate { d2, slot };
+                let arrival = |slot| window.age_rank(slot);
+                if arrival(slot) < end
+                    && slot != reader
+                    && last.precedes(&candidate, arrival)
+                    && best.as_ref().is_none_or(|best| candidate.precedes(best, arrival))
+                {
+                    best = Some(candidate);
+                }
+                best.map_or(bound, |best| best.d2)
+            };
+            if others <= FEW {
+                scan(&self.metric, window, leaving..end, node, bound, visit);
+            } else {
+                self.grid.search(&self.metric, node, times, bound, visit);
+            }
+            if best.is_some() || bound >= limit.min(LARGEST) {
+                return best;
+            }
+            bound = limit.min(bound * WIDER);
         }
-        best
     }
 }
+
+/// Finds the nearest nodes.
+struct Find<'a> {
+    grid: &'a Grid,
+    metric: &'a Metric,
+    window: &'a Window,
+    node: Node,
+    found: &'a mut Nearest,
+}
+
+impl Task for Find<'_> {
+    type Output = ();
+
+    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { grid, metric, window, node, found } = self;
+        let arrival = |slot| window.age_rank(slot);
+        grid.find(metric, node, found, arrival);
+        found.select(arrival);
+    }
+}
+
+/// Factor on the extent of a neighbourhood within which the next one at the same place mostly has enough nodes. Measured.
+const GENEROUS: f64 = 1.5;
+/// Factor by which a search is widened that did not find enough.
+const WIDER: f64 = 4.0;
+/// The extent from which searches are widened at first: 1/64 of the sensor or of the span.
+const SMALLEST: f64 = 1.0 / 4096.0;
+/// No d2 of two nodes of a window is larger: each of its three terms is at most 1.
+const LARGEST: f64 = 3.0;
 
 /// Number of candidates up to which they are compared one by one: a grid search would visit most of its cells.
 const FEW: u32 = 64;

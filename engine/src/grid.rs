@@ -1,19 +1,20 @@
-//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are 8
-//! x 8 pixels, and larger on sensors that would need too many. The queues share one store, whose size is determined by
+//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are
+//! larger than they are made to be on sensors that would need too many. The queues share one store, whose size is determined by
 //! the number of nodes that the grid is made for, wherever these lie.
 //!
-//! Inserting and expiring are O(1). A search visits cells in rings around the query and, in each cell, nodes from the
-//! query's time outwards. A ring, a cell or the rest of a cell is skipped only if its lower bound of d2, computed by
-//! the same rounded operations as d2 itself, exceeds the search's bound. Rounding is monotone, so a pruned node can
-//! never have been a result, not even by a tie.
+//! Inserting and expiring are O(1). A search whose bound is a guess visits the cells within the bound; any other search visits
+//! cells in rings around the query. In each cell, both visit nodes from the query's time outwards. A ring, a cell or the rest of a
+//! cell is skipped only if its lower bound of d2, computed by the same rounded operations as d2 itself, exceeds the
+//! search's bound. Rounding is monotone, so a pruned node can never have been a result, not even by a tie.
+
+use std::ops::Range;
 
 use crate::Sensor;
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
-use crate::queues::{Cursor, Entry, Place, Queue, Queues};
+use crate::nearest::Nearest;
+use crate::queues::{Block, Cursor, Entry, NODES, Place, Queue, Queues};
 
-/// log2 of the smallest side of a cell in pixels.
-const SIDE_LOG2: u32 = 3;
 /// Largest number of cells. A search may visit all of them, and on a sensor with many more pixels than a window has
 /// nodes, most small cells would be empty.
 const MOST_CELLS: usize = 1 << 15;
@@ -37,20 +38,21 @@ pub(crate) enum Times {
     Past,
 }
 
+#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl Grid {
-    /// An empty grid for at most `capacity` nodes.
-    pub(crate) fn new(sensor: Sensor, capacity: usize, memory: &mut Memory) -> Self {
-        let (side_log2, [columns, rows]) = Self::extent(sensor);
+    /// An empty grid for at most `capacity` nodes. The side of a cell is 2^`least_log2` pixels, or more on a large sensor.
+    pub(crate) fn new(sensor: Sensor, least_log2: u32, capacity: usize, memory: &mut Memory) -> Self {
+        let (side_log2, [columns, rows]) = Self::extent(sensor, least_log2);
         Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity, memory), nodes: 0 }
     }
 
     /// log2 of a cell's side, and the numbers of columns and rows of cells on a sensor.
-    fn extent(sensor: Sensor) -> (u32, [usize; 2]) {
+    fn extent(sensor: Sensor, least_log2: u32) -> (u32, [usize; 2]) {
         let cells = |side_log2| {
             [sensor.width, sensor.height].map(|extent| usize::from(extent).div_ceil(1_usize << side_log2))
         };
         let fits = |&side_log2: &u32| cells(side_log2).iter().product::<usize>() <= MOST_CELLS;
-        let side_log2 = (SIDE_LOG2..u16::BITS).find(fits).unwrap_or(u16::BITS);
+        let side_log2 = (least_log2..u16::BITS).find(fits).unwrap_or(u16::BITS);
         (side_log2, cells(side_log2))
     }
 
@@ -108,7 +110,7 @@ impl Grid {
     }
 
     /// Lower bound of the squared distance in the image plane from a pixel to cell (`column`, `row`).
-    #[inline]
+    #[inline(always)]
     fn plane2(&self, metric: &Metric, x: u16, y: u16, column: usize, row: usize) -> f64 {
         let gap = |p: u16, cell: usize| {
             let (p, low) = (usize::from(p), cell << self.side_log2);
@@ -118,8 +120,9 @@ impl Grid {
         metric.x2(gap(x, column)) + metric.y2(gap(y, row))
     }
 
-    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound, and of some others. The bound starts
-    /// as `bound`; each call returns the new bound, which must not grow.
+    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound. The bound starts as `bound`; each call
+    /// returns the new bound, which must not grow.
+    #[inline(always)]
     pub(crate) fn search(
         &self,
         metric: &Metric,
@@ -128,11 +131,12 @@ impl Grid {
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        self.search_from(metric, query, times, bound, |_, cell| cell.later_than(query.t), visit);
+        self.search_from(metric, query, times, bound, None, visit);
     }
 
     /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store the position of the
     /// query's time in the cell.
+    #[inline(always)]
     pub(crate) fn search_onwards(
         &self,
         metric: &Metric,
@@ -141,20 +145,18 @@ impl Grid {
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        let later = |index: usize, cell: Queue<'_>| cell.later_than_onwards(query.t, &mut cursors[index]);
-        self.search_from(metric, query, Times::All, bound, later, visit);
+        self.search_from(metric, query, Times::All, bound, Some(cursors), visit);
     }
 
-    /// [`Self::search`], where `later` returns, for a cell index and the cell, the start of its nodes that are later
-    /// than the query.
-    #[inline]
+    /// [`Self::search`], or [`Self::search_onwards`] if there are `cursors`.
+    #[inline(always)]
     fn search_from(
         &self,
         metric: &Metric,
         query: Node,
         times: Times,
         mut bound: f64,
-        mut later: impl FnMut(usize, Queue<'_>) -> Place,
+        mut cursors: Option<&mut [Cursor]>,
         mut visit: impl FnMut(f64, u32) -> f64,
     ) {
         let (column, row) = (usize::from(query.x) >> self.side_log2, usize::from(query.y) >> self.side_log2);
@@ -176,7 +178,10 @@ impl Grid {
                         if cell.len() > 0 {
                             let plane = self.plane2(metric, query.x, query.y, c as usize, r);
                             if plane <= bound {
-                                let later = later(index, cell);
+                                let later = match &mut cursors {
+                                    Some(cursors) => cell.later_than_onwards(query.t, &mut cursors[index]),
+                                    None => cell.later_than(query.t),
+                                };
                                 bound = scan(metric, query, times, (cell, later), plane, bound, &mut visit);
                             }
                         }
@@ -188,7 +193,7 @@ impl Grid {
     }
 
     /// Lower bound of d2 for all cells of ring `ring` and beyond.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ring2(&self, metric: &Metric, query: Node, ring: usize) -> f64 {
         if ring == 0 {
             return 0.0;
@@ -202,6 +207,58 @@ impl Grid {
             after.min(before)
         };
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
+    }
+
+    /// Adds every node whose d2 is at most `found`'s bound to `found`. No node is later than the query.
+    #[inline(always)]
+    pub(crate) fn find(
+        &self,
+        metric: &Metric,
+        query: Node,
+        found: &mut Nearest,
+        arrival: impl Fn(u32) -> u32 + Copy,
+    ) {
+        let [columns, rows] = self.within(metric, query, found.bound());
+        for row in rows {
+            for column in columns.clone() {
+                let cell = self.cells.queue(row * self.columns + column);
+                if cell.len() == 0 {
+                    continue;
+                }
+                let plane = self.plane2(metric, query.x, query.y, column, row);
+                let mut next = (plane <= found.bound()).then(|| cell.end());
+                while let Some(place) = next {
+                    let (block, nodes) = (cell.block(place), cell.nodes_before(place));
+                    let [d2, t2] = distances2(metric, query, block);
+                    let oldest = plane + t2[nodes.start];
+                    found.add_all(&d2, &block.slots, nodes, arrival);
+                    next = cell.previous(place).filter(|_| oldest <= found.bound());
+                }
+            }
+        }
+    }
+
+    /// Columns and rows of the cells whose bounds of d2 in one direction alone are at most `bound`.
+    #[inline(always)]
+    fn within(&self, metric: &Metric, query: Node, bound: f64) -> [Range<usize>; 2] {
+        [
+            self.reached(query.x, self.columns, |d| metric.x2(d) <= bound),
+            self.reached(query.y, self.rows, |d| metric.y2(d) <= bound),
+        ]
+    }
+
+    /// Range of the `cells` along one direction that have a pixel which is `near` pixel `p` by its distance.
+    #[inline(always)]
+    fn reached(&self, p: u16, cells: usize, near: impl Fn(usize) -> bool) -> Range<usize> {
+        let (p, cell) = (usize::from(p), usize::from(p) >> self.side_log2);
+        let (mut start, mut end) = (cell, cell + 1);
+        while start > 0 && near(p + 1 - (start << self.side_log2)) {
+            start -= 1;
+        }
+        while end < cells && near((end << self.side_log2) - p) {
+            end += 1;
+        }
+        start..end
     }
 
     /// Calls `visit` with d2 and slot of every node `n` whose d2 to `query` is at most `reach[cell of n]`, and of some
@@ -226,9 +283,15 @@ impl Grid {
                 }
                 // A visited cell is read completely, so its reach becomes exact again.
                 let mut widest = 0.0f64;
-                cell.for_each(|entry| {
-                    widest = widest.max(visit(entry_distance2(metric, query, entry), entry.slot).bound);
-                });
+                let mut next = Some(cell.start());
+                while let Some(place) = next {
+                    let block = cell.block(place);
+                    let [d2, _] = distances2(metric, query, block);
+                    for at in cell.nodes_from(place) {
+                        widest = widest.max(visit(d2[at], block.slots[at]).bound);
+                    }
+                    next = cell.next(place);
+                }
                 reach[index] = widest;
             }
         }
@@ -241,15 +304,22 @@ pub(crate) struct Reader {
     pub(crate) bound: f64,
 }
 
-#[inline]
-fn entry_distance2(metric: &Metric, query: Node, entry: &Entry) -> f64 {
-    let plane = metric.x2(query.x.abs_diff(entry.x) as usize) + metric.y2(query.y.abs_diff(entry.y) as usize);
-    plane + metric.t2(query.t - entry.t)
+/// d2 of a query to each node of a block, and its term of time. What stands at places without a node means nothing.
+#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
+#[inline(always)]
+fn distances2(metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
+    let (mut d2, mut t2) = ([0.0; NODES], [0.0; NODES]);
+    for at in 0..NODES {
+        t2[at] = metric.t2(query.t.wrapping_sub(block.times[at]));
+        d2[at] = metric.plane2([query.x.abs_diff(block.x[at]), query.y.abs_diff(block.y[at])]) + t2[at];
+    }
+    [d2, t2]
 }
 
 /// Visits a cell from the query's time outwards; its nodes that are later than the query start at `later`. Returns the
 /// new bound.
-#[inline]
+#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
+#[inline(always)]
 fn scan(
     metric: &Metric,
     query: Node,
@@ -259,22 +329,31 @@ fn scan(
     mut bound: f64,
     visit: &mut impl FnMut(f64, u32) -> f64,
 ) -> f64 {
-    let mut check = |entry: &Entry, bound: &mut f64| {
-        let t2 = metric.t2(query.t - entry.t);
-        if plane + t2 > *bound {
-            return false;
+    for onwards in [false, true] {
+        let mut next = (!onwards || times == Times::All).then_some(later);
+        while let Some(place) = next {
+            let nodes = if onwards { cell.nodes_from(place) } else { cell.nodes_before(place) };
+            next = if onwards { cell.next(place) } else { cell.previous(place) };
+            if nodes.is_empty() {
+                continue;
+            }
+            let block = cell.block(place);
+            let [d2, t2] = distances2(metric, query, block);
+            let [nearest, farthest] =
+                if onwards { [nodes.start, nodes.end - 1] } else { [nodes.end - 1, nodes.start] };
+            if plane + t2[nearest] > bound {
+                break;
+            }
+            for i in 0..nodes.len() {
+                let at = if onwards { nodes.start + i } else { nodes.end - 1 - i };
+                if d2[at] <= bound {
+                    bound = visit(d2[at], block.slots[at]);
+                }
+            }
+            if plane + t2[farthest] > bound {
+                break;
+            }
         }
-        let d2 = (metric.x2(query.x.abs_diff(entry.x) as usize)
-            + metric.y2(query.y.abs_diff(entry.y) as usize))
-            + t2;
-        if d2 <= *bound {
-            *bound = visit(d2, entry.slot);
-        }
-        true
-    };
-    cell.visit_back_from(later, |entry| check(entry, &mut bound));
-    if times == Times::All {
-        cell.visit_from(later, |entry| check(entry, &mut bound));
     }
     bound
 }

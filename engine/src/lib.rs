@@ -83,6 +83,7 @@ mod members;
 mod memory;
 mod merged;
 mod metric;
+mod nearest;
 mod network;
 mod options;
 mod pooled;

@@ -63,9 +63,18 @@ impl Metric {
     }
 
     /// (dt / span)^2.
-    #[inline]
+    #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
+    #[inline(always)]
     pub(crate) fn t2(&self, dt: i64) -> f64 {
         square(dt as f64 / self.span)
+    }
+
+    /// (dx / width)^2 + (dy / height)^2, computed: for several nodes at once.
+    #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
+    #[inline(always)]
+    pub(crate) fn plane2(&self, [dx, dy]: [u16; 2]) -> f64 {
+        let [width, height] = self.extents;
+        square(f64::from(dx) / width) + square(f64::from(dy) / height)
     }
 
     /// Squared distance of two nodes.
@@ -96,6 +105,7 @@ impl Metric {
     }
 }
 
+#[inline]
 fn square(v: f64) -> f64 {
     v * v
 }

@@ -4,10 +4,12 @@
 //! first and its last block can be partly filled. The store has as many blocks as its queues can need at once, however
 //! a bounded number of nodes is spread over them: nothing is allocated after construction.
 
+use std::ops::Range;
+
 use crate::memory::{Memory, Room};
 
 /// Nodes in a block.
-const NODES: usize = 7;
+pub(crate) const NODES: usize = 8;
 const NONE: u32 = u32::MAX;
 
 /// A node as stored in a queue.
@@ -19,13 +21,34 @@ pub(crate) struct Entry {
     pub(crate) y: u16,
 }
 
-#[derive(Clone, Copy, Debug)]
+/// Nodes in two cache lines, one array per field: a search computes all distances of a block at once.
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(128))]
-struct Block {
-    entries: [Entry; NODES],
-    /// The next older block of the queue; undefined for the first.
+pub(crate) struct Block {
+    pub(crate) times: [i64; NODES],
+    pub(crate) slots: [u32; NODES],
+    pub(crate) x: [u16; NODES],
+    pub(crate) y: [u16; NODES],
+}
+
+impl Block {
+    #[inline]
+    fn entry(&self, at: usize) -> Entry {
+        Entry { t: self.times[at], slot: self.slots[at], x: self.x[at], y: self.y[at] }
+    }
+
+    #[inline]
+    fn set(&mut self, at: usize, Entry { t, slot, x, y }: Entry) {
+        (self.times[at], self.slots[at], self.x[at], self.y[at]) = (t, slot, x, y);
+    }
+}
+
+/// The blocks beside a block in its queue.
+#[derive(Clone, Copy, Debug)]
+struct Links {
+    /// The next older block; undefined for the first.
     before: u32,
-    /// The next younger block of the queue, or the next free block.
+    /// The next younger block, or the next free block.
     after: u32,
 }
 
@@ -49,6 +72,7 @@ pub(crate) struct Queues {
     chains: Vec<Chain>,
     /// The blocks that have been used: memory that the queues never needed at once is never touched.
     blocks: Room<Block>,
+    links: Room<Links>,
     most: usize,
     /// First free block; the number of blocks if none of them is free.
     free: u32,
@@ -69,7 +93,13 @@ impl Queues {
     /// `queues` empty queues for at most `nodes` nodes in total.
     pub(crate) fn new(queues: usize, nodes: usize, memory: &mut Memory) -> Self {
         let most = Self::blocks(queues, nodes);
-        Self { chains: memory.copies(EMPTY, queues), blocks: memory.room(most), most, free: 0 }
+        Self {
+            chains: memory.copies(EMPTY, queues),
+            blocks: memory.room(most),
+            links: memory.room(most),
+            most,
+            free: 0,
+        }
     }
 
     /// Largest number of blocks that `nodes` nodes need in `queues` queues. n nodes of one queue need at most 1 +
@@ -81,7 +111,7 @@ impl Queues {
 
     #[inline]
     pub(crate) fn queue(&self, queue: usize) -> Queue<'_> {
-        Queue { chain: &self.chains[queue], blocks: &self.blocks }
+        Queue { chain: &self.chains[queue], blocks: &self.blocks, links: &self.links }
     }
 
     /// Appends a node.
@@ -95,22 +125,19 @@ impl Queues {
             let block = self.free;
             if block as usize == self.blocks.len() {
                 assert!(self.blocks.len() < self.most, "queues hold as many nodes as they were made for");
-                self.blocks.push(Block {
-                    entries: [Entry::default(); NODES],
-                    before: NONE,
-                    after: block + 1,
-                });
+                self.blocks.push(Block::default());
+                self.links.push(Links { before: NONE, after: block + 1 });
             }
-            self.free = self.blocks[block as usize].after;
+            self.free = self.links[block as usize].after;
             if chain.nodes == 0 {
                 (chain.first, chain.start) = (block, 0);
             } else {
-                self.blocks[chain.last as usize].after = block;
-                self.blocks[block as usize].before = chain.last;
+                self.links[chain.last as usize].after = block;
+                self.links[block as usize].before = chain.last;
             }
             (chain.last, chain.end) = (block, 0);
         }
-        self.blocks[chain.last as usize].entries[usize::from(chain.end)] = entry;
+        self.blocks[chain.last as usize].set(chain.end.into(), entry);
         chain.end += 1;
         chain.nodes += 1;
     }
@@ -122,13 +149,12 @@ impl Queues {
         if chain.nodes == 0 {
             return None;
         }
-        let block = &mut self.blocks[chain.first as usize];
-        let entry = block.entries[usize::from(chain.start)];
+        let entry = self.blocks[chain.first as usize].entry(chain.start.into());
         chain.start += 1;
         chain.nodes -= 1;
         if chain.nodes == 0 || usize::from(chain.start) == NODES {
-            let (freed, after) = (chain.first, block.after);
-            block.after = self.free;
+            let freed = chain.first;
+            let after = std::mem::replace(&mut self.links[freed as usize].after, self.free);
             self.free = freed;
             if chain.nodes == 0 {
                 *chain = EMPTY;
@@ -142,7 +168,7 @@ impl Queues {
     /// Removes all nodes. O(queues).
     pub(crate) fn clear(&mut self) {
         for chain in self.chains.iter_mut().filter(|chain| chain.nodes > 0) {
-            self.blocks[chain.last as usize].after = self.free;
+            self.links[chain.last as usize].after = self.free;
             self.free = chain.first;
             *chain = EMPTY;
         }
@@ -154,134 +180,110 @@ impl Queues {
 pub(crate) struct Queue<'a> {
     chain: &'a Chain,
     blocks: &'a [Block],
+    links: &'a [Links],
 }
 
+#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl<'a> Queue<'a> {
-    #[inline]
+    #[inline(always)]
     pub(crate) fn len(self) -> usize {
         self.chain.nodes as usize
     }
 
-    /// The part of a block that belongs to the queue, and its start in the block.
-    #[inline]
-    fn part(self, block: u32) -> (usize, &'a [Entry]) {
-        let start = if block == self.chain.first { usize::from(self.chain.start) } else { 0 };
-        let end = if block == self.chain.last { usize::from(self.chain.end) } else { NODES };
-        (start, &self.blocks[block as usize].entries[start..end])
+    /// The block of a place.
+    #[inline(always)]
+    pub(crate) fn block(self, place: Place) -> &'a Block {
+        &self.blocks[place.block as usize]
+    }
+
+    /// The nodes before `place` in its block.
+    #[inline(always)]
+    pub(crate) fn nodes_before(self, place: Place) -> Range<usize> {
+        let start = if place.block == self.chain.first { self.chain.start.into() } else { 0 };
+        start..place.at as usize
+    }
+
+    /// The nodes from `place` on in its block.
+    #[inline(always)]
+    pub(crate) fn nodes_from(self, place: Place) -> Range<usize> {
+        let end = if place.block == self.chain.last { self.chain.end.into() } else { NODES };
+        place.at as usize..end
+    }
+
+    /// The end of the block before that of `place`, if there is one.
+    #[inline(always)]
+    pub(crate) fn previous(self, place: Place) -> Option<Place> {
+        (place.block != self.chain.first)
+            .then(|| Place { block: self.links[place.block as usize].before, at: NODES as u32 })
+    }
+
+    /// The start of the block after that of `place`, if there is one.
+    #[inline(always)]
+    pub(crate) fn next(self, place: Place) -> Option<Place> {
+        (place.block != self.chain.last)
+            .then(|| Place { block: self.links[place.block as usize].after, at: 0 })
+    }
+
+    /// The start of a queue with nodes.
+    #[inline(always)]
+    pub(crate) fn start(self) -> Place {
+        Place { block: self.chain.first, at: self.chain.start.into() }
+    }
+
+    /// The end of a queue with nodes.
+    #[inline(always)]
+    pub(crate) fn end(self) -> Place {
+        Place { block: self.chain.last, at: self.chain.end.into() }
     }
 
     /// All nodes from the oldest to the newest.
-    pub(crate) fn iter(self) -> impl Iterator<Item = &'a Entry> {
-        let mut block = self.chain.first;
-        let blocks = std::iter::from_fn(move || {
-            let this = (block != NONE).then(|| self.part(block).1)?;
-            block = if block == self.chain.last { NONE } else { self.blocks[block as usize].after };
-            Some(this)
-        });
-        blocks.flatten()
+    pub(crate) fn iter(self) -> impl Iterator<Item = Entry> + 'a {
+        let first = (self.len() > 0).then(|| self.start());
+        let places = std::iter::successors(first, move |&place| self.next(place));
+        places.flat_map(move |place| self.nodes_from(place).map(move |at| self.block(place).entry(at)))
     }
 
-    /// Calls `visit` with each node from the oldest to the newest.
-    #[inline]
-    pub(crate) fn for_each(self, mut visit: impl FnMut(&Entry)) {
-        if self.chain.nodes > 0 {
-            self.visit_from(Place { block: self.chain.first, at: self.chain.start.into() }, |entry| {
-                visit(entry);
-                true
-            });
-        }
-    }
-
-    /// Start of the nodes later than `t`, in a queue ordered by time. O(1) if there is none; otherwise one step per
-    /// block from the nearer end in time.
-    #[inline]
+    /// Start of the nodes later than `t`, in a queue with nodes in order of time. O(1) if there is none; otherwise one
+    /// step per block from the nearer end in time.
+    #[inline(always)]
     pub(crate) fn later_than(self, t: i64) -> Place {
-        let last = &self.blocks[self.chain.last as usize].entries;
-        let newest = last[usize::from(self.chain.end) - 1].t;
-        if newest <= t { self.end() } else { self.walk_to(t, newest) }
-    }
-
-    #[inline]
-    fn end(self) -> Place {
-        Place { block: self.chain.last, at: self.chain.end.into() }
+        let end = self.end();
+        let newest = self.block(end).times[end.at as usize - 1];
+        if newest <= t { end } else { self.walk_to(t, newest) }
     }
 
     /// [`Self::later_than`] if the newest node, of time `newest`, is later than `t`.
     fn walk_to(self, t: i64, newest: i64) -> Place {
-        let oldest = self.blocks[self.chain.first as usize].entries[usize::from(self.chain.start)].t;
-        let mut block;
+        let mut place = self.start();
+        let oldest = self.block(place).times[place.at as usize];
         if newest - t < t.saturating_sub(oldest) {
-            block = self.chain.last;
-            while block != self.chain.first && self.blocks[block as usize].entries[0].t > t {
-                block = self.blocks[block as usize].before;
+            place = self.end();
+            while let Some(previous) = self.previous(place).filter(|_| self.block(place).times[0] > t) {
+                place = previous;
             }
         } else {
-            block = self.chain.first;
-            while block != self.chain.last && self.blocks[block as usize].entries[NODES - 1].t <= t {
-                block = self.blocks[block as usize].after;
+            while let Some(next) = self.next(place).filter(|_| self.block(place).times[NODES - 1] <= t) {
+                place = next;
             }
         }
-        let (start, part) = self.part(block);
-        Place { block, at: (start + part.iter().take_while(|e| e.t <= t).count()) as u32 }
+        let all = self.nodes_before(Place { at: NODES as u32, ..place }).start
+            ..self.nodes_from(Place { at: 0, ..place }).end;
+        let later = self.block(place).times[all.clone()].iter().take_while(|&&time| time <= t).count();
+        Place { at: (all.start + later) as u32, ..place }
     }
 
     /// [`Self::later_than`] for times that never decrease, in an unchanging queue.
     #[inline]
     pub(crate) fn later_than_onwards(self, t: i64, cursor: &mut Cursor) -> Place {
-        let Place { mut block, mut at } =
-            cursor.0.unwrap_or(Place { block: self.chain.first, at: self.chain.start.into() });
+        let mut place = cursor.0.unwrap_or(self.start());
         loop {
-            let (start, part) = self.part(block);
-            let end = (start + part.len()) as u32;
-            while at < end && self.blocks[block as usize].entries[at as usize].t <= t {
-                at += 1;
+            let Range { start, end } = self.nodes_from(place);
+            let later = self.block(place).times[start..end].iter().take_while(|&&time| time <= t).count();
+            place.at = (start + later) as u32;
+            match self.next(place).filter(|_| start + later == end) {
+                Some(next) => place = next,
+                None => return *cursor.0.insert(place),
             }
-            if at < end || block == self.chain.last {
-                return *cursor.0.insert(Place { block, at });
-            }
-            (block, at) = (self.blocks[block as usize].after, 0);
-        }
-    }
-
-    /// Calls `visit` with the nodes from `place` on, older to newer, while it returns true.
-    #[inline]
-    pub(crate) fn visit_from(self, Place { mut block, at }: Place, mut visit: impl FnMut(&Entry) -> bool) {
-        let mut at = at as usize;
-        loop {
-            let end = if block == self.chain.last { usize::from(self.chain.end) } else { NODES };
-            let Block { entries, after, .. } = &self.blocks[block as usize];
-            for entry in &entries[at..end] {
-                if !visit(entry) {
-                    return;
-                }
-            }
-            if block == self.chain.last {
-                return;
-            }
-            (block, at) = (*after, 0);
-        }
-    }
-
-    /// Calls `visit` with the nodes before `place`, newer to older, while it returns true.
-    #[inline]
-    pub(crate) fn visit_back_from(
-        self,
-        Place { mut block, at }: Place,
-        mut visit: impl FnMut(&Entry) -> bool,
-    ) {
-        let mut at = at as usize;
-        loop {
-            let start = if block == self.chain.first { usize::from(self.chain.start) } else { 0 };
-            let Block { entries, before, .. } = &self.blocks[block as usize];
-            for entry in entries[start..at].iter().rev() {
-                if !visit(entry) {
-                    return;
-                }
-            }
-            if block == self.chain.first {
-                return;
-            }
-            (block, at) = (*before, NODES);
         }
     }
 }
@@ -292,23 +294,19 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::VecDeque;
 
-    fn all(queue: Queue<'_>) -> Vec<Entry> {
-        let mut found = Vec::new();
-        queue.for_each(|entry| found.push(*entry));
-        found
-    }
-
     /// Nodes before `place` and from it on, each in order of time.
     fn parts(queue: Queue<'_>, place: Place) -> [Vec<Entry>; 2] {
         let [mut before, mut after] = [Vec::new(), Vec::new()];
-        queue.visit_back_from(place, |entry| {
-            before.push(*entry);
-            true
-        });
-        queue.visit_from(place, |entry| {
-            after.push(*entry);
-            true
-        });
+        let mut at = Some(place);
+        while let Some(place) = at {
+            before.extend(queue.nodes_before(place).rev().map(|i| queue.block(place).entry(i)));
+            at = queue.previous(place);
+        }
+        at = Some(place);
+        while let Some(place) = at {
+            after.extend(queue.nodes_from(place).map(|i| queue.block(place).entry(i)));
+            at = queue.next(place);
+        }
         before.reverse();
         [before, after]
     }
@@ -342,8 +340,7 @@ mod tests {
                 }
                 for (queue, plain) in plain.iter().enumerate() {
                     prop_assert_eq!(blocks.queue(queue).len(), plain.len());
-                    prop_assert_eq!(plain, &all(blocks.queue(queue)));
-                    prop_assert_eq!(plain, &blocks.queue(queue).iter().copied().collect::<Vec<_>>());
+                    prop_assert_eq!(plain, &blocks.queue(queue).iter().collect::<Vec<_>>());
                 }
             }
             for (queue, plain) in plain.iter().enumerate().filter(|(_, plain)| !plain.is_empty()) {

@@ -188,7 +188,7 @@ impl Step {
         let slot = self.window.push(node);
         self.delta.clear();
         self.delta.entered.push(slot);
-        self.graph.insert(&self.window, slot, known, &mut self.delta);
+        self.graph.insert(&self.window, slot, known, self.isa, &mut self.delta);
         let events = &mut self.activations[0];
         if events.feature(0).rows() < self.window.slots_used() {
             events.grow(self.window.slots_used());

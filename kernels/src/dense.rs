@@ -10,7 +10,7 @@ mod segments;
 
 use segments::Segments;
 
-use crate::elementary::{elu, sigmoid, tanh};
+use crate::elementary::{elu, elus, sigmoid, tanh};
 use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Task, Vector, flat};
 use crate::lanes::{LANES, Lanes};
@@ -39,7 +39,7 @@ pub struct Dense {
     channels: usize,
     outputs: usize,
     weight: Weight,
-    bias: Vec<f32>,
+    bias: Vec<Lanes>,
     activation: Activation,
 }
 
@@ -70,6 +70,7 @@ impl Dense {
         check("weight", weight, inputs.saturating_mul(outputs))?;
         let bias = bias.map_or_else(|| vec![0.0; outputs], <[f32]>::to_vec);
         check("bias", &bias, outputs)?;
+        let bias = Lanes::pack(&bias);
         let weight = if segments == 1 {
             Weight::One(weight.chunks_exact(channels).flat_map(Lanes::pack).collect())
         } else {
@@ -112,7 +113,7 @@ impl Dense {
 
     /// The biases, (outputs).
     pub fn bias(&self) -> &[f32] {
-        &self.bias
+        &flat(&self.bias)[..self.outputs]
     }
 
     /// The activation.
@@ -177,8 +178,8 @@ impl Task for Run<'_> {
         let weight = match &dense.weight {
             Weight::One(weight) => weight,
             Weight::Several(segments) => {
-                let sums = flat(segments.update(simd, inputs, changed, sums));
-                return (0..dense.outputs).for_each(|o| dense.write(o, sums[o], out));
+                let sums = segments.update(simd, inputs, changed, sums);
+                return dense.write_all(simd, sums, out);
             }
         };
         let inputs = flat(inputs);
@@ -204,10 +205,28 @@ impl Task for Run<'_> {
 }
 
 impl Dense {
+    /// Writes every output as [`Self::write`] does; the padding of `sums` is zero.
+    #[inline(always)]
+    fn write_all<S: Simd>(&self, simd: S, sums: &[Lanes], out: &mut [Lanes]) {
+        if self.activation != Activation::Elu {
+            return (0..self.outputs).for_each(|o| self.write(o, flat(sums)[o], out));
+        }
+        let y = |lane: usize| S::V8::load(simd, &sums[lane]).add(S::V8::load(simd, &self.bias[lane]));
+        let mut lane = 0;
+        while lane + 4 <= out.len() {
+            let ys = elus(simd, [0, 1, 2, 3].map(|more| y(lane + more)));
+            out[lane..].iter_mut().zip(ys).for_each(|(out, y)| y.store(out));
+            lane += 4;
+        }
+        for lane in lane..out.len() {
+            elus(simd, [y(lane)])[0].store(&mut out[lane]);
+        }
+    }
+
     /// Writes output `o`, whose sum is `sum`.
     #[inline(always)]
     fn write(&self, o: usize, sum: f32, out: &mut [Lanes]) {
-        let y = sum + self.bias[o];
+        let y = sum + flat(&self.bias)[o];
         out[o / LANES].0[o % LANES] = match self.activation {
             Activation::Identity => y,
             Activation::Relu => {

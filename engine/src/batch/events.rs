@@ -2,14 +2,14 @@
 
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
-use super::neighbours::{Lists, Space};
+use super::neighbours::{Lists, SIDE_LOG2, Space, take};
 use super::published;
 use super::search::{candidates, exhaustive, proposed};
 use super::setup::{Batch, Search};
 use super::stream::Stream;
 use super::trace::{Edges, LevelTrace};
 use crate::Event;
-use crate::graph::{Candidate, take};
+use crate::graph::Candidate;
 use crate::grid::{Grid, Times};
 use crate::input;
 use crate::memory::Memory;
@@ -100,7 +100,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
     if rule.candidates == Candidates::All && matches!(rule.reach, Reach::Knn { .. }) && space.is_short() {
         return space.nearest(rule.reach.most(), batch.isa);
     }
-    let mut grid = Grid::new(batch.sensor, nodes.len(), &mut Memory::default());
+    let mut grid = Grid::new(batch.sensor, SIDE_LOG2, nodes.len(), &mut Memory::default());
     let times = if rule.candidates == Candidates::All {
         nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         Times::All

@@ -11,13 +11,15 @@ use bumpalo::Bump;
 use meissner_kernels::{Isa, Nearby};
 
 use crate::Sensor;
-use crate::graph::{Candidate, take};
+use crate::graph::Candidate;
 use crate::grid::{Grid, Times};
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 
 /// Rings of cells around a cell whose nodes are listed with it.
 const RINGS: usize = 2;
+/// log2 of the smallest side of a grid cell in pixels.
+pub(super) const SIDE_LOG2: u32 = 3;
 /// Factors by which a guess is widened before the grid is searched.
 const WIDER: [f64; 3] = [1.0, 3.0, 9.0];
 /// Largest time up to which all whole numbers are exact in f32.
@@ -43,7 +45,7 @@ impl Space<'_> {
     ///
     /// Cost: each node is listed up to 25 times; each node filters about 4 `most` entries of its list.
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
-        let mut grid = Grid::new(self.sensor, self.nodes.len(), &mut Memory::default());
+        let mut grid = Grid::new(self.sensor, SIDE_LOG2, self.nodes.len(), &mut Memory::default());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
         let scratch = Bump::new();
         let listed = Listed::new(self.nodes, &grid, &scratch);
@@ -168,6 +170,27 @@ impl<'s> Listed<'s> {
         let length = part.len().next_multiple_of(Nearby::TOGETHER);
         (self.points.each_ref().map(|p| &p[part.start..][..length]), self.places[slot as usize] - part.start)
     }
+}
+
+/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order; `arrival` as for [`Candidate::precedes`].
+#[inline]
+pub(super) fn take(
+    list: &mut Vec<Candidate>,
+    most: usize,
+    candidate: Candidate,
+    arrival: impl Fn(u32) -> u32,
+) {
+    if list.len() < most {
+        list.push(candidate);
+    } else if !candidate.precedes(&list[most - 1], &arrival) {
+        return;
+    }
+    let mut at = list.len() - 1;
+    while at > 0 && candidate.precedes(&list[at - 1], &arrival) {
+        list[at] = list[at - 1];
+        at -= 1;
+    }
+    list[at] = candidate;
 }
 
 /// Neighbours of rows, in neighbourhood order.

@@ -1,0 +1,220 @@
+//! The nearest of many candidates.
+//!
+//! Candidates are collected, and the nearest of them selected whenever the collection is nearly full. Neither has branches that depend on
+//! distances: to keep a sorted list instead, every candidate would wait for the one before it.
+
+use std::ops::Range;
+
+use crate::memory::{Memory, Room};
+use crate::queues::NODES;
+
+/// Room for up to [`FEW`] and for up to [`SEVERAL`] nearest candidates. These are selected by counting, for each candidate, those before it.
+const ROOM_FOR_FEW: usize = 32;
+const ROOM_FOR_SEVERAL: usize = 64;
+const FEW: usize = 8;
+const SEVERAL: usize = 24;
+const NONE: u32 = u32::MAX;
+
+/// Places without a candidate: distances beyond all, and each another one.
+const fn beyond<const ROOM: usize>() -> [f64; ROOM] {
+    let (mut beyond, mut at) = ([0.0; ROOM], 0);
+    while at < ROOM {
+        beyond[at] = f64::MAX / (at + 2) as f64;
+        at += 1;
+    }
+    beyond
+}
+
+/// The first `most` candidates in the order (d2 ascending, then later arrival), among those that were added.
+#[derive(Clone, Debug)]
+pub(crate) struct Nearest {
+    most: usize,
+    d2: Vec<f64>,
+    slots: Vec<u32>,
+    len: usize,
+    bound: f64,
+    sorted: Room<(f64, u32)>,
+}
+
+#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
+impl Nearest {
+    /// No candidates yet.
+    pub(crate) fn new(most: usize, memory: &mut Memory) -> Self {
+        let room = if most <= FEW {
+            ROOM_FOR_FEW
+        } else if most <= SEVERAL {
+            ROOM_FOR_SEVERAL
+        } else {
+            2 * most + NODES
+        };
+        Self {
+            most,
+            d2: memory.copies(0.0, room),
+            slots: memory.copies(0, room),
+            len: 0,
+            bound: 0.0,
+            sorted: memory.room(room),
+        }
+    }
+
+    /// Begins anew with candidates at most at distance `bound`.
+    #[inline(always)]
+    pub(crate) fn begin(&mut self, bound: f64) {
+        (self.len, self.bound) = (0, bound);
+    }
+
+    /// No candidate beyond this distance is among the nearest.
+    #[inline(always)]
+    pub(crate) fn bound(&self) -> f64 {
+        self.bound
+    }
+
+    /// Adds the candidates of a block that are within the bound. `arrival` of a slot is larger for later nodes; it is asked only at
+    /// equal distances.
+    #[inline(always)]
+    pub(crate) fn add_all(
+        &mut self,
+        d2: &[f64; NODES],
+        slots: &[u32; NODES],
+        nodes: Range<usize>,
+        arrival: impl Fn(u32) -> u32,
+    ) {
+        let (Some(d2), Some(slots)) = (d2.get(nodes.clone()), slots.get(nodes)) else { return };
+        let at = self.len;
+        let (to_d2, to_slots) = (&mut self.d2[at..at + NODES], &mut self.slots[at..at + NODES]);
+        let mut taken = 0;
+        for (&d2, &slot) in d2.iter().zip(slots) {
+            (to_d2[taken % NODES], to_slots[taken % NODES]) = (d2, slot);
+            taken += usize::from(d2 <= self.bound);
+        }
+        self.len += taken;
+        if self.len + NODES > self.d2.len() {
+            self.select(arrival);
+        }
+    }
+
+    /// Adds a candidate if it is within the bound; `arrival` as for [`Self::add_all`].
+    #[inline]
+    pub(crate) fn add(&mut self, d2: f64, slot: u32, arrival: impl Fn(u32) -> u32) {
+        if d2 <= self.bound {
+            (self.d2[self.len], self.slots[self.len]) = (d2, slot);
+            self.len += 1;
+            if self.len + NODES > self.d2.len() {
+                self.select(arrival);
+            }
+        }
+    }
+
+    /// Keeps the nearest, in order; `arrival` as for [`Self::add_all`]. Without this, [`Self::iter`] is undefined.
+    #[inline(always)]
+    pub(crate) fn select(&mut self, arrival: impl Fn(u32) -> u32) {
+        let selected = match self.d2.len() {
+            ROOM_FOR_FEW => self.rank::<ROOM_FOR_FEW>(),
+            ROOM_FOR_SEVERAL => self.rank::<ROOM_FOR_SEVERAL>(),
+            _ => false,
+        };
+        if !selected {
+            self.sort(arrival);
+        }
+        self.len = self.len.min(self.most);
+        if self.len == self.most {
+            self.bound = self.bound.min(self.d2[self.most - 1]);
+        }
+    }
+
+    /// Puts the first candidates in order, if no two of them are at the same distance.
+    #[inline(always)]
+    fn rank<const ROOM: usize>(&mut self) -> bool {
+        let (Some(all), Some(slots)) =
+            (self.d2.first_chunk_mut::<ROOM>(), self.slots.first_chunk_mut::<ROOM>())
+        else {
+            return false;
+        };
+        let len = self.len.min(ROOM);
+        all[len..].copy_from_slice(&const { beyond::<ROOM>() }[len..]);
+        let mut ranks = [0u64; ROOM];
+        for &before in &all[..len] {
+            for (rank, &d2) in ranks.iter_mut().zip(&*all) {
+                *rank += u64::from(before < d2);
+            }
+        }
+        let (mut ordered, mut ordered_slots) = ([0.0; ROOM], [NONE; ROOM]);
+        for at in 0..len {
+            let rank = ranks[at] as usize % ROOM;
+            (ordered[rank], ordered_slots[rank]) = (all[at], slots[at]);
+        }
+        // Candidates at the same distance have the same rank, and the next rank is nobody's.
+        let first = len.min(self.most + 1);
+        let distinct = !ordered_slots[..first].contains(&NONE);
+        if distinct {
+            all[..first].copy_from_slice(&ordered[..first]);
+            slots[..first].copy_from_slice(&ordered_slots[..first]);
+        }
+        distinct
+    }
+
+    /// Puts the candidates in order.
+    #[cold]
+    #[inline(never)]
+    fn sort(&mut self, arrival: impl Fn(u32) -> u32) {
+        let Self { d2, slots, sorted, len, .. } = self;
+        sorted.clear();
+        sorted.extend(d2.iter().copied().zip(slots.iter().copied()).take(*len));
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then_with(|| arrival(b.1).cmp(&arrival(a.1))));
+        for (at, &candidate) in sorted.iter().enumerate() {
+            (d2[at], slots[at]) = candidate;
+        }
+    }
+
+    /// Number of the selected candidates.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// d2 and slots of the selected candidates, in order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        self.d2[..self.len].iter().copied().zip(self.slots[..self.len].iter().copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_nearest_are_the_first_of_all_sorted(
+            most in 1usize..40,
+            distances in proptest::collection::vec(prop_oneof![0u32..30, any::<u32>()], 0..300),
+            bound in prop_oneof![Just(f64::INFINITY), (0u32..40).prop_map(f64::from)],
+            blocks in any::<bool>(),
+            later in any::<u32>(),
+        ) {
+            let mut nearest = Nearest::new(most, &mut Memory::default());
+            // Slots in any order of arrival.
+            let arrival = |slot: u32| slot ^ later;
+            for _ in 0..2 {
+                nearest.begin(bound);
+                let d2: Vec<f64> = distances.iter().map(|&d| d.into()).collect();
+                let slots: Vec<u32> = (0..d2.len() as u32).collect();
+                for (d2, slots) in d2.chunks(NODES).zip(slots.chunks(NODES)) {
+                    if blocks {
+                        let (mut all, mut all_slots) = ([0.0; NODES], [0; NODES]);
+                        let start = NODES - d2.len();
+                        all[start..].copy_from_slice(d2);
+                        all_slots[start..].copy_from_slice(slots);
+                        nearest.add_all(&all, &all_slots, start..NODES, arrival);
+                    } else {
+                        d2.iter().zip(slots).for_each(|(&d2, &slot)| nearest.add(d2, slot, arrival));
+                    }
+                }
+                nearest.select(arrival);
+                let mut all: Vec<(f64, u32)> = d2.into_iter().zip(slots).filter(|c| c.0 <= bound).collect();
+                all.sort_by(|a, b| a.0.total_cmp(&b.0).then(arrival(b.1).cmp(&arrival(a.1))));
+                all.truncate(most);
+                prop_assert_eq!(nearest.iter().collect::<Vec<_>>(), all);
+            }
+        }
+    }
+}
