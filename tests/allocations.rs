@@ -142,6 +142,29 @@ fn nothing_is_allocated_over_a_recording_from_its_first_event_on() {
     }
 }
 
+#[test]
+fn two_threads_that_share_rows_allocate_nothing_after_their_first() {
+    let _alone = ALONE.lock();
+    let (sensor, events) = synthetic();
+    let options = Options::new().with_all_shared();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+    for name in ["graphres", "tactigraph-frozen"] {
+        let mut engine = Engine::with_options(shipped(name, None), sensor, options).expect("exact");
+        let [first, later] = [&events[..500], &events[500..2_000]].map(|events| {
+            pool.install(|| {
+                let before = COUNT.get();
+                for event in events {
+                    engine.push(*event);
+                    engine.predict().expect("finite");
+                }
+                COUNT.get() - before
+            })
+        });
+        println!("{name}: {first} allocations in the first 500 events, {later} in 1,500 more");
+        assert_eq!(later, 0, "{name}");
+    }
+}
+
 /// Scenes that are unlike any recording, each a way to ask much of one of an engine's parts.
 #[derive(Clone, Copy, Debug)]
 enum Scene {

@@ -16,10 +16,12 @@ use crate::args::Input;
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
+use crate::threads;
 pub(crate) use args::BenchArgs;
 
 /// Runs the benchmark that `args` describe, and writes the report to standard output.
 pub(crate) fn bench(args: &BenchArgs) -> Result<(), CliError> {
+    let _shared = threads::shared(args.threads)?;
     match (describe_any(args.input.network())?, &args.compare) {
         ((AnyDescription::Frames(_), _), _) => bench_frames(args),
         ((AnyDescription::Events(_), _), Some(name)) => compare(args, name),
@@ -79,6 +81,7 @@ fn check_frames(args: &BenchArgs) -> Result<(), CliError> {
         ("--burst-rate", args.burst_rate.is_some()),
         ("--period", args.period_us.is_some()),
         ("--slice", args.slice.is_some()),
+        ("--threads", args.threads.is_some()),
         ("--svg", args.svg.is_some()),
         ("--compare", args.compare.is_some()),
     ];

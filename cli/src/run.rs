@@ -22,6 +22,7 @@ use crate::error::CliError;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::report::{About, Report, TableKind};
+use crate::threads;
 pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
             "others",
         ));
     }
+    let _shared = threads::shared(args.threads)?;
     let (description, _) = describe_any(args.input.network())?;
     let kind = NetworkKind::of(&description);
     args.check(kind)?;

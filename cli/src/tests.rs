@@ -114,7 +114,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
 
 /// Options that stand elsewhere in some subcommand.
 const ELSEWHERE: &[(&str, &str, &str)] = &[
-    ("run", "threads", FRAMES),
+    ("run", "threads", PREDICTIONS),
     ("play", "repeat", INPUT),
     ("eval digits", "stride", NETWORK),
     ("eval angle", "stride", NETWORK),

@@ -1,4 +1,4 @@
-//! Threads that share independent work.
+//! Threads that share work.
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -9,4 +9,11 @@ pub(crate) fn pool(threads: Option<u16>) -> Result<ThreadPool, CliError> {
     let threads = threads.map_or(0, usize::from);
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|source| CliError::Threads { threads, source })
+}
+
+/// Whether two threads share the work of one engine, as `--threads 2` says; the calling thread is one of them while the pool is there.
+pub(crate) fn shared(threads: Option<u8>) -> Result<Option<ThreadPool>, CliError> {
+    let two = threads.filter(|&threads| threads == 2).map(usize::from);
+    let pool = two.map(|threads| ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build());
+    pool.transpose().map_err(|source| CliError::Threads { threads: 2, source })
 }

@@ -15,7 +15,16 @@ use crate::counters::LayerLog;
 use crate::graph::Adjacency;
 use crate::memory::Memory;
 use crate::network::{Block, Level};
+use crate::options::Options;
 use crate::rows::{FewRows, GrowingSet, RowSet};
+
+/// Multiply-adds of a level, counted for the rows of its first block, from which two threads share its blocks. To hand work to a thread that
+/// sleeps takes tens of microseconds; it stays awake from one block to the next.
+const LARGE: usize = 1_600_000;
+/// The part of these from which they share a block.
+const PART: usize = 8;
+/// Rows of a block that a thread computes before they are compared with the stored ones.
+const SHARE: usize = 32 * GraphConvolution::GROUP;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Activations {
@@ -30,9 +39,44 @@ pub(crate) struct Activations {
     dirty: GrowingSet,
     /// Largest change of a value that does not count as a change; 0 if every bit counts.
     tolerance: f32,
+    /// Largest number of in-edges of a row.
+    most: usize,
+    /// [`LARGE`], or 0 if everything is shared.
+    large: usize,
+    /// Whether threads share the blocks that are being computed.
+    shared: bool,
+    /// One per thread.
+    threads: Vec<Thread>,
+}
+
+/// What a thread computes with.
+#[derive(Clone, Debug)]
+struct Thread {
     scratch: ConvolutionScratch,
-    /// Computed outputs of a group of rows.
+    /// Computed outputs.
     rows: Vec<Lanes>,
+}
+
+impl Thread {
+    /// Computes `rows` of a block, one after the other, from the features that it may `read`.
+    #[inline]
+    fn compute(&mut self, read: &[Matrix], block: &Block, rows: &[u32], graph: &impl Adjacency, isa: Isa) {
+        let input = &read[block.input];
+        let lanes = Lanes::count(block.conv.outputs());
+        let groups = rows.chunks(GraphConvolution::GROUP);
+        for (rows, out) in groups.zip(self.rows.chunks_mut(GraphConvolution::GROUP * lanes)) {
+            let mut group = [GraphRow::default(); GraphConvolution::GROUP];
+            for (to, &row) in group.iter_mut().zip(rows) {
+                *to = GraphRow {
+                    own: input.row(row as usize),
+                    skip: block.skip.map(|skip| read[skip].row(row as usize)),
+                    ..graph.edges(row)
+                };
+            }
+            let out = &mut out[..rows.len() * lanes];
+            block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);
+        }
+    }
 }
 
 impl Activations {
@@ -44,8 +88,10 @@ impl Activations {
         channels: &[usize],
         most: usize,
         tolerance: f32,
+        options: &Options,
         memory: &mut Memory,
     ) -> Self {
+        let (threads, together) = if options.two_threads { (2, SHARE) } else { (1, GraphConvolution::GROUP) };
         let widest = channels.iter().map(|&c| Lanes::count(c)).max().unwrap_or(0);
         let convs = level.blocks.iter().map(|block| &block.conv);
         memory.add(size_of::<Self>() as u128);
@@ -56,8 +102,13 @@ impl Activations {
             nan: memory.each(channels.len(), |memory, _| FewRows::new(rows, memory)),
             dirty: GrowingSet::new(rows, memory),
             tolerance,
-            scratch: ConvolutionScratch::new(convs, most, memory),
-            rows: memory.copies(Lanes::ZERO, widest * GraphConvolution::GROUP),
+            most,
+            large: if options.hooks.share_all { 0 } else { LARGE },
+            shared: false,
+            threads: memory.each(threads, |memory, _| Thread {
+                scratch: ConvolutionScratch::new(convs.clone(), most, memory),
+                rows: memory.copies(Lanes::ZERO, widest * together),
+            }),
         }
     }
 
@@ -135,14 +186,23 @@ impl Activations {
     }
 
     /// Recomputes the rows that the marked changes affect.
-    pub(crate) fn run(&mut self, level: &Level, graph: &impl Adjacency, isa: Isa, log: &mut [LayerLog]) {
+    pub(crate) fn run(
+        &mut self,
+        level: &Level,
+        graph: &(impl Adjacency + Sync),
+        isa: Isa,
+        log: &mut [LayerLog],
+    ) {
         let mut before = None;
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
             self.collect(block, before.replace(block), graph);
             let dirty = std::mem::take(&mut self.dirty);
-            for rows in dirty.as_slice().chunks(GraphConvolution::GROUP) {
-                self.compute(block, b + 1, rows, graph, isa, log);
+            if b == 0 {
+                let of_row =
+                    level.blocks.iter().map(|block| block.conv.multiply_adds(self.most)).sum::<usize>();
+                self.shared = dirty.as_slice().len() * of_row >= self.large;
             }
+            self.compute(block, b + 1, dirty.as_slice(), graph, isa, log);
             self.dirty = dirty;
         }
     }
@@ -152,14 +212,13 @@ impl Activations {
         &mut self,
         level: &Level,
         rows: &[u32],
-        graph: &impl Adjacency,
+        graph: &(impl Adjacency + Sync),
         isa: Isa,
         log: &mut [LayerLog],
     ) {
+        self.shared = false;
         for ((b, block), log) in level.blocks.iter().enumerate().zip(log) {
-            for rows in rows.chunks(GraphConvolution::GROUP) {
-                self.compute(block, b + 1, rows, graph, isa, log);
-            }
+            self.compute(block, b + 1, rows, graph, isa, log);
         }
     }
 
@@ -190,46 +249,69 @@ impl Activations {
         }
     }
 
-    /// Recomputes rows of feature `to`, at most one group.
+    /// Recomputes rows of feature `to`; threads share them if they share the level's blocks and these are many.
     #[inline]
     fn compute(
         &mut self,
         block: &Block,
         to: usize,
         rows: &[u32],
-        graph: &impl Adjacency,
+        graph: &(impl Adjacency + Sync),
         isa: Isa,
         log: &mut LayerLog,
     ) {
-        let (read, written) = self.features.split_at_mut(to);
-        let input = &read[block.input];
-        let lanes = Lanes::count(block.conv.outputs());
-        let out = &mut self.rows[..rows.len() * lanes];
-        let mut group = [GraphRow::default(); GraphConvolution::GROUP];
-        for (to, &row) in group.iter_mut().zip(rows) {
-            *to = GraphRow {
-                own: input.row(row as usize),
-                skip: block.skip.map(|skip| read[skip].row(row as usize)),
-                ..graph.edges(row)
-            };
-        }
-        block.conv.rows(isa, input, &group[..rows.len()], &mut self.scratch, out);
-        let replaced = if self.tolerance > 0.0 {
-            replace_rows_beyond(isa, self.tolerance, out, &mut written[0], rows)
-        } else {
-            replace_rows(isa, out, &mut written[0], rows)
-        };
-        log.counters.within_tolerance += u64::from(replaced.within.count_ones());
-        for (i, &row) in rows.iter().enumerate() {
-            if replaced.nan >> i & 1 != 0 {
-                self.nan[to].insert(row);
-            } else {
-                self.nan[to].remove(row);
+        let mut threads = std::mem::take(&mut self.threads);
+        match &mut threads[..] {
+            [first, second]
+                if self.shared && rows.len() * block.conv.multiply_adds(self.most) >= self.large / PART =>
+            {
+                for rows in rows.chunks(2 * SHARE) {
+                    let (upper, lower) = rows.split_at(rows.len() / 2);
+                    let read = &self.features[..to];
+                    rayon::join(
+                        || first.compute(read, block, upper, graph, isa),
+                        || second.compute(read, block, lower, graph, isa),
+                    );
+                    self.store(to, upper, &first.rows, isa, log);
+                    self.store(to, lower, &second.rows, isa, log);
+                }
             }
-            let changed = replaced.changed >> i & 1 != 0;
-            log.note(row, (replaced.changed | replaced.within) >> i & 1 == 0);
-            if changed {
-                self.changed[to].insert(row);
+            [only, ..] => {
+                for rows in rows.chunks(GraphConvolution::GROUP) {
+                    only.compute(&self.features[..to], block, rows, graph, isa);
+                    self.store(to, rows, &only.rows, isa, log);
+                }
+            }
+            [] => unreachable!("there is a thread"),
+        }
+        self.threads = threads;
+    }
+
+    /// Replaces stored rows of feature `to` by the `computed` ones, one after the other, where they differ.
+    #[inline]
+    fn store(&mut self, to: usize, rows: &[u32], computed: &[Lanes], isa: Isa, log: &mut LayerLog) {
+        let written = &mut self.features[to];
+        let lanes = Lanes::count(written.columns());
+        let groups = rows.chunks(GraphConvolution::GROUP);
+        for (rows, computed) in groups.zip(computed.chunks(GraphConvolution::GROUP * lanes)) {
+            let computed = &computed[..rows.len() * lanes];
+            let replaced = if self.tolerance > 0.0 {
+                replace_rows_beyond(isa, self.tolerance, computed, written, rows)
+            } else {
+                replace_rows(isa, computed, written, rows)
+            };
+            log.counters.within_tolerance += u64::from(replaced.within.count_ones());
+            for (i, &row) in rows.iter().enumerate() {
+                if replaced.nan >> i & 1 != 0 {
+                    self.nan[to].insert(row);
+                } else {
+                    self.nan[to].remove(row);
+                }
+                let changed = replaced.changed >> i & 1 != 0;
+                log.note(row, (replaced.changed | replaced.within) >> i & 1 == 0);
+                if changed {
+                    self.changed[to].insert(row);
+                }
             }
         }
     }
@@ -258,7 +340,8 @@ mod tests {
             (0..feature.rows()).map(|row| feature.values(row).all(f32::is_nan)).collect()
         };
         let level = Level { scale: 1.0, blocks: Vec::new() };
-        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0, &mut Memory::default());
+        let options = Options::new();
+        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0, &options, &mut Memory::default());
         activations.grow(3);
         activations.leave(0, false);
         activations.leave(1, true);

@@ -33,6 +33,10 @@ pub struct Options {
     /// row that its stored inputs give. Pooled maxima and the readout are exact over stored rows. The event rows of
     /// `frozen` networks are exact too, because they are computed once.
     pub tolerance: f32,
+    /// Whether two threads share the rows of a block that has many. The bits are the same. Call the engine on a thread of a rayon pool of at
+    /// least two (such as one with `use_current_thread`): from any other thread, work is handed over, which takes longer than one thread
+    /// alone does. Default: off.
+    pub two_threads: bool,
     pub(crate) hooks: TestHooks,
 }
 
@@ -43,6 +47,8 @@ pub(crate) struct TestHooks {
     pub(crate) poison: bool,
     /// Record which rows were computed, for `Engine::recomputed`.
     pub(crate) record_rows: bool,
+    /// Two threads share every block, however few its rows are.
+    pub(crate) share_all: bool,
 }
 
 impl Default for Options {
@@ -53,6 +59,7 @@ impl Default for Options {
             stage_times: false,
             memory_limit: 1 << 32,
             tolerance: 0.0,
+            two_threads: false,
             hooks: TestHooks::default(),
         }
     }
@@ -89,11 +96,23 @@ impl Options {
         Self { tolerance, ..self }
     }
 
+    /// Sets [`Self::two_threads`].
+    pub fn with_two_threads(self, two_threads: bool) -> Self {
+        Self { two_threads, ..self }
+    }
+
     /// For tests: fills rows that leave with NaN.
     #[doc(hidden)]
     pub fn with_poison(mut self, poison: bool) -> Self {
         self.hooks.poison = poison;
         self
+    }
+
+    /// For tests: two threads, which share every block.
+    #[doc(hidden)]
+    pub fn with_all_shared(mut self) -> Self {
+        self.hooks.share_all = true;
+        self.with_two_threads(true)
     }
 
     /// For tests: records which rows were computed.

@@ -90,7 +90,7 @@ impl Step {
         let of_events = if parts.graph.is_frozen() { 0.0 } else { options.tolerance };
         let channels = network.channels(0);
         let mut activations = Vec::with_capacity(network.levels());
-        activations.push(Activations::new(slots, &parts.events, channels, most, of_events, memory));
+        activations.push(Activations::new(slots, &parts.events, channels, most, of_events, options, memory));
         let mut pooled = Vec::with_capacity(parts.pooled.len());
         let mut rows = slots;
         let (shapes, all) = Shape::all(&network, sensor);
@@ -100,7 +100,8 @@ impl Step {
         for (i, (shape, (_, level))) in shapes.into_iter().zip(&parts.pooled).enumerate() {
             let channels = network.channels(i + 1);
             rows = shape.slots();
-            let mut own = Activations::new(rows, level, channels, shape.most(), options.tolerance, memory);
+            let mut own =
+                Activations::new(rows, level, channels, shape.most(), options.tolerance, options, memory);
             if !memory.counts_only() {
                 own.grow(rows);
             }

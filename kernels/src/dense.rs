@@ -218,8 +218,8 @@ impl Dense {
             out[lane..].iter_mut().zip(ys).for_each(|(out, y)| y.store(out));
             lane += 4;
         }
-        for lane in lane..out.len() {
-            elus(simd, [y(lane)])[0].store(&mut out[lane]);
+        for (lane, out) in out.iter_mut().enumerate().skip(lane) {
+            elus(simd, [y(lane)])[0].store(out);
         }
     }
 

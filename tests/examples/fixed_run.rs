@@ -15,7 +15,7 @@ fn main() -> ExitCode {
         right &= found == expected;
     };
     for isa in Isa::available() {
-        let events = fixed_run::of_events(Mode::Incremental(isa));
+        let events = fixed_run::of_events(Mode::Incremental { isa, two_threads: false });
         say(format!("events, {}", isa.name()), events, fixed_run::EVENTS_EXPECTED);
         say(format!("frames, {}", isa.name()), fixed_run::of_frames(isa, false), fixed_run::FRAMES_EXPECTED);
     }

@@ -32,7 +32,12 @@ const EVERY: usize = 150;
 #[derive(Clone, Copy, Debug)]
 pub enum Mode {
     /// By what each event changes.
-    Incremental(Isa),
+    Incremental {
+        /// The instruction set.
+        isa: Isa,
+        /// Whether two threads share the rows of blocks with many.
+        two_threads: bool,
+    },
     /// From scratch, on so many threads.
     Batch {
         /// Threads.
@@ -69,8 +74,8 @@ pub fn of_events(mode: Mode) -> u64 {
         let network = Description::shipped(name).expect("a shipped network").network(&weights);
         let network = network.expect("the weights fit");
         match mode {
-            Mode::Incremental(isa) => {
-                let options = Options::new().with_isa(isa);
+            Mode::Incremental { isa, two_threads } => {
+                let options = Options::new().with_isa(isa).with_two_threads(two_threads);
                 let mut engine = Engine::with_options(network, SENSOR, options).expect("exact");
                 for chunk in events.chunks(EVERY) {
                     engine.push_slice(chunk);

@@ -78,6 +78,9 @@ pub(crate) struct BenchArgs {
     /// Events of a slice, in the passes that push slices [default: 64].
     #[arg(long, value_name = "EVENTS", value_parser = slice, help_heading = MEASUREMENT)]
     pub(crate) slice: Option<usize>,
+    /// Threads that share the work of a prediction, 1 or 2 [default: 1].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = MEASUREMENT)]
+    pub(crate) threads: Option<u8>,
     /// Number of latency passes over all events.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
           help_heading = MEASUREMENT)]
@@ -106,6 +109,7 @@ impl BenchArgs {
             late: self.input.late,
             every: self.every,
             approximations: self.input.approximations.values(),
+            two_threads: self.threads == Some(2),
             repeat: self.repeat,
             warmup: self.warmup,
             burst_rate: self.burst_rate,

@@ -67,6 +67,11 @@ pub(crate) struct RunArgs {
     /// due. Empty frames count like others (see --longest-silence).
     #[arg(long, value_name = "event|N|TIME|end", help_heading = PREDICTIONS)]
     pub(super) every: Option<Every>,
+    /// Threads that share the work of a prediction, 1 or 2 [default: 1].
+    ///
+    /// The second helps where a prediction takes hundreds of microseconds. The values are the same, bit for bit. Not with --mode batch, whose predictions one thread computes.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = PREDICTIONS)]
+    pub(super) threads: Option<u8>,
     /// Print JSON lines: the predictions, then a summary.
     ///
     /// The keys are explained below.
@@ -98,9 +103,6 @@ pub(super) struct FrameArgs {
     /// The Winograd algorithms round differently: they are an approximation.
     #[arg(long, value_parser = choice(CONVOLUTIONS), value_name = "WAY", help_heading = FRAMES)]
     pub(super) convolution: Option<Convolution>,
-    /// Threads that share the rows of large maps, 1 or 2 [default: 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = FRAMES)]
-    pub(super) threads: Option<u8>,
     /// Largest number of consecutive empty frames that are pushed [default: 6000].
     ///
     /// Each empty frame is a step of the network. After N of them, the state is reset to the one before the first
@@ -211,6 +213,7 @@ impl RunArgs {
             every: self.every,
             late: self.input.late,
             approximations: self.input.approximations.values(),
+            two_threads: self.threads == Some(2),
             limit: self.input.limit,
             resume: self.state.resume.as_ref().map(read).transpose()?,
             save: self.state.save_state.clone().map(save),
@@ -233,7 +236,7 @@ impl RunArgs {
             None if self.frames.no_skip => Skip::Nothing,
             None => Skip::Exact,
         };
-        let two_threads = self.frames.threads == Some(2);
+        let two_threads = self.threads == Some(2);
         FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads)
     }
 
@@ -305,6 +308,7 @@ impl RunArgs {
             &self.input;
         let is_given = recording.is_some() || network.is_some() || weights.is_some() || limit.is_some();
         let is_given = is_given || *ignore_preparation || self.json || approximations.tolerance.is_some();
+        let is_given = is_given || self.threads.is_some();
         !is_given && self.given().iter().all(|(_, given, _)| !given)
     }
 
@@ -314,7 +318,7 @@ impl RunArgs {
         let Self { input, frames, electrodes, .. } = self;
         let all_frames: &'static [NetworkKind] = &[EventFrames, Electrodes, Pictures];
         let events: &'static [NetworkKind] = &[EventGraph, EventFrames];
-        let options: [(&'static str, bool, &'static [NetworkKind]); 21] = [
+        let options: [(&'static str, bool, &'static [NetworkKind]); 20] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--from", input.part.from_us.is_some(), events),
             ("--for", input.part.for_us.is_some(), events),
@@ -328,7 +332,6 @@ impl RunArgs {
             ("--mode batch", self.mode == Mode::Batch, &[EventGraph]),
             ("--no-skip", frames.no_skip, all_frames),
             ("--convolution", frames.convolution.is_some(), all_frames),
-            ("--threads", frames.threads.is_some(), all_frames),
             ("--longest-silence", frames.longest_silence.is_some(), &[EventFrames]),
             ("--overlay", frames.overlay.is_some(), &[Pictures]),
             ("--full-scale", frames.full_scale.is_some(), &[Pictures]),

@@ -63,7 +63,7 @@ pub(crate) fn predicted(engine: &mut FrameEngine) -> Vec<u32> {
 
 #[test]
 fn an_option_that_does_not_fit_the_network_is_refused_by_name() {
-    let event_graph = ["--no-skip", "--convolution=direct", "--threads=1", "--overlay=o", "--hold=3"];
+    let event_graph = ["--no-skip", "--convolution=direct", "--overlay=o", "--hold=3"];
     let event_frames = [
         "--mode=batch",
         "--span=5us",

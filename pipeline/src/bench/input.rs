@@ -31,6 +31,8 @@ pub struct BenchOptions {
     pub every: Option<Every>,
     /// Approximations of a network over events.
     pub approximations: Approximations,
+    /// Whether two threads share the work of a network over events, see [`Options::two_threads`].
+    pub two_threads: bool,
     /// Number of counted passes; 0 means 1.
     pub repeat: u32,
     /// Largest number of events in the warm-up.

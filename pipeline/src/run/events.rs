@@ -55,8 +55,8 @@ impl EventRun {
     ) -> Result<Self, PipelineError> {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
-        let RunOptions { mode, every, late, approximations, limit, resume, save, .. } = options;
-        let engine_options = Options::new().with_late(late);
+        let RunOptions { mode, every, late, approximations, two_threads, limit, resume, save, .. } = options;
+        let engine_options = Options::new().with_late(late).with_two_threads(two_threads);
         let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
         let mut gate = Admission::new(sensor, late);

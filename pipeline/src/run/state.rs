@@ -27,6 +27,8 @@ pub struct RunOptions {
     pub late: LatePolicy,
     /// Approximations of a network over events.
     pub approximations: Approximations,
+    /// Whether two threads share the work of a network over events, see [`Options`](meissner_engine::Options::two_threads).
+    pub two_threads: bool,
     /// Largest number of events to take.
     pub limit: Option<u64>,
     /// State that an earlier run wrote, to resume from.
