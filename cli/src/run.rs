@@ -66,6 +66,7 @@ fn run_events(args: &RunArgs) -> Result<(), CliError> {
     let (source, sensor, input) = open(args, &model.card)?;
     let run = EventRun::new(&model, source, sensor, args.options()?).map_err(|error| args.refused(error))?;
     let mode = match args.mode {
+        Mode::Incremental if args.threads == Some(2) => "incremental, two threads",
         Mode::Incremental => "incremental",
         Mode::Batch => "batch: every row at every prediction",
     };

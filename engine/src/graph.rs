@@ -262,7 +262,7 @@ impl EventGraph {
             found.select(arrival);
             return;
         }
-        // Neighbourhoods at the same place have similar extents: the last one there nearly always says where to search.
+        // Neighbourhoods at the same place have similar extents: the last one there mostly says where to search.
         let extent = &mut extents[grid.cell(node.x, node.y)];
         let mut bound = limit.min(GENEROUS * *extent);
         loop {

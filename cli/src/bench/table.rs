@@ -16,7 +16,8 @@ use crate::text::{Table, duration};
 /// Writes the report of a network over events.
 pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     let input = &report.input;
-    recording(out, input, input.header.input.events, None, "incremental")?;
+    let mode = if report.threads == 1 { "incremental" } else { "incremental, two threads" };
+    recording(out, input, input.header.input.events, None, mode)?;
     writeln!(out)?;
     if input.part.is_some() {
         writeln!(out, "part         {}", input.part)?;

@@ -46,7 +46,7 @@ fn the_report_has_the_documented_keys_and_ascending_quantiles() {
     assert_eq!(
         keys(&report),
         "accepted clock_us deadline dropped events events_per_s header isa latency_us lines_refused memory nodes_max passes \
-         phases predictions skips slices stages warmup_events warnings work"
+         phases predictions skips slices stages threads warmup_events warnings work"
     );
     assert_eq!(keys(&report["latency_us"]), "predict push push_predict");
     for name in ["push", "predict", "push_predict"] {

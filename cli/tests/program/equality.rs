@@ -35,6 +35,20 @@ fn every_shipped_network_predicts_alike_in_both_modes_whenever_it_is_read() {
 }
 
 #[test]
+fn two_threads_predict_what_one_does() {
+    for network in ["graphres", "tactigraph-frozen"] {
+        let run = |threads: &str| {
+            let arguments =
+                ["run", "--json", "--network", network, "--every", "300", "--limit", "3000", "--threads"];
+            lines(&meissner(&[&arguments[..], &[threads]].concat())).0
+        };
+        let [one, two] = ["1", "2"].map(run);
+        assert_eq!(times(&one), times(&two), "{network}");
+        assert!(!one.is_empty() && one.iter().zip(&two).all(|(a, b)| bits(a) == bits(b)), "{network}");
+    }
+}
+
+#[test]
 fn they_agree_where_the_window_is_short_or_full() {
     for network in INCREMENTAL {
         let (_, summary) =

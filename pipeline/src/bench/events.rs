@@ -43,6 +43,8 @@ pub struct EventReport {
     pub input: InputReport,
     /// Events of the warm-up.
     pub warmup_events: u64,
+    /// Threads that share the work of a prediction.
+    pub threads: usize,
     /// Overhead of the clock, which is included in every push and prediction.
     pub clock_us: f64,
     /// Predictions read.
@@ -242,6 +244,7 @@ impl<'a> EventBench<'a> {
         Ok(EventReport {
             input: input.report(&counters.events, &losses, repeat),
             warmup_events: warmup as u64,
+            threads: if options.two_threads { 2 } else { 1 },
             clock_us,
             predictions: counters.predictions.read,
             nodes_max,
