@@ -59,7 +59,7 @@ pub(crate) struct EventGraph {
 }
 
 /// log2 of the smallest side of a grid cell in pixels. Measured: in larger cells, blocks of nodes that are compared at once are full.
-const SIDE_LOG2: u32 = 4;
+pub(crate) const SIDE_LOG2: u32 = 4;
 
 /// Most nodes with `frozen` in-edges whose edges are kept. Enough rows to share weights and to hide latencies when they are computed
 /// together, and few enough to stay in the caches.

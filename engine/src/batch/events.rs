@@ -2,14 +2,14 @@
 
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
-use super::neighbours::{Lists, SIDE_LOG2, Space, take};
+use super::neighbours::{Lists, Space, take};
 use super::published;
 use super::search::{candidates, exhaustive, proposed};
 use super::setup::{Batch, Search};
 use super::stream::Stream;
 use super::trace::{Edges, LevelTrace};
 use crate::Event;
-use crate::graph::Candidate;
+use crate::graph::{Candidate, SIDE_LOG2};
 use crate::grid::{Grid, Times};
 use crate::input;
 use crate::memory::Memory;

@@ -19,7 +19,7 @@ use crate::metric::{Metric, Node};
 /// Rings of cells around a cell whose nodes are listed with it.
 const RINGS: usize = 2;
 /// log2 of the smallest side of a grid cell in pixels.
-pub(super) const SIDE_LOG2: u32 = 3;
+const SIDE_LOG2: u32 = 3;
 /// Factors by which a guess is widened before the grid is searched.
 const WIDER: [f64; 3] = [1.0, 3.0, 9.0];
 /// Largest time up to which all whole numbers are exact in f32.
