@@ -11,9 +11,8 @@ pub(crate) fn pool(threads: Option<u16>) -> Result<ThreadPool, CliError> {
     pool.map_err(|source| CliError::Threads { threads, source })
 }
 
-/// Whether two threads share the work of one engine, as `--threads 2` says; the calling thread is one of them while the pool is there.
+/// The pool whose two threads share the work of one engine, if `threads` is 2; the calling thread is one of them while the pool is there.
 pub(crate) fn shared(threads: Option<u8>) -> Result<Option<ThreadPool>, CliError> {
-    let two = threads.filter(|&threads| threads == 2).map(usize::from);
-    let pool = two.map(|threads| ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build());
-    pool.transpose().map_err(|source| CliError::Threads { threads: 2, source })
+    let two = || ThreadPoolBuilder::new().num_threads(2).use_current_thread().build();
+    (threads == Some(2)).then(two).transpose().map_err(|source| CliError::Threads { threads: 2, source })
 }

@@ -1,6 +1,6 @@
-//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. Cells are
-//! larger than they are made to be on sensors that would need too many. The queues share one store, whose size is determined by
-//! the number of nodes that the grid is made for, wherever these lie.
+//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. On
+//! sensors that would need too many cells, these are larger than asked for. The queues share one store, whose size is determined
+//! by the number of nodes that the grid is made for, wherever these lie.
 //!
 //! Inserting and expiring are O(1). A search whose bound is a guess visits the cells within the bound; any other search visits
 //! cells in rings around the query. In each cell, both visit nodes from the query's time outwards. A ring, a cell or the rest of a

@@ -60,7 +60,7 @@ pub(crate) struct BenchArgs {
         long,
         value_name = "NETWORK",
         help_heading = NETWORK,
-        conflicts_with_all = ["svg", "period_us", "burst_rate", "tolerance", "activity_filter_us", "refractory_us",
+        conflicts_with_all = ["svg", "threads", "period_us", "burst_rate", "tolerance", "activity_filter_us", "refractory_us",
             "rate_limit", "stride", "stale_events", "stale_us"]
     )]
     pub(crate) compare: Option<String>,

@@ -69,7 +69,8 @@ pub(crate) struct RunArgs {
     pub(super) every: Option<Every>,
     /// Threads that share the work of a prediction, 1 or 2 [default: 1].
     ///
-    /// The second helps where a prediction takes hundreds of microseconds. The values are the same, bit for bit. Not with --mode batch, whose predictions one thread computes.
+    /// The second helps where a prediction takes hundreds of microseconds. The values are the same, bit for bit. Not with
+    /// --mode batch, whose predictions one thread computes.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = PREDICTIONS)]
     pub(super) threads: Option<u8>,
     /// Print JSON lines: the predictions, then a summary.

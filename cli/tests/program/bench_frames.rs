@@ -210,6 +210,8 @@ fn the_table_of_a_frame_network_names_every_part() {
 fn what_does_not_go_together_is_refused_with_what_would() {
     for (status, arguments, expected) in [
         (2, &["--network", "force-tdnn", "--compare", "event-frame-cnn"][..], "--compare"),
+        (2, &["--network", "event-frame-cnn", "--threads", "2"], "--threads"),
+        (2, &["--compare", "event-frame-cnn", "--threads", "2"], "--threads"),
         (1, &["--compare", "graphres"], "expected a frame network"),
         (1, &["--compare", "slip-lstm"], "\"electrodes\""),
         (1, &["--network", "canf"], "\"picture\""),
