@@ -16,7 +16,7 @@ mod portable;
 mod registers;
 mod vector;
 
-pub(crate) use panel::{Runs, accumulate, accumulate_in_four, accumulate_runs, accumulate_wide};
+pub(crate) use panel::{accumulate, accumulate_in_four, accumulate_wide, prefetch};
 pub(crate) use planar::{Taps, accumulate_taps};
 pub use portable::{Portable, fused};
 pub use vector::{Exponent, Simd, Task, Vector};

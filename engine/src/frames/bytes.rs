@@ -3,7 +3,7 @@
 //! Input: a network and its options. Output: an upper bound of the memory of its engine for any frames. Values and
 //! layer memories are counted to the byte; added are change marks, and the working space of the neediest layer.
 
-use meissner_kernels::{FeatureMap, Lanes, Planes};
+use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 
 use super::buffer::Buffer;
 use super::changes::RECTANGLE;
@@ -83,9 +83,9 @@ fn of_scratch(unit: &Unit, from: FrameShape, to: FrameShape, options: FrameOptio
             let [patch, inputs, sums] = conv.scratch_bytes(height, width);
             [patch, inputs, sums, 0, 0, 0]
         }
-        Kernel::PooledConv(conv) => {
+        Kernel::PooledConv(_) => {
             let threads = if options.two_threads { 2 } else { 1 };
-            [0, 0, 0, threads * conv.scratch_bytes(height, width), 0, 0]
+            [0, 0, 0, threads * PooledConv3x3::scratch_bytes(width), 0, 0]
         }
         Kernel::SqueezeExcite(squeeze) => [0, 0, 0, 0, squeeze.scratch_bytes(), 0],
         Kernel::Sum => [0, 0, 0, 0, 0, of_values(from.values())],

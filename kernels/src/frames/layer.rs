@@ -1,14 +1,22 @@
-//! The loop of all direct convolutions: sums over some places of one or two maps, for a rectangle of outputs.
+//! The loop of all direct convolutions: sums over some places of one or two maps, for a rectangle of outputs, or for the
+//! largest of each 2 x 2 of them.
 //!
 //! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), one chain of sums from the bias, each product rounded
-//! once with its sum. Blocks of 32 (or 16) outputs are outermost, so that their weights stay in the second-level cache
-//! during the loop over positions; a tile of positions shares each loaded weight.
+//! once with its sum. A tile of positions shares each loaded weight. Weights of a block of 32 (or 16) outputs stay in the
+//! second-level cache during the loop over the positions of a strip of rows, and the strip during the loop over blocks.
+//! While a tile is computed, its outputs and what only the next one reads are brought from memory, a few lines at a time:
+//! many at once would hold up the weights.
+
+use std::ops::Range;
 
 use super::tiles::{Tiles, in_tiles, store_some};
 use super::view::{Target, View};
 use super::weights::{BLOCK, Packed};
-use crate::isa::{Runs, Simd, Task, Vector, accumulate_runs};
+use crate::isa::{Simd, Task, Vector, accumulate, prefetch};
 use crate::lanes::Wide;
+
+/// Values of a strip of rows, inputs and outputs.
+const STRIP: usize = 1 << 16;
 
 /// Largest number of places of a kernel.
 const PLACES: usize = 9;
@@ -21,6 +29,9 @@ pub(super) struct Source<'a> {
     starts: [usize; PLACES],
     runs: usize,
     count: usize,
+    /// The kernel's last place for the first output, and its channels.
+    last: usize,
+    channels: usize,
     row: usize,
     pixel: usize,
 }
@@ -37,7 +48,8 @@ impl<'a> Source<'a> {
         for (i, start) in starts.iter_mut().enumerate().take(size * columns) {
             *start = first + i / columns * row + i % columns * pixel;
         }
-        Self { values: view.values, starts, runs: size * columns, count, row, pixel }
+        let (runs, channels, last) = (size * columns, view.channels, first + (size - 1) * (row + pixel));
+        Self { values: view.values, starts, runs, count, last, channels, row, pixel }
     }
 }
 
@@ -62,47 +74,73 @@ pub(super) struct Layer<'a> {
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) target: Target<'a>,
+    /// With it the target gets the largest of each 2 x 2 outputs, in the order of [`max_pool_2x2`](super::max_pool_2x2):
+    /// room for the larger of each two outputs of an upper row, for [`PAIR`] blocks of each two columns. Rows and columns
+    /// are even in number then.
+    pub(super) halves: Option<&'a mut [Wide]>,
 }
+
+/// Largest number of blocks of outputs that are computed together.
+pub(super) const PAIR: usize = 2;
 
 impl Task for Layer<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let mut block = 0;
-        while S::WIDE && block + 2 <= self.packed.blocks() {
-            self.block::<S, 2>(simd, block);
-            block += 2;
-        }
-        while block < self.packed.blocks() {
-            self.block::<S, 1>(simd, block);
-            block += 1;
+        // A tile in which one is decided keeps its sums in memory.
+        if self.halves.is_some() {
+            self.strips::<S, true>(simd);
+        } else {
+            self.strips::<S, false>(simd);
         }
     }
 }
 
 impl Layer<'_> {
-    /// All positions of B blocks of outputs.
+    /// All positions of all blocks.
     #[inline(always)]
-    fn block<S: Simd, const B: usize>(&mut self, simd: S, block: usize) {
-        for y in 0..self.rows {
-            let mut row = Row::<S, B> {
+    fn strips<S: Simd, const POOL: bool>(&mut self, simd: S) {
+        let row = self.sources.iter().flatten().map(|source| source.row).sum::<usize>() + self.target.row;
+        // Whole pairs of rows.
+        let strip = (STRIP / row.max(1) / 2 * 2).max(2);
+        for first in (0..self.rows).step_by(strip) {
+            let rows = first..self.rows.min(first + strip);
+            let mut block = 0;
+            while S::WIDE && block + PAIR <= self.packed.blocks() {
+                self.block::<S, PAIR, POOL>(simd, block, rows.clone());
+                block += PAIR;
+            }
+            while block < self.packed.blocks() {
+                self.block::<S, 1, POOL>(simd, block, rows.clone());
+                block += 1;
+            }
+        }
+    }
+
+    /// All positions of B blocks of outputs in some rows.
+    #[inline(always)]
+    fn block<S: Simd, const B: usize, const POOL: bool>(&mut self, simd: S, block: usize, rows: Range<usize>) {
+        for y in rows {
+            let unit = if POOL { 2 } else { 1 };
+            let mut row = Row::<S, B, POOL> {
                 simd,
                 packed: self.packed,
                 weights: std::array::from_fn(|b| self.packed.block(block + b)),
                 block,
                 sources: &self.sources,
                 y,
-                out: &mut self.target.values[y * self.target.row..],
+                out: &mut self.target.values[y / unit * self.target.row..],
                 pixel: self.target.pixel,
+                halves: self.halves.as_deref_mut().unwrap_or_default(),
             };
-            in_tiles::<S>(self.columns, &mut row);
+            in_tiles::<S>(self.columns, unit, &mut row);
         }
     }
 }
 
 /// One row of positions.
-struct Row<'a, S, const B: usize> {
+struct Row<'a, S, const B: usize, const POOL: bool> {
     simd: S,
     packed: &'a Packed,
     weights: [&'a [Wide]; B],
@@ -111,9 +149,10 @@ struct Row<'a, S, const B: usize> {
     y: usize,
     out: &'a mut [f32],
     pixel: usize,
+    halves: &'a mut [Wide],
 }
 
-impl<S: Simd, const B: usize> Tiles for Row<'_, S, B> {
+impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
     #[inline(always)]
     fn tile<const R: usize>(&mut self, first: usize) {
         let simd = self.simd;
@@ -122,23 +161,68 @@ impl<S: Simd, const B: usize> Tiles for Row<'_, S, B> {
             *bias = S::V16::load(simd, &self.packed.bias[self.block + b]);
         }
         let mut acc = [bias; R];
+        let unit = if POOL { 2 } else { 1 };
         let mut row = 0;
         for source in self.sources.iter().flatten() {
             let at = self.y * source.row + first * source.pixel;
-            let starts = source.starts.map(|start| start + at);
-            let starts = &starts[..source.runs];
-            let runs = Runs { values: source.values, starts, count: source.count, stride: source.pixel };
-            let rows = source.runs * source.count;
-            accumulate_runs(simd, &mut acc, runs, self.weights.map(|w| &w[row..][..rows]));
-            row += rows;
+            let next = source.last + at + R * source.pixel;
+            for (t, start) in source.starts[..source.runs].iter().enumerate() {
+                for r in R * t / source.runs..R * (t + 1) / source.runs {
+                    let next = next + r * source.pixel;
+                    prefetch(source.values.get(next..next + source.channels).unwrap_or_default());
+                    let out = (first + r) / unit * self.pixel + self.block * BLOCK;
+                    prefetch(self.out.get(out..out + B * BLOCK).unwrap_or_default());
+                }
+                let weights = self.weights.map(|w| &w[row..][..source.count]);
+                let values = &source.values[start + at..];
+                accumulate::<_, _, R, B, 0, 1>(simd, &mut acc, values, source.pixel, weights);
+                row += source.count;
+            }
         }
-        let zero = S::V16::splat(simd, 0.0);
-        for (r, sums) in acc.into_iter().enumerate() {
-            for (b, sum) in sums.into_iter().enumerate() {
-                let sum = sum.add(zero);
-                let y = if self.packed.relu { sum.max(zero) } else { sum };
-                let at = (first + r) * self.pixel + (self.block + b) * BLOCK;
-                store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);
+        if POOL {
+            let (mut sums, mut x) = (acc.into_iter(), first / 2);
+            while let (Some(left), Some(right)) = (sums.next(), sums.next()) {
+                self.pool(x, left, right);
+                x += 1;
+            }
+        } else {
+            for (r, sums) in acc.into_iter().enumerate() {
+                for (b, sum) in sums.into_iter().enumerate() {
+                    self.store((first + r) * self.pixel, b, self.output(sum));
+                }
+            }
+        }
+    }
+}
+
+impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
+    /// The output of a sum.
+    #[inline(always)]
+    fn output(&self, sum: S::V16) -> S::V16 {
+        let zero = S::V16::splat(self.simd, 0.0);
+        let y = sum.add(zero);
+        if self.packed.relu { y.max(zero) } else { y }
+    }
+
+    /// Writes block b of the outputs of the pixel at `pixel`.
+    #[inline(always)]
+    fn store(&mut self, pixel: usize, b: usize, y: S::V16) {
+        let at = pixel + (self.block + b) * BLOCK;
+        store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);
+    }
+
+    /// Keeps the larger of the outputs of columns 2 x and 2 x + 1, or writes the largest of these and of those above.
+    #[inline(always)]
+    fn pool(&mut self, x: usize, left: [S::V16; B], right: [S::V16; B]) {
+        let simd = self.simd;
+        for b in 0..B {
+            let (left, right) = (self.output(left[b]), self.output(right[b]));
+            let half = &mut self.halves[x * PAIR + b];
+            if self.y.is_multiple_of(2) {
+                left.max_or_nan(simd, right).store(half);
+            } else {
+                let above = S::V16::load(simd, half);
+                self.store(x * self.pixel, b, above.max_or_nan(simd, left).max_or_nan(simd, right));
             }
         }
     }

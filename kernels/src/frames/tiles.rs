@@ -17,13 +17,13 @@ pub(super) fn most<S: Simd>() -> usize {
     if S::WIDE { LARGEST } else { 6 }
 }
 
-/// Covers `count` positions with the smallest number of tiles, of nearly equal size.
+/// Covers `count` positions with the smallest number of tiles, of nearly equal size, all multiples of `unit` (1 or 2).
 #[inline(always)]
-pub(super) fn in_tiles<S: Simd>(count: usize, work: &mut impl Tiles) {
+pub(super) fn in_tiles<S: Simd>(count: usize, unit: usize, work: &mut impl Tiles) {
     let tiles = count.div_ceil(most::<S>());
     let mut first = 0;
     for t in 0..tiles {
-        let end = (t + 1) * count / tiles;
+        let end = (t + 1) * (count / unit) / tiles * unit;
         match end - first {
             1 => work.tile::<1>(first),
             2 => work.tile::<2>(first),

@@ -54,52 +54,18 @@ pub(crate) fn accumulate<
     *acc = sums;
 }
 
-/// Runs of values that a sum reads: `count` adjacent values from each of `starts`, for row r offset by r `stride`.
-#[derive(Clone, Copy)]
-pub(crate) struct Runs<'a> {
-    pub(crate) values: &'a [f32],
-    pub(crate) starts: &'a [usize],
-    pub(crate) count: usize,
-    pub(crate) stride: usize,
-}
-
-/// acc(r, b) += sum over t, then k, of values(starts(t) + r stride + k) weights(b, t count + k), both ascending, each
-/// product rounded once with the sum.
-///
-/// # Panics
-/// If the number of weights is wrong, or `values` is too short.
+/// Asks for `values` to be brought into the first cache, which takes no time of its own if little is asked for at once.
+/// Does nothing on targets without such an instruction.
 #[inline(always)]
-pub(crate) fn accumulate_runs<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
-    simd: S,
-    acc: &mut [[V; B]; R],
-    runs: Runs<'_>,
-    weights: [&[V::Memory]; B],
-) {
-    let Runs { values, starts, count, stride } = runs;
-    let total = starts.len().checked_mul(count).expect("the runs must be in memory");
-    assert!(weights.iter().all(|w| w.len() == total), "there must be a weight for each value");
-    let reach = stride.checked_mul(R - 1).and_then(|r| r.checked_add(count));
-    let last =
-        reach.and_then(|reach| values.len().checked_sub(reach)).expect("a run must end within the values");
-    assert!(starts.iter().all(|&start| start <= last), "a run must end within the values");
-    // A local variable, so that it stays in registers.
-    let mut sums = *acc;
-    let mut at = 0;
-    for &start in starts {
-        for k in 0..count {
-            // SAFETY: at = t count + k < starts.len() count, the length of every slice of weights.
-            let weights: [V; B] = unsafe { loaded(simd, &weights, at) };
-            for (r, sums) in sums.iter_mut().enumerate() {
-                // SAFETY: start + (R - 1) stride + count <= values.len(), r <= R - 1 and k < count.
-                let value = V::splat(simd, *unsafe { values.get_unchecked(start + r * stride + k) });
-                for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                    *sum = sum.add_product(value, weight);
-                }
-            }
-            at += 1;
-        }
+pub(crate) fn prefetch(values: &[f32]) {
+    #[cfg(target_arch = "x86_64")]
+    for line in values.chunks(WIDE) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: the instruction is in the baseline, and changes nothing but caches.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
     }
-    *acc = sums;
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = values;
 }
 
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16] weights(b, k), each
@@ -214,7 +180,7 @@ unsafe fn add_products<S: Simd, V: Vector<S>, const B: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::{Runs, accumulate, accumulate_runs, accumulate_wide};
+    use super::{accumulate, accumulate_wide};
     use crate::isa::portable::Portable;
     use crate::lanes::{LANES, Lanes, Wide};
 
@@ -236,12 +202,5 @@ mod tests {
     fn a_distance_of_rows_that_wraps_is_refused() {
         let weights = [Lanes::ZERO; 4 * LANES + 1];
         accumulate_wide::<_, _, 1, 1>(Portable, &mut sums(), &[Wide::ZERO; 4], 1 << 63, [&weights]);
-    }
-
-    #[should_panic(expected = "a run must end within the values")]
-    #[test]
-    fn a_stride_of_runs_that_wraps_is_refused() {
-        let runs = Runs { values: &[0.0; 4], starts: &[0], count: 2, stride: 1 << 63 };
-        accumulate_runs::<_, _, 3, 1>(Portable, &mut sums(), runs, [&WEIGHT]);
     }
 }

@@ -168,7 +168,7 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
                 weights: part(weights, place * self.channels, self.channels),
                 out: &mut self.scratch.sums[place * sums.place..][..sums.place],
             };
-            in_tiles::<S>(count, &mut product);
+            in_tiles::<S>(count, 1, &mut product);
         }
         for t in 0..count {
             for b in 0..B {
