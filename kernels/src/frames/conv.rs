@@ -73,7 +73,14 @@ impl<const K: usize> DirectConv<K> {
         }
         let sources = sources(inputs, K, K / 2, [region.y, region.x]);
         let target = out.target(region.y, region.x);
-        isa.run(Layer { packed: &self.packed, sources, rows: region.height, columns: region.width, target, halves: None });
+        isa.run(Layer {
+            packed: &self.packed,
+            sources,
+            rows: region.height,
+            columns: region.width,
+            target,
+            halves: None,
+        });
         Ok(())
     }
 }
@@ -162,7 +169,14 @@ impl TransposedConv2x2 {
             let sources = sources(inputs, 1, 0, [y, x]);
             let Target { values, row, pixel } = out.target(2 * y + d / 2, 2 * x + d % 2);
             let target = Target { values, row: 2 * row, pixel: 2 * pixel };
-            isa.run(Layer { packed, sources, rows: region.height, columns: region.width, target, halves: None });
+            isa.run(Layer {
+                packed,
+                sources,
+                rows: region.height,
+                columns: region.width,
+                target,
+                halves: None,
+            });
         }
         Ok(())
     }

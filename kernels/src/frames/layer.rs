@@ -120,7 +120,12 @@ impl Layer<'_> {
 
     /// All positions of B blocks of outputs in some rows.
     #[inline(always)]
-    fn block<S: Simd, const B: usize, const POOL: bool>(&mut self, simd: S, block: usize, rows: Range<usize>) {
+    fn block<S: Simd, const B: usize, const POOL: bool>(
+        &mut self,
+        simd: S,
+        block: usize,
+        rows: Range<usize>,
+    ) {
         for y in rows {
             let unit = if POOL { 2 } else { 1 };
             let mut row = Row::<S, B, POOL> {

@@ -8,8 +8,14 @@ use super::shape::Region;
 use super::tiles::store_some;
 use super::view::{Band, View};
 use crate::error::{KernelError, check_sizes};
-use crate::isa::{Isa, Simd, Task, Vector};
+use crate::isa::{Isa, Simd, Task, Vector, prefetch};
 use crate::lanes::LANES;
+
+/// Channels of a register.
+const WIDE: usize = 2 * LANES;
+
+/// Outputs by which what is read is asked for early.
+const AHEAD: usize = 8;
 
 /// Maximum of 2 x 2 pixels with stride 2 for the outputs in `region`; an odd last row or column is dropped.
 ///
@@ -80,7 +86,12 @@ impl<const MAXIMUM: bool> Task for Pool<'_, '_, MAXIMUM> {
         for y in region.y..region.y + region.height {
             for x in region.x..region.x + region.width {
                 let target = out.target(y, x).values;
-                for c in (0..input.channels).step_by(2 * LANES) {
+                for row in 0..size {
+                    let ahead = input.shape.pixel(y * size + row, (x + AHEAD) * size);
+                    let pixels = ahead..ahead + size * input.shape.channels;
+                    prefetch(input.values.get(pixels).unwrap_or_default());
+                }
+                for c in (0..input.channels).step_by(WIDE) {
                     let at = |i: usize| {
                         let pixel = input.shape.pixel(y * size + i / size, x * size + i % size);
                         S::V16::load_slice(simd, &input.values[pixel + input.first + c..])
@@ -90,7 +101,7 @@ impl<const MAXIMUM: bool> Task for Pool<'_, '_, MAXIMUM> {
                         acc = if MAXIMUM { acc.max_or_nan(simd, at(i)) } else { acc.add(at(i)) };
                     }
                     let y = if MAXIMUM { acc } else { acc.mul(scale) };
-                    store_some(y, &mut target[c..input.channels.min(c + 2 * LANES)]);
+                    store_some(y, &mut target[c..input.channels.min(c + WIDE)]);
                 }
             }
         }
@@ -106,22 +117,45 @@ impl Task for Global<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { input, out } = self;
+    fn run<S: Simd>(mut self, simd: S) {
+        let mut first = 0;
+        // As many channels at once as there are, up to four registers: a large map is then read once.
+        while self.out.len() > first + 3 * WIDE {
+            self.sum::<S, 4>(simd, &mut first);
+        }
+        while self.out.len() > first + WIDE {
+            self.sum::<S, 2>(simd, &mut first);
+        }
+        while self.out.len() > first {
+            self.sum::<S, 1>(simd, &mut first);
+        }
+    }
+}
+
+impl Global<'_> {
+    /// The averages of B registers of channels from `first` on, which moves behind them.
+    #[inline(always)]
+    fn sum<S: Simd, const B: usize>(&mut self, simd: S, first: &mut usize) {
+        let input = self.input;
         let [height, width, channels] = input.size();
         let zero = S::V16::splat(simd, 0.0);
-        for c in (0..channels).step_by(2 * LANES) {
-            let mut total = zero;
-            for y in 0..height {
-                let mut row = zero;
-                for x in 0..width {
-                    let at = input.shape.pixel(y, x) + input.first + c;
-                    row = row.add(S::V16::load_slice(simd, &input.values[at..]));
+        let mut total = [zero; B];
+        for y in 0..height {
+            let mut row = [zero; B];
+            for x in 0..width {
+                let pixel = &input.values[input.shape.pixel(y, x) + input.first + *first..];
+                for (b, sum) in row.iter_mut().enumerate() {
+                    *sum = sum.add(S::V16::load_slice(simd, &pixel[b * WIDE..]));
                 }
-                total = total.add(row);
             }
-            let y = total.mul(S::V16::splat(simd, inverse(height * width)));
-            store_some(y, &mut out[c..channels.min(c + 2 * LANES)]);
+            for (total, row) in total.iter_mut().zip(row) {
+                *total = total.add(row);
+            }
+        }
+        let scale = S::V16::splat(simd, inverse(height * width));
+        for sum in total {
+            store_some(sum.mul(scale), &mut self.out[*first..channels.min(*first + WIDE)]);
+            *first += WIDE;
         }
     }
 }
