@@ -426,10 +426,10 @@ impl Task for Find<'_> {
 
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Self { grid, metric, window, node, found } = self;
         let arrival = |slot| window.age_rank(slot);
-        grid.find(metric, node, found, arrival);
+        grid.find(simd, metric, node, found, arrival);
         found.select(arrival);
     }
 }

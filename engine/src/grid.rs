@@ -9,6 +9,8 @@
 
 use std::ops::Range;
 
+use meissner_kernels::{Portable, Simd};
+
 use crate::Sensor;
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
@@ -211,8 +213,9 @@ impl Grid {
 
     /// Adds every node whose d2 is at most `found`'s bound to `found`. No node is later than the query.
     #[inline(always)]
-    pub(crate) fn find(
+    pub(crate) fn find<S: Simd>(
         &self,
+        simd: S,
         metric: &Metric,
         query: Node,
         found: &mut Nearest,
@@ -229,7 +232,7 @@ impl Grid {
                 let mut next = (plane <= found.bound()).then(|| cell.end());
                 while let Some(place) = next {
                     let (block, nodes) = (cell.block(place), cell.nodes_before(place));
-                    let [d2, t2] = distances2(metric, query, block);
+                    let [d2, t2] = distances2(simd, metric, query, block);
                     let oldest = plane + t2[nodes.start];
                     found.add_all(&d2, &block.slots, nodes, arrival);
                     next = cell.previous(place).filter(|_| oldest <= found.bound());
@@ -286,7 +289,7 @@ impl Grid {
                 let mut next = Some(cell.start());
                 while let Some(place) = next {
                     let block = cell.block(place);
-                    let [d2, _] = distances2(metric, query, block);
+                    let [d2, _] = distances2(Portable, metric, query, block);
                     for at in cell.nodes_from(place) {
                         widest = widest.max(visit(d2[at], block.slots[at]).bound);
                     }
@@ -307,11 +310,12 @@ pub(crate) struct Reader {
 /// d2 of a query to each node of a block, and its term of time. What stands at places without a node means nothing.
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 #[inline(always)]
-fn distances2(metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
+fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
     let (mut d2, mut t2) = ([0.0; NODES], [0.0; NODES]);
     for at in 0..NODES {
-        t2[at] = metric.t2(query.t.wrapping_sub(block.times[at]));
-        d2[at] = metric.plane2([query.x.abs_diff(block.x[at]), query.y.abs_diff(block.y[at])]) + t2[at];
+        t2[at] = metric.t2(simd, query.t.wrapping_sub(block.times[at]));
+        let apart = [query.x.abs_diff(block.x[at]), query.y.abs_diff(block.y[at])];
+        d2[at] = metric.plane2(simd, apart) + t2[at];
     }
     [d2, t2]
 }
@@ -338,7 +342,7 @@ fn scan(
                 continue;
             }
             let block = cell.block(place);
-            let [d2, t2] = distances2(metric, query, block);
+            let [d2, t2] = distances2(Portable, metric, query, block);
             let [nearest, farthest] =
                 if onwards { [nodes.start, nodes.end - 1] } else { [nodes.end - 1, nodes.start] };
             if plane + t2[nearest] > bound {

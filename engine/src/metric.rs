@@ -1,6 +1,6 @@
 //! Distances and edge attributes between events, from integer differences.
 
-use meissner_kernels::{attribute, offset};
+use meissner_kernels::{Divisor, Portable, Simd, attribute, offset};
 
 use crate::memory::Memory;
 use crate::{Event, Sensor};
@@ -26,8 +26,8 @@ impl Node {
 /// tables; they have the same bits as computed ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
-    span: f64,
-    extents: [f64; 2],
+    span: Divisor,
+    extents: [Divisor; 2],
     scale: f32,
     /// (dx / width)^2 for dx = 0..width.
     x2: Vec<f64>,
@@ -47,7 +47,8 @@ impl Metric {
             memory.values(2 * extent - 1, |i| attribute(difference(i) / extent as f64, scale))
         };
         let (ux, uy) = (attributes(width), attributes(height));
-        Self { span: span_us as f64, extents: extents.map(|extent| extent as f64), scale, x2, y2, ux, uy }
+        let extents = extents.map(|extent| Divisor::new(extent as i64));
+        Self { span: Divisor::new(span_us), extents, scale, x2, y2, ux, uy }
     }
 
     /// (dx / width)^2; infinite beyond the sensor.
@@ -65,22 +66,23 @@ impl Metric {
     /// (dt / span)^2.
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
     #[inline(always)]
-    pub(crate) fn t2(&self, dt: i64) -> f64 {
-        square(dt as f64 / self.span)
+    pub(crate) fn t2<S: Simd>(&self, simd: S, dt: i64) -> f64 {
+        square(self.span.divide(simd, dt as f64))
     }
 
     /// (dx / width)^2 + (dy / height)^2, computed: for several nodes at once.
     #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
     #[inline(always)]
-    pub(crate) fn plane2(&self, [dx, dy]: [u16; 2]) -> f64 {
+    pub(crate) fn plane2<S: Simd>(&self, simd: S, [dx, dy]: [u16; 2]) -> f64 {
         let [width, height] = self.extents;
-        square(f64::from(dx) / width) + square(f64::from(dy) / height)
+        square(width.divide(simd, dx.into())) + square(height.divide(simd, dy.into()))
     }
 
     /// Squared distance of two nodes.
     #[inline]
     pub(crate) fn distance2(&self, a: Node, b: Node) -> f64 {
-        (self.x2(a.x.abs_diff(b.x) as usize) + self.y2(a.y.abs_diff(b.y) as usize)) + self.t2(a.t - b.t)
+        (self.x2(a.x.abs_diff(b.x) as usize) + self.y2(a.y.abs_diff(b.y) as usize))
+            + self.t2(Portable, a.t - b.t)
     }
 
     /// Edge attribute of `source` relative to `reader`.
@@ -90,7 +92,7 @@ impl Metric {
             let middle = table.len() / 2;
             table[middle + source as usize - reader as usize]
         };
-        let t = attribute((source.t - reader.t) as f64 / self.span, self.scale);
+        let t = attribute((source.t - reader.t) as f64 / self.span.value(), self.scale);
         [at(&self.ux, source.x, reader.x), at(&self.uy, source.y, reader.y), t]
     }
 
@@ -98,9 +100,9 @@ impl Metric {
     #[inline]
     pub(crate) fn offsets(&self, source: Node, reader: Node) -> [f32; 3] {
         let along = |source: u16, reader: u16, d: usize| {
-            offset(f64::from(i32::from(source) - i32::from(reader)) / self.extents[d], self.scale)
+            offset(f64::from(i32::from(source) - i32::from(reader)) / self.extents[d].value(), self.scale)
         };
-        let t = offset((source.t - reader.t) as f64 / self.span, self.scale);
+        let t = offset((source.t - reader.t) as f64 / self.span.value(), self.scale);
         [along(source.x, reader.x, 0), along(source.y, reader.y, 1), t]
     }
 }

@@ -9,6 +9,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod divisor;
 mod panel;
 mod planar;
 mod portable;
@@ -16,6 +17,7 @@ mod portable;
 mod registers;
 mod vector;
 
+pub use divisor::Divisor;
 pub(crate) use panel::{accumulate, accumulate_in_four, accumulate_wide, prefetch};
 pub(crate) use planar::{Taps, accumulate_taps};
 pub use portable::{Portable, fused};

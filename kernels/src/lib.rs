@@ -72,7 +72,7 @@ pub use frames::{
     average_pool, global_average, max_pool_2x2,
 };
 pub use graph::{GraphRow, Neighbour, attribute, offset};
-pub use isa::{Exponent, Isa, Portable, Simd, Task, Vector, fused};
+pub use isa::{Divisor, Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use maximum::{add, clear_negative_zero, is_nan, maximum, same_bits};

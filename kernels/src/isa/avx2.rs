@@ -44,6 +44,7 @@ impl Simd for Avx2 {
     type V8 = F32x8;
     type V16 = [F32x8; 2];
     const WIDE: bool = false;
+    const FUSED: bool = true;
 
     #[inline(always)]
     fn apart<T: Task>(self, task: T) -> T::Output {

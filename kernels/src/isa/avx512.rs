@@ -50,6 +50,7 @@ impl Simd for Avx512 {
     type V8 = F32x8;
     type V16 = F32x16;
     const WIDE: bool = true;
+    const FUSED: bool = true;
 
     #[inline(always)]
     fn apart<T: Task>(self, task: T) -> T::Output {

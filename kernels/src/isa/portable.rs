@@ -11,6 +11,7 @@ impl Simd for Portable {
     type V8 = [f32; LANES];
     type V16 = [f32; 2 * LANES];
     const WIDE: bool = false;
+    const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
     #[inline(never)]
     fn apart<T: Task>(self, task: T) -> T::Output {

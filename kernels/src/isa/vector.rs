@@ -19,6 +19,8 @@ pub trait Simd: Copy {
     type V16: Exponent<Self, Memory = Wide>;
     /// Whether a `V16` is a single register (one of 32), rather than a pair (of 16).
     const WIDE: bool;
+    /// Whether a product and a sum of f64 are one instruction.
+    const FUSED: bool;
 
     /// Runs `task` as a separate function, so that its inner loop has all registers.
     fn apart<T: Task>(self, task: T) -> T::Output;
