@@ -101,7 +101,7 @@ mod tests {
             // Near a quotient with few bits, and near one that is halfway between two f64.
             let multiple = (a / b).saturating_mul(b).saturating_add(near);
             check(multiple.clamp(1 - (1 << 53), (1 << 53) - 1), b);
-            let odd = ((1 << 53) - 1 - 2 * short as i64) / b * b + near;
+            let odd = ((1 << 53) - 1 - 2 * i64::from(short)) / b * b + near;
             check(odd.clamp(1 - (1 << 53), (1 << 53) - 1), b);
         }
     }
