@@ -18,6 +18,9 @@ use crate::lanes::Wide;
 /// Values of a strip of rows, inputs and outputs.
 const STRIP: usize = 1 << 16;
 
+/// Products of an output from which on its tile takes long enough to ask for lines meanwhile. Measured.
+const LONG: usize = 64;
+
 /// Largest number of places of a kernel.
 const PLACES: usize = 9;
 
@@ -172,7 +175,12 @@ impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
             let at = self.y * source.row + first * source.pixel;
             let next = source.last + at + R * source.pixel;
             for (t, start) in source.starts[..source.runs].iter().enumerate() {
-                for r in R * t / source.runs..R * (t + 1) / source.runs {
+                let share = if self.packed.rows < LONG {
+                    0..0
+                } else {
+                    R * t / source.runs..R * (t + 1) / source.runs
+                };
+                for r in share {
                     let next = next + r * source.pixel;
                     prefetch(source.values.get(next..next + source.channels).unwrap_or_default());
                     let out = (first + r) / unit * self.pixel + self.block * BLOCK;
