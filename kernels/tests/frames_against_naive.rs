@@ -210,6 +210,40 @@ proptest! {
     }
 }
 
+/// Several strips of rows, and three blocks of outputs that pass over each of them.
+#[test]
+fn a_convolution_of_many_strips_is_the_same_bits_as_its_scalar_twin() {
+    let number = |i: usize| ((i * 7919) % 1009) as f32 / 500.0 - 1.0;
+    let (size, inputs, outputs) = ([9, 303], vec![17, 2], 41);
+    let image = |c: usize| Image::new([size[0], size[1], c], |y, x, i| number((y * size[1] + x) * c + i));
+    let images = [image(17), image(2)];
+    let weight = (0..outputs * 19 * 9).map(|i| number(i * i)).collect();
+    let parts = ConvParts { inputs, outputs, weight, relu: true, ..ConvParts::default() };
+    let (maps, conv) = (maps(&images, false), Conv3x3::new(&parts).unwrap());
+    let views = views(&images, &maps);
+    let expected = naive::conv(&parts, 3, &images);
+    let region = Region { y: 2, x: 5, height: 7, width: 290 };
+    check(&expected, region, |isa, region, out| conv.run(isa, &views, region, out)).unwrap();
+    let (pooled, mut scratch) = (PooledConv3x3::new(conv.clone()), PooledScratch::default());
+    let region = Region { y: 1, x: 3, height: 3, width: 147 };
+    let run = |isa: Isa, region: Region, out: Band<'_>| pooled.run(isa, &views, region, out, &mut scratch);
+    check(&naive::max_pool_2x2(&expected), region, run).unwrap();
+}
+
+#[test]
+fn a_global_average_of_any_number_of_channels_is_the_same_bits_as_its_scalar_twin() {
+    for channels in [16, 17, 33, 48, 49, 64, 65, 97, 130] {
+        let image =
+            Image::new([3, 5, channels], |y, x, c| ((y * 31 + x * 17 + c * 7) % 23) as f32 / 3.0 - 4.0);
+        let map = image.to_map(0).unwrap();
+        for isa in Isa::available() {
+            let mut got = vec![UNTOUCHED; channels];
+            global_average(isa, map.view(), &mut got).unwrap();
+            assert_eq!(bits(&got), bits(&naive::global_average(&image)), "{channels}, {}", isa.name());
+        }
+    }
+}
+
 /// More tiles than are at hand at once.
 #[test]
 fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {

@@ -91,7 +91,7 @@ impl Task for Layer<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        // A tile in which one is decided keeps its sums in memory.
+        // Decided here: a tile that decides it keeps its sums in memory instead of registers.
         if self.halves.is_some() {
             self.strips::<S, true>(simd);
         } else {
@@ -130,7 +130,6 @@ impl Layer<'_> {
         rows: Range<usize>,
     ) {
         for y in rows {
-            let unit = if POOL { 2 } else { 1 };
             let mut row = Row::<S, B, POOL> {
                 simd,
                 packed: self.packed,
@@ -138,11 +137,11 @@ impl Layer<'_> {
                 block,
                 sources: &self.sources,
                 y,
-                out: &mut self.target.values[y / unit * self.target.row..],
+                out: &mut self.target.values[y / Row::<S, B, POOL>::UNIT * self.target.row..],
                 pixel: self.target.pixel,
                 halves: self.halves.as_deref_mut().unwrap_or_default(),
             };
-            in_tiles::<S>(self.columns, unit, &mut row);
+            in_tiles::<S>(self.columns, Row::<S, B, POOL>::UNIT, &mut row);
         }
     }
 }
@@ -169,7 +168,6 @@ impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
             *bias = S::V16::load(simd, &self.packed.bias[self.block + b]);
         }
         let mut acc = [bias; R];
-        let unit = if POOL { 2 } else { 1 };
         let mut row = 0;
         for source in self.sources.iter().flatten() {
             let at = self.y * source.row + first * source.pixel;
@@ -183,7 +181,7 @@ impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
                 for r in share {
                     let next = next + r * source.pixel;
                     prefetch(source.values.get(next..next + source.channels).unwrap_or_default());
-                    let out = (first + r) / unit * self.pixel + self.block * BLOCK;
+                    let out = (first + r) / Self::UNIT * self.pixel + self.block * BLOCK;
                     prefetch(self.out.get(out..out + B * BLOCK).unwrap_or_default());
                 }
                 let weights = self.weights.map(|w| &w[row..][..source.count]);
@@ -209,6 +207,9 @@ impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
 }
 
 impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
+    /// Rows, and columns, that become one.
+    const UNIT: usize = if POOL { 2 } else { 1 };
+
     /// The output of a sum.
     #[inline(always)]
     fn output(&self, sum: S::V16) -> S::V16 {

@@ -118,24 +118,22 @@ impl Task for Global<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let mut first = 0;
-        // As many channels at once as there are, up to four registers: a large map is then read once.
-        while self.out.len() > first + 3 * WIDE {
-            self.sum::<S, 4>(simd, &mut first);
-        }
-        while self.out.len() > first + WIDE {
-            self.sum::<S, 2>(simd, &mut first);
-        }
-        while self.out.len() > first {
-            self.sum::<S, 1>(simd, &mut first);
+        // Up to four registers of channels at once: a large map is then read once.
+        for first in (0..self.out.len()).step_by(4 * WIDE) {
+            match (self.out.len() - first).div_ceil(WIDE) {
+                1 => self.sum::<S, 1>(simd, first),
+                2 => self.sum::<S, 2>(simd, first),
+                3 => self.sum::<S, 3>(simd, first),
+                _ => self.sum::<S, 4>(simd, first),
+            }
         }
     }
 }
 
 impl Global<'_> {
-    /// The averages of B registers of channels from `first` on, which moves behind them.
+    /// The averages of B registers of channels from `first` on.
     #[inline(always)]
-    fn sum<S: Simd, const B: usize>(&mut self, simd: S, first: &mut usize) {
+    fn sum<S: Simd, const B: usize>(&mut self, simd: S, first: usize) {
         let input = self.input;
         let [height, width, channels] = input.size();
         let zero = S::V16::splat(simd, 0.0);
@@ -143,7 +141,7 @@ impl Global<'_> {
         for y in 0..height {
             let mut row = [zero; B];
             for x in 0..width {
-                let pixel = &input.values[input.shape.pixel(y, x) + input.first + *first..];
+                let pixel = &input.values[input.shape.pixel(y, x) + input.first + first..];
                 for (b, sum) in row.iter_mut().enumerate() {
                     *sum = sum.add(S::V16::load_slice(simd, &pixel[b * WIDE..]));
                 }
@@ -153,9 +151,9 @@ impl Global<'_> {
             }
         }
         let scale = S::V16::splat(simd, inverse(height * width));
-        for sum in total {
-            store_some(sum.mul(scale), &mut self.out[*first..channels.min(*first + WIDE)]);
-            *first += WIDE;
+        for (b, sum) in total.into_iter().enumerate() {
+            let first = first + b * WIDE;
+            store_some(sum.mul(scale), &mut self.out[first..channels.min(first + WIDE)]);
         }
     }
 }

@@ -54,20 +54,6 @@ pub(crate) fn accumulate<
     *acc = sums;
 }
 
-/// Asks for `values` to be brought into the first cache, which takes no time of its own if little is asked for at once.
-/// Does nothing on targets without such an instruction.
-#[inline(always)]
-pub(crate) fn prefetch(values: &[f32]) {
-    #[cfg(target_arch = "x86_64")]
-    for line in values.chunks(WIDE) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: the instruction is in the baseline, and changes nothing but caches.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = values;
-}
-
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16] weights(b, k), each
 /// product rounded once with the sum. The distance between rows is constant and thus part of the instructions, so that
 /// addresses need no registers.
