@@ -37,6 +37,7 @@ proptest! {
             Just(Convolution::Direct),
             Just(Convolution::Winograd(WinogradTile::Two)),
             Just(Convolution::Winograd(WinogradTile::Four)),
+            Just(Convolution::Kn2row),
         ],
         sparse in any::<bool>(),
         every in 1usize..3,

@@ -98,6 +98,7 @@ proptest! {
             Just(Convolution::Direct),
             Just(Convolution::Winograd(WinogradTile::Two)),
             Just(Convolution::Winograd(WinogradTile::Four)),
+            Just(Convolution::Kn2row),
         ],
         seed in any::<u64>(),
     ) {

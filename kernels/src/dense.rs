@@ -257,7 +257,8 @@ fn dots<S: Simd, const O: usize>(
     let whole = inputs.len() / STEP * STEP;
     let mut i = 0;
     while i < whole {
-        let x = [0, 1].map(|half| S::V16::load_slice(simd, &inputs[i + half * 2 * LANES..]));
+        // Not `map`: the compiler may call its closure once for each element.
+        let x = [S::V16::load_slice(simd, &inputs[i..]), S::V16::load_slice(simd, &inputs[i + 2 * LANES..])];
         if x[0].differs(zero) | x[1].differs(zero) != 0 {
             for (half, x) in x.into_iter().enumerate() {
                 for (acc, weight) in acc.iter_mut().zip(weight) {

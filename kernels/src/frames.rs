@@ -5,6 +5,7 @@
 
 mod conv;
 mod feature_map;
+mod kn2row;
 mod layer;
 mod pool;
 mod pooled_conv;
@@ -17,6 +18,7 @@ mod winograd;
 
 pub use conv::{Conv1x1, Conv3x3, DirectConv, TransposedConv2x2};
 pub use feature_map::FeatureMap;
+pub use kn2row::{Kn2rowConv3x3, Kn2rowScratch};
 pub use pool::{average_pool, global_average, max_pool_2x2};
 pub use pooled_conv::{PooledConv3x3, PooledScratch};
 pub use shape::Region;

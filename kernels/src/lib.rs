@@ -10,7 +10,7 @@
 //! | [`SplineConv`] | rows of a spline convolution over in-edges ([`Neighbour`]), with ELU, batch norm and skip |
 //! | [`PointNetConv`] | rows of a PointNet convolution over in-edges, with ReLU, batch norm and skip |
 //! | [`Dense`], [`Lstm`] | a dense layer; a step of an LSTM |
-//! | [`Conv3x3`], [`WinogradConv3x3`], [`PlanarConv3x3`], [`TransposedConv2x2`] | convolutions of images |
+//! | [`Conv3x3`], [`WinogradConv3x3`], [`Kn2rowConv3x3`], [`PlanarConv3x3`], [`TransposedConv2x2`] | convolutions of images |
 //! | [`PlanarConvLstm`] | a step of a convolutional LSTM, with peepholes |
 //! | [`exp`], [`tanh`], [`sigmoid`], [`elu`] | elementary functions, each with a stated largest error ([`Elementary::bound`]) |
 //! | [`Isa`] | the instruction set that kernels run on; no result depends on it |
@@ -67,9 +67,9 @@ pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
 pub use elementwise::Elementary;
 pub use error::KernelError;
 pub use frames::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, DirectConv, FeatureMap, PooledConv3x3, PooledScratch,
-    Region, SqueezeExcite, SqueezeScratch, TransposedConv2x2, View, WinogradConv3x3, WinogradTile,
-    average_pool, global_average, max_pool_2x2,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, DirectConv, FeatureMap, Kn2rowConv3x3, Kn2rowScratch,
+    PooledConv3x3, PooledScratch, Region, SqueezeExcite, SqueezeScratch, TransposedConv2x2, View,
+    WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
 };
 pub use graph::{GraphRow, Neighbour, attribute, offset};
 pub use isa::{Divisor, Exponent, Isa, Portable, Simd, Task, Vector, fused};

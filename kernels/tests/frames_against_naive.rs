@@ -2,8 +2,8 @@
 
 use meissner_kernels::naive::frames::{self as naive, Image};
 use meissner_kernels::{
-    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, PooledConv3x3,
-    PooledScratch, Region,
+    Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Kn2rowConv3x3,
+    Kn2rowScratch, PooledConv3x3, PooledScratch, Region,
 };
 use meissner_kernels::{TransposedConv2x2, View, WinogradConv3x3, WinogradTile};
 use meissner_kernels::{average_pool, global_average, max_pool_2x2};
@@ -265,6 +265,40 @@ fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
 }
 
 proptest! {
+    /// The products of an image, of which then some pixels change.
+    #[test]
+    fn products_that_are_kept_give_the_same_bits_as_their_scalar_twin(
+        (parts, images) in case(9, 9),
+        moved in proptest::collection::vec((any::<prop::sample::Index>(), -2.0f32..2.0), 0..40),
+        at in fractions(),
+    ) {
+        let channels = parts.inputs[0];
+        let weight = parts.weight[..9 * channels * parts.outputs].to_vec();
+        let parts = ConvParts { inputs: vec![channels], weight, ..parts };
+        let conv = Kn2rowConv3x3::new(&parts).unwrap();
+        let mut image = images[0].clone();
+        let [height, width] = [image.height, image.width];
+        let mut scratch = Kn2rowScratch::default();
+        let mut products = FeatureMap::zeros(height, width, conv.products(), 1).unwrap();
+        let mut pixels: Vec<usize> = (0..height * width).collect();
+        for round in 0..2 {
+            let (map, before) = (image.to_map(round).unwrap(), products.clone());
+            for isa in Isa::available() {
+                products = before.clone();
+                let changed = pixels.iter().map(|&p| [p / width, p % width]);
+                conv.update(isa, map.view(), changed, &mut products, &mut scratch).unwrap();
+                let expected = naive::kn2row(&parts, &image);
+                let region = part(height, width, 1, at);
+                let products = products.view();
+                check(&expected, region, |isa, region, out| conv.sum(isa, products, region, out))?;
+            }
+            pixels = moved.iter().map(|(at, _)| at.index(height * width)).collect();
+            for (&pixel, &(_, value)) in pixels.iter().zip(&moved) {
+                image.values[pixel * channels..][..channels].fill(value);
+            }
+        }
+    }
+
     #[test]
     fn a_pooled_convolution_is_the_same_bits_as_one_after_the_other((parts, images) in case(9, 30), at in fractions()) {
         if images[0].height < 2 || images[0].width < 2 {

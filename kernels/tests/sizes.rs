@@ -1,9 +1,9 @@
 //! Sizes that no tensor has are refused like any other that does not fit, and do not overflow.
 
 use meissner_kernels::{
-    Activation, Conv1x1, Conv3x3, ConvParts, Dense, FeatureMap, KernelError, Lstm, LstmParts, Matrix,
-    PlanarConv3x3, PlanarConvLstm, Planes, PointNetConv, PointNetParts, SplineConv, SplineParts, Squash,
-    SqueezeExcite, TileRegion, TransposedConv2x2, WinogradConv3x3, WinogradTile, planar_average_pool,
+    Activation, Conv1x1, Conv3x3, ConvParts, Dense, FeatureMap, KernelError, Kn2rowConv3x3, Lstm, LstmParts,
+    Matrix, PlanarConv3x3, PlanarConvLstm, Planes, PointNetConv, PointNetParts, SplineConv, SplineParts,
+    Squash, SqueezeExcite, TileRegion, TransposedConv2x2, WinogradConv3x3, WinogradTile, planar_average_pool,
     pointnet_multiply_adds, spline_multiply_adds,
 };
 
@@ -56,6 +56,7 @@ fn convolutions_of_sizes_that_no_tensor_has_are_refused() {
                 assert!(refused(Conv1x1::new(&parts)), "{inputs:?} -> {outputs}");
                 assert!(refused(TransposedConv2x2::new(&parts)), "{inputs:?} -> {outputs}");
                 assert!(refused(WinogradConv3x3::new(&parts, WinogradTile::Two)), "{inputs:?} -> {outputs}");
+                assert!(refused(Kn2rowConv3x3::new(&parts)), "{inputs:?} -> {outputs}");
             }
         }
         for channels in [[a, a], [a, 0], [1, a], [a, 1]] {

@@ -186,9 +186,11 @@ impl NetworkShape {
             let outputs = self.dense.last().copied().unwrap_or(1);
             frame_networks::head(image, convolved, outputs, random.bits())
         });
+        // Heads of descriptions keep their products; every third of these does not.
+        let convolution = if self.seed.is_multiple_of(3) { Convolution::Direct } else { Convolution::Kn2row };
         let head = head_parts
             .clone()
-            .map(|parts| Arc::new(FrameNetwork::new(parts, Convolution::Direct).expect("the layers fit")));
+            .map(|parts| Arc::new(FrameNetwork::new(parts, convolution).expect("the layers fit")));
         let mut dense = Vec::new();
         for (i, &outputs) in self.dense.iter().enumerate().filter(|_| head.is_none()) {
             let weight = random.values(segments * inputs * outputs, 0.5);

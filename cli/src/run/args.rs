@@ -163,6 +163,7 @@ const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
     ("direct", "Multiply and add, pixel by pixel", Convolution::Direct),
     ("winograd2", "Winograd's filtering of 2 x 2 pixels", Convolution::Winograd(WinogradTile::Two)),
     ("winograd4", "Winograd's filtering of 4 x 4 pixels", Convolution::Winograd(WinogradTile::Four)),
+    ("kn2row", "Keep the products of each pixel, for frames that change little", Convolution::Kn2row),
 ];
 
 impl FrameArgs {
@@ -254,6 +255,7 @@ impl RunArgs {
             Convolution::Direct => "",
             Convolution::Winograd(WinogradTile::Two) => ", convolves by Winograd 2 x 2 (an approximation)",
             Convolution::Winograd(WinogradTile::Four) => ", convolves by Winograd 4 x 4 (an approximation)",
+            Convolution::Kn2row => ", keeps the products of each pixel",
         };
         let threads = if options.two_threads { ", two threads" } else { "" };
         format!("{skip}{way}{threads}")

@@ -64,7 +64,7 @@ impl FrameNetwork {
     /// Bytes of the working space that all layers share, and of the prediction.
     fn scratch_bytes(&self, options: FrameOptions) -> u128 {
         let marks = self.values.iter().map(|value| of_changes(value.shape)).max().unwrap_or(0);
-        let mut parts = [0; 6];
+        let mut parts = [0; 7];
         for (unit, value) in self.units.iter().zip(&self.values[1..]) {
             let needed = of_scratch(unit, self.read_by(unit), value.shape, options);
             parts.iter_mut().zip(needed).for_each(|(part, needed)| *part = needed.max(*part));
@@ -76,21 +76,22 @@ impl FrameNetwork {
 }
 
 /// Bytes of each part of the working space of a layer.
-fn of_scratch(unit: &Unit, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 6] {
+fn of_scratch(unit: &Unit, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 7] {
     let ([_, height, width], [.., read]) = (to.sides(), from.sides());
     match &unit.kernel {
         Kernel::Winograd(conv) => {
             let [patch, inputs, sums] = conv.scratch_bytes(height, width);
-            [patch, inputs, sums, 0, 0, 0]
+            [patch, inputs, sums, 0, 0, 0, 0]
         }
         Kernel::PooledConv(_) => {
             let threads = if options.two_threads { 2 } else { 1 };
-            [0, 0, 0, threads * PooledConv3x3::scratch_bytes(width), 0, 0]
+            [0, 0, 0, threads * PooledConv3x3::scratch_bytes(width), 0, 0, 0]
         }
-        Kernel::SqueezeExcite(squeeze) => [0, 0, 0, 0, squeeze.scratch_bytes(), 0],
-        Kernel::Sum => [0, 0, 0, 0, 0, of_values(from.values())],
-        Kernel::AveragePool(_) => [0, 0, 0, 0, 0, of_values(read)],
-        _ => [0; 6],
+        Kernel::SqueezeExcite(squeeze) => [0, 0, 0, 0, squeeze.scratch_bytes(), 0, 0],
+        Kernel::Sum => [0, 0, 0, 0, 0, of_values(from.values()), 0],
+        Kernel::AveragePool(_) => [0, 0, 0, 0, 0, of_values(read), 0],
+        Kernel::Kn2row(conv) => [0, 0, 0, 0, 0, 0, conv.scratch_bytes(height * width)],
+        _ => [0; 7],
     }
 }
 
@@ -117,6 +118,9 @@ fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
             of_values(height * width * lstm.hidden) + FeatureMap::bytes_of(height, width, 4 * lstm.hidden, 0)
         }
         (Kernel::Delay(frames), from) => of_values(frames * from.values()),
+        (Kernel::Kn2row(conv), FrameShape::Image { height, width, .. }) => {
+            FeatureMap::bytes_of(height, width, conv.products(), 1)
+        }
         _ => 0,
     }
 }
@@ -138,7 +142,7 @@ fn of_changes(shape: FrameShape) -> u128 {
 fn of_block(unit: &Unit, to: FrameShape) -> usize {
     let (rows, rectangle) = match &unit.kernel {
         Kernel::PlanarConv(_) | Kernel::Winograd(_) => (4, 0),
-        Kernel::Conv3(_) | Kernel::PooledConv(_) => (2, RECTANGLE),
+        Kernel::Conv3(_) | Kernel::PooledConv(_) | Kernel::Kn2row(_) => (2, RECTANGLE),
         Kernel::Conv1(_) | Kernel::UpConv(_) | Kernel::MaxPool | Kernel::AveragePool(_) => (2, 0),
         _ => return 0,
     };

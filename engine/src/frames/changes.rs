@@ -1,5 +1,7 @@
 //! Changed pixels of a map, as bits, and their propagation from one layer to the next.
 
+use std::iter;
+
 use meissner_kernels::Region;
 
 use super::network::FrameShape;
@@ -207,13 +209,16 @@ impl Changes {
 
     /// Calls `visit` with row and column of each marked pixel.
     pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, usize)) {
-        for (at, &word) in self.bits.iter().enumerate() {
-            let mut rest = word;
-            while rest != 0 {
-                visit(at / self.words, at % self.words * WORD + rest.trailing_zeros() as usize);
-                rest &= rest - 1;
-            }
-        }
+        self.pixels().for_each(|[y, x]| visit(y, x));
+    }
+
+    /// Row and column of each marked pixel, in order.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.bits.iter().enumerate().flat_map(move |(at, &word)| {
+            let rests = iter::successors(Some(word), |rest| Some(rest & rest.wrapping_sub(1)));
+            let marks = rests.take_while(|&rest| rest != 0);
+            marks.map(move |rest| [at / self.words, at % self.words * WORD + rest.trailing_zeros() as usize])
+        })
     }
 
     /// Calls `visit` with regions that cover every marked pixel. They consist of whole blocks of `rows` x `columns`

@@ -3,8 +3,8 @@
 use std::iter;
 
 use meissner_kernels::{
-    Activation, Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Lstm, LstmParts, PlanarConv3x3,
-    PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
+    Activation, Conv1x1, Conv3x3, ConvParts, Dense, KernelError, Kn2rowConv3x3, Lstm, LstmParts,
+    PlanarConv3x3, PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
 };
 
 use super::fingerprint;
@@ -66,6 +66,7 @@ pub(super) enum Kernel {
     /// Fused with the following maximum over 2 x 2 pixels; the pooling layer itself only passes on changes.
     PooledConv(Box<PooledConv3x3>),
     Winograd(Box<WinogradConv3x3>),
+    Kn2row(Box<Kn2rowConv3x3>),
     Conv1(Box<Conv1x1>),
     UpConv(Box<TransposedConv2x2>),
     PlanarConv(Box<PlanarConv3x3>),
@@ -280,15 +281,17 @@ fn kernel(
         Kind::Conv { kernel, channels: outputs, weight, bias, relu } => {
             let parts = conv(vec![channels], *outputs, weight, bias.as_deref(), *relu);
             let each = (kernel * kernel * channels * outputs) as u64;
-            if let (3, Convolution::Winograd(tile)) = (*kernel, convolution) {
-                let conv = WinogradConv3x3::new(&parts, tile).map_err(refused)?;
-                (Kernel::Winograd(Box::new(conv)), each)
-            } else if *kernel == 3 {
-                (Kernel::Conv3(Box::new(Conv3x3::new(&parts).map_err(refused)?)), each)
-            } else {
-                let conv = Conv1x1::new(&parts).map_err(refused)?;
-                (Kernel::Conv1(Box::new(conv)), each)
-            }
+            let kernel = match (*kernel, convolution) {
+                (3, Convolution::Winograd(tile)) => {
+                    Kernel::Winograd(Box::new(WinogradConv3x3::new(&parts, tile).map_err(refused)?))
+                }
+                (3, Convolution::Kn2row) if *outputs <= Kn2rowConv3x3::MOST_OUTPUTS => {
+                    Kernel::Kn2row(Box::new(Kn2rowConv3x3::new(&parts).map_err(refused)?))
+                }
+                (3, _) => Kernel::Conv3(Box::new(Conv3x3::new(&parts).map_err(refused)?)),
+                _ => Kernel::Conv1(Box::new(Conv1x1::new(&parts).map_err(refused)?)),
+            };
+            (kernel, each)
         }
         Kind::UpConv { channels: outputs, weight, bias } => {
             let conv =

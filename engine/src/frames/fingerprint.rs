@@ -15,6 +15,7 @@ pub(super) fn of(name: &str, input: FrameShape, layers: &[FrameLayer], convoluti
     });
     to.word(match convolution {
         Convolution::Direct => 0,
+        Convolution::Kn2row => 1,
         Convolution::Winograd(WinogradTile::Two) => 2,
         Convolution::Winograd(WinogradTile::Four) => 4,
     });

@@ -1,9 +1,9 @@
 //! Execution of one layer: its inputs, its memory, its output.
 
 use meissner_kernels::{
-    Band, ConvScratch, FeatureMap, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState, Planes,
-    PooledScratch, Region, SqueezeScratch, TileRegion, average_pool, global_average, lstm_update_rows,
-    max_pool_2x2, planar_average_pool, planar_max_pool,
+    Band, ConvScratch, FeatureMap, Kn2rowScratch, LANES, LstmState, Matrix, Occupancy, PlanarConvLstmState,
+    Planes, PooledScratch, Region, SqueezeScratch, TileRegion, average_pool, global_average,
+    lstm_update_rows, max_pool_2x2, planar_average_pool, planar_max_pool,
 };
 
 use super::buffer::Buffer;
@@ -26,6 +26,7 @@ pub(super) enum Memory {
     PlanarConvLstm(PlanarConvLstmState, Occupancy),
     /// The last vectors, oldest first.
     Delay(Vec<f32>),
+    Products(KeptProducts),
 }
 
 /// Cells of a [`ConvLstm`]; its hidden state is the layer's output.
@@ -35,6 +36,14 @@ pub(super) struct MapState {
     pub(super) new: bool,
     pub(super) cell: Vec<f32>,
     gates: FeatureMap,
+}
+
+/// Products of a convolution's input: they depend on the stored input alone, and are no state.
+#[derive(Clone, Debug)]
+pub(super) struct KeptProducts {
+    /// Whether none of them is known.
+    pub(super) stale: bool,
+    map: FeatureMap,
 }
 
 impl Memory {
@@ -51,17 +60,22 @@ impl Memory {
                 gates: FeatureMap::zeros(height, width, 4 * lstm.hidden, 0).expect(FITS),
             }),
             (Kernel::Delay(frames), shape) => Self::Delay(vec![0.0; frames * shape.values()]),
+            (Kernel::Kn2row(conv), FrameShape::Image { height, width, .. }) => Self::Products(KeptProducts {
+                stale: true,
+                map: FeatureMap::zeros(height, width, conv.products(), 1).expect(FITS),
+            }),
             _ => Self::Nothing,
         }
     }
 
-    pub(super) fn is_some(&self) -> bool {
-        !matches!(self, Self::Nothing)
+    /// Whether the layer's output depends on earlier inputs.
+    pub(super) fn is_state(&self) -> bool {
+        !matches!(self, Self::Nothing | Self::Products(_))
     }
 
     pub(super) fn reset(&mut self) {
         match self {
-            Self::Nothing => {}
+            Self::Nothing | Self::Products(_) => {}
             Self::Lstm(state) => state.reset(),
             Self::PlanarConvLstm(state, _) => state.reset(),
             Self::ConvLstm(state) => {
@@ -77,6 +91,7 @@ impl Memory {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     conv: ConvScratch,
+    kn2row: Kn2rowScratch,
     /// One per thread.
     pooled: [PooledScratch; 2],
     squeeze: SqueezeScratch,
@@ -116,6 +131,7 @@ impl Run<'_> {
         match &self.unit.kernel {
             Kernel::Conv3(_)
             | Kernel::Winograd(_)
+            | Kernel::Kn2row(_)
             | Kernel::Conv1(_)
             | Kernel::UpConv(_)
             | Kernel::PlanarConv(_)
@@ -146,9 +162,16 @@ impl Run<'_> {
     /// Runs a layer with a small receptive field over maps with channels last.
     fn map(self, out: &mut FeatureMap, changed: &mut Changes) -> bool {
         let (tolerance, [channels, height, width]) = (self.tolerance(), self.to.shape.sides());
-        let Self { unit, options, input, from, to, pending, background, scratch, counters, .. } = self;
+        let Self { unit, options, input, from, to, pending, background, memory, scratch, counters, .. } =
+            self;
         let Scratch {
-            conv: conv_scratch, pooled: pooled_scratch, patch: patch_scratch, dirty, tiles, ..
+            conv: conv_scratch,
+            kn2row: kn2row_scratch,
+            pooled: pooled_scratch,
+            patch: patch_scratch,
+            dirty,
+            tiles,
+            ..
         } = scratch;
         let read = match (&unit.kernel, from.shape) {
             (Kernel::PooledConv(conv), _) => conv.reads(),
@@ -157,6 +180,17 @@ impl Run<'_> {
         };
         let view = input.map().view().channels(from.first, read).expect(FITS);
         let isa = options.isa;
+        let all = options.skip == Skip::Nothing;
+        let mut products = None;
+        if let (Kernel::Kn2row(conv), Memory::Products(KeptProducts { stale, map })) = (&unit.kernel, memory)
+        {
+            dirty.clone_from(&pending.pixels);
+            if std::mem::take(stale) || all {
+                dirty.set_all();
+            }
+            conv.update(isa, view, dirty.pixels(), map, kn2row_scratch).expect(FITS);
+            products = Some(map.view());
+        }
         let compute = |pixels: &mut MapPixels<'_>, region: Region| {
             let MapPixels { map, first, channels } = pixels;
             let band = map.band().channels(*first, *channels).expect(FITS);
@@ -179,6 +213,7 @@ impl Run<'_> {
                     }
                 }
                 Kernel::Winograd(conv) => conv.run(isa, &[view], region, band, conv_scratch),
+                Kernel::Kn2row(conv) => conv.sum(isa, products.expect(FITS), region, band),
                 Kernel::Conv1(conv) => conv.run(isa, &[view], region, band),
                 Kernel::UpConv(conv) => {
                     // Blocks have even sides, and so has a doubled map.
@@ -192,7 +227,6 @@ impl Run<'_> {
             }
             .expect(FITS);
         };
-        let all = options.skip == Skip::Nothing;
         if !all {
             dirty.become_none([height, width]);
             spread(&unit.kernel, &pending.pixels, dirty, tiles);
@@ -205,7 +239,7 @@ impl Run<'_> {
             // Small, because a call costs little; even, for the 2 x 2 outputs of a transposed convolution; tiles for
             // Winograd.
             block: if matches!(unit.kernel, Kernel::Winograd(_)) { [4, 8] } else { [2, 2] },
-            rectangles: matches!(unit.kernel, Kernel::Conv3(_) | Kernel::PooledConv(_)),
+            rectangles: matches!(unit.kernel, Kernel::Conv3(_) | Kernel::PooledConv(_) | Kernel::Kn2row(_)),
         };
         let mut pixels = MapPixels { map: out, first: to.first, channels };
         patch.apply(&mut pixels, patch_scratch, changed, counters, compute);
@@ -373,7 +407,7 @@ fn split(region: Region) -> (Region, Region) {
 /// Propagates the marks `from` through a kernel into `to`; `scratch` is overwritten.
 pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch: &mut Changes) {
     match kernel {
-        Kernel::Conv3(_) | Kernel::PlanarConv(_) => to.spread_of(from),
+        Kernel::Conv3(_) | Kernel::Kn2row(_) | Kernel::PlanarConv(_) => to.spread_of(from),
         // The rounding of an output depends on the whole input of its tile.
         Kernel::Winograd(conv) => {
             to.spread_of(from);

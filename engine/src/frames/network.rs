@@ -180,4 +180,8 @@ pub enum Convolution {
     Direct,
     /// Winograd's minimal filtering: fewer products with different rounding, hence an approximation.
     Winograd(WinogradTile),
+    /// Nine products of each input pixel, which are kept, and their sums: as exact as [`Self::Direct`], in another order of
+    /// additions. Fewer products where few pixels change, more memory. Layers with more than
+    /// [`Kn2rowConv3x3::MOST_OUTPUTS`](meissner_kernels::Kn2rowConv3x3::MOST_OUTPUTS) channels are computed directly.
+    Kn2row,
 }

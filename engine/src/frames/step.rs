@@ -61,7 +61,7 @@ impl Background {
         state.predict(network, whole);
         let mut stateful = vec![false; network.values.len()];
         for (i, unit) in network.units.iter().enumerate() {
-            stateful[i + 1] = state.memories[i].is_some() || unit.reads().any(|read| stateful[read]);
+            stateful[i + 1] = state.memories[i].is_state() || unit.reads().any(|read| stateful[read]);
         }
         let reached = |(value, &stateful): (&super::compile::Value, &bool)| {
             (!stateful && matches!(value.shape, FrameShape::Image { .. })).then(|| Changes::of(value.shape))
@@ -166,7 +166,7 @@ impl State {
     pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
         for i in 0..network.units.len() {
             // Before the first frame, no state has made a step, and the inputs of states have not run either.
-            let waits = self.frames == 0 && !self.memories[i].is_some();
+            let waits = self.frames == 0 && !self.memories[i].is_state();
             if !network.units[i].eager || waits {
                 self.run(network, options, i);
             }
@@ -184,7 +184,7 @@ impl State {
         let unit = &network.units[i];
         let value = network.values[i + 1];
         let pending = &mut self.pending[i];
-        let keeps_state = self.memories[i].is_some();
+        let keeps_state = self.memories[i].is_state();
         if !pending.any && !keeps_state && options.skip != Skip::Nothing {
             self.counters.layers[i].skipped += value.shape.pixels();
             return;
@@ -262,7 +262,7 @@ impl State {
         let compares = matches!(options.skip, Skip::Tolerance(_));
         // As before the first frame, the outputs of layers with a state, and the frame itself, are zeros.
         for (i, value) in network.values.iter().enumerate() {
-            if i == 0 || compares || self.memories[i - 1].is_some() {
+            if i == 0 || compares || self.memories[i - 1].is_state() {
                 self.changed.become_none(value.shape.marks());
                 self.buffers[value.buffer].clear();
                 self.changed.set_all();

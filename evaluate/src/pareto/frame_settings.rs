@@ -81,6 +81,7 @@ impl FrameSetting {
             Convolution::Direct => {}
             Convolution::Winograd(WinogradTile::Two) => names.push("winograd 2x2".to_owned()),
             Convolution::Winograd(WinogradTile::Four) => names.push("winograd 4x4".to_owned()),
+            Convolution::Kn2row => names.push("kn2row".to_owned()),
         }
         match self.thinning {
             Thinning::None => {}

@@ -70,6 +70,12 @@ impl ConvParts {
         (self.scale(o) * bias + shift) as f32
     }
 
+    /// The biases of all blocks of outputs after the batch norm; the last block is padded with zeros.
+    pub(super) fn biases(&self) -> Vec<Wide> {
+        let blocks = 0..self.outputs.div_ceil(BLOCK);
+        blocks.map(|block| wide(self.outputs, block, |o| self.offset(o))).collect()
+    }
+
     /// Weight of input channel `i` at `place` for output `o` after the batch norm.
     pub(super) fn weight(&self, layout: Layout, places: usize, of: [usize; 3]) -> f32 {
         self.weight_f64(layout, places, of) as f32
@@ -83,6 +89,12 @@ impl ConvParts {
         };
         f64::from(self.weight[at]) * self.scale(o)
     }
+}
+
+/// The values of a block of outputs, padded with zeros.
+fn wide(outputs: usize, block: usize, value: impl Fn(usize) -> f32) -> Wide {
+    let first = block * BLOCK;
+    Wide(std::array::from_fn(|lane| if first + lane < outputs { value(first + lane) } else { 0.0 }))
 }
 
 /// Weights by blocks of outputs: all rows of the first sixteen, then of the next, and so on; the last block is padded
@@ -100,20 +112,15 @@ impl Packed {
     /// Packs the weights `weight(row, o)`.
     pub(super) fn new(parts: &ConvParts, rows: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
         let outputs = parts.outputs;
-        let blocks = outputs.div_ceil(BLOCK);
-        let wide = |block: usize, value: &dyn Fn(usize) -> f32| {
-            let o = |lane: usize| block * BLOCK + lane;
-            Wide(std::array::from_fn(|lane| if o(lane) < outputs { value(o(lane)) } else { 0.0 }))
-        };
         let row = |block: usize| {
-            let (wide, weight) = (&wide, &weight);
-            (0..rows).map(move |row| wide(block, &|o| weight(row, o)))
+            let weight = &weight;
+            (0..rows).map(move |row| wide(outputs, block, |o| weight(row, o)))
         };
         Self {
             rows,
             outputs,
-            weight: (0..blocks).flat_map(row).collect(),
-            bias: (0..blocks).map(|block| wide(block, &|o| parts.offset(o))).collect(),
+            weight: (0..outputs.div_ceil(BLOCK)).flat_map(row).collect(),
+            bias: parts.biases(),
             relu: parts.relu,
         }
     }

@@ -84,6 +84,24 @@ pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
     })
 }
 
+/// A 3 x 3 convolution of one image whose products are summed for each place of the kernel, and then over the places.
+pub fn kn2row(parts: &ConvParts, image: &Image) -> Image {
+    Image::new([image.height, image.width, parts.outputs], |y, x, o| {
+        let mut sum = bias(parts, o);
+        for place in 0..9 {
+            let (y, x) = ((y + place / 3) as isize - 1, (x + place % 3) as isize - 1);
+            let mut products = 0.0;
+            for i in 0..image.channels {
+                let weight = parts.weight[(o * image.channels + i) * 9 + place];
+                let weight = (f64::from(weight) * scale(parts, o)) as f32;
+                products = image.at(y, x, i).mul_add(weight, products);
+            }
+            sum += products;
+        }
+        finish(parts, sum)
+    })
+}
+
 /// A transposed convolution with a 2 x 2 kernel and stride 2.
 pub fn transposed(parts: &ConvParts, inputs: &[Image]) -> Image {
     Image::new([2 * inputs[0].height, 2 * inputs[0].width, parts.outputs], |y, x, o| {

@@ -97,7 +97,8 @@ impl Description {
         // The first layer of a head always reads the image.
         let Some(first) = self.head.first() else { return Ok(None) };
         let parts = FrameNetworkParts { name: self.name.clone(), input: first.input, layers };
-        Ok(Some(Arc::new(FrameNetwork::new(parts, Convolution::Direct)?)))
+        // An event changes one cell of the image.
+        Ok(Some(Arc::new(FrameNetwork::new(parts, Convolution::Kn2row)?)))
     }
 }
 

@@ -61,6 +61,7 @@ impl Run for FrameRun {
         match self.convolution {
             Convolution::Direct => format!("{}, directly", self.parts.name),
             Convolution::Winograd(tile) => format!("{}, F({1} x {1})", self.parts.name, tile.size()),
+            Convolution::Kn2row => format!("{}, kn2row", self.parts.name),
         }
     }
 

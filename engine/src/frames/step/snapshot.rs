@@ -79,7 +79,8 @@ impl State {
 impl Memory {
     fn write(&self, to: &mut Writer) {
         match self {
-            Self::Nothing => {}
+            // Products are computed again from the values.
+            Self::Nothing | Self::Products(_) => {}
             Self::Lstm(state) => {
                 to.values(state.hidden());
                 to.values(state.cell());
@@ -99,6 +100,10 @@ impl Memory {
         let what = format_args!("state of {layer:?}");
         match self {
             Self::Nothing => Ok(()),
+            Self::Products(products) => {
+                products.stale = true;
+                Ok(())
+            }
             Self::Lstm(state) => {
                 let mut both = vec![0.0; 2 * state.cell().len()];
                 from.values(what, &mut both)?;
