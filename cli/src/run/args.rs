@@ -163,7 +163,7 @@ const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
     ("direct", "Multiply and add, pixel by pixel", Convolution::Direct),
     ("winograd2", "Winograd's filtering of 2 x 2 pixels", Convolution::Winograd(WinogradTile::Two)),
     ("winograd4", "Winograd's filtering of 4 x 4 pixels", Convolution::Winograd(WinogradTile::Four)),
-    ("kn2row", "Keep the products of each pixel, for frames that change little", Convolution::Kn2row),
+    ("kn2row", "Products of a pixel are kept", Convolution::Kn2row),
 ];
 
 impl FrameArgs {
