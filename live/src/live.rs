@@ -81,12 +81,12 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let mut answer = Answer::new(Instant::now());
         answer.copy(predictor.predict()?);
         let values = answer.values.clone();
-        let QueueOptions { capacity, mut overload, batch, core } = options;
+        let QueueOptions { capacity, mut overload, batch, core, ahead } = options;
         let filters = match &mut overload {
             Overload::Filter(chain) => Some(std::mem::take(chain)),
             _ => None,
         };
-        let shared = Arc::new(Shared::new(Intake::new(capacity, overload), answer));
+        let shared = Arc::new(Shared::new(Intake::new(capacity, overload), answer, ahead));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new().name("meissner-live".to_owned());
         let (pinned, is_pinned) = mpsc::sync_channel(1);

@@ -65,6 +65,15 @@ impl Answer {
     }
 }
 
+/// The state that a prediction is computed for without a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Ahead {
+    /// Position of the last event.
+    covered: u64,
+    /// Time to advance to after these events.
+    pub(crate) advance_us: Option<i64>,
+}
+
 /// The worker's next task.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task {
@@ -72,6 +81,8 @@ pub(crate) struct Task {
     pub(crate) covered: u64,
     /// The request for a prediction, if any.
     pub(crate) request: Option<Request>,
+    /// What to compute although nothing is requested.
+    pub(crate) ahead: Option<Ahead>,
     /// Whether the queue is congested.
     pub(crate) congested: bool,
 }
@@ -100,6 +111,8 @@ pub(crate) struct State<T> {
     /// When the first event since the newest request was offered.
     offered: Option<Instant>,
     pub(crate) answer: Answer,
+    /// What the worker last computed ahead.
+    computed: Ahead,
     /// Whether the worker is waiting.
     idle: bool,
     /// Whether the offering thread is waiting.
@@ -114,12 +127,21 @@ pub(crate) struct Shared<T> {
     work: Condvar,
     room: Condvar,
     answered: Condvar,
+    /// Whether the worker computes while it would wait.
+    ahead: bool,
 }
 
-impl<T> State<T> {
+impl<T: Item> State<T> {
     /// Whether the worker has ended or is about to.
     pub(crate) fn is_closed(&self) -> bool {
         self.worker > Phase::Running
+    }
+
+    /// The time of a clock advance after all events that have entered. Events after an advance have later times and advance the clock
+    /// themselves.
+    fn advance_us(&self) -> Option<i64> {
+        let entered = self.intake.entered();
+        self.moved.filter(|&(position, _)| position == entered).map(|(_, t_us)| t_us)
     }
 
     /// Whether the worker has ended.
@@ -129,7 +151,7 @@ impl<T> State<T> {
 }
 
 impl<T: Item> Shared<T> {
-    pub(crate) fn new(intake: Intake<T>, answer: Answer) -> Self {
+    pub(crate) fn new(intake: Intake<T>, answer: Answer, ahead: bool) -> Self {
         let state = State {
             intake,
             moved: None,
@@ -139,6 +161,7 @@ impl<T: Item> Shared<T> {
             request: None,
             offered: None,
             answer,
+            computed: Ahead { covered: 0, advance_us: None },
             idle: false,
             blocked: false,
             worker: Phase::Running,
@@ -148,6 +171,7 @@ impl<T: Item> Shared<T> {
             work: Condvar::new(),
             room: Condvar::new(),
             answered: Condvar::new(),
+            ahead,
         }
     }
 
@@ -192,15 +216,16 @@ impl<T: Item> Shared<T> {
         let mut state = self.lock();
         let newest = state.moved.map_or(t_us, |(_, before)| before.max(t_us));
         state.moved = Some((state.intake.entered(), newest));
+        if self.ahead {
+            self.wake_worker(&mut state);
+        }
     }
 
     /// Requests a prediction of all entered events; replaces an earlier request.
     pub(crate) fn ask(&self, due: Option<Instant>) -> (Request, MutexGuard<'_, State<T>>) {
         let mut state = self.lock();
         state.asked += 1;
-        let target = state.intake.entered();
-        // Events after a clock advance have later times and advance the clock themselves.
-        let advance_us = state.moved.filter(|&(position, _)| position == target).map(|(_, t_us)| t_us);
+        let (target, advance_us) = (state.intake.entered(), state.advance_us());
         let request = Request { number: state.asked, target, advance_us, due, offered: state.offered.take() };
         state.request = Some(request);
         self.wake_worker(&mut state);
@@ -226,11 +251,22 @@ impl<T: Item> Shared<T> {
         state
     }
 
-    /// Waits for a task and appends at most `most` events to `batch`; `None` if the worker must end. While a prediction
-    /// is requested, takes no event beyond its target, except that it takes one if the target was dropped.
+    /// Waits for a task, of which computing ahead is the last choice, and appends at most `most` events to `batch`; `None`
+    /// if the worker must end. While a prediction is requested, takes no event beyond its target, except that it takes one
+    /// if the target was dropped.
     pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>) -> Option<Task> {
         let mut state = self.lock();
         while !state.is_closed() && state.intake.waiting() == 0 && state.request.is_none() {
+            let ahead = Ahead { covered: state.covered, advance_us: state.advance_us() };
+            if self.ahead && state.computed != ahead {
+                state.computed = ahead;
+                return Some(Task {
+                    covered: ahead.covered,
+                    request: None,
+                    ahead: Some(ahead),
+                    congested: false,
+                });
+            }
             state.idle = true;
             state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -253,7 +289,7 @@ impl<T: Item> Shared<T> {
             self.room.notify_one();
         }
         state.congested = state.intake.is_congested(state.congested);
-        Some(Task { covered: state.covered, request: state.request, congested: state.congested })
+        Some(Task { covered: state.covered, request: state.request, ahead: None, congested: state.congested })
     }
 
     /// Publishes the outcome of `request` through `write`.

@@ -50,6 +50,14 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
             pace.pushed(now - begun);
             tracing::trace!(task.covered, spent = ?now - begun, "pushed");
         }
+        if let Some(ahead) = task.ahead {
+            if let Some(t_us) = ahead.advance_us {
+                predictor.advance(t_us);
+            }
+            // Whoever asks gets the error, or the same prediction again.
+            let _ = predictor.predict();
+            pace.predicted(now.elapsed());
+        }
         let Some(request) = task.request else { continue };
         let complete = task.covered >= request.target;
         if !complete && !pace.is_time(request.due, now) {

@@ -48,6 +48,8 @@ pub struct PlayOptions {
     pub packet: Duration,
     /// Cores that the threads of the engines are pinned to, in turn; the system places them if there are none.
     pub cores: Vec<usize>,
+    /// Whether engines compute while nothing waits and no report is due.
+    pub ahead: bool,
     /// Stream time between two reports; at least a microsecond.
     pub report_every: Duration,
     /// Longest wait for the predictions of a report.
@@ -219,7 +221,8 @@ impl Play {
         let dues: Vec<_> = tracks.iter().map(|track| track.due).collect();
         let queue = |(index, predictor): (usize, P)| {
             let core = options.cores.get(index % options.cores.len().max(1)).copied();
-            let queue = QueueOptions::new().with_capacity(options.queue).with_core(core);
+            let queue =
+                QueueOptions::new().with_capacity(options.queue).with_core(core).with_ahead(options.ahead);
             (predictor, queue.with_overload(tracks[index].input.overload.clone()))
         };
         let (queues, mut fleet) = Fleet::spawn(predictors.into_iter().enumerate().map(queue))?;

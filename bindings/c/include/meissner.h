@@ -210,6 +210,8 @@ typedef struct meissner_live_options {
   uint32_t overload;
   // With MEISSNER_OVERLOAD_THIN, at least 1.
   uint32_t stride;
+  // 1 if the engine computes while no event waits and no prediction is asked for: answers come sooner, and more is computed in total.
+  uint64_t ahead;
 } meissner_live_options;
 
 // What a live prediction is of, and how old it is.

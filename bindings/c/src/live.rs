@@ -45,6 +45,8 @@ pub struct meissner_live_options {
     pub overload: u32,
     /// With MEISSNER_OVERLOAD_THIN, at least 1.
     pub stride: u32,
+    /// 1 if the engine computes while no event waits and no prediction is asked for: answers come sooner, and more is computed in total.
+    pub ahead: u64,
 }
 
 // SAFETY: `repr(C)` with integers alone, the first of which is the size.
@@ -114,7 +116,12 @@ fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure
         MEISSNER_OVERLOAD_THIN => Overload::Thin { stride: options.stride },
         found => return Err(Failure::argument("overload", "0 to 3", found)),
     };
-    let mut made = QueueOptions::new().with_overload(overload);
+    let ahead = match options.ahead {
+        0 => false,
+        1 => true,
+        found => return Err(Failure::argument("ahead", "0 or 1", found)),
+    };
+    let mut made = QueueOptions::new().with_overload(overload).with_ahead(ahead);
     if options.capacity != 0 {
         made = made.with_capacity(number(options.capacity));
     }

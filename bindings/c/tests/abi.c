@@ -160,7 +160,7 @@ static void live(meissner_network *network) {
   meissner_input *input = NULL;
   meissner_live *live = NULL;
   OK(meissner_engine_new(network, 120, 80, NULL, &engine));
-  const meissner_live_options block = {.size = sizeof block, .capacity = 128, .overload = MEISSNER_OVERLOAD_BLOCK};
+  const meissner_live_options block = {.size = sizeof block, .capacity = 128, .overload = MEISSNER_OVERLOAD_BLOCK, .ahead = 1};
   OK(meissner_live_new(engine, &block, &input, &live));
   pthread_t sensor;
   ASSERT(pthread_create(&sensor, NULL, push, input) == 0);

@@ -90,15 +90,16 @@ fn other_kind(method: &str, expected: &str) -> Failure {
 #[pymethods]
 impl Live {
     #[new]
-    #[pyo3(signature = (engine, *, overload=None, capacity=1 << 16, batch=64, stride=None))]
+    #[pyo3(signature = (engine, *, overload=None, capacity=1 << 16, batch=64, stride=None, ahead=false))]
     fn new(
         engine: &Bound<'_, PyAny>,
         overload: Option<&Bound<'_, PyAny>>,
         capacity: usize,
         batch: usize,
         stride: Option<u32>,
+        ahead: bool,
     ) -> Outcome<Self> {
-        let options = QueueOptions::new().with_capacity(capacity).with_batch(batch);
+        let options = QueueOptions::new().with_capacity(capacity).with_batch(batch).with_ahead(ahead);
         let options = match overload {
             Some(overload) => options.with_overload(overload_of(overload, stride)?),
             None if stride.is_none() => options,

@@ -26,11 +26,13 @@ def wide():
     cuts=st.lists(st.integers(0, 300), max_size=4),
     overload=st.sampled_from(["block", "drop_oldest", "drop_newest"]),
     batch=st.sampled_from([1, 7, 64]),
+    ahead=st.booleans(),
 )
-def test_what_enters_is_predicted_with_the_bits_of_an_engine(seed, cuts, overload, batch):
+def test_what_enters_is_predicted_with_the_bits_of_an_engine(seed, cuts, overload, batch, ahead):
     events, weights = make_events(300, seed), meissner.Weights.draw(SMALL, 3)
     alone = meissner.Engine(SMALL, SENSOR, weights)
-    with meissner.Live(meissner.Engine(SMALL, SENSOR, weights), overload=overload, batch=batch) as live:
+    engine = meissner.Engine(SMALL, SENSOR, weights)
+    with meissner.Live(engine, overload=overload, batch=batch, ahead=ahead) as live:
         for part in np.split(events, sorted(cuts)):
             live.push(t=part["t"], x=part["x"], y=part["y"], p=part["p"])
             alone.push(part)

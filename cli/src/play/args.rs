@@ -81,6 +81,12 @@ pub(crate) struct PlayArgs {
     /// Without this option, the system places them.
     #[arg(long, value_name = "CORES", value_delimiter = ',', help_heading = QUEUE)]
     pub(crate) pin: Vec<usize>,
+    /// Compute while no event waits and no report is due.
+    ///
+    /// Reports then wait less for their predictions, and more is computed in total. Predictions have the same bits, unless an
+    /// approximation depends on when they are read.
+    #[arg(long, help_heading = PREDICTIONS)]
+    pub(crate) ahead: bool,
     /// Stream time between two reports.
     ///
     /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due time at or after the
@@ -137,6 +143,7 @@ impl PlayArgs {
             queue: self.queue as usize,
             packet: self.packet,
             cores: self.pin.clone(),
+            ahead: self.ahead,
             report_every: self.report_every,
             deadline: self.deadline,
             late: self.input.late,

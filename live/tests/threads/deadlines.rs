@@ -1,11 +1,12 @@
 //! Predictions by their deadline, whatever the engine is at.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use meissner_live::{Live, Overload};
 
-use crate::fake::{Fake, PATIENCE, Verb, drained, event, events, options};
+use crate::fake::{Fake, PATIENCE, Verb, drained, event, events, options, wait_until};
 
 #[test]
 fn an_idle_engine_answers_with_all_that_has_entered() {
@@ -88,6 +89,38 @@ fn time_moves_on_behind_the_events_before_it_and_never_before_them() {
     let first = verbs.iter().position(|&verb| verb == Verb::Advance(500));
     assert_eq!(first, Some(100));
     assert_eq!(verbs.last(), Some(&Verb::Push(600)), "its own time is enough");
+}
+
+#[test]
+fn only_a_worker_that_computes_ahead_advances_and_predicts_without_a_request() {
+    for ahead in [false, true] {
+        let fake = Fake::default();
+        let predicted = Arc::clone(&fake.predicted);
+        let options = options(64, Overload::Block).with_ahead(ahead);
+        let (mut input, live) = Live::spawn(fake, options).expect("options are fine");
+        let reach = |most| {
+            let start = Instant::now();
+            while predicted.load(Ordering::Relaxed) < most {
+                assert!(start.elapsed() < PATIENCE, "{predicted:?} of {most}");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        // One prediction is computed at the start.
+        input.push_slice(&events(0..5)).expect("the worker lives");
+        wait_until(&live, |counters| counters.delivered == 5);
+        reach(if ahead { 2 } else { 1 });
+        let before = predicted.load(Ordering::Relaxed);
+        input.advance(500);
+        reach(if ahead { before + 1 } else { before });
+        input.push_slice(&[event(600, 0)]).expect("the worker lives");
+        wait_until(&live, |counters| counters.delivered == 6);
+        let mut expected: Vec<Verb> = (0..5).map(Verb::Push).collect();
+        expected.extend(ahead.then_some(Verb::Advance(500)));
+        expected.push(Verb::Push(600));
+        let fake = live.close().expect("the worker lives");
+        assert_eq!(fake.verbs, expected);
+        assert_eq!(predicted.load(Ordering::Relaxed) > 1, ahead);
+    }
 }
 
 #[test]

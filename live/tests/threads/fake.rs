@@ -1,5 +1,6 @@
 //! An engine that counts what it takes, and stands still, is slow or fails as a test asks.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -26,6 +27,8 @@ pub(crate) struct Fake {
     pub(crate) verbs: Vec<Verb>,
     pub(crate) taken: usize,
     pub(crate) values: [f32; 1],
+    /// How often it was asked for a prediction.
+    pub(crate) predicted: Arc<AtomicU64>,
     /// The only core that it may run on, at its last event; `None` if there are several.
     pub(crate) core: Option<usize>,
 }
@@ -70,6 +73,7 @@ impl Predictor for Fake {
     }
 
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        self.predicted.fetch_add(1, Ordering::Relaxed);
         if self.values[0].is_nan() {
             return Err(EngineError::NotANumber { layer: "fake".to_owned(), rows: 1 });
         }

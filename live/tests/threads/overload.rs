@@ -82,10 +82,13 @@ fn blocking_drops_nothing_and_says_how_long_it_waited() {
 
 #[test]
 fn under_load_from_both_sides_every_event_is_somewhere_and_every_call_is_answered() {
-    for overload in dropping().into_iter().chain([Overload::Block]) {
+    for (overload, ahead) in
+        dropping().into_iter().chain([Overload::Block]).zip([true, false].into_iter().cycle())
+    {
         let name = overload.name();
         let fake = Fake { nap: Duration::from_micros(20), ..Fake::default() };
-        let (mut input, mut live) = Live::spawn(fake, options(CAPACITY, overload)).expect("options are fine");
+        let options = options(CAPACITY, overload).with_ahead(ahead);
+        let (mut input, mut live) = Live::spawn(fake, options).expect("options are fine");
         let reader = thread::spawn(move || {
             let events = events(0..4000);
             let mut rest = &events[..];

@@ -60,9 +60,12 @@ fn under_every_policy_the_last_prediction_equals_batch_over_the_accepted_events(
     ];
     let network = network("tactigraph-past", 300);
     let events = stream(6000, 1);
-    for overload in policies {
+    for (overload, ahead) in
+        policies.iter().flat_map(|policy| [(policy.clone(), false), (policy.clone(), true)])
+    {
         let name = overload.name();
         let options = QueueOptions::new().with_capacity(256).with_overload(overload).with_batch(16);
+        let options = options.with_ahead(ahead);
         let (mut input, mut live) =
             Live::spawn(recorded(&network, LatePolicy::Drop), options).expect("options are fine");
         for events in events.chunks(500) {
