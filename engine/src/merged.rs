@@ -256,12 +256,14 @@ impl Merged {
         self.end = to;
     }
 
-    /// Sets attributes and offsets of each in-edge of `row`; `difference` returns the difference to a source. Returns
-    /// whether the row was altered or any value that blocks read differs.
+    /// Sets attributes and offsets of the in-edges of `row` from the sources of which `moved` says so, or of all if the row was altered;
+    /// `difference` returns the difference to a source. Returns whether the row was altered or any value that blocks read
+    /// differs.
     pub(crate) fn update_attributes(
         &mut self,
         row: u32,
         scale: f32,
+        moved: impl Fn(u32) -> bool,
         difference: impl Fn(u32) -> [f64; 3],
     ) -> bool {
         let altered = std::mem::take(&mut self.altered[row as usize]);
@@ -269,21 +271,23 @@ impl Merged {
         let span = self.span(row);
         let first = row as usize * self.extent.bases();
         let basis = if span.len() <= self.extent.bases() { self.basis.get_mut(first..) } else { None };
-        let mut basis = basis.unwrap_or_default().iter_mut();
-        let mut offsets = self.offsets.get_mut(span.clone()).unwrap_or_default().iter_mut();
-        for neighbour in &mut self.neighbours[span] {
+        let basis = basis.unwrap_or_default();
+        let offsets = self.offsets.get_mut(span.clone()).unwrap_or_default();
+        for (i, neighbour) in self.neighbours[span].iter_mut().enumerate() {
+            if !altered && !moved(neighbour.row) {
+                continue;
+            }
             let difference = difference(neighbour.row);
-            if let Some(stored) = offsets.next() {
+            if let Some(stored) = offsets.get_mut(i) {
                 let offsets = difference.map(|d| offset(d, scale));
                 changed |= *stored != offsets;
                 *stored = offsets;
             }
             let u = difference.map(|d| attribute(d, scale));
-            let basis = basis.next();
             if altered || neighbour.u != u {
                 neighbour.u = u;
                 changed = true;
-                if let Some(basis) = basis {
+                if let Some(basis) = basis.get_mut(i) {
                     *basis = spline_basis(u);
                 }
             }
@@ -437,8 +441,8 @@ mod tests {
                     prop_assert_eq!(merged.count_down(row, at.expect("it is there")), gone);
                 }
                 if settle {
-                    merged.update_attributes(row, 4.0, difference);
-                    prop_assert!(!merged.update_attributes(row, 4.0, difference));
+                    merged.update_attributes(row, 4.0, |_| false, difference);
+                    prop_assert!(!merged.update_attributes(row, 4.0, |_| true, difference));
                     prop_assert!(merged.neighbours(row).iter().all(|n| n.u == u(n.row)));
                     let basis: Vec<_> = merged.neighbours(row).iter().map(|n| spline_basis(n.u)).collect();
                     prop_assert_eq!(merged.edges(row).basis, basis);

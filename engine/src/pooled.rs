@@ -319,8 +319,10 @@ impl PooledGraph {
         for &cell in self.stale.as_slice() {
             let Some(edges) = &mut self.edges else { break };
             let own = self.positions[cell as usize];
+            let shifts = self.shifted.contains(cell);
+            let moved = |source: u32| shifts || self.shifted.contains(source);
             let difference = |source: u32| [0, 1, 2].map(|d| self.positions[source as usize][d] - own[d]);
-            let changed = edges.update_attributes(cell, self.scale, difference);
+            let changed = edges.update_attributes(cell, self.scale, moved, difference);
             counters.neighbourhoods_checked += 1;
             if changed {
                 rewired(cell);
