@@ -48,7 +48,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "folds",
         ],
     ),
-    (PREDICTIONS, &["mode", "every", "report-every", "deadline", "verify"]),
+    (PREDICTIONS, &["ahead", "mode", "every", "report-every", "deadline", "verify"]),
     (QUEUE, &["speed", "queue", "overload", "packet", "pin"]),
     (
         MEASUREMENT,

@@ -1,7 +1,9 @@
 //! Elementary functions of many values, vectorised as the kernels use them. Values are replaced in place, with the bits
 //! of the scalar functions.
 
-use crate::elementary::{divided, elu, elus, exp, expm1, sigmoid, sigmoid_quotients, tanh, tanh_quotients};
+use crate::elementary::{
+    divided, elu, elus, exp, expm1, expm1s, sigmoid, sigmoid_quotients, tanh, tanh_quotients,
+};
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::LANES;
 
@@ -39,7 +41,7 @@ impl Elementary {
     pub fn bound(self) -> f64 {
         match self {
             Self::Exp => 1.1,
-            Self::Expm1 | Self::Elu => 1.5,
+            Self::Expm1 | Self::Elu => 1.4,
             Self::Sigmoid | Self::Tanh => 2.5,
         }
     }
@@ -89,7 +91,7 @@ fn vector<S: Simd>(simd: S, function: Elementary, values: &mut [f32]) {
     let x = S::V16::load_slice(simd, values);
     let [y] = match function {
         Elementary::Exp => [x.map(simd, exp)],
-        Elementary::Expm1 => [x.map(simd, expm1)],
+        Elementary::Expm1 => expm1s(simd, [x]),
         Elementary::Elu => elus(simd, [x]),
         Elementary::Sigmoid => divided(sigmoid_quotients(simd, [x])),
         Elementary::Tanh => divided(tanh_quotients(simd, [x])),

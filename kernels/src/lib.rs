@@ -2,7 +2,7 @@
 //!
 //! Every kernel documents its order of operations, so its results have the same bits on every instruction set. Vector
 //! lanes run over independent outputs. A product that is added to a sum is rounded once with it (fused multiply-add, in
-//! software where the processor has none). Elementary functions are the crate's own (exp, expm1 and elu without fused
+//! software where the processor has none). Elementary functions are the crate's own (exp without fused
 //! multiply-add). [`naive`] has scalar versions with which the tests compare the kernels.
 //!
 //! | type | what it computes |
