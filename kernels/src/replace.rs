@@ -75,7 +75,10 @@ impl Task for Replace<'_> {
                 replaced.within |= 1 << i;
             } else {
                 replaced.changed |= 1 << i;
-                stored.copy_from_slice(row);
+                // A few vectors, for which a call of memcpy takes longer.
+                for (new, old) in row.iter().zip(stored) {
+                    S::V8::load(simd, new).store(old);
+                }
             }
         }
         replaced
