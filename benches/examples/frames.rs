@@ -47,7 +47,6 @@ fn main() -> Result<()> {
         if one_image {
             methods.push(("winograd 2x2", Convolution::Winograd(WinogradTile::Two), false));
             methods.push(("winograd 4x4", Convolution::Winograd(WinogradTile::Four), false));
-            methods.push(("kn2row", Convolution::Kn2row, false));
             methods.push(("direct, two threads", Convolution::Direct, true));
         }
         for (method, convolution, two_threads) in methods {

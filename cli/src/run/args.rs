@@ -163,7 +163,6 @@ const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
     ("direct", "Multiply and add, pixel by pixel", Convolution::Direct),
     ("winograd2", "Winograd's filtering of 2 x 2 pixels", Convolution::Winograd(WinogradTile::Two)),
     ("winograd4", "Winograd's filtering of 4 x 4 pixels", Convolution::Winograd(WinogradTile::Four)),
-    ("kn2row", "Products of a pixel are kept", Convolution::Kn2row),
 ];
 
 impl FrameArgs {
@@ -252,10 +251,10 @@ impl RunArgs {
             }
         };
         let way = match self.frames.convolution() {
-            Convolution::Direct => "",
+            // Heads alone are made with the latter.
+            Convolution::Direct | Convolution::Kn2row => "",
             Convolution::Winograd(WinogradTile::Two) => ", convolves by Winograd 2 x 2 (an approximation)",
             Convolution::Winograd(WinogradTile::Four) => ", convolves by Winograd 4 x 4 (an approximation)",
-            Convolution::Kn2row => ", keeps the products of each pixel",
         };
         let threads = if options.two_threads { ", two threads" } else { "" };
         format!("{skip}{way}{threads}")
