@@ -36,6 +36,8 @@ pub(crate) use timely::Timely;
 ///   from when the queue is half full until it is a quarter full.
 /// - `capacity`: most waiting events (16 bytes each) or frames.
 /// - `batch`: most events that the engine takes before it looks whether a prediction is due.
+/// - `ahead`: whether the engine computes while no event waits and no prediction is asked for. Answers come sooner, and more is
+///   computed in total.
 ///
 /// `with Live(engine) as live:` closes it at the end. What enters is predicted with the bits of an engine without threads.
 ///
