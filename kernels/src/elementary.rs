@@ -116,8 +116,8 @@ pub fn tanh(x: f32) -> f32 {
 /// Quotients before division: numerators and denominators of N vectors.
 pub(crate) type Quotients<V, const N: usize> = ([V; N], [V; N]);
 
-/// [`reduce`] of several vectors, interleaved, each product rounded once with its sum: replaces x by 1.5 2^23 + n and
-/// returns expm1(x - n ln 2).
+/// Replaces each x by 1.5 2^23 + n, with n the integer nearest to x / ln 2, and returns expm1(x - n ln 2). The vectors are
+/// interleaved, and each product is rounded once with its sum.
 ///
 /// Loops, here and below: an array's `map` does not inline closures, which then miss the instruction set.
 #[inline(always)]

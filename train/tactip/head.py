@@ -1,10 +1,11 @@
-"""Trains what is behind the readout of a network on presses, from a seed, with layers of events that are trained already.
+"""Trains a network on presses from a seed: what is behind its readout, or all of it.
 
     python train/tactip/head.py /tmp/shear/0 /tmp/shear/1 --network tactip-shear --start models/weights/angle/tactip-past.0.safetensors
 
 Each FOLDER has train.safetensors, with the tracks of the pins beside it, and the first valid.safetensors too, as `presses.py` writes them.
-The network has a dense layer `pins`: it is told how the pins have moved, in principal modes, and the layers behind it what that says.
-These learn from the true motion first, with noise. Writes NETWORK.SEED.safetensors.
+The layers of events are trained already; with `--events` they learn too. The network has a dense layer `pins`: its first values are told
+how the pins have moved, in principal modes, and the layers behind it what that says. These learn from the true motion first, with noise.
+Writes NETWORK.SEED.safetensors.
 """
 
 import argparse
@@ -30,7 +31,6 @@ from safetensors.numpy import load_file as load_arrays
 from train import SHARE
 
 ABOUT = "trained on presses of a real TacTip with a sideways move, whose camera is modelled (data of no stated licence)"
-UNIT = 1.0, 10.0, 10.0  # of the outputs, in mm and degrees
 BETA = 0.1  # error at which the loss becomes linear, in units
 # Of the motion: the noise that the last layers learn with at first, in modes, and their steps.
 NOISE, STEPS, PRESSES = 0.04, 6000, 64
@@ -38,25 +38,25 @@ NOISE, STEPS, PRESSES = 0.04, 6000, 64
 
 def main():
     args = arguments()
-    torch.set_num_threads(1)
+    torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
     args.said = inspected(args.meissner, args.network)
-    network = Network(args.said, UNIT, args.dropout, SHARE)
-    names = {name for layer in network.events for name in network.tensors.get(layer["name"], [])}
-    files = [load_file(path) for path in args.start]
-    started = {name: sum(file[name].float() for file in files) / len(files) for name in files[0]}
-    network.load(network.exported() | {name: started[name] for name in (names if not args.all else started)})
+    network = Network(args.said, args.unit, args.dropout, SHARE)
+    begin(network, args)
     modes = sums.Modes(load_arrays(args.valid / "train.tracks.safetensors"))
-    train = [sums.read(folder / "train.safetensors", modes, network, args) for folder in args.data]
-    valid = sums.read(args.valid / "valid.safetensors", modes, network, args)
+    kind = sums.Films if args.events else sums.Readings
+    train = kind([folder / "train.safetensors" for folder in args.data], modes, network, args)
+    valid = kind([args.valid / "valid.safetensors"], modes, network, args)
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
-    head = Head(network)
+    head = Head(network, args.cells)
     if not args.all:
         head.warm_up(train, args.rate)
     print("pins as they are:", head.errors(valid, of_pins=True), flush=True)
     loss = fit(head, train, valid, args, random, path.with_suffix(".state"))
+    if args.centre:
+        head.centre(valid)
     found = head.errors(valid)
     remarks = {
         "network": args.said["name"],
@@ -64,10 +64,10 @@ def main():
         "date": datetime.date.today().isoformat(),
         "about": ABOUT,
         "recipe": recipe(args),
-        "presses": len(train[0]),
+        "presses": len(train),
         "trained_on": "train",
         "stride": 1,
-        "sensor": json.dumps(train[0].sensor),
+        "sensor": json.dumps(train.sensor),
         "preparation": args.said["preparation"],
         "licence": "the data of the training states none",
         "valid": json.dumps({args.valid.name: [found]}),
@@ -78,17 +78,30 @@ def main():
     print(path, remarks["valid"])
 
 
+def begin(network, args):
+    """Loads the weights that the training starts from: the layers of events, or all."""
+    names = {name for layer in network.events for name in network.tensors.get(layer["name"], [])}
+    files, fresh = [load_file(path) for path in args.start], network.exported()
+    for name in files[0] if args.all else names:
+        started = sum(file[name].float() for file in files) / len(files)
+        # A start whose layer `pins` had fewer values fills the corner of a fresh tensor.
+        fresh[name][tuple(map(slice, started.shape))] = started
+    network.load(fresh)
+
+
 class Head:
     """The layers behind the readout: up to `pins`, and what reads them."""
 
-    def __init__(self, network):
-        self.network = network
+    def __init__(self, network, cells):
+        self.network, self.cells = network, cells
         cut = 1 + [layer["name"] for layer in network.head].index("pins")
         self.seen, self.told = network.head[:cut], network.head[cut:]
 
-    def pins(self, read, press, age):
-        """The modes of the motion of the pins that some readings show."""
-        x = torch.from_numpy(read.sums[press, age].astype(np.float32)).contiguous(memory_format=torch.channels_last)
+    def pins(self, x):
+        """What the layer `pins` says of some sums: the modes of the motion of the pins first."""
+        if self.network.training and self.cells:
+            x = x * (torch.rand(len(x), 1, *x.shape[2:]) >= self.cells) / (1 - self.cells)
+        x = x.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.network.training):
             x = self.network.values(x, self.seen[:-1])
         return self.network.values(x.float(), self.seen[-1:])
@@ -99,32 +112,46 @@ class Head:
 
     def warm_up(self, train, rate):
         """The layers behind `pins` learn from the motion of the pins, with noise."""
-        pins = torch.from_numpy(np.concatenate([read.pins.reshape(-1, sums.MODES) for read in train]))
-        labels = torch.from_numpy(np.concatenate([read.labels.reshape(-1, len(UNIT)) for read in train])) / torch.tensor(UNIT)
+        pins = self.padded(torch.from_numpy(np.concatenate([read.reshape(-1, sums.MODES) for read in train.pins])))
+        labels = torch.from_numpy(np.concatenate([read.reshape(-1, len(self.network.unit)) for read in train.labels])) / self.network.unit
         learnt = self.parameters(self.told)
         optimiser = torch.optim.AdamW(learnt, rate, weight_decay=DECAY)
         for step in range(STEPS):
             optimiser.param_groups[0]["lr"] = rate * share(step / STEPS)
             some = torch.randint(len(pins), (PRESSES,))
-            found = self.network.values(pins[some] + NOISE * torch.randn(PRESSES, sums.MODES), self.told)
+            found = self.network.values(pins[some] + NOISE * torch.randn(PRESSES, pins.shape[1]), self.told)
             optimise(optimiser, F.smooth_l1_loss(found, labels[some], beta=BETA), learnt)
 
+    def padded(self, pins):
+        """The motion of the pins as the layer `pins` gives it, 0 beyond."""
+        return F.pad(pins, (0, self.seen[-1]["outputs"] - sums.MODES))
+
+    def errors(self, valid, of_pins=False):
+        """Mean absolute error of each output at the ends of presses."""
+        return np.abs(self.differences(valid, of_pins)).mean(0).astype(float).round(4).tolist()
+
     @torch.no_grad()
-    def errors(self, read, of_pins=False):
-        """Mean absolute error of each output at the ends of presses, with the pins as they are or as the readings show them."""
+    def differences(self, valid, of_pins=False):
+        """Outputs less labels (press, output) at the ends of presses, with the pins as they are or as the sums show them."""
         self.network.eval()
-        ends = [slice(first, first + 100) for first in range(0, len(read), 100)]
-        pins = torch.from_numpy(read.pins[:, 0]) if of_pins else torch.cat([self.pins(read, some, 0) for some in ends])
-        found = self.network.values(pins, self.told).numpy() * np.float32(UNIT)
-        return np.abs(found - read.labels[:, 0]).mean(0).astype(float).round(3).tolist()
+        found = []
+        for x, labels, pins in valid.ends():
+            pins = self.padded(torch.from_numpy(pins)) if of_pins else self.pins(x)
+            found.append(self.network.values(pins, self.told).mul(self.network.unit).numpy() - labels)
+        return np.concatenate(found)
+
+    @torch.no_grad()
+    def centre(self, valid):
+        """Moves the outputs so that their median difference from the labels is 0."""
+        last = self.network.part[self.told[-1]["name"]]
+        last.bias -= torch.from_numpy(np.median(self.differences(valid), 0)) / self.network.unit
 
 
 def fit(head, train, valid, args, random, resume):
-    """Trains `head` on readings of films of the same presses. `resume` is a file with the state, which is written after an epoch."""
-    learnt = head.parameters([*head.seen, *head.told])
-    optimiser = torch.optim.AdamW(learnt, args.rate, weight_decay=DECAY)
-    films, presses, ages = len(train), len(train[0]), train[0].labels.shape[1]
-    unit, first, mean = torch.tensor(UNIT), 0, [float("nan")]
+    """Trains `head`, and what it reads if that learns. `resume` is a file with the state, which is written after an epoch."""
+    learnt = [*head.network.parameters()] if args.events else head.parameters([*head.seen, *head.told])
+    optimiser = torch.optim.AdamW(learnt, args.rate, weight_decay=args.decay)
+    unit, first, mean = head.network.unit, 0, [float("nan")]
     if resume.exists():
         state = torch.load(resume, weights_only=False)
         head.network.load_state_dict(state["network"])
@@ -133,21 +160,16 @@ def fit(head, train, valid, args, random, resume):
     for epoch in range(first, args.epochs):
         started, losses = time.time(), []
         head.network.train()
-        order = random.permutation(films * presses)
-        # A step reads one film, so that its readings are one array.
-        steps = [some for film in range(films) for some in np.array_split(order[order // presses == film], presses // args.batch)]
-        for step in random.permutation(len(steps)):
-            optimiser.param_groups[0]["lr"] = args.rate * share((epoch + len(losses) / len(steps)) / args.epochs)
-            read, press = train[steps[step][0] // presses], steps[step] % presses
-            age = np.where(random.random(len(press)) < 0.5, 0, random.integers(1, ages, len(press)))
-            pins = head.pins(read, press, age)
+        for done, x, labels, motion in train.epoch(random):
+            optimiser.param_groups[0]["lr"] = args.rate * share((epoch + done) / args.epochs)
+            pins = head.pins(x)
             found = head.network.values(pins, head.told)
-            loss = F.smooth_l1_loss(found, torch.from_numpy(read.labels[press, age]) / unit, beta=BETA)
-            moved = F.smooth_l1_loss(pins * sums.UNIT, torch.from_numpy(read.pins[press, age]) * sums.UNIT)
+            loss = F.smooth_l1_loss(found, torch.from_numpy(labels) / unit, beta=BETA)
+            moved = F.smooth_l1_loss(pins[:, : sums.MODES] * sums.UNIT, torch.from_numpy(motion) * sums.UNIT)
             optimise(optimiser, loss + args.pins * moved, learnt)
             losses.append((loss.item(), moved.item()))
         mean = np.mean(losses, 0)
-        said = f"  valid {head.errors(valid)}" if (epoch + 1) % 3 == 0 else ""
+        said = f"  valid {head.errors(valid)}" if args.events or (epoch + 1) % 3 == 0 else ""
         print(f"epoch {epoch + 1:3}  loss {mean.round(5)}  {time.time() - started:.1f} s{said}", flush=True)
         state = {"network": head.network.state_dict(), "optimiser": optimiser.state_dict()}
         torch.save(state | {"random": random.bit_generator.state, "epochs": epoch + 1, "loss": mean}, resume)
@@ -165,9 +187,13 @@ def optimise(optimiser, loss, learnt):
 def recipe(args):
     """What was done, in one line."""
     layers = "all layers" if args.all else "layers of events"
-    begin = f"{layers} from {' and '.join(path.name for path in args.start)}: {args.epochs} epochs of what is behind the readout"
-    readings = f"{len(args.data)} films, read at the end and at one of {args.ages - 1} ages, batch {args.batch}"
-    return f"{begin}, {readings}, AdamW {args.rate} on a cosine, decay {DECAY}, dropout {args.dropout}, smooth L1, {args.pins} of the pins"
+    learnt = "all layers" if args.events else "what is behind the readout"
+    start = f"{layers} from {' and '.join(path.name for path in args.start)}: {args.epochs} epochs of {learnt}"
+    ages = f"{args.ages - 1} random ages" if args.events else f"one of {args.ages - 1} ages"
+    readings = f"{len(args.data)} films, read at the end and at {ages}, batch {args.batch}"
+    line = f"{start}, {readings}, AdamW {args.rate} on a cosine, decay {args.decay}, dropout {args.dropout} and {args.cells} of the cells"
+    line = f"{line}, smooth L1, {args.pins} of the pins, outputs in units of {args.unit}"
+    return f"{line}, then moved so that the median difference on the validation presses is 0" if args.centre else line
 
 
 def arguments():
@@ -177,14 +203,20 @@ def arguments():
     parser.add_argument("--valid", type=Path, help="folder of the validation and of the modes of the pins; default: the first")
     parser.add_argument("--start", type=Path, nargs="+", required=True, help="weights with the layers of events; of several, their mean")
     parser.add_argument("--all", action="store_true", help="start from all layers of these weights")
+    parser.add_argument("--events", action="store_true", help="the layers of events learn too")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--epochs", type=int, default=60, help="default: 60")
     parser.add_argument("--ages", type=int, default=5, help="readings of a press; default: 5")
     parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
     parser.add_argument("--batch", type=int, default=32, help="presses of a step; default: 32")
     parser.add_argument("--dropout", type=float, default=0.0, help="of what the layer `pins` reads; default: 0")
+    parser.add_argument("--cells", type=float, default=0.0, help="share of the cells that are left out at random; default: 0")
+    parser.add_argument("--decay", type=float, default=DECAY, help="of the weights; default: %(default)s")
+    parser.add_argument("--unit", type=float, nargs=3, default=[1.0, 10.0, 10.0], help="of the errors, in mm and degrees; default: 1 10 10")
+    parser.add_argument("--centre", action="store_true", help="move the outputs to a median difference of 0 on the validation presses")
     parser.add_argument("--pins", type=float, default=0.05, help="weight of the motion of the pins, in pixels, in the loss; default: 0.05")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
+    parser.add_argument("--threads", type=int, default=1, help="default: 1")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     args = parser.parse_args()
     args.valid = args.valid or args.data[0]

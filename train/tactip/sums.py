@@ -1,12 +1,13 @@
-"""What the head of a network reads of presses, computed once with trained layers of events.
+"""What the head of a network reads of presses, and what it is to say of them.
 
-A press is read at its end and at random ages. What is read does not depend on the head, so that an epoch over it takes seconds. The labels
-of a reading are the outputs of the network and the motion of all pins in principal modes, which only the training knows.
+`Readings` are computed once with layers of events that are trained already: a press is read at its end and at random ages. What is
+read does not depend on the head, so that an epoch takes seconds. `Films` are read again in every epoch, with layers of events that
+learn too. The labels are the outputs of the network and the motion of all pins in principal modes, which only the training knows.
 """
 
 import json
 import tempfile
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import presses  # of train/angle
@@ -19,19 +20,6 @@ CHUNK, BATCH = 80, 8  # presses whose graphs are built together, and that are re
 YOUNGEST = 0.2  # of a press, the share of its duration
 MODES = 40  # of the motion of the pins
 UNIT = 10.0  # pixels, of a mode
-
-
-@dataclass
-class Read:
-    """Readings of presses, each at its end first, then at its other ages from the youngest on."""
-
-    sums: np.ndarray  # (press, age, channel, row, column), half precision, in a file
-    labels: np.ndarray  # (press, age, output), in units of the data
-    pins: np.ndarray  # (press, age, mode), the motion of the pins in units of UNIT
-    sensor: list  # [width, height]
-
-    def __len__(self):
-        return len(self.labels)
 
 
 class Modes:
@@ -47,55 +35,141 @@ class Modes:
         moments = (ends - self.mean).T.astype(np.float64) @ (ends - self.mean)
         self.modes = np.linalg.eigh(moments)[1][:, ::-1][:, :MODES].astype(np.float32)
 
-    def of(self, tracks, t_us):
-        """The modes (press, age, mode) of `tracks` at times (press, age), in units of UNIT."""
-        start, position = tracks["start"], tracks["position"].reshape(len(tracks["t_us"]), -1)
-        found = np.zeros((*t_us.shape, MODES), np.float32)
-        for press, at in enumerate(t_us):
-            knots = slice(start[press], start[press + 1])
-            modes = (position[knots] - self.rest - self.mean) @ self.modes / UNIT
-            found[press] = np.stack([np.interp(at, tracks["t_us"][knots], mode) for mode in modes.T], 1)
-        return found
+    def of(self, tracks, press, t_us):
+        """The modes (time, mode) of a press of `tracks` at some times, in units of UNIT."""
+        knots = slice(*tracks["start"][press : press + 2])
+        motion = tracks["position"][knots].reshape(len(tracks["t_us"][knots]), -1) - self.rest - self.mean
+        modes = motion @ self.modes / UNIT
+        return np.stack([np.interp(t_us, tracks["t_us"][knots], mode) for mode in modes.T], 1).astype(np.float32)
 
 
-def read(path, modes, network, settings):
-    """The readings of the presses in the file at `path`. They are kept beside it, and the sums stay there."""
-    kept, sums = path.with_suffix(".read.safetensors"), path.with_suffix(".sums.npy")
-    if not kept.exists():
-        data, tracks = presses.read(path), load_file(path.with_suffix(".tracks.safetensors"))
+class Film:
+    """The presses in a file, with the motion of their pins."""
+
+    def __init__(self, path, modes, names):
+        self.data, self.tracks = presses.read(path), load_file(path.with_suffix(".tracks.safetensors"))
+        self.modes, self.names, self.sensor = modes, names, self.data.sensor
+
+    def __len__(self):
+        return len(self.data)
+
+    def told(self, press, t_us):
+        """The outputs (time, output) of a press at some times, in units of the data, and the modes of its pins (time, mode)."""
+        labels = np.stack([self.data.at(name, press, t_us) for name in self.names], 1)
+        return np.float32(labels), self.modes.of(self.tracks, press, t_us)
+
+
+class Films:
+    """Films of the same presses, which a network reads with layers of events that learn too."""
+
+    def __init__(self, paths, modes, network, settings):
+        self.films = [Film(path, modes, settings.said["outputs"]) for path in paths]
+        self.network, self.settings, self.sensor = network, settings, self.films[0].sensor
+
+    def __len__(self):
+        return len(self.films[0])
+
+    def epoch(self, random):
+        """Every press of a random film, at its end and at random ages: the share of the epoch that is done, sums, labels and pins."""
+        order = random.permutation(len(self))
+        chosen = [(self.films[film], press) for film, press in zip(random.integers(len(self.films), size=len(self)), order)]
+        streams = [film.data.events[press] for film, press in chosen]
+        for some, part in parts(self.settings, self.sensor, streams, self.settings.batch):
+            t_us = np.stack([drawn(film.data, [press], self.settings.ages, random)[0] for film, press in chosen[some]])
+            labels, pins = zip(*(film.told(press, at) for (film, press), at in zip(chosen[some], t_us)))
+            yield some.start / len(self), self.network.readout(part.read(t_us)), np.concatenate(labels), np.concatenate(pins)
+
+    @torch.no_grad()
+    def ends(self):
+        """The same of the ends of the presses of the first film, without the share."""
+        film = self.films[0]
+        t_us = film.data.end_us[:, None].astype(np.int64)
+        for some, part in parts(self.settings, self.sensor, film.data.events, BATCH):
+            labels, pins = zip(*(film.told(press, t_us[press]) for press in range(some.start, some.stop)))
+            yield self.network.readout(part.read(t_us[some])), np.concatenate(labels), np.concatenate(pins)
+
+
+class Readings:
+    """Readings of films of the same presses, each press at its end first, then at its other ages from the youngest on. They are kept
+    beside the films, and the sums stay there."""
+
+    def __init__(self, paths, modes, network, settings):
+        for path in paths:
+            if not path.with_suffix(".read.safetensors").exists():
+                self.write(path, modes, network, settings)
+        # (press, age, channel, row, column), half precision; (press, age, output) in units of the data; (press, age, mode).
+        self.sums = [np.load(path.with_suffix(".sums.npy"), "r") for path in paths]
+        told = [load_file(path.with_suffix(".read.safetensors")) for path in paths]
+        self.labels, self.pins = ([each[name] for each in told] for name in ("labels", "pins"))
+        with safe_open(paths[0].with_suffix(".read.safetensors"), "np") as file:
+            self.sensor = json.loads(file.metadata()["sensor"])
+        self.batch = settings.batch
+
+    def __len__(self):
+        return len(self.labels[0])
+
+    @staticmethod
+    @torch.no_grad()
+    def write(path, modes, network, settings):
+        """Reads the presses in the file at `path`."""
+        film = Film(path, modes, settings.said["outputs"])
         # Equal paths have equal ages.
         random = np.random.default_rng(sum(str(path).encode()))
-        t_us = drawn(data, settings.ages, random)
-        labels = [[data.at(name, press, at) for name in settings.said["outputs"]] for press, at in enumerate(t_us)]
-        labels = np.ascontiguousarray(np.float32(labels).transpose(0, 2, 1))
-        summed(data, t_us, network, settings, sums)
-        save_file({"labels": labels, "pins": modes.of(tracks, t_us)}, kept, {"sensor": json.dumps(data.sensor)})
-    with safe_open(kept, "np") as file:
-        return Read(np.load(sums, "r"), file.get_tensor("labels"), file.get_tensor("pins"), json.loads(file.metadata()["sensor"]))
+        t_us = drawn(film.data, range(len(film)), settings.ages, random)
+        found = None
+        network.eval()
+        for some, part in parts(settings, film.sensor, film.data.events, BATCH):
+            sums = network.readout(part.read(t_us[some])).unflatten(0, t_us[some].shape)
+            if found is None:
+                found = np.lib.format.open_memmap(path.with_suffix(".sums.npy"), "w+", np.float16, (*t_us.shape, *sums.shape[2:]))
+            found[some] = sums.half().numpy()
+        found.flush()
+        labels, pins = (np.stack(each) for each in zip(*(film.told(press, at) for press, at in enumerate(t_us))))
+        save_file({"labels": labels, "pins": pins}, path.with_suffix(".read.safetensors"), {"sensor": json.dumps(film.sensor)})
+
+    def epoch(self, random):
+        """Every press of every film, at its end or at another age: the share of the epoch that is done, sums, labels and pins."""
+        films, presses, ages = len(self.sums), len(self), self.labels[0].shape[1]
+        order = random.permutation(films * presses)
+        # A step reads one film, so that its readings are one array.
+        steps = [some for film in range(films) for some in np.array_split(order[order // presses == film], presses // self.batch)]
+        for done, step in enumerate(random.permutation(len(steps))):
+            film, press = steps[step][0] // presses, steps[step] % presses
+            age = np.where(random.random(len(press)) < 0.5, 0, random.integers(1, ages, len(press)))
+            yield done / len(steps), *self.read(film, press, age)
+
+    def ends(self):
+        """The same of the ends of the presses of the first film, without the share."""
+        for first in range(0, len(self), 100):
+            yield self.read(0, slice(first, first + 100), 0)
+
+    def read(self, film, press, age):
+        """Sums, labels and pins of some presses of a film."""
+        sums = torch.from_numpy(self.sums[film][press, age].astype(np.float32))
+        return sums, self.labels[film][press, age], self.pins[film][press, age]
 
 
-def drawn(data, ages, random):
-    """The end of each press, and as many other times as make `ages`, one in each of as many parts of its duration."""
-    part = np.arange(ages - 1) + random.random((len(data), ages - 1))
-    shares = np.concatenate([np.ones((len(data), 1)), YOUNGEST + (1 - YOUNGEST) * part / (ages - 1)], 1)
-    return (data.contact_us[:, None] + shares * (data.end_us - data.contact_us)[:, None]).astype(np.int64)
+def drawn(data, chosen, ages, random):
+    """The ends of presses, and as many other times as make `ages`, one in each of as many parts of a press's duration."""
+    contact_us, end_us = (each[chosen, None] for each in (data.contact_us, data.end_us))
+    part = np.arange(ages - 1) + random.random((len(chosen), ages - 1))
+    shares = np.concatenate([np.ones((len(chosen), 1)), YOUNGEST + (1 - YOUNGEST) * part / (ages - 1)], 1)
+    return (contact_us + shares * (end_us - contact_us)).astype(np.int64)
 
 
-@torch.no_grad()
-def summed(data, t_us, network, settings, path):
-    """Writes the sums of all presses at the times (press, age) to an array at `path`."""
-    found = None
-    network.eval()
-    with tempfile.TemporaryDirectory() as folder:
-        for first in range(0, len(data), CHUNK):
-            chosen = range(first, min(first + CHUNK, len(data)))
-            streams = [data.events[press] for press in chosen]
-            graphs = Graphs(settings.meissner, settings.network, settings.said, data.sensor, streams, folder)
-            for some in range(0, len(chosen), BATCH):
-                part = range(some, min(some + BATCH, len(chosen)))
-                at = slice(first + part.start, first + part.stop)
-                sums = network.readout(graphs.part(part).read(t_us[at])).unflatten(0, t_us[at].shape)
-                if found is None:
-                    found = np.lib.format.open_memmap(path, "w+", np.float16, (*t_us.shape, *sums.shape[2:]))
-                found[at] = sums.half().numpy()
-    found.flush()
+def parts(settings, sensor, streams, size):
+    """The graphs of `size` streams after the other: a slice of `streams`, and what a network reads of it. The next are built meanwhile."""
+    chunks = [streams[first : first + CHUNK] for first in range(0, len(streams), CHUNK)]
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as builder:
+
+        def build(streams):
+            return Graphs(settings.meissner, settings.network, settings.said, sensor, streams, folder)
+
+        coming = builder.submit(build, chunks[0])
+        for number, chunk in enumerate(chunks):
+            graphs = coming.result()
+            if number + 1 < len(chunks):
+                coming = builder.submit(build, chunks[number + 1])
+            for first in range(0, len(chunk), size):
+                part = range(first, min(first + size, len(chunk)))
+                yield slice(CHUNK * number + part.start, CHUNK * number + part.stop), graphs.part(part)
