@@ -34,6 +34,7 @@ LAMPS = {"on": 300, "off": 30}
 
 def main():
     args = arguments()
+    args.folder.mkdir(parents=True, exist_ok=True)
     tracks = args.folder / "tracks.safetensors"
     if not tracks.exists():
         meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
