@@ -219,6 +219,8 @@ def arguments():
     parser.add_argument("--threads", type=int, default=1, help="default: 1")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     args = parser.parse_args()
+    if args.events and not args.all:
+        parser.error("--events: expected --all")
     args.valid = args.valid or args.data[0]
     return args
 

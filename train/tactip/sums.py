@@ -5,6 +5,7 @@ read does not depend on the head, so that an epoch takes seconds. `Films` are re
 learn too. The labels are the outputs of the network and the motion of all pins in principal modes, which only the training knows.
 """
 
+import hashlib
 import json
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -91,12 +92,13 @@ class Films:
 
 class Readings:
     """Readings of films of the same presses, each press at its end first, then at its other ages from the youngest on. They are kept
-    beside the films, and the sums stay there."""
+    beside the films until the layers of events are others, and the sums stay there."""
 
     def __init__(self, paths, modes, network, settings):
+        layers = digest(network)
         for path in paths:
-            if not path.with_suffix(".read.safetensors").exists():
-                self.write(path, modes, network, settings)
+            if read_with(path) != layers:
+                self.write(path, modes, network, settings, layers)
         # (press, age, channel, row, column), half precision; (press, age, output) in units of the data; (press, age, mode).
         self.sums = [np.load(path.with_suffix(".sums.npy"), "r") for path in paths]
         told = [load_file(path.with_suffix(".read.safetensors")) for path in paths]
@@ -110,8 +112,8 @@ class Readings:
 
     @staticmethod
     @torch.no_grad()
-    def write(path, modes, network, settings):
-        """Reads the presses in the file at `path`."""
+    def write(path, modes, network, settings, layers):
+        """Reads the presses in the file at `path` with the layers of events whose digest is `layers`."""
         film = Film(path, modes, settings.said["outputs"])
         # Equal paths have equal ages.
         random = np.random.default_rng(sum(str(path).encode()))
@@ -125,7 +127,8 @@ class Readings:
             found[some] = sums.half().numpy()
         found.flush()
         labels, pins = (np.stack(each) for each in zip(*(film.told(press, at) for press, at in enumerate(t_us))))
-        save_file({"labels": labels, "pins": pins}, path.with_suffix(".read.safetensors"), {"sensor": json.dumps(film.sensor)})
+        remarks = {"sensor": json.dumps(film.sensor), "layers": layers}
+        save_file({"labels": labels, "pins": pins}, path.with_suffix(".read.safetensors"), remarks)
 
     def epoch(self, random):
         """Every press of every film, at its end or at another age: the share of the epoch that is done, sums, labels and pins."""
@@ -147,6 +150,22 @@ class Readings:
         """Sums, labels and pins of some presses of a film."""
         sums = torch.from_numpy(self.sums[film][press, age].astype(np.float32))
         return sums, self.labels[film][press, age], self.pins[film][press, age]
+
+
+def digest(network):
+    """A digest of the layers of events."""
+    tensors = network.exported()
+    names = [name for layer in network.events for name in network.tensors.get(layer["name"], [])]
+    return hashlib.sha256(b"".join(tensors[name].numpy().tobytes() for name in names)).hexdigest()
+
+
+def read_with(path):
+    """The digest of the layers that the kept readings of the film at `path` were made with, if there are any."""
+    kept = path.with_suffix(".read.safetensors")
+    if not kept.exists():
+        return None
+    with safe_open(kept, "np") as file:
+        return file.metadata().get("layers")
 
 
 def drawn(data, chosen, ages, random):
