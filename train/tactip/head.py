@@ -3,9 +3,9 @@
     python train/tactip/head.py /tmp/shear/0 /tmp/shear/1 --network tactip-shear --start models/weights/angle/tactip-past.0.safetensors
 
 Each FOLDER has train.safetensors, with the tracks of the pins beside it, and the first valid.safetensors too, as `presses.py` writes them.
-The layers of events are trained already; with `--events` they learn too. The network has a dense layer `pins`: its first values are told
-how the pins have moved, in principal modes, and the layers behind it what that says. These learn from the true motion first, with noise.
-Writes NETWORK.SEED.safetensors.
+The layers of events are trained already; with `--events` they learn too. If the network has a dense layer `pins`, its first values are
+told how the pins have moved, in principal modes, and the layers behind it what that says. These learn from the true motion first, with
+noise. Writes NETWORK.SEED.safetensors.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from network import Network
 from safetensors.numpy import load_file as load_arrays
 from train import SHARE
 
-ABOUT = "trained on presses of a real TacTip with a sideways move, whose camera is modelled (data of no stated licence)"
+ABOUT = "trained on presses of a real TacTip{}, whose camera is modelled (data of no stated licence)"
 BETA = 0.1  # error at which the loss becomes linear, in units
 # Of the motion: the noise that the last layers learn with at first, in modes, and their steps.
 NOISE, STEPS, PRESSES = 0.04, 6000, 64
@@ -51,9 +51,10 @@ def main():
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
     head = Head(network, args.cells)
-    if not args.all:
-        head.warm_up(train, args.rate)
-    print("pins as they are:", head.errors(valid, of_pins=True), flush=True)
+    if head.told:
+        if not args.all:
+            head.warm_up(train, args.rate)
+        print("pins as they are:", head.errors(valid, of_pins=True), flush=True)
     loss = fit(head, train, valid, args, random, path.with_suffix(".state"))
     if args.centre:
         head.centre(valid)
@@ -62,7 +63,7 @@ def main():
         "network": args.said["name"],
         "seed": args.seed,
         "date": datetime.date.today().isoformat(),
-        "about": ABOUT,
+        "about": ABOUT.format(" with a sideways move" if head.told else ""),
         "recipe": recipe(args),
         "presses": len(train),
         "trained_on": "train",
@@ -90,15 +91,16 @@ def begin(network, args):
 
 
 class Head:
-    """The layers behind the readout: up to `pins`, and what reads them."""
+    """The layers behind the readout: up to `pins`, or all where there is no such layer, and what reads them."""
 
     def __init__(self, network, cells):
         self.network, self.cells = network, cells
-        cut = 1 + [layer["name"] for layer in network.head].index("pins")
+        names = [layer["name"] for layer in network.head]
+        cut = 1 + names.index("pins") if "pins" in names else len(names)
         self.seen, self.told = network.head[:cut], network.head[cut:]
 
     def pins(self, x):
-        """What the layer `pins` says of some sums: the modes of the motion of the pins first."""
+        """What the last of the layers up to `pins` says of some sums: the modes of the motion of the pins first, if it is `pins`."""
         if self.network.training and self.cells:
             x = x * (torch.rand(len(x), 1, *x.shape[2:]) >= self.cells) / (1 - self.cells)
         x = x.contiguous(memory_format=torch.channels_last)
@@ -143,7 +145,7 @@ class Head:
     @torch.no_grad()
     def centre(self, valid):
         """Moves the outputs so that their median difference from the labels is 0."""
-        last = self.network.part[self.told[-1]["name"]]
+        last = self.network.part[[*self.seen, *self.told][-1]["name"]]
         last.bias -= torch.from_numpy(np.median(self.differences(valid), 0)) / self.network.unit
 
 
@@ -165,7 +167,7 @@ def fit(head, train, valid, args, random, resume):
             pins = head.pins(x)
             found = head.network.values(pins, head.told)
             loss = F.smooth_l1_loss(found, torch.from_numpy(labels) / unit, beta=BETA)
-            moved = F.smooth_l1_loss(pins[:, : sums.MODES] * sums.UNIT, torch.from_numpy(motion) * sums.UNIT)
+            moved = F.smooth_l1_loss(pins[:, : sums.MODES] * sums.UNIT, torch.from_numpy(motion) * sums.UNIT) if head.told else loss.new_zeros(())
             optimise(optimiser, loss + args.pins * moved, learnt)
             losses.append((loss.item(), moved.item()))
         mean = np.mean(losses, 0)

@@ -10,8 +10,8 @@ every pin moves from rest, along the field that was fitted to the training image
     FILM/train.safetensors   all training images but the last 500, once for each of the cameras FILM = 0, 1, ...
     0/valid.safetensors      these 500, to choose by
     0/test.safetensors       the test images
-    FILM/train.safetensors   with `--set shear --drawn N`, for the N cameras after these: as many presses, at poses and after moves that the
-                             robot did not take
+    FILM/train.safetensors   with `--drawn N`, for the N cameras after these: as many presses, at poses and after moves that the robot did
+                             not take
 
 with the events of all presses as `prepare graphs` reads them, and along the time of each press `truth.depth` in mm, and `truth.tilt_x`
 and `truth.tilt_y` in degrees, as the robot had them. Beside each are the tracks of the pins, PART.tracks.safetensors.
@@ -133,10 +133,17 @@ def tapped(data):
     images, test = pins.read(data / "tap_test.npz")
     there = pins.followed([pins.blobs(image) for image in images], field(test))
     said("test", there, field(test))
+    residual = np.nan_to_num(seen - field(pose))
+
+    def drawn(part, random):
+        depth, tilts, missed = (random.permutation(len(pose[part])) for _ in range(3))
+        chosen = np.column_stack([pose[part][depth, :1], pose[part][tilts, 1:]])
+        return taps(field, chosen, field(chosen) + residual[part][missed], random)
+
     return (
         lambda part, random: taps(field, pose[part], seen[part], random),
         lambda part, random: taps(field, test[part], there[part], random),
-        None,
+        drawn,
     )
 
 
@@ -177,13 +184,10 @@ def arguments():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--set", choices=["tap", "shear"], default="tap", help="default: %(default)s")
     parser.add_argument("--films", type=int, default=2, help="times that the training presses are filmed; default: 2")
-    parser.add_argument("--drawn", type=int, default=0, help="films of presses at drawn poses, with `--set shear`; default: 0")
+    parser.add_argument("--drawn", type=int, default=0, help="films of presses at drawn poses; default: 0")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    args = parser.parse_args()
-    if args.drawn and args.set == "tap":
-        parser.error("--drawn: expected --set shear")
-    return args
+    return parser.parse_args()
 
 
 if __name__ == "__main__":
