@@ -45,8 +45,9 @@ def main():
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
     network = Network(args.said, args.unit, args.dropout, SHARE * args.stride)
+    started = remarks_of(args.start) if args.start else {}
     if args.start:
-        network.load(load_file(args.start), args.stride / started_at(args.start))
+        network.load(load_file(args.start), args.stride / int(started["stride"]))
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
 
@@ -63,7 +64,7 @@ def main():
         "network": args.said["name"],
         "seed": args.seed,
         "date": datetime.date.today().isoformat(),
-        "about": args.about,
+        "about": args.about or started.get("about", ABOUT),
         "recipe": recipe(args),
         "presses": len(data[0]),
         "trained_on": "train",
@@ -74,14 +75,16 @@ def main():
     }
     if args.said["preparation"]:
         remarks["preparation"] = args.said["preparation"]
+    if "licence" in started:
+        remarks["licence"] = started["licence"]
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
 
 
-def started_at(path):
-    """The thinning that the weights at `path` are meant for."""
+def remarks_of(path):
+    """The remarks in the weights at `path`."""
     with safe_open(path, "pt") as file:
-        return int(file.metadata()["stride"])
+        return file.metadata()
 
 
 def recipe(args):
@@ -117,7 +120,7 @@ def arguments():
     parser.add_argument("--times", type=int, default=1, help="random times at which a press is read, beside its end; default: 1")
     parser.add_argument("--mirrors", nargs="*", default=[], choices=["columns", "rows"], help="axes of symmetry; default: none")
     parser.add_argument("--check", type=int, default=5, help="epochs from one validation to the next; default: 5")
-    parser.add_argument("--about", default=ABOUT, help="remark about the data")
+    parser.add_argument("--about", help="remark about the data; default: that of the weights to start from, or the dome's")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     return parser.parse_args()

@@ -1,11 +1,11 @@
 """Trains a network on presses from a seed: what is behind its readout, or all of it.
 
-    python train/tactip/head.py /tmp/shear/0 /tmp/shear/1 --network tactip-shear --start models/weights/angle/tactip-past.0.safetensors
+    python train/angle/head.py /tmp/dome/on /tmp/dome/off --unit 0.1 --start models/weights/angle/tactigraph-past.0.safetensors --all
 
-Each FOLDER has train.safetensors, with the tracks of the pins beside it, and the first valid.safetensors too, as `presses.py` writes them.
-The layers of events are trained already; with `--events` they learn too. If the network has a dense layer `pins`, its first values are
-told how the pins have moved, in principal modes, and the layers behind it what that says. These learn from the true motion first, with
-noise. Writes NETWORK.SEED.safetensors.
+Each FOLDER has train.safetensors, the same presses filmed by different cameras, and that of the validation also valid.safetensors. The
+layers of events are trained already; with `--events` they learn too. If the network has a dense layer `pins`, its first values are told how
+the pins of a TacTip have moved, in principal modes, and the layers behind it what that says. These learn from the true motion first,
+with noise; the tracks of the pins are beside the films, as `train/tactip/presses.py` writes them. Writes NETWORK.SEED.safetensors.
 """
 
 import argparse
@@ -20,17 +20,16 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import load_file
 
-# Both lie beside this folder.
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "angle"), str(Path(__file__).resolve().parents[1])]
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 import export_weights
 import sums
 from fit import DECAY, share
 from graphs import inspected
 from network import Network
 from safetensors.numpy import load_file as load_arrays
-from train import SHARE
+from train import SHARE, mean_errors, remarks_of
 
-ABOUT = "trained on presses of a real TacTip{}, whose camera is modelled (data of no stated licence)"
 BETA = 0.1  # error at which the loss becomes linear, in units
 # Of the motion: the noise that the last layers learn with at first, in modes, and their steps.
 NOISE, STEPS, PRESSES = 0.04, 6000, 64
@@ -42,15 +41,17 @@ def main():
     torch.manual_seed(args.seed)
     random = np.random.default_rng(args.seed)
     args.said = inspected(args.meissner, args.network)
+    args.unit = np.broadcast_to(args.unit, len(args.said["outputs"])).astype(np.float64)
     network = Network(args.said, args.unit, args.dropout, SHARE)
     begin(network, args)
-    modes = sums.Modes(load_arrays(args.valid / "train.tracks.safetensors"))
+    head = Head(network, args)
+    modes = sums.Modes(load_arrays(args.valid[0] / "train.tracks.safetensors")) if head.told else None
+    paths = [folder / "train.safetensors" for folder in args.data]
+    train = sums.Films(paths, modes, network, args) if args.events else sums.Readings(paths, modes, network, args, args.mirrors)
     kind = sums.Films if args.events else sums.Readings
-    train = kind([folder / "train.safetensors" for folder in args.data], modes, network, args)
-    valid = kind([args.valid / "valid.safetensors"], modes, network, args)
+    valid = {folder.name: kind([folder / "valid.safetensors"], modes, network, args) for folder in args.valid}
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
-    head = Head(network, args.cells)
     if head.told:
         if not args.all:
             head.warm_up(train, args.rate)
@@ -58,21 +59,23 @@ def main():
     loss = fit(head, train, valid, args, random, path.with_suffix(".state"))
     if args.centre:
         head.centre(valid)
-    found = head.errors(valid)
+    started = remarks_of(args.start[0])
     remarks = {
         "network": args.said["name"],
         "seed": args.seed,
         "date": datetime.date.today().isoformat(),
-        "about": ABOUT.format(" with a sideways move" if head.told else ""),
+        "about": args.about or started["about"],
         "recipe": recipe(args),
         "presses": len(train),
         "trained_on": "train",
         "stride": 1,
         "sensor": json.dumps(train.sensor),
-        "preparation": args.said["preparation"],
-        "licence": "the data of the training states none",
-        "valid": json.dumps({args.valid.name: [found]}),
+        "valid": json.dumps({name: [found] for name, found in head.errors(valid).items()}),
     }
+    if args.said["preparation"]:
+        remarks["preparation"] = args.said["preparation"]
+    if "licence" in started:
+        remarks["licence"] = started["licence"]
     if args.epochs:
         remarks["loss"] = f"{loss:.5f}"
     export_weights.save(network.exported(), path, remarks)
@@ -93,8 +96,8 @@ def begin(network, args):
 class Head:
     """The layers behind the readout: up to `pins`, or all where there is no such layer, and what reads them."""
 
-    def __init__(self, network, cells):
-        self.network, self.cells = network, cells
+    def __init__(self, network, settings):
+        self.network, self.settings, self.cells = network, settings, settings.cells
         names = [layer["name"] for layer in network.head]
         cut = 1 + names.index("pins") if "pins" in names else len(names)
         self.seen, self.told = network.head[:cut], network.head[cut:]
@@ -103,8 +106,10 @@ class Head:
         """What the last of the layers up to `pins` says of some sums: the modes of the motion of the pins first, if it is `pins`."""
         if self.network.training and self.cells:
             x = x * (torch.rand(len(x), 1, *x.shape[2:]) >= self.cells) / (1 - self.cells)
-        x = x.contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.network.training):
+        image = x.dim() == 4
+        if image:
+            x = x.contiguous(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.network.training and image):
             x = self.network.values(x, self.seen[:-1])
         return self.network.values(x.float(), self.seen[-1:])
 
@@ -129,8 +134,8 @@ class Head:
         return F.pad(pins, (0, self.seen[-1]["outputs"] - sums.MODES))
 
     def errors(self, valid, of_pins=False):
-        """Mean absolute error of each output at the ends of presses."""
-        return np.abs(self.differences(valid, of_pins)).mean(0).astype(float).round(4).tolist()
+        """Mean absolute errors of all outputs at the ends of presses, for each folder."""
+        return {name: mean_errors(self.settings, self.differences(each, of_pins)) for name, each in valid.items()}
 
     @torch.no_grad()
     def differences(self, valid, of_pins=False):
@@ -146,14 +151,15 @@ class Head:
     def centre(self, valid):
         """Moves the outputs so that their median difference from the labels is 0."""
         last = self.network.part[[*self.seen, *self.told][-1]["name"]]
-        last.bias -= torch.from_numpy(np.median(self.differences(valid), 0)) / self.network.unit
+        found = np.concatenate([self.differences(each) for each in valid.values()])
+        last.bias -= torch.from_numpy(np.median(found, 0)) / self.network.unit
 
 
 def fit(head, train, valid, args, random, resume):
     """Trains `head`, and what it reads if that learns. `resume` is a file with the state, which is written after an epoch."""
     learnt = [*head.network.parameters()] if args.events else head.parameters([*head.seen, *head.told])
     optimiser = torch.optim.AdamW(learnt, args.rate, weight_decay=args.decay)
-    unit, first, mean = head.network.unit, 0, [float("nan")]
+    unit, first, mean = head.network.unit, 0, float("nan")
     if resume.exists():
         state = torch.load(resume, weights_only=False)
         head.network.load_state_dict(state["network"])
@@ -167,15 +173,17 @@ def fit(head, train, valid, args, random, resume):
             pins = head.pins(x)
             found = head.network.values(pins, head.told)
             loss = F.smooth_l1_loss(found, torch.from_numpy(labels) / unit, beta=BETA)
-            moved = F.smooth_l1_loss(pins[:, : sums.MODES] * sums.UNIT, torch.from_numpy(motion) * sums.UNIT) if head.told else loss.new_zeros(())
-            optimise(optimiser, loss + args.pins * moved, learnt)
-            losses.append((loss.item(), moved.item()))
-        mean = np.mean(losses, 0)
+            losses.append(loss.item())
+            if head.told:
+                moved = F.smooth_l1_loss(pins[:, : sums.MODES] * sums.UNIT, torch.from_numpy(motion) * sums.UNIT)
+                loss = loss + args.pins * moved
+            optimise(optimiser, loss, learnt)
+        mean = np.mean(losses)
         said = f"  valid {head.errors(valid)}" if args.events or (epoch + 1) % 3 == 0 else ""
-        print(f"epoch {epoch + 1:3}  loss {mean.round(5)}  {time.time() - started:.1f} s{said}", flush=True)
+        print(f"epoch {epoch + 1:3}  loss {mean:.5f}  {time.time() - started:.1f} s{said}", flush=True)
         state = {"network": head.network.state_dict(), "optimiser": optimiser.state_dict()}
         torch.save(state | {"random": random.bit_generator.state, "epochs": epoch + 1, "loss": mean}, resume)
-    return mean[0]
+    return mean
 
 
 def optimise(optimiser, loss, learnt):
@@ -192,38 +200,44 @@ def recipe(args):
     learnt = "all layers" if args.events else "what is behind the readout"
     start = f"{layers} from {' and '.join(path.name for path in args.start)}: {args.epochs} epochs of {learnt}"
     ages = f"{args.ages - 1} random ages" if args.events else f"one of {args.ages - 1} ages"
-    readings = f"{len(args.data)} films, read at the end and at {ages}, batch {args.batch}"
+    mirrors = f", mirrored along {' and '.join(args.mirrors)}" if args.mirrors else ""
+    readings = f"{len(args.data)} films{mirrors}, read at the end ({args.ends} of the readings) and at {ages}, batch {args.batch}"
     line = f"{start}, {readings}, AdamW {args.rate} on a cosine, decay {args.decay}, dropout {args.dropout} and {args.cells} of the cells"
-    line = f"{line}, smooth L1, {args.pins} of the pins, outputs in units of {args.unit}"
+    line = f"{line}, smooth L1, {args.pins} of the pins, outputs in units of {args.unit.tolist()}"
     return f"{line}, then moved so that the median difference on the validation presses is 0" if args.centre else line
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="+", metavar="FOLDER")
-    parser.add_argument("--network", default="tactip-shear", help="name or description; default: %(default)s")
-    parser.add_argument("--valid", type=Path, help="folder of the validation and of the modes of the pins; default: the first")
+    parser.add_argument("--network", default="tactigraph-past", help="name or description; default: %(default)s")
+    parser.add_argument("--valid", type=Path, nargs="+", help="folders of the validation; default: the first")
     parser.add_argument("--start", type=Path, nargs="+", required=True, help="weights with the layers of events; of several, their mean")
     parser.add_argument("--all", action="store_true", help="start from all layers of these weights")
     parser.add_argument("--events", action="store_true", help="the layers of events learn too")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--epochs", type=int, default=60, help="default: 60")
     parser.add_argument("--ages", type=int, default=5, help="readings of a press; default: 5")
+    parser.add_argument("--ends", type=float, default=0.5, help="share of the readings at the end of a press; default: 0.5")
+    parser.add_argument("--mirrors", nargs="*", default=[], choices=["columns", "rows"], help="axes of symmetry; default: none")
     parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
     parser.add_argument("--batch", type=int, default=32, help="presses of a step; default: 32")
-    parser.add_argument("--dropout", type=float, default=0.0, help="of what the layer `pins` reads; default: 0")
+    parser.add_argument("--dropout", type=float, default=0.0, help="of what the first dense layer reads; default: 0")
     parser.add_argument("--cells", type=float, default=0.0, help="share of the cells that are left out at random; default: 0")
     parser.add_argument("--decay", type=float, default=DECAY, help="of the weights; default: %(default)s")
-    parser.add_argument("--unit", type=float, nargs=3, default=[1.0, 10.0, 10.0], help="of the errors, in mm and degrees; default: 1 10 10")
+    parser.add_argument("--unit", type=float, nargs="+", default=[1.0, 10.0, 10.0], help="of each output; default: 1 10 10")
     parser.add_argument("--centre", action="store_true", help="move the outputs to a median difference of 0 on the validation presses")
     parser.add_argument("--pins", type=float, default=0.05, help="weight of the motion of the pins, in pixels, in the loss; default: 0.05")
+    parser.add_argument("--about", help="remark about the data; default: that of the weights to start from")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--threads", type=int, default=1, help="default: 1")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     args = parser.parse_args()
     if args.events and not args.all:
         parser.error("--events: expected --all")
-    args.valid = args.valid or args.data[0]
+    if args.events and args.mirrors:
+        parser.error("--mirrors: expected no --events")
+    args.valid = args.valid or args.data[:1]
     return args
 
 

@@ -2,7 +2,8 @@
 
 `Readings` are computed once with layers of events that are trained already: a press is read at its end and at random ages. What is
 read does not depend on the head, so that an epoch takes seconds. `Films` are read again in every epoch, with layers of events that
-learn too. The labels are the outputs of the network and the motion of all pins in principal modes, which only the training knows.
+learn too. The labels are the outputs of the network and, where it has a layer for them, the motion of all pins in principal modes, which
+only the training knows.
 """
 
 import hashlib
@@ -11,8 +12,9 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import presses  # of train/angle
+import presses
 import torch
+from fit import turned
 from graphs import Graphs
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
@@ -45,10 +47,10 @@ class Modes:
 
 
 class Film:
-    """The presses in a file, with the motion of their pins."""
+    """The presses in a file, with the motion of their pins if there are `modes`."""
 
     def __init__(self, path, modes, names):
-        self.data, self.tracks = presses.read(path), load_file(path.with_suffix(".tracks.safetensors"))
+        self.data, self.tracks = presses.read(path), load_file(path.with_suffix(".tracks.safetensors")) if modes else None
         self.modes, self.names, self.sensor = modes, names, self.data.sensor
 
     def __len__(self):
@@ -57,7 +59,8 @@ class Film:
     def told(self, press, t_us):
         """The outputs (time, output) of a press at some times, in units of the data, and the modes of its pins (time, mode)."""
         labels = np.stack([self.data.at(name, press, t_us) for name in self.names], 1)
-        return np.float32(labels), self.modes.of(self.tracks, press, t_us)
+        pins = self.modes.of(self.tracks, press, t_us) if self.modes else np.empty((len(t_us), 0), np.float32)
+        return np.float32(labels), pins
 
 
 class Films:
@@ -91,65 +94,72 @@ class Films:
 
 
 class Readings:
-    """Readings of films of the same presses, each press at its end first, then at its other ages from the youngest on. They are kept
-    beside the films until the layers of events are others, and the sums stay there."""
+    """Readings of films of the same presses, each press at its end first, then at its other ages from the youngest on; and after these the
+    same of its mirror images. They are kept beside the films until the layers of events are others, and the sums stay there."""
 
-    def __init__(self, paths, modes, network, settings):
-        layers = digest(network)
+    def __init__(self, paths, modes, network, settings, mirrors=()):
+        made = f"{digest(network)}, {settings.ages} ages, mirrored along {list(mirrors)}"
         for path in paths:
-            if read_with(path) != layers:
-                self.write(path, modes, network, settings, layers)
-        # (press, age, channel, row, column), half precision; (press, age, output) in units of the data; (press, age, mode).
+            if made_as(path) != made:
+                self.write(path, modes, network, settings, mirrors, made)
+        # (press, reading, channel, row, column), half precision; (press, reading, output) in units of the data; (press, reading, mode).
         self.sums = [np.load(path.with_suffix(".sums.npy"), "r") for path in paths]
         told = [load_file(path.with_suffix(".read.safetensors")) for path in paths]
         self.labels, self.pins = ([each[name] for each in told] for name in ("labels", "pins"))
         with safe_open(paths[0].with_suffix(".read.safetensors"), "np") as file:
             self.sensor = json.loads(file.metadata()["sensor"])
-        self.batch = settings.batch
+        self.settings = settings
 
     def __len__(self):
         return len(self.labels[0])
 
     @staticmethod
     @torch.no_grad()
-    def write(path, modes, network, settings, layers):
-        """Reads the presses in the file at `path` with the layers of events whose digest is `layers`."""
+    def write(path, modes, network, settings, mirrors, made):
+        """Reads the presses in the file at `path`, and remarks how this was `made`."""
         film = Film(path, modes, settings.said["outputs"])
         # Equal paths have equal ages.
         random = np.random.default_rng(sum(str(path).encode()))
         t_us = drawn(film.data, range(len(film)), settings.ages, random)
+        images = [[]]
+        for axis in mirrors:
+            images += [[*image, axis] for image in images]
         found = None
         network.eval()
         for some, part in parts(settings, film.sensor, film.data.events, BATCH):
-            sums = network.readout(part.read(t_us[some])).unflatten(0, t_us[some].shape)
+            sums = [network.readout(part.read(t_us[some], image)).unflatten(0, t_us[some].shape) for image in images]
+            sums = torch.cat(sums, 1)
             if found is None:
-                found = np.lib.format.open_memmap(path.with_suffix(".sums.npy"), "w+", np.float16, (*t_us.shape, *sums.shape[2:]))
+                found = np.lib.format.open_memmap(path.with_suffix(".sums.npy"), "w+", np.float16, (len(film), *sums.shape[1:]))
             found[some] = sums.half().numpy()
         found.flush()
         labels, pins = (np.stack(each) for each in zip(*(film.told(press, at) for press, at in enumerate(t_us))))
-        remarks = {"sensor": json.dumps(film.sensor), "layers": layers}
-        save_file({"labels": labels, "pins": pins}, path.with_suffix(".read.safetensors"), remarks)
+        labels = np.concatenate([np.float32(labels * turned(film.names, image)) for image in images], 1)
+        remarks = {"sensor": json.dumps(film.sensor), "made": made}
+        save_file({"labels": labels, "pins": np.tile(pins, (1, len(images), 1))}, path.with_suffix(".read.safetensors"), remarks)
 
     def epoch(self, random):
         """Every press of every film, at its end or at another age: the share of the epoch that is done, sums, labels and pins."""
-        films, presses, ages = len(self.sums), len(self), self.labels[0].shape[1]
+        films, presses, ages = len(self.sums), len(self), self.settings.ages
+        images = self.labels[0].shape[1] // ages
         order = random.permutation(films * presses)
         # A step reads one film, so that its readings are one array.
-        steps = [some for film in range(films) for some in np.array_split(order[order // presses == film], presses // self.batch)]
+        of_film = (order[order // presses == film] for film in range(films))
+        steps = [some for each in of_film for some in np.array_split(each, presses // self.settings.batch)]
         for done, step in enumerate(random.permutation(len(steps))):
             film, press = steps[step][0] // presses, steps[step] % presses
-            age = np.where(random.random(len(press)) < 0.5, 0, random.integers(1, ages, len(press)))
-            yield done / len(steps), *self.read(film, press, age)
+            age = np.where(random.random(len(press)) < self.settings.ends, 0, random.integers(1, ages, len(press)))
+            yield done / len(steps), *self.read(film, press, age + ages * random.integers(images, size=len(press)))
 
     def ends(self):
         """The same of the ends of the presses of the first film, without the share."""
         for first in range(0, len(self), 100):
             yield self.read(0, slice(first, first + 100), 0)
 
-    def read(self, film, press, age):
+    def read(self, film, press, reading):
         """Sums, labels and pins of some presses of a film."""
-        sums = torch.from_numpy(self.sums[film][press, age].astype(np.float32))
-        return sums, self.labels[film][press, age], self.pins[film][press, age]
+        sums = torch.from_numpy(self.sums[film][press, reading].astype(np.float32))
+        return sums, self.labels[film][press, reading], self.pins[film][press, reading]
 
 
 def digest(network):
@@ -159,13 +169,13 @@ def digest(network):
     return hashlib.sha256(b"".join(tensors[name].numpy().tobytes() for name in names)).hexdigest()
 
 
-def read_with(path):
-    """The digest of the layers that the kept readings of the film at `path` were made with, if there are any."""
+def made_as(path):
+    """How the kept readings of the film at `path` were made, if there are any."""
     kept = path.with_suffix(".read.safetensors")
     if not kept.exists():
         return None
     with safe_open(kept, "np") as file:
-        return file.metadata().get("layers")
+        return file.metadata().get("made")
 
 
 def drawn(data, chosen, ages, random):
