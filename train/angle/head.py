@@ -97,15 +97,16 @@ class Head:
     """The layers behind the readout: up to `pins`, or all where there is no such layer, and what reads them."""
 
     def __init__(self, network, settings):
-        self.network, self.settings, self.cells = network, settings, settings.cells
+        self.network, self.settings = network, settings
         names = [layer["name"] for layer in network.head]
         cut = 1 + names.index("pins") if "pins" in names else len(names)
         self.seen, self.told = network.head[:cut], network.head[cut:]
 
     def pins(self, x):
         """What the last of the layers up to `pins` says of some sums: the modes of the motion of the pins first, if it is `pins`."""
-        if self.network.training and self.cells:
-            x = x * (torch.rand(len(x), 1, *x.shape[2:]) >= self.cells) / (1 - self.cells)
+        left_out = self.settings.cells
+        if self.network.training and left_out:
+            x = x * (torch.rand(len(x), 1, *x.shape[2:]) >= left_out) / (1 - left_out)
         image = x.dim() == 4
         if image:
             x = x.contiguous(memory_format=torch.channels_last)

@@ -98,7 +98,7 @@ class Readings:
     same of its mirror images. They are kept beside the films until the layers of events are others, and the sums stay there."""
 
     def __init__(self, paths, modes, network, settings, mirrors=()):
-        made = f"{digest(network)}, {settings.ages} ages, mirrored along {list(mirrors)}"
+        made = f"{digest(network)}, {settings.ages} ages, mirrored along {list(mirrors)}, {MODES if modes else 0} modes of pins"
         for path in paths:
             if made_as(path) != made:
                 self.write(path, modes, network, settings, mirrors, made)
