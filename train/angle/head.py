@@ -9,8 +9,6 @@ with noise; the tracks of the pins are beside the films, as `train/tactip/presse
 """
 
 import argparse
-import datetime
-import json
 import sys
 import time
 from pathlib import Path
@@ -28,7 +26,7 @@ from fit import DECAY, share
 from graphs import inspected
 from network import Network
 from safetensors.numpy import load_file as load_arrays
-from train import SHARE, mean_errors, remarks_of
+from train import SHARE, mean_errors, remarks_of, written
 
 BETA = 0.1  # error at which the loss becomes linear, in units
 # Of the motion: the noise that the last layers learn with at first, in modes, and their steps.
@@ -59,25 +57,8 @@ def main():
     loss = fit(head, train, valid, args, random, path.with_suffix(".state"))
     if args.centre:
         head.centre(valid)
-    started = remarks_of(args.start[0])
-    remarks = {
-        "network": args.said["name"],
-        "seed": args.seed,
-        "date": datetime.date.today().isoformat(),
-        "about": args.about or started["about"],
-        "recipe": recipe(args),
-        "presses": len(train),
-        "trained_on": "train",
-        "stride": 1,
-        "sensor": json.dumps(train.sensor),
-        "valid": json.dumps({name: [found] for name, found in head.errors(valid).items()}),
-    }
-    if args.said["preparation"]:
-        remarks["preparation"] = args.said["preparation"]
-    if "licence" in started:
-        remarks["licence"] = started["licence"]
-    if args.epochs:
-        remarks["loss"] = f"{loss:.5f}"
+    found = {name: [each] for name, each in head.errors(valid).items()}
+    remarks = written(args, recipe(args), train, 1, loss, found, remarks_of(args.start[0]))
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
 

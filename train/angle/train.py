@@ -60,25 +60,31 @@ def main():
 
         loss = fit(network, data, args, error, random, path.with_suffix(".state"), log)
         found = error(network)
+    remarks = written(args, recipe(args), data[0], args.stride, loss, found, started)
+    export_weights.save(network.exported(), path, remarks)
+    print(path, remarks["valid"])
+
+
+def written(args, recipe, presses, stride, loss, valid, started):
+    """The remarks of weights that were trained as `recipe` says, from weights with the remarks `started`."""
     remarks = {
         "network": args.said["name"],
         "seed": args.seed,
         "date": datetime.date.today().isoformat(),
         "about": args.about or started.get("about", ABOUT),
-        "recipe": recipe(args),
-        "presses": len(data[0]),
+        "recipe": recipe,
+        "presses": len(presses),
         "trained_on": "train",
-        "stride": args.stride,
-        "sensor": json.dumps(data[0].sensor),
+        "stride": stride,
+        "sensor": json.dumps(presses.sensor),
         "loss": f"{loss:.5f}",
-        "valid": json.dumps(found),
+        "valid": json.dumps(valid),
     }
     if args.said["preparation"]:
         remarks["preparation"] = args.said["preparation"]
     if "licence" in started:
         remarks["licence"] = started["licence"]
-    export_weights.save(network.exported(), path, remarks)
-    print(path, remarks["valid"])
+    return remarks
 
 
 def remarks_of(path):

@@ -43,6 +43,8 @@ DURATION_US = 100_000, 200_000
 PART_US = 60_000, 130_000
 STEPS = 12  # of the motion; markers move along straight lines between them
 VALID = 500
+# No film of the training has the number of one of these.
+VALID_CAMERA, TEST_CAMERA = 8, 9
 # Grey pins on dark ground, and thresholds that give some thousand events a press, as the real stream of a tactile sensor with
 # markers has (docs/simulated-touch.md).
 SCENE = ["--radius", "1.5", "--marker", "0.5", "--ground", "0.2", "--threshold-on", "0.3", "--threshold-off", "0.3"]
@@ -116,11 +118,12 @@ def main():
     random = np.random.default_rng(args.seed)
     # Every press of every film has a camera of its own.
     seed = 1_000_000 * args.seed
-    for number in range(args.films):
+    numbers = [number for number in range(args.films + args.drawn + 2) if number not in (VALID_CAMERA, TEST_CAMERA)]
+    for number in numbers[: args.films]:
         film(args, number, "train", seed + 100_000 * number, train(slice(None, -VALID), random))
-    film(args, 0, "valid", seed + 800_000, train(slice(-VALID, None), random))
-    film(args, 0, "test", seed + 900_000, test(slice(None), random))
-    for number in range(args.films, args.films + args.drawn):
+    film(args, 0, "valid", seed + 100_000 * VALID_CAMERA, train(slice(-VALID, None), random))
+    film(args, 0, "test", seed + 100_000 * TEST_CAMERA, test(slice(None), random))
+    for number in numbers[args.films :][: args.drawn]:
         random = np.random.default_rng((args.seed, number))
         film(args, number, "train", seed + 100_000 * number, drawn(slice(None, -VALID), random))
 
