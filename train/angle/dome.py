@@ -2,7 +2,10 @@
 
     python train/angle/dome.py FOLDER
 
-Writes LAMP/PART.safetensors for the lamps `on` and `off` and the parts
+Writes CAMERA/PART.safetensors. The cameras `on` and `off`, by their lamp, begin with the press. The cameras `on-used` and `off-used` have
+seen another press of the part and its release before, in half of the cases one of the same tilt and direction. Their pixels wait for a
+change in the direction of the last one, and send a sixth fewer events. They film the last 150 ms of the pause before the press, the press,
+and a hold after it. The parts are
 
     train, valid   the published plan of 12 presses for each tilt and direction, 10 to learn from and 2 to choose by, without the
                    directions UNSEEN
@@ -10,7 +13,8 @@ Writes LAMP/PART.safetensors for the lamps `on` and `off` and the parts
     unseen         those of `test` in the directions UNSEEN
     jitter         those of `test`, every event moved by up to a pixel along each axis
 
-all as `meissner simulate markers` writes them: events, and roll, pitch, depth and force along time.
+Cameras that are used film the first three. All are as `meissner simulate markers` writes them: events, and roll,
+pitch, depth and force along time.
 """
 
 import argparse
@@ -30,6 +34,8 @@ UNSEEN = 4, 6, 14, 16
 CAMERA = "--marker 0.5 --ground 0.25 --threshold-on 0.2 --threshold-off 0.35 --threshold-spread 0.03 --leak-hz 0.003".split()
 # Off, a tenth of the light is left: pixels are ten times slower, and shot noise is 12 % of the events.
 LAMPS = {"on": 300, "off": 30}
+# Of a camera that is used, in microseconds: the pauses before a press, of which the last part is filmed, and holds after it.
+PAUSES, FILMED, HOLDS = (150_000, 300_000), 150_000, (1, 40_000)
 
 
 def main():
@@ -39,18 +45,65 @@ def main():
     if not tracks.exists():
         meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
     for number, part in enumerate(PARTS):
-        own = args.folder / f"tracks.{part}.safetensors"
-        save_file(chosen(load_file(tracks), part), own, {"sensor": json.dumps(SENSOR)})
-    for lamp, lux in LAMPS.items():
-        for number, part in enumerate(PARTS):
-            own, out = args.folder / f"tracks.{part}.safetensors", args.folder / lamp / f"{part}.safetensors"
-            if not out.exists():
-                out.parent.mkdir(exist_ok=True)
-                seed = ["--seed", 100_000 * (number + 1)]
-                meissner(args, "simulate", "markers", own, "--sensor", "{}x{}".format(*SENSOR), "--lux", lux, *CAMERA, *seed, "--out", out)
+        presses = chosen(load_file(tracks), part)
+        for lamp in LAMPS:
+            film(args, presses, lamp, args.folder / lamp / f"{part}.safetensors", 100_000 * (number + 1))
+            if part in ("train", "valid", "test"):
+                continued = after_others(presses, len(PARTS[part]), np.random.default_rng(number))
+                film(args, continued, lamp, args.folder / f"{lamp}-used" / f"{part}.safetensors", 100_000 * (number + 11))
+    for lamp in LAMPS:
         moved = args.folder / lamp / "jitter.safetensors"
         if not moved.exists():
-            save_file(jittered(load_file(args.folder / lamp / "test.safetensors")), moved, {"sensor": json.dumps(SENSOR)})
+            save(jittered(load_file(args.folder / lamp / "test.safetensors")), moved)
+
+
+def film(args, tracks, lamp, out, seed):
+    """Writes what a camera sees of `tracks` from their time 0 on, unless `out` exists."""
+    if out.exists():
+        return
+    out.parent.mkdir(exist_ok=True)
+    own = out.with_suffix(".tracks")
+    begin = tracks["t_us"][tracks["start"][:-1]]
+    earlier = np.repeat(begin, np.diff(tracks["start"]))
+    save(tracks | {"t_us": tracks["t_us"] - earlier}, own)
+    sensor, lux = "{}x{}".format(*SENSOR), LAMPS[lamp]
+    meissner(args, "simulate", "markers", own, "--sensor", sensor, "--lux", lux, *CAMERA, "--seed", seed, "--out", out)
+    own.unlink()
+    if begin.any():
+        filmed = load_file(out)
+        events = {name: filmed.pop(name) for name in ("t_us", "x", "y", "on", "cause", "start")}
+        labels = {name.removeprefix("truth."): tensor for name, tensor in filmed.items()}
+        truth = {f"truth.{name}": tensor for name, tensor in from_zero(labels, begin).items()}
+        save(from_zero(events, begin) | truth, out)
+
+
+def from_zero(tensors, begin):
+    """What is at time 0 or later when the streams begin at the times `begin`."""
+    start = tensors.pop("start")
+    t_us = tensors["t_us"] + np.repeat(begin, np.diff(start))
+    later = t_us >= 0
+    bounds = np.concatenate([[0], np.cumsum(later)])[start]
+    return {name: tensor[later] for name, tensor in (tensors | {"t_us": t_us}).items()} | {"start": bounds}
+
+
+def after_others(tracks, each, random):
+    """Each press after the release of another and a pause, and held. The filmed part of the pause begins at time 0. Half of the other
+    presses have the same tilt and direction, of which there are `each`: touches in a row are often alike."""
+    start, presses = tracks["start"], []
+    columns = {name: tensor for name, tensor in tracks.items() if name not in ("start", "t_us")}
+    for press, (first, end) in enumerate(zip(start[:-1], start[1:])):
+        alike = press - press % each + random.integers(each)
+        other = alike if random.random() < 0.5 else random.integers(len(start) - 1)
+        back = np.arange(*start[[other, other + 1]])[::-1]
+        released = tracks["t_us"][back[0]] - tracks["t_us"][back]
+        pause, hold = random.integers(*PAUSES), random.integers(*HOLDS)
+        times = np.arange(first, end)
+        t_us = [released - released[-1] - pause, tracks["t_us"][times], tracks["t_us"][times[-1:]] + hold]
+        presses.append((np.concatenate(t_us) + FILMED, np.concatenate([back, times, times[-1:]])))
+    places = np.concatenate([place for _, place in presses])
+    continued = {name: tensor[places] for name, tensor in columns.items()}
+    bounds = np.cumsum([0] + [len(place) for _, place in presses])
+    return continued | {"t_us": np.concatenate([t_us for t_us, _ in presses]), "start": bounds}
 
 
 def jittered(tensors):
@@ -73,6 +126,10 @@ def chosen(tracks, part):
     times = np.concatenate([np.arange(*start[[press, press + 1]]) for press in presses])
     bounds = np.cumsum([0] + [start[press + 1] - start[press] for press in presses])
     return {name: np.ascontiguousarray(tensor[times]) for name, tensor in tracks.items()} | {"start": bounds}
+
+
+def save(tensors, path):
+    save_file(tensors, path, {"sensor": json.dumps(SENSOR)})
 
 
 def meissner(args, *words):

@@ -20,18 +20,18 @@ fn tip(surface: Surface, seed: u64) -> Fingertip {
     Fingertip::new(Arc::clone(&TABLE), surface, seed).expect("settings in range")
 }
 
-fn levelled(roll_deg: f64, pitch_deg: f64, case: Case, taps: usize) -> Levelled {
+fn levelled(plane: Surface, seed: u64, case: Case, taps: usize) -> Levelled {
     let engine = Engine::new(Arc::clone(&NETWORK), SENSOR).expect("room for its state");
-    let plane = Surface::Fixed([roll_deg.to_radians(), pitch_deg.to_radians()]);
-    level(engine, tip(plane, 7), case, taps).expect("finite predictions")
+    level(engine, tip(plane, seed), case, taps).expect("finite predictions")
 }
 
 #[test]
 fn the_dome_is_brought_upright_from_any_side() {
     for (roll_deg, pitch_deg) in [(5.0, 3.0), (-4.0, 4.0), (0.0, -7.0)] {
-        let run = levelled(roll_deg, pitch_deg, CASES[0], 4);
+        let plane = Surface::Fixed([roll_deg, pitch_deg].map(f64::to_radians));
+        let run = levelled(plane, 7, CASES[0], 4);
         let [first, .., last] = run.at_contact[..] else { panic!("four taps") };
-        assert!((first - roll_deg.hypot(pitch_deg)).abs() < 1e-9);
+        assert!((first - f64::hypot(roll_deg, pitch_deg)).abs() < 1e-9);
         assert!(last < 0.9, "{:?}", run.at_contact);
         assert_eq!((run.waiting, run.dropped), (0, 0));
     }
@@ -39,15 +39,12 @@ fn the_dome_is_brought_upright_from_any_side() {
 
 #[test]
 fn events_that_wait_or_are_dropped_make_levelling_worse() {
-    let [exact, stale, drops] = CASES.map(|case| levelled(4.0, -3.0, case, 3));
+    // One plane is not enough: the law leaves a fifth of the angle, and a stale prediction that is too large makes up for it.
+    let [exact, stale, drops] = CASES.map(|case| levelled(Surface::Course, 1, case, 24));
     assert!(stale.waiting > 5_000 && stale.dropped == 0, "{} {}", stale.waiting, stale.dropped);
-    assert!(
-        drops.waiting <= CASES[2].capacity && drops.dropped > 10_000,
-        "{} {}",
-        drops.waiting,
-        drops.dropped
-    );
-    assert!(stale.mean() > exact.mean() && drops.mean() > exact.mean(), "{exact:?} {stale:?} {drops:?}");
+    let room = CASES[2].capacity;
+    assert!(drops.waiting <= room && drops.dropped > 10_000, "{} {}", drops.waiting, drops.dropped);
+    assert!(exact.mean() < stale.mean() && stale.mean() < drops.mean(), "{exact:?} {stale:?} {drops:?}");
     let svg = picture(&[exact, stale, drops]);
     assert!(roxmltree::Document::parse(&svg).is_ok() && svg.len() < 32 << 10);
 }
