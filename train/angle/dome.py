@@ -13,8 +13,8 @@ and a hold after it. The parts are
     unseen         those of `test` in the directions UNSEEN
     jitter         those of `test`, every event moved by up to a pixel along each axis
 
-Cameras that are used film the first three. All are as `meissner simulate markers` writes them: events, and roll,
-pitch, depth and force along time.
+Cameras that are used film the first three. All are as `meissner simulate markers` writes them: events, and roll, pitch, depth and force
+along time.
 """
 
 import argparse
@@ -62,19 +62,20 @@ def film(args, tracks, lamp, out, seed):
     if out.exists():
         return
     out.parent.mkdir(exist_ok=True)
-    own = out.with_suffix(".tracks")
+    # Whole or not at all: a file that is there is not filmed again.
+    own, filmed = out.with_suffix(".tracks"), out.with_suffix(".filmed.safetensors")
     begin = tracks["t_us"][tracks["start"][:-1]]
-    earlier = np.repeat(begin, np.diff(tracks["start"]))
-    save(tracks | {"t_us": tracks["t_us"] - earlier}, own)
+    save(tracks | {"t_us": tracks["t_us"] - np.repeat(begin, np.diff(tracks["start"]))}, own)
     sensor, lux = "{}x{}".format(*SENSOR), LAMPS[lamp]
-    meissner(args, "simulate", "markers", own, "--sensor", sensor, "--lux", lux, *CAMERA, "--seed", seed, "--out", out)
+    meissner(args, "simulate", "markers", own, "--sensor", sensor, "--lux", lux, *CAMERA, "--seed", seed, "--out", filmed)
     own.unlink()
     if begin.any():
-        filmed = load_file(out)
-        events = {name: filmed.pop(name) for name in ("t_us", "x", "y", "on", "cause", "start")}
-        labels = {name.removeprefix("truth."): tensor for name, tensor in filmed.items()}
+        tensors = load_file(filmed)
+        events = {name: tensors.pop(name) for name in ("t_us", "x", "y", "on", "cause", "start")}
+        labels = {name.removeprefix("truth."): tensor for name, tensor in tensors.items()}
         truth = {f"truth.{name}": tensor for name, tensor in from_zero(labels, begin).items()}
-        save(from_zero(events, begin) | truth, out)
+        save(from_zero(events, begin) | truth, filmed)
+    filmed.rename(out)
 
 
 def from_zero(tensors, begin):
