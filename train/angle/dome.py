@@ -46,11 +46,12 @@ def main():
         meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
     for number, part in enumerate(PARTS):
         presses = chosen(load_file(tracks), part)
+        seen = {"": presses}
+        if part != "unseen":
+            seen["-used"] = after_others(presses, len(PARTS[part]), np.random.default_rng(number))
         for lamp in LAMPS:
-            film(args, presses, lamp, args.folder / lamp / f"{part}.safetensors", 100_000 * (number + 1))
-            if part in ("train", "valid", "test"):
-                continued = after_others(presses, len(PARTS[part]), np.random.default_rng(number))
-                film(args, continued, lamp, args.folder / f"{lamp}-used" / f"{part}.safetensors", 100_000 * (number + 11))
+            for first, (kind, shown) in zip((1, 11), seen.items()):
+                film(args, shown, lamp, args.folder / f"{lamp}{kind}" / f"{part}.safetensors", 100_000 * (number + first))
     for lamp in LAMPS:
         moved = args.folder / lamp / "jitter.safetensors"
         if not moved.exists():
@@ -91,7 +92,6 @@ def after_others(tracks, each, random):
     """Each press after the release of another and a pause, and held. The filmed part of the pause begins at time 0. Half of the other
     presses have the same tilt and direction, of which there are `each`: touches in a row are often alike."""
     start, presses = tracks["start"], []
-    columns = {name: tensor for name, tensor in tracks.items() if name not in ("start", "t_us")}
     for press, (first, end) in enumerate(zip(start[:-1], start[1:])):
         alike = press - press % each + random.integers(each)
         other = alike if random.random() < 0.5 else random.integers(len(start) - 1)
@@ -102,7 +102,7 @@ def after_others(tracks, each, random):
         t_us = [released - released[-1] - pause, tracks["t_us"][times], tracks["t_us"][times[-1:]] + hold]
         presses.append((np.concatenate(t_us) + FILMED, np.concatenate([back, times, times[-1:]])))
     places = np.concatenate([place for _, place in presses])
-    continued = {name: tensor[places] for name, tensor in columns.items()}
+    continued = {name: tensor[places] for name, tensor in tracks.items() if name not in ("start", "t_us")}
     bounds = np.cumsum([0] + [len(place) for _, place in presses])
     return continued | {"t_us": np.concatenate([t_us for t_us, _ in presses]), "start": bounds}
 

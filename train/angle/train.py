@@ -77,9 +77,10 @@ def written(args, recipe, presses, stride, loss, valid, started):
         "trained_on": "train",
         "stride": stride,
         "sensor": json.dumps(presses.sensor),
-        "loss": f"{loss:.5f}",
         "valid": json.dumps(valid),
     }
+    if args.epochs:
+        remarks["loss"] = f"{loss:.5f}"
     if args.said["preparation"]:
         remarks["preparation"] = args.said["preparation"]
     if "licence" in started:
