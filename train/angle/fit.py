@@ -11,7 +11,8 @@ import torch
 import torch.nn.functional as F
 from frames import Frames
 from graphs import Graphs, has_pooled_blocks, reads_later_rows
-from presses import MIRRORED, SHIFT, moved, thinned
+from kept import KeptGraphs, KeptPresses
+from presses import SHIFT, moved, thinned, times, turned
 
 DECAY = 0.001
 RISE = 0.05
@@ -22,6 +23,7 @@ CHUNK = 320
 def fit(network, data, settings, valid, random, resume, log=print):
     """Trains `network` in place on `data`, the presses as each camera saw them; `settings` has what the command line asks for.
     `resume` is a file with the state after an epoch, which is written after each."""
+    kept = KeptPresses(data, settings, random) if settings.keep else None
     optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=DECAY)
     first, mean = 0, float("nan")
     if resume.exists():
@@ -34,10 +36,11 @@ def fit(network, data, settings, valid, random, resume, log=print):
         network.train()
         presses = random.permutation(len(data[0]))[: settings.presses]
         for chunk in range(0, len(presses), CHUNK):
-            for batch, target in batches(data, presses[chunk : chunk + CHUNK], settings, random):
+            part = presses[chunk : chunk + CHUNK]
+            for batch, target in kept.batches(part, random) if kept else batches(data, part, settings, random):
                 for group in optimiser.param_groups:
                     group["lr"] = settings.rate * share((epoch + seen / len(presses) / settings.passes) / settings.epochs)
-                loss = F.smooth_l1_loss(network(batch), target, beta=settings.beta)
+                loss = F.smooth_l1_loss(network(batch), target.to(settings.device), beta=settings.beta)
                 optimiser.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
@@ -97,21 +100,10 @@ def random_mirrors(settings, random):
     return [axis for axis in settings.mirrors if random.random() < 0.5]
 
 
-def turned(outputs, mirrors):
-    """The signs (outputs,) that labels have in a mirror."""
-    names = [name for axis in mirrors for name in MIRRORED[axis]]
-    return np.array([-1 if name in names else 1 for name in outputs])
-
-
-def times(source, press, settings, random):
-    """Random times since contact, and the end."""
-    contact, end = source.contact_us[press], source.end_us[press]
-    youngest = contact + settings.youngest * (end - contact)
-    return np.array([*random.uniform(youngest, end, settings.times), end]).astype(np.int64)
-
-
 def prepared(settings, sensor, streams):
     """What the network of `settings` reads of `streams`."""
+    if settings.keep:
+        return KeptGraphs(settings, sensor, streams, settings.device)
     if "graph" not in settings.said:
         return Frames(settings.said, sensor, streams)
     return Graphs(settings.meissner, settings.network, settings.said, sensor, streams, settings.folder)
@@ -136,6 +128,7 @@ def errors(network, presses, settings, stride, shares=(1.0,)):
             contact, end = presses.contact_us[numbers, None], presses.end_us[numbers, None]
             times = (contact + np.array(shares) * (end - contact)).astype(np.int64)
             truth = [np.stack([presses.at(name, i, t) for name in settings.outputs], 1) for i, t in zip(numbers, times)]
-            values = network(graphs.part(part).read(times)).numpy().reshape(len(part), len(shares), -1)
+            batch = graphs.read(np.array(part), times[:, -1]) if settings.keep else graphs.part(part).read(times)
+            values = network(batch).cpu().numpy().reshape(len(part), len(shares), -1)
             found.append(values * settings.unit - np.stack(truth))
     return np.concatenate(found)

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.numpy import load_file, save_file
+from safetensors import safe_open
+from safetensors.numpy import save_file
 
 
 @dataclass
@@ -61,18 +62,25 @@ def reads_later_rows(said):
     return "graph" in said and (said["graph"]["candidates"] == "all" or has_pooled_blocks(said))
 
 
+def built(meissner, network, sensor, streams, folder, names=None):
+    """The tensors of the graphs of `streams`, as `meissner prepare graphs` writes them; all, or those with `names`."""
+    events, out = Path(folder) / "events.safetensors", Path(folder) / "graphs.safetensors"
+    columns = np.concatenate(streams).astype(np.int64).T
+    tensors = dict(zip(("t_us", "x", "y", "on"), map(np.ascontiguousarray, columns)))
+    tensors["start"] = np.cumsum([0] + [len(stream) for stream in streams])
+    save_file(tensors, events, {"sensor": json.dumps(sensor)})
+    command = [meissner, "prepare", "graphs", events, "--network", network, "--out", out]
+    subprocess.run([str(word) for word in command], check=True, stdout=subprocess.DEVNULL)
+    with safe_open(out, "np") as file:
+        return {name: file.get_tensor(name) for name in names or file.keys()}
+
+
 class Graphs:
     """Graphs of streams of events, for the network that `inspected` described."""
 
     def __init__(self, meissner, network, said, sensor, streams, folder):
-        events, out = Path(folder) / "events.safetensors", Path(folder) / "graphs.safetensors"
         self.columns = np.concatenate(streams).astype(np.int64).T
-        tensors = dict(zip(("t_us", "x", "y", "on"), map(np.ascontiguousarray, self.columns)))
-        tensors["start"] = np.cumsum([0] + [len(stream) for stream in streams])
-        save_file(tensors, events, {"sensor": json.dumps(sensor)})
-        command = [meissner, "prepare", "graphs", events, "--network", network, "--out", out]
-        subprocess.run([str(word) for word in command], check=True, stdout=subprocess.DEVNULL)
-        self.tensors = load_file(out)
+        self.tensors = built(meissner, network, sensor, streams, folder)
         self.span_us, self.sensor, self.cell = said["span_us"], sensor, [Fraction(size) for size in said.get("place", [])]
         grid = next(layer for layer in said["layers"] if layer["kind"] == "readout")
         self.grid, self.times = (grid["columns"], grid["rows"]), grid["times"]

@@ -59,7 +59,7 @@ class Network(nn.Module):
 
     def readout(self, batch):
         """What the layers behind the readout read: frames as they are, sums times `share`."""
-        x, done = batch.input, {}
+        x, done = batch.input.to(next(self.parameters()).device), {}
         for layer in self.events:
             kind, name = layer["kind"], layer["name"]
             if kind == "spline":
@@ -106,7 +106,7 @@ class Network(nn.Module):
 
     def exported(self):
         """Tensors by the names of the description."""
-        return {name: tensor.detach() * self.scale(name, tensor) for name, tensor in self.parameters_by_name().items()}
+        return {name: tensor.detach().cpu() * self.scale(name, tensor) for name, tensor in self.parameters_by_name().items()}
 
     def parameters_by_name(self):
         found = {}

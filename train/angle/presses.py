@@ -64,3 +64,16 @@ def moved(events, sensor, mirrors, shift):
     y = (height - 1 - y if "rows" in mirrors else y) + shift[1]
     there = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     return np.stack([t_us, x, y, on], axis=1)[there]
+
+
+def turned(outputs, mirrors):
+    """The signs (outputs,) that labels have in a mirror."""
+    names = [name for axis in mirrors for name in MIRRORED[axis]]
+    return np.array([-1 if name in names else 1 for name in outputs])
+
+
+def times(source, press, settings, random):
+    """Random times since contact, and the end."""
+    contact, end = source.contact_us[press], source.end_us[press]
+    youngest = contact + settings.youngest * (end - contact)
+    return np.array([*random.uniform(youngest, end, settings.times), end]).astype(np.int64)

@@ -14,8 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import presses
 import torch
-from fit import turned
 from graphs import Graphs
+from presses import turned
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 

@@ -18,7 +18,7 @@ import numpy as np
 import presses
 import torch
 from fit import errors, fit
-from graphs import inspected
+from graphs import has_pooled_blocks, inspected
 from network import Network
 from safetensors import safe_open
 from safetensors.torch import load_file
@@ -29,6 +29,7 @@ import export_weights
 
 # A sum over the events of a cell, one of `stride` of them, times this and the stride, is of the size of an event's features.
 SHARE = 0.01
+KEEP = "build the graphs of each press once, whole and cut off CUTS times, 80 bytes an event; default: build new ones in every epoch"
 ABOUT = "trained on presses of a simulated dome, whose camera is simulated too"
 
 
@@ -37,6 +38,10 @@ def main():
     torch.set_num_threads(1)
     args.said = inspected(args.meissner, args.network)
     args.outputs = args.said["outputs"]
+    if args.keep and (not has_pooled_blocks(args.said) or [*args.strides, args.passes, args.times] != [1, 1, 1, 1]):
+        raise SystemExit("--keep is for networks with blocks over cells, and reads all events once a press")
+    if args.device != "cpu" and "graph" in args.said and not args.keep:
+        raise SystemExit("--device needs graphs that are kept there: add --keep")
     path = args.out / f"{args.said['name']}.{args.seed}.safetensors"
     args.out.mkdir(parents=True, exist_ok=True)
     data = [presses.read(folder / "train.safetensors") for folder in args.data]
@@ -48,6 +53,7 @@ def main():
     started = remarks_of(args.start) if args.start else {}
     if args.start:
         network.load(load_file(args.start), args.stride / int(started["stride"]))
+    network.to(args.device)
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
 
@@ -126,6 +132,8 @@ def arguments():
     parser.add_argument("--youngest", type=float, default=0.1, help="least age as a share of the press; default: 0.1")
     parser.add_argument("--times", type=int, default=1, help="random times at which a press is read, beside its end; default: 1")
     parser.add_argument("--mirrors", nargs="*", default=[], choices=["columns", "rows"], help="axes of symmetry; default: none")
+    parser.add_argument("--keep", type=int, default=0, metavar="CUTS", help=KEEP)
+    parser.add_argument("--device", default="cpu", help="device of PyTorch; default: %(default)s")
     parser.add_argument("--check", type=int, default=5, help="epochs from one validation to the next; default: 5")
     parser.add_argument("--about", help="remark about the data; default: that of the weights to start from, or the dome's")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")

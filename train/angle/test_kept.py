@@ -1,0 +1,79 @@
+"""Kept graphs against those of the engine: `python -m unittest discover train/angle`, after `cargo build --release`."""
+
+import argparse
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import presses
+import torch
+from graphs import Graphs, inspected
+from kept import KeptGraphs
+
+SENSOR = [346, 260]
+MEISSNER = Path(__file__).resolve().parents[2] / "target/release/meissner"
+
+
+def streams_of_events():
+    """A sparse stream, a dense one on few pixels, one that is longer than the window, and one with more events than the window holds."""
+    random = np.random.default_rng(0)
+
+    def stream(events, side, duration_us):
+        t_us = np.sort(random.integers(0, duration_us, events))
+        x, y = random.integers(0, [side, min(side, SENSOR[1])], (events, 2)).T
+        return np.stack([t_us, x, y, random.integers(0, 2, events)], 1).astype(np.int32)
+
+    return [stream(40, 346, 100_000), stream(1500, 12, 90_000), stream(3000, 346, 400_000), stream(33_000, 346, 120_000)]
+
+
+class Kept(unittest.TestCase):
+    def both(self, network, streams, ends, moves=None):
+        """The batch of the engine's graphs of the events until `ends`, and that of kept graphs."""
+        with tempfile.TemporaryDirectory() as folder:
+            settings = argparse.Namespace(meissner=MEISSNER, network=network, said=inspected(MEISSNER, network), folder=folder)
+            cut = [stream[stream[:, 0] <= end] for stream, end in zip(streams, ends)]
+            # Where rows read earlier rows only, whole streams are kept.
+            whole = settings.said["graph"]["candidates"] == "past"
+            kept = KeptGraphs(settings, SENSOR, streams if whole else cut, "cpu")
+            mirrors, shifts = moves or (np.zeros((len(cut), 2), bool), np.zeros((len(cut), 2), int))
+            moved = [
+                presses.moved(stream, SENSOR, [axis for axis, turn in zip(("columns", "rows"), mirror) if turn], shift)
+                for stream, mirror, shift in zip(cut, mirrors, shifts)
+            ]
+            part = Graphs(MEISSNER, network, settings.said, SENSOR, moved, folder).part(range(len(cut)))
+            return part.read_pooled(), kept.read(range(len(cut)), ends, mirrors, shifts)
+
+    def test_graphs_of_streams_as_they_are_equal_the_engines(self):
+        streams = streams_of_events()
+        for network in "tactigraph", "tactigraph-frozen", "graphres":
+            for share in 1, 0.7:
+                ends = [int(share * stream[-1, 0]) for stream in streams]
+                engine, kept = self.both(network, streams, ends)
+                self.assertTrue(torch.equal(engine.input, kept.input))
+                self.assertTrue(torch.equal(engine.place, kept.place))
+                for number, (a, b) in enumerate(zip(engine.levels, kept.levels, strict=True)):
+                    self.assertTrue(torch.equal(a.in_edges, b.in_edges))
+                    self.assertLess(rows_that_differ(a, b), 1, (network, share, number))
+                    if number > 0:
+                        self.assertTrue(torch.equal(a.row, b.row) and torch.equal(a.place, b.place))
+
+    def test_mirrors_and_shifts_keep_cells_and_almost_all_edges(self):
+        streams = [stream[(stream[:, 1:3] > 3).all(1) & (stream[:, 1] < 342) & (stream[:, 2] < 256)] for stream in streams_of_events()]
+        moves = np.array([[True, False], [False, True], [True, True], [False, False]]), np.array([[2, 0], [-1, 1], [0, -2], [2, 2]])
+        for network in "tactigraph", "tactigraph-frozen", "graphres":
+            engine, kept = self.both(network, streams, [stream[-1, 0] for stream in streams], moves)
+            self.assertTrue(torch.equal(engine.input, kept.input))
+            self.assertTrue(torch.equal(engine.place, kept.place))
+            for a, b in zip(engine.levels, kept.levels, strict=True):
+                self.assertLess(rows_that_differ(a, b), 0.02 * len(a.source))
+                self.assertTrue(a.row is None or (torch.equal(a.row, b.row) and torch.equal(a.place, b.place)))
+
+
+def rows_that_differ(a, b):
+    """The number of rows whose sum of all in-edges' bases differs by more than rounding."""
+    return int(((a.basis.sum(2) - b.basis.sum(2)).abs().amax(1) > 1e-4).sum())
+
+
+if __name__ == "__main__":
+    unittest.main()
