@@ -51,7 +51,53 @@ fn truth() -> Vec<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
+    use meissner_engine::filters::{EventFilter, Filter, Refractory};
+    use meissner_engine::{Engine, Event, Sensor};
+    use meissner_models::{Description, Weights};
+
     use super::{Press, embedded, truth};
+
+    const SENSOR: Sensor = Sensor { width: 346, height: 260 };
+
+    /// How far `tactigraph-past` is off at the end of the press, in degrees, if a pixel in the middle sends `rate` more events per
+    /// second. The filter drops events of a pixel within `refractory_us` after its last one.
+    fn error_with_hot_pixel(rate: i64, refractory_us: Option<i64>) -> f64 {
+        let press = Press::embedded().expect("it can be read");
+        let mut events = embedded().expect("it can be read").events;
+        events.retain(|event| event.t_us <= press.end_us);
+        let times = (0..)
+            .map(|i| press.first_us + i * 1_000_000 / rate.max(1))
+            .take_while(|&t_us| t_us <= press.end_us);
+        events.extend(times.filter(|_| rate > 0).map(|t_us| Event::new(t_us, 173, 130, t_us % 2 == 0)));
+        events.sort_by_key(|event| event.t_us);
+        let description = Description::shipped("tactigraph-past").expect("it is shipped");
+        let weights = Weights::shipped("tactigraph-past").expect("they are shipped");
+        let network = description.network(&weights).expect("they fit");
+        let mut engine = Engine::new(network, SENSOR).expect("the sensor has pixels");
+        let mut filter =
+            refractory_us.map(|us| Filter::Refractory(Refractory::new(SENSOR, us).expect("a positive time")));
+        for event in events {
+            if filter.as_mut().is_none_or(|filter| filter.admit(event)) {
+                engine.push(event);
+            }
+        }
+        let found = engine.predict().expect("numbers").values;
+        let off = press
+            .angles
+            .iter()
+            .zip(found)
+            .map(|(&truth, &value)| (truth - f64::from(value)).abs().to_degrees());
+        off.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_refractory_filter_of_a_millisecond_bounds_what_a_hot_pixel_does_to_the_angles() {
+        assert!(error_with_hot_pixel(16_000, None) > 5.0, "the network sums over events");
+        for rate in [0, 1_000, 16_000, 200_000] {
+            let off = error_with_hot_pixel(rate, Some(1_000));
+            assert!(off < 1.0, "{rate} events per second: {off} degrees");
+        }
+    }
 
     #[test]
     fn the_embedded_press_has_events_while_the_dome_moves_and_constant_angles() {
