@@ -168,8 +168,11 @@ class KeptPresses:
     def __init__(self, data, settings, random):
         self.data, self.settings = data, settings
         self.cuts = settings.keep if settings.said["graph"]["candidates"] == "all" else 0
-        drawn = [[[times(source, press, settings, random) for press in range(len(source))] for _ in range(self.cuts)] for source in data]
-        self.ends = np.stack([[source.end_us, *np.array(cuts)[..., 0]] if cuts else [source.end_us] for source, cuts in zip(data, drawn)])
+
+        def cut_off(source):
+            return [times(source, press, settings, random)[0] for press in range(len(source))]
+
+        self.ends = np.stack([[source.end_us, *(cut_off(source) for _ in range(self.cuts))] for source in data])
         streams = []
         for source, cuts in zip(data, self.ends):
             for ends in cuts:
