@@ -51,7 +51,7 @@ fn truth() -> Vec<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use meissner_engine::filters::{EventFilter, Filter, Refractory};
+    use meissner_engine::filters::{Chain, EventFilter, Filter, Refractory};
     use meissner_engine::{Engine, Event, Sensor};
     use meissner_models::{Description, Weights};
 
@@ -65,19 +65,18 @@ mod tests {
         let press = Press::embedded().expect("it can be read");
         let mut events = embedded().expect("it can be read").events;
         events.retain(|event| event.t_us <= press.end_us);
-        let times = (0..)
-            .map(|i| press.first_us + i * 1_000_000 / rate.max(1))
-            .take_while(|&t_us| t_us <= press.end_us);
-        events.extend(times.filter(|_| rate > 0).map(|t_us| Event::new(t_us, 173, 130, t_us % 2 == 0)));
+        let more = (press.end_us - press.first_us) * rate / 1_000_000;
+        let times = (0..more).map(|i| press.first_us + i * 1_000_000 / rate);
+        events.extend(times.map(|t_us| Event::new(t_us, 173, 130, t_us % 2 == 0)));
         events.sort_by_key(|event| event.t_us);
         let description = Description::shipped("tactigraph-past").expect("it is shipped");
         let weights = Weights::shipped("tactigraph-past").expect("they are shipped");
         let network = description.network(&weights).expect("they fit");
         let mut engine = Engine::new(network, SENSOR).expect("the sensor has pixels");
-        let mut filter =
-            refractory_us.map(|us| Filter::Refractory(Refractory::new(SENSOR, us).expect("a positive time")));
+        let refractory = |us| Filter::Refractory(Refractory::new(SENSOR, us).expect("a positive time"));
+        let mut filters = Chain::new(refractory_us.map(refractory).into_iter().collect());
         for event in events {
-            if filter.as_mut().is_none_or(|filter| filter.admit(event)) {
+            if filters.admit(event) {
                 engine.push(event);
             }
         }

@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from frames import Frames
 from graphs import Graphs, has_pooled_blocks, reads_later_rows
 from kept import KeptGraphs, KeptPresses
-from presses import SHIFT, moved, thinned, times, turned
+from presses import SHIFT, moved, random_mirrors, thinned, times, turned
 
 DECAY = 0.001
 RISE = 0.05
@@ -93,11 +93,6 @@ def batches(data, presses, settings, random):
             target = torch.from_numpy(np.concatenate(targets).astype(np.float32) / settings.unit)
             shift = (0, 0) if moves else random.integers(-SHIFT, SHIFT + 1, 2)
             yield part.read(np.stack(read), mirrors, shift), target
-
-
-def random_mirrors(settings, random):
-    """The axes of a random mirror."""
-    return [axis for axis in settings.mirrors if random.random() < 0.5]
 
 
 def prepared(settings, sensor, streams):

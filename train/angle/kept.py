@@ -14,7 +14,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from graphs import Batch, Level, built, spline_basis
-from presses import SHIFT, times, turned
+from presses import SHIFT, random_mirrors, times, turned
 
 # Streams whose graphs are built together.
 CHUNK = 40
@@ -74,21 +74,21 @@ class KeptGraphs:
 
     def read(self, streams, ends, mirrors=None, shifts=None):
         """The batch whose `streams` are read at the last event that is not after `ends`, which are not before the last event if rows read
-        later rows. Each stream is mirrored along the axes in `mirrors` (streams, 2), then shifted by pixels (streams, 2)."""
+        later rows. Each stream is mirrored along its axes in `mirrors`, then shifted by pixels (streams, 2)."""
         size = len(streams)
         length = np.array([np.searchsorted(self.times[i], end, "right") for i, end in zip(streams, ends)])
-        newest = np.array([self.times[i][count - 1] for i, count in zip(streams, length)])
+        newest = np.array([self.times[i][count - 1] if count else end for i, count, end in zip(streams, length, ends)])
         device, to = self.device, lambda array: torch.from_numpy(np.asarray(array)).to(self.device)
         first = np.cumsum(length) - length
         stream = torch.repeat_interleave(torch.arange(size, device=device), to(length))
         rows = torch.arange(length.sum(), device=device) + to(self.start[streams] - first)[stream]
         t, x, y, on = self.events[rows].unbind(1)
-        place = []
-        for axis, pixel in enumerate((x, y)):
-            if mirrors is not None:
-                pixel = torch.where(to(mirrors[:, axis])[stream], self.sensor[axis] - 1 - pixel, pixel)
-            place.append(pixel + to(shifts[:, axis])[stream] if shifts is not None else pixel)
-        x, y = place
+        if mirrors is not None:
+            columns, lines = (to([axis in each for each in mirrors])[stream] for axis in ("columns", "rows"))
+            x = torch.where(columns, self.sensor[0] - 1 - x, x)
+            y = torch.where(lines, self.sensor[1] - 1 - y, y)
+        if shifts is not None:
+            x, y = (pixel + to(shifts[:, axis])[stream] for axis, pixel in enumerate((x, y)))
         seen = (x >= 0) & (x < self.sensor[0]) & (y >= 0) & (y < self.sensor[1])
         relative = self.source[rows]
         there = (relative >= 0) & seen[:, None]
@@ -143,7 +143,9 @@ class KeptGraphs:
         reader, source = nodes.edges
         count = torch.bincount(reader, minlength=len(keys))
         slot = torch.arange(len(pair), device=self.device) - (count.cumsum(0) - count)[reader]
-        padded = torch.full((len(keys), max(int(count.max()), 1)), -1, device=self.device)
+        # At least 1, also without any cell.
+        most = int(F.pad(count, (0, 1), value=1).max())
+        padded = torch.full((len(keys), most), -1, device=self.device)
         padded[reader, slot] = source
         level = self.level(number, nodes, padded.clamp(min=0), padded >= 0)
         level.row, level.place = row, place
@@ -190,12 +192,11 @@ class KeptPresses:
                 cut = 0 if whole or not self.cuts else random.integers(1, self.cuts + 1)
                 source = self.data[camera]
                 end = self.ends[camera, cut, press] if whole or self.cuts else times(source, press, settings, random)[0]
-                mirror = [axis for axis in settings.mirrors if random.random() < 0.5]
                 label = [source.at(name, press, end) for name in settings.outputs]
                 streams.append((camera * (self.cuts + 1) + cut) * len(source) + press)
                 ends.append(end)
-                mirrors.append(["columns" in mirror, "rows" in mirror])
-                targets.append(turned(settings.outputs, mirror) * label)
+                mirrors.append(random_mirrors(settings, random))
+                targets.append(turned(settings.outputs, mirrors[-1]) * label)
             shifts = random.integers(-SHIFT, SHIFT + 1, (len(streams), 2))
-            batch = self.graphs.read(np.array(streams), np.array(ends), np.array(mirrors), shifts)
+            batch = self.graphs.read(np.array(streams), np.array(ends), mirrors, shifts)
             yield batch, torch.from_numpy((np.array(targets) / settings.unit).astype(np.float32))

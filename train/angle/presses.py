@@ -66,6 +66,11 @@ def moved(events, sensor, mirrors, shift):
     return np.stack([t_us, x, y, on], axis=1)[there]
 
 
+def random_mirrors(settings, random):
+    """The axes of a random mirror."""
+    return [axis for axis in settings.mirrors if random.random() < 0.5]
+
+
 def turned(outputs, mirrors):
     """The signs (outputs,) that labels have in a mirror."""
     names = [name for axis in mirrors for name in MIRRORED[axis]]

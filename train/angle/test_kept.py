@@ -16,7 +16,7 @@ MEISSNER = Path(__file__).resolve().parents[2] / "target/release/meissner"
 
 
 def streams_of_events():
-    """A sparse stream, a dense one on few pixels, one that is longer than the window, and one with more events than the window holds."""
+    """A sparse stream, a dense one on few pixels, a silent one, one longer than the window, and one with more events than it holds."""
     random = np.random.default_rng(0)
 
     def stream(events, side, duration_us):
@@ -24,7 +24,8 @@ def streams_of_events():
         x, y = random.integers(0, [side, min(side, SENSOR[1])], (events, 2)).T
         return np.stack([t_us, x, y, random.integers(0, 2, events)], 1).astype(np.int32)
 
-    return [stream(40, 346, 100_000), stream(1500, 12, 90_000), stream(3000, 346, 400_000), stream(33_000, 346, 120_000)]
+    plans = (40, 346, 100_000), (1500, 12, 90_000), (0, 346, 1000), (3000, 346, 400_000), (33_000, 346, 120_000)
+    return [stream(*plan) for plan in plans]
 
 
 class Kept(unittest.TestCase):
@@ -36,11 +37,8 @@ class Kept(unittest.TestCase):
             # Where rows read earlier rows only, whole streams are kept.
             whole = settings.said["graph"]["candidates"] == "past"
             kept = KeptGraphs(settings, SENSOR, streams if whole else cut, "cpu")
-            mirrors, shifts = moves or (np.zeros((len(cut), 2), bool), np.zeros((len(cut), 2), int))
-            moved = [
-                presses.moved(stream, SENSOR, [axis for axis, turn in zip(("columns", "rows"), mirror) if turn], shift)
-                for stream, mirror, shift in zip(cut, mirrors, shifts)
-            ]
+            mirrors, shifts = moves or ([[]] * len(cut), np.zeros((len(cut), 2), int))
+            moved = [presses.moved(stream, SENSOR, *move) for stream, *move in zip(cut, mirrors, shifts)]
             part = Graphs(MEISSNER, network, settings.said, SENSOR, moved, folder).part(range(len(cut)))
             return part.read_pooled(), kept.read(range(len(cut)), ends, mirrors, shifts)
 
@@ -48,7 +46,7 @@ class Kept(unittest.TestCase):
         streams = streams_of_events()
         for network in "tactigraph", "tactigraph-frozen", "graphres":
             for share in 1, 0.7:
-                ends = [int(share * stream[-1, 0]) for stream in streams]
+                ends = [int(share * end) for end in ends_of(streams)]
                 engine, kept = self.both(network, streams, ends)
                 self.assertTrue(torch.equal(engine.input, kept.input))
                 self.assertTrue(torch.equal(engine.place, kept.place))
@@ -60,14 +58,18 @@ class Kept(unittest.TestCase):
 
     def test_mirrors_and_shifts_keep_cells_and_almost_all_edges(self):
         streams = [stream[(stream[:, 1:3] > 3).all(1) & (stream[:, 1] < 342) & (stream[:, 2] < 256)] for stream in streams_of_events()]
-        moves = np.array([[True, False], [False, True], [True, True], [False, False]]), np.array([[2, 0], [-1, 1], [0, -2], [2, 2]])
+        moves = [["columns"], ["rows"], [], ["columns", "rows"], []], np.array([[2, 0], [-1, 1], [0, 0], [0, -2], [2, 2]])
         for network in "tactigraph", "tactigraph-frozen", "graphres":
-            engine, kept = self.both(network, streams, [stream[-1, 0] for stream in streams], moves)
+            engine, kept = self.both(network, streams, ends_of(streams), moves)
             self.assertTrue(torch.equal(engine.input, kept.input))
             self.assertTrue(torch.equal(engine.place, kept.place))
             for a, b in zip(engine.levels, kept.levels, strict=True):
                 self.assertLess(rows_that_differ(a, b), 0.02 * len(a.source))
                 self.assertTrue(a.row is None or (torch.equal(a.row, b.row) and torch.equal(a.place, b.place)))
+
+
+def ends_of(streams):
+    return [stream[:, 0].max(initial=0) for stream in streams]
 
 
 def rows_that_differ(a, b):
