@@ -42,6 +42,8 @@ pub struct SplineConv {
 impl SplineConv {
     /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
+    /// Most input channels below a lane whose sums have no gap: a polarity, and a place in a cell. `group` has a case for each number.
+    const FEW: usize = 4;
     /// Largest number of input or output channels.
     pub const MOST_CHANNELS: usize = MOST_CHANNELS;
     /// Largest kernel size of an axis.
@@ -123,7 +125,7 @@ impl SplineConv {
 
     /// Whether a stored basis of a row's in-edges saves work.
     pub fn reads_basis(&self) -> bool {
-        self.is_flat() && self.inputs > 1
+        self.is_flat() && self.inputs >= LANES
     }
 
     /// Multiply-adds of one row with `degree` in-edges.
@@ -133,18 +135,17 @@ impl SplineConv {
 
     /// Lanes of sums held at once: those of a group of rows, or of one row with gaps.
     pub(super) fn sums(&self) -> usize {
-        if !self.is_flat() {
-            self.slots() * Lanes::count(self.inputs)
-        } else if self.inputs == 1 {
-            Self::GROUP
+        if self.is_flat() {
+            // Eight slots of each channel.
+            Self::GROUP * self.inputs
         } else {
-            Self::GROUP * 8 * Lanes::count(self.inputs)
+            self.slots() * Lanes::count(self.inputs)
         }
     }
 
     /// Whether the sums of a row are contiguous, with every slot touched.
     pub(super) fn is_flat(&self) -> bool {
-        self.kernel == [2; 3] && (self.inputs == 1 || self.inputs.is_multiple_of(LANES))
+        self.kernel == [2; 3] && (self.inputs <= Self::FEW || self.inputs.is_multiple_of(LANES))
     }
 }
 

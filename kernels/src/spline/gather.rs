@@ -38,7 +38,7 @@ impl Sizes {
             sizes.sums = sizes.sums.max(conv.sums());
             if conv.is_flat() {
                 sizes.totals = TOTALS;
-                sizes.basis = if conv.inputs > 1 { most } else { sizes.basis };
+                sizes.basis = if conv.reads_basis() { most } else { sizes.basis };
             } else {
                 // Every in-edge touches at most eight slots.
                 sizes.touched = 8 * most;
@@ -90,20 +90,30 @@ pub fn spline_basis(u: [f32; 3]) -> Lanes {
     Lanes(out)
 }
 
-/// Sums of a 2 x 2 x 2 kernel over one channel: eight values, one per slot.
+/// Sums of a 2 x 2 x 2 kernel over fewer channels than a lane: the channels of slot after slot.
 #[inline(always)]
-pub(super) fn eight_slots_of_one_channel<S: Simd>(
+pub(super) fn eight_slots_of_few_channels<S: Simd, const C: usize>(
     simd: S,
     neighbours: &[Neighbour],
     features: &Matrix,
-    sums: &mut Lanes,
+    sums: &mut [Lanes],
 ) {
-    let mut acc = S::V8::splat(simd, 0.0);
+    let mut acc = [S::V8::splat(simd, 0.0); C];
     for n in neighbours {
-        let x = features.row(n.row as usize)[0].0[0];
-        acc = acc.add_product(S::V8::load(simd, &spline_basis(n.u)), S::V8::splat(simd, x));
+        let x = &features.row(n.row as usize)[0].0;
+        let basis = S::V8::load(simd, &spline_basis(n.u));
+        for (acc, &x) in acc.iter_mut().zip(x) {
+            *acc = acc.add_product(basis, S::V8::splat(simd, x));
+        }
     }
-    acc.store(sums);
+    let sums = flat_mut(sums);
+    for (c, acc) in acc.into_iter().enumerate() {
+        let mut slots = Lanes::ZERO;
+        acc.store(&mut slots);
+        for (slot, sum) in slots.0.into_iter().enumerate() {
+            sums[slot * C + c] = sum;
+        }
+    }
 }
 
 /// Sums of a 2 x 2 x 2 kernel over whole lanes of channels: slot after slot.

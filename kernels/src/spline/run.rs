@@ -2,7 +2,7 @@
 
 use super::block::SplineConv;
 use super::contract::{ContractRows, Partial, contract_from, total};
-use super::gather::{SplineScratch, TOTALS, any_slots, eight_slots, eight_slots_of_one_channel};
+use super::gather::{SplineScratch, TOTALS, any_slots, eight_slots, eight_slots_of_few_channels};
 use crate::elementary::elus;
 use crate::graph::GraphRow;
 use crate::isa::{Exponent, Simd, Task, Vector, accumulate_in_four, flat, flat_mut};
@@ -61,10 +61,13 @@ impl SplineConv {
         wide.resize(TOTALS, Wide::ZERO);
         last.resize(TOTALS, Lanes::ZERO);
         for (row, sums) in rows.iter().zip(sums.chunks_mut(stride)) {
-            if self.inputs == 1 {
-                eight_slots_of_one_channel(simd, row.neighbours, features, &mut sums[0]);
-            } else {
-                eight_slots(simd, row, features, basis, sums);
+            let n = row.neighbours;
+            match self.inputs {
+                1 => eight_slots_of_few_channels::<S, 1>(simd, n, features, sums),
+                2 => eight_slots_of_few_channels::<S, 2>(simd, n, features, sums),
+                3 => eight_slots_of_few_channels::<S, 3>(simd, n, features, sums),
+                4 => eight_slots_of_few_channels::<S, 4>(simd, n, features, sums),
+                _ => eight_slots(simd, row, features, basis, sums),
             }
         }
         let sums = Sums { values: flat(sums), stride: stride * LANES };
