@@ -219,7 +219,7 @@ def arguments():
         parser.error("--events: expected --all")
     if args.events and args.mirrors:
         parser.error("--mirrors: expected no --events")
-    args.valid = args.valid or args.data[:1]
+    args.valid, args.folder = args.valid or args.data[:1], None
     return args
 
 

@@ -14,7 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import presses
 import torch
-from graphs import Graphs
+from graphs import Graphs, has_pooled_blocks
+from kept import KeptGraphs
 from presses import turned
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
@@ -126,9 +127,7 @@ class Readings:
             images += [[*image, axis] for image in images]
         found = None
         network.eval()
-        for some, part in parts(settings, film.sensor, film.data.events, BATCH):
-            sums = [network.readout(part.read(t_us[some], image)).unflatten(0, t_us[some].shape) for image in images]
-            sums = torch.cat(sums, 1)
+        for some, sums in (pooled if has_pooled_blocks(settings.said) else summed)(network, settings, film, t_us, images):
             if found is None:
                 found = np.lib.format.open_memmap(path.with_suffix(".sums.npy"), "w+", np.float16, (len(film), *sums.shape[1:]))
             found[some] = sums.half().numpy()
@@ -160,6 +159,25 @@ class Readings:
         """Sums, labels and pins of some presses of a film."""
         sums = torch.from_numpy(self.sums[film][press, reading].astype(np.float32))
         return sums, self.labels[film][press, reading], self.pins[film][press, reading]
+
+
+def summed(network, settings, film, t_us, images):
+    """What a network reads of some presses, a slice, of a film at their times: image after image, (press, reading, ...)."""
+    for some, part in parts(settings, film.sensor, film.data.events, BATCH):
+        sums = [network.readout(part.read(t_us[some], image)).unflatten(0, t_us[some].shape) for image in images]
+        yield some, torch.cat(sums, 1)
+
+
+def pooled(network, settings, film, t_us, images):
+    """As `summed`, for networks with blocks over cells: a graph is read at its end alone, so that each time has its own."""
+    for first in range(0, len(film), BATCH):
+        some = slice(first, min(first + BATCH, len(film)))
+        found = []
+        for ends in t_us[some].T:
+            streams = [events[events[:, 0] <= end] for events, end in zip(film.data.events[some], ends)]
+            graphs = KeptGraphs(settings, film.sensor, streams, "cpu")
+            found.append([network.readout(graphs.read(np.arange(len(ends)), ends, [image] * len(ends))) for image in images])
+        yield some, torch.cat([torch.stack(image, 1) for image in zip(*found)], 1)
 
 
 def digest(network):

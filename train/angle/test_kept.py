@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import presses
 import torch
+import sums
 from graphs import Graphs, inspected
 from kept import KeptGraphs
+from network import Network
 
 SENSOR = [346, 260]
 MEISSNER = Path(__file__).resolve().parents[2] / "target/release/meissner"
@@ -26,6 +28,16 @@ def streams_of_events():
 
     plans = (40, 346, 100_000), (1500, 12, 90_000), (0, 346, 1000), (3000, 346, 400_000), (33_000, 346, 120_000)
     return [stream(*plan) for plan in plans]
+
+
+class Film:
+    """Streams as a film of presses has them."""
+
+    def __init__(self, streams):
+        self.data, self.sensor = argparse.Namespace(events=streams), SENSOR
+
+    def __len__(self):
+        return len(self.data.events)
 
 
 class Kept(unittest.TestCase):
@@ -55,6 +67,21 @@ class Kept(unittest.TestCase):
                     self.assertLess(rows_that_differ(a, b), 1, (network, share, number))
                     if number > 0:
                         self.assertTrue(torch.equal(a.row, b.row) and torch.equal(a.place, b.place))
+
+    def test_readings_at_any_time_equal_those_of_the_events_until_then(self):
+        streams = streams_of_events()[:4]
+        t_us = np.array([[end, end // 2] for end in ends_of(streams)])
+        for name in "tactigraph", "tactigraph-frozen":
+            settings = argparse.Namespace(meissner=MEISSNER, network=name, said=inspected(MEISSNER, name), folder=None)
+            network = Network(settings.said, [1.0, 1.0], 0.0).eval()
+            with torch.no_grad():
+                ((some, found),) = sums.pooled(network, settings, Film(streams), t_us, [[], ["rows"]])
+                self.assertEqual((some, found.shape[:2]), (slice(0, 4), (4, 4)))
+                for age in range(2):
+                    cut = [stream[stream[:, 0] <= end] for stream, end in zip(streams, t_us[:, age])]
+                    with tempfile.TemporaryDirectory() as folder:
+                        part = Graphs(MEISSNER, name, settings.said, SENSOR, cut, folder).part(range(4))
+                        self.assertTrue(torch.equal(network.readout(part.read_pooled()), found[:, age]))
 
     def test_mirrors_and_shifts_keep_cells_and_almost_all_edges(self):
         streams = [stream[(stream[:, 1:3] > 3).all(1) & (stream[:, 1] < 342) & (stream[:, 2] < 256)] for stream in streams_of_events()]
