@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import presses
-import torch
 import sums
+import torch
 from graphs import Graphs, inspected
 from kept import KeptGraphs
 from network import Network

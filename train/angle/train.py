@@ -52,7 +52,7 @@ def main():
     network = Network(args.said, args.unit, args.dropout, SHARE * args.stride)
     started = remarks_of(args.start) if args.start else {}
     if args.start:
-        network.load(begun(network, args.start), args.stride / int(started["stride"]))
+        network.load(load_file(args.start), args.stride / int(started["stride"]))
     network.to(args.device)
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
@@ -69,13 +69,6 @@ def main():
     remarks = written(args, recipe(args), data[0], args.stride, loss, found, started)
     export_weights.save(network.exported(), path, remarks)
     print(path, remarks["valid"])
-
-
-def begun(network, path):
-    """The tensors at `path`, but those behind the readout as they were drawn if they read another grid."""
-    drawn, found = network.exported(), load_file(path)
-    behind = {name for layer in network.head for name in network.tensors.get(layer["name"], [])}
-    return {name: each if name in behind and each.shape != found[name].shape else found[name] for name, each in drawn.items()}
 
 
 def written(args, recipe, presses, stride, loss, valid, started):

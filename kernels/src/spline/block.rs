@@ -42,7 +42,8 @@ pub struct SplineConv {
 impl SplineConv {
     /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
-    /// Most input channels below a lane whose sums have no gap: a polarity, and a place in a cell. `group` has a case for each number.
+    /// Most input channels below a lane whose sums have no gap: a polarity, and a place in a cell. `group` has a case for
+    /// each number.
     const FEW: usize = 4;
     /// Largest number of input or output channels.
     pub const MOST_CHANNELS: usize = MOST_CHANNELS;
