@@ -13,8 +13,8 @@ and a hold after it. The parts are
     unseen         those of `test` in the directions UNSEEN
     jitter         those of `test`, every event moved by up to a pixel along each axis
 
-Cameras that are used film the first three. All are as `meissner simulate markers` writes them: events, and roll, pitch, depth and force
-along time.
+Cameras that are used film the first three. With `--cameras N`, further cameras of each kind, CAMERA-2 to CAMERA-N, film `train`. All files
+are as `meissner simulate markers` writes them: events, and roll, pitch, depth and force along time.
 """
 
 import argparse
@@ -44,18 +44,26 @@ def main():
     tracks = args.folder / "tracks.safetensors"
     if not tracks.exists():
         meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
-    for number, part in enumerate(PARTS):
-        presses = chosen(load_file(tracks), part)
-        seen = {"": presses}
-        if part != "unseen":
-            seen["-used"] = after_others(presses, len(PARTS[part]), np.random.default_rng(number))
-        for lamp in LAMPS:
-            for first, (kind, shown) in zip((1, 11), seen.items()):
-                film(args, shown, lamp, args.folder / f"{lamp}{kind}" / f"{part}.safetensors", 100_000 * (number + first))
+    for camera in range(args.cameras):
+        for part in PARTS if camera == 0 else ["train"]:
+            film_part(args, load_file(tracks), part, camera)
     for lamp in LAMPS:
         moved = args.folder / lamp / "jitter.safetensors"
         if not moved.exists():
             save(jittered(load_file(args.folder / lamp / "test.safetensors")), moved)
+
+
+def film_part(args, tracks, part, camera):
+    """Films the presses of a part by the cameras of each kind with the number `camera`, which counts from 0."""
+    number, presses = list(PARTS).index(part), chosen(tracks, part)
+    seen = {"": presses}
+    if part != "unseen":
+        seen["-used"] = after_others(presses, len(PARTS[part]), np.random.default_rng(number + 10 * camera))
+    for lamp, name in enumerate(LAMPS):
+        for first, (kind, shown) in zip((1, 11), seen.items()):
+            folder = f"{name}{kind}-{camera + 1}" if camera else f"{name}{kind}"
+            seed = 100_000 * (number + first + 20 * camera) + 10_000 * camera * lamp
+            film(args, shown, name, args.folder / folder / f"{part}.safetensors", seed)
 
 
 def film(args, tracks, lamp, out, seed):
@@ -140,6 +148,7 @@ def meissner(args, *words):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--cameras", type=int, default=1, help="cameras of each kind that film the presses for training")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     return parser.parse_args()
 

@@ -68,7 +68,8 @@ def begin(network, args):
     names = {name for layer in network.events for name in network.tensors.get(layer["name"], [])}
     files, fresh = [load_file(path) for path in args.start], network.exported()
     for name in files[0] if args.all else names:
-        started = sum(file[name].float() for file in files) / len(files)
+        # In double precision, so that layers that are the same in all files stay as they are.
+        started = (sum(file[name].double() for file in files) / len(files)).float()
         # A start whose layer `pins` had fewer values fills the corner of a fresh tensor.
         fresh[name][tuple(map(slice, started.shape))] = started
     network.load(fresh)

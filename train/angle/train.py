@@ -52,7 +52,11 @@ def main():
     network = Network(args.said, args.unit, args.dropout, SHARE * args.stride)
     started = remarks_of(args.start) if args.start else {}
     if args.start:
-        network.load(load_file(args.start), args.stride / int(started["stride"]))
+        tensors = load_file(args.start)
+        if args.blocks:
+            drawn = network.exported()
+            tensors |= {name: drawn[name] for layer in network.head for name in network.tensors.get(layer["name"], [])}
+        network.load(tensors, args.stride / int(started["stride"]))
     network.to(args.device)
     with tempfile.TemporaryDirectory() as folder:
         args.folder = folder
@@ -102,7 +106,7 @@ def remarks_of(path):
 
 def recipe(args):
     """What was done, in one line."""
-    begin = f"from {args.start.name}: " if args.start else ""
+    begin = f"{'layers of events ' if args.blocks else ''}from {args.start.name}: " if args.start else ""
     line = f"{begin}{args.epochs} epochs of {args.passes} passes, one event of {args.strides[0]} to {args.strides[1]}, batch {args.batch}, "
     return f"{line}AdamW {args.rate} on a cosine, decay 0.001, dropout {args.dropout}, smooth L1"
 
@@ -125,6 +129,7 @@ def arguments():
     parser.add_argument("--dropout", type=float, default=0.0, help="of the readout; default: 0")
     parser.add_argument("--unit", type=float, nargs="+", default=[0.1], help="of each output during training; default: 0.1")
     parser.add_argument("--start", type=Path, help="weights to start from; default: drawn from the seed")
+    parser.add_argument("--blocks", action="store_true", help="start from its layers of events alone, with another readout or head")
     parser.add_argument("--passes", type=int, default=1, help="times that a graph is used before others are built; default: 1")
     parser.add_argument("--strides", type=int, nargs=2, default=[1, 1], help="range of the thinning; default: 1 1")
     parser.add_argument("--stride", type=int, default=1, help="thinning that the weights are meant for; default: 1")

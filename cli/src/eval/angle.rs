@@ -35,7 +35,7 @@ How it judges:
   --svg draws errors against time, predicted against true values, and for networks over events what is read out of each press in two dimensions (t-SNE), in colours of the true values.
 
 Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
-  network     name of the network; tactigraph-frozen uses those of tactigraph
+  network     name of the network
   seed        whole number
   stride      N if the network was trained on every N-th event of a press,
               starting with the first; without this key: on all events
