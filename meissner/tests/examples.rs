@@ -32,5 +32,5 @@ fn an_own_description_runs_and_equals_batch() {
 #[test]
 fn weights_are_listed_with_the_shapes_that_are_expected_and_found() {
     let text = run("weights_from_pytorch");
-    assert!(text.contains("blocks.0.conv.weight: expected [8, 1, 8], found Some([8, 1, 8])"), "{text}");
+    assert!(text.contains("blocks.0.conv.weight: expected [8, 3, 8], found Some([8, 3, 8])"), "{text}");
 }
