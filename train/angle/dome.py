@@ -62,6 +62,7 @@ def film_part(args, tracks, part, camera):
     for lamp, name in enumerate(LAMPS):
         for first, (kind, shown) in zip((1, 11), seen.items()):
             folder = f"{name}{kind}-{camera + 1}" if camera else f"{name}{kind}"
+            # Only the first cameras have the same seed with the lamp on and off.
             seed = 100_000 * (number + first + 20 * camera) + 10_000 * camera * lamp
             film(args, shown, name, args.folder / folder / f"{part}.safetensors", seed)
 
