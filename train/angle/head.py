@@ -65,9 +65,8 @@ def main():
 
 def begin(network, args):
     """Loads the weights that the training starts from: the layers of events, or all."""
-    names = {name for layer in network.events for name in network.tensors.get(layer["name"], [])}
     files, fresh = [load_file(path) for path in args.start], network.exported()
-    for name in files[0] if args.all else names:
+    for name in files[0] if args.all else network.names(network.events):
         # In double precision, so that layers that are the same in all files stay as they are.
         started = (sum(file[name].double() for file in files) / len(files)).float()
         # A start whose layer `pins` had fewer values fills the corner of a fresh tensor.

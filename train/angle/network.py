@@ -108,6 +108,10 @@ class Network(nn.Module):
         """Tensors by the names of the description."""
         return {name: tensor.detach().cpu() * self.scale(name, tensor) for name, tensor in self.parameters_by_name().items()}
 
+    def names(self, layers):
+        """The names of the tensors of some layers, in their order."""
+        return [name for layer in layers for name in self.tensors.get(layer["name"], [])]
+
     def parameters_by_name(self):
         found = {}
         for name, part in self.part.items():

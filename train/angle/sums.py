@@ -183,8 +183,7 @@ def pooled(network, settings, film, t_us, images):
 def digest(network):
     """A digest of the layers of events."""
     tensors = network.exported()
-    names = [name for layer in network.events for name in network.tensors.get(layer["name"], [])]
-    return hashlib.sha256(b"".join(tensors[name].numpy().tobytes() for name in names)).hexdigest()
+    return hashlib.sha256(b"".join(tensors[name].numpy().tobytes() for name in network.names(network.events))).hexdigest()
 
 
 def made_as(path):

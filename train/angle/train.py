@@ -55,7 +55,7 @@ def main():
         tensors = load_file(args.start)
         if args.blocks:
             drawn = network.exported()
-            tensors |= {name: drawn[name] for layer in network.head for name in network.tensors.get(layer["name"], [])}
+            tensors |= {name: drawn[name] for name in network.names(network.head)}
         network.load(tensors, args.stride / int(started["stride"]))
     network.to(args.device)
     with tempfile.TemporaryDirectory() as folder:
